@@ -22,7 +22,7 @@ from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.readback import FrameRequest, Pending, Readback, ScenePoses, SubFrames
 from omnisim.scene import Scene
 from omnisim.scene.labels import BODY, find_labels
-from omnisim.scene.specular_materials import has_specular
+from omnisim.scene.planar_mirrors import has_specular
 
 if TYPE_CHECKING:  # slow to import, and seldom needed
     from omnisim.ground_truth.hits import HitDetails

@@ -22,7 +22,7 @@ from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl.context import collect_garbage
 from omnisim.rendering.opengl.pipeline import DegradedPipeline, Pipeline
 from omnisim.rendering.readback import FrameRequest, Pending, Readback, ScenePoses
-from omnisim.scene.specular_materials import specular_mask
+from omnisim.scene.planar_mirrors import specular_mask
 
 if TYPE_CHECKING:
     from omnisim.rendering.rays.through import ThroughCaster

@@ -13,7 +13,7 @@ from omnisim.core.files.fingerprint import fingerprint
 from omnisim.core.short_repr import counted, short_repr
 from omnisim.ground_truth.boxes_3d import OrientedBox
 from omnisim.scene import editing
-from omnisim.scene.arrays import import_arrays
+from omnisim.scene.editing import import_arrays
 from omnisim.scene.files.source_digests import SourceDigests
 from omnisim.scene.formats.imported_scene import ImportedScene, place, world_from_axes
 from omnisim.scene.light.lighting import DEFAULT_BACKGROUND, expose, is_even
@@ -328,7 +328,7 @@ class Scene:
         Raises:
             SceneError: another type, no geometry, invalid numbers or an unknown unit.
         """
-        from omnisim.scene.formats.mesh.trimesh_import import read_trimesh  # slow to import
+        from omnisim.scene.formats.mesh.other_formats import read_trimesh  # slow to import
 
         imported, units = read_trimesh(source, name, smooth)
         axes = world_from_axes(up_axis, units if meters_per_unit is None else meters_per_unit)

@@ -6,13 +6,14 @@ A plane counts if it holds at least `MIN_PLANE_SHARE` of its mesh's area, and is
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.scene.model import Scene
 from omnisim.scene.parts import AlphaMode, Material, Mesh
 from omnisim.scene.surface_reflectance import MAX_MIRRORED_ROUGHNESS, MIN_ROUGHNESS
 
@@ -255,3 +256,77 @@ def _candidates(
     kept = np.flatnonzero((sums > 0.0) & (sums >= min_area))
     largest = [int(np.argmax(np.where(inverse == one, areas, 0.0))) for one in kept.tolist()]
     return sorted(largest, key=lambda index: -areas[index])
+
+
+# Surfaces of a scene and its dynamic objects, and those of them that planar mirrors hold.
+
+
+class SceneSurface(NamedTuple):
+    """Instance of a mesh, see `ShownSurface`."""
+
+    mesh: Mesh
+    material: Material
+    object_from_mesh: NDArray[np.float64]
+    object_index: int | None
+
+
+def scene_surfaces(scene: Scene, objects: Iterable[Scene]) -> dict[int, SceneSurface]:
+    """Surfaces of a scene, then those of dynamic objects, by their number.
+
+    Args:
+        scene: static scene.
+        objects: shapes of the dynamic objects.
+    """
+    shapes = [(None, scene), *enumerate(objects)]
+    surfaces = [
+        SceneSurface(
+            shape.meshes[one.mesh],
+            shape.materials[shape.meshes[one.mesh].material],
+            one.world_from_mesh,
+            index,
+        )
+        for index, shape in shapes
+        for one in shape.instances
+    ]
+    return dict(enumerate(surfaces))
+
+
+def is_surface_planar(number: int, planes: Sequence[MirrorPlane]) -> bool:
+    """True if planar mirrors hold all triangles of a surface."""
+    masks = [plane.parts[number] for plane in planes if number in plane.parts]
+    return bool(masks) and bool(np.any(masks, axis=0).all())
+
+
+# Specular materials: glass and mirrors, where light passes or is reflected in one direction.
+
+
+def is_specular(material: Material) -> bool:
+    """True for thin panes and for opaque, smooth gloss, metal or clear coats without normal maps.
+
+    Smooth is a roughness of at most `MIN_ROUGHNESS`, anywhere on the surface.
+    """
+    has_normal_map = material.normal_map or material.clearcoat_normal_map
+    if material.alpha_mode is not AlphaMode.OPAQUE or has_normal_map is not None:
+        return False
+    return material.pane_transmission > 0.0 or is_smooth(material, MIN_ROUGHNESS)
+
+
+def specular_mask(materials: Sequence[Material], is_matte: bool) -> NDArray[np.bool_]:
+    """Mask (n,) of specular materials; none is if the scene is shaded as matte."""
+    if is_matte:
+        return np.zeros(len(materials), dtype=np.bool_)
+    known: dict[int, bool] = {}
+    for one in materials:
+        if id(one) not in known:
+            known[id(one)] = is_specular(one)
+    return np.array([known[id(one)] for one in materials], dtype=np.bool_)
+
+
+def has_specular(scene: Scene, others: Iterable[Scene] = ()) -> bool:
+    """True if a scene, or one of its dynamic objects, has visible specular surfaces."""
+    materials = [
+        part.materials[part.meshes[instance.mesh].material]
+        for part in (scene, *others)
+        for instance in part.instances
+    ]
+    return bool(specular_mask(materials, scene.lighting.is_matte).any())

@@ -16,8 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.scene.parts import Material
-from omnisim.scene.planar_mirrors import MirrorPlane, ShownSurface, is_smooth
-from omnisim.scene.scene_surfaces import is_surface_planar
+from omnisim.scene.planar_mirrors import MirrorPlane, ShownSurface, is_smooth, is_surface_planar
 from omnisim.scene.surface_reflectance import (
     COAT_F0,
     MAX_TRACED_ROUGHNESS,

@@ -16,8 +16,9 @@ from omnisim.core.errors import TrajectoryError
 from omnisim.core.files.atomic_file import check_target, write_text
 from omnisim.core.poses import inverse, pose_from_rotation
 from omnisim.core.trajectories.formats import euroc, kitti, pose_csv, tum
-from omnisim.core.trajectories.formats.parsed_trajectory import Axes, ParsedTrajectory
-from omnisim.core.trajectories.formats.text_table import (
+from omnisim.core.trajectories.formats.parsed_trajectory import (
+    Axes,
+    ParsedTrajectory,
     TextTable,
     is_file_name,
     is_number,

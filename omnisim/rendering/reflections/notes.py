@@ -11,9 +11,8 @@ from omnisim.core.short_repr import counted
 from omnisim.rendering.camera.quality import DEFAULT_MIRRORS, DEFAULT_PROBES
 from omnisim.rendering.reflections.kinds import Reflectors, find_reflectors
 from omnisim.scene import Scene
-from omnisim.scene.planar_mirrors import MirrorPlane
+from omnisim.scene.planar_mirrors import MirrorPlane, SceneSurface, scene_surfaces
 from omnisim.scene.reflection_probes import reflects_scene
-from omnisim.scene.scene_surfaces import SceneSurface, scene_surfaces
 
 # PSNR against rays within the objects of the rooms of `omnisim validate --only reflections`.
 _ACCURACY = "26 dB within a chrome ball in a room"

@@ -20,7 +20,7 @@ Resources = Sequence[str | Path]
 
 
 def _import_gazebo(path: Path, name: str | None, resources: Resources) -> ImportedRobot:
-    from omnisim.robots.importers.gazebo.gazebo_robot import import_model
+    from omnisim.robots.importers.gazebo_robot import import_model
 
     return import_model(path, name, resources)
 
@@ -33,7 +33,7 @@ def _import_urdf(path: Path, name: str | None, resources: Resources) -> Imported
 
 
 def _import_mjcf(path: Path, name: str | None, resources: Resources) -> ImportedRobot:
-    from omnisim.scene.formats.urdf.kinematics import is_urdf
+    from omnisim.scene.formats.xml.element import is_urdf
 
     if is_urdf(path):
         return _import_urdf(path, name, resources)

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from omnisim.core.errors import OmnisimError, RobotFileError
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.robots.importers.imported_robot import ImportedRobot, ImportedSensor, load_body
-from omnisim.robots.importers.mechanics import Mechanics, imported_robot
-from omnisim.robots.importers.wheels import Wheel, is_across
-from omnisim.scene.formats.mjcf.cameras import Mount, lens_of
+from omnisim.robots.importers.mechanics import Mechanics, Wheel, imported_robot, is_across
 from omnisim.scene.formats.mjcf.reader import (
     VISIBLE_GROUPS,
+    Mount,
     body_name,
     geom_names,
+    lens_of,
     load_model,
     without_world,
 )

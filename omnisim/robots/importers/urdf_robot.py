@@ -10,17 +10,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.errors import RobotFileError, SceneError
-from omnisim.robots.importers.gazebo.drive_plugins import is_wheel_drive, stated_limits
-from omnisim.robots.importers.gazebo.sensor_tables import read_sensors
+from omnisim.robots.importers.gazebo_robot import read_sensors
 from omnisim.robots.importers.imported_robot import ImportedRobot, ImportedSensor, load_body
-from omnisim.robots.importers.mechanics import Mechanics, imported_robot
-from omnisim.robots.importers.wheels import Wheel, is_across
+from omnisim.robots.importers.mechanics import (
+    Mechanics,
+    Wheel,
+    imported_robot,
+    is_across,
+    is_wheel_drive,
+    stated_limits,
+)
 from omnisim.scene import Scene
 from omnisim.scene.formats.features import part_notices, xml_parts
 from omnisim.scene.formats.imported_scene import Omissions
 from omnisim.scene.formats.resources import ResourcePath
 from omnisim.scene.formats.sdf.models import unique_name
-from omnisim.scene.formats.urdf.kinematics import link_poses
+from omnisim.scene.formats.urdf.reader import link_poses
 from omnisim.scene.formats.xml.element import XmlElement, parse_xml
 from omnisim.sensors.sensor_names import folder_name
 

@@ -15,16 +15,14 @@ from numpy.typing import NDArray
 
 from omnisim.core.poses import quaternion_from_rotation
 from omnisim.core.trajectories.formats.parsed_trajectory import (
-    ParsedTrajectory,
-    parsed_trajectory,
-    read_quaternions,
-)
-from omnisim.core.trajectories.formats.text_table import (
     Line,
+    ParsedTrajectory,
     TextTable,
     check_printed_times,
     is_number,
+    parsed_trajectory,
     quote,
+    read_quaternions,
 )
 from omnisim.core.trajectories.spline_motion import SplineMotion
 from omnisim.core.trajectories.trajectory import Trajectory

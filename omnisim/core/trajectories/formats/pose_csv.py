@@ -18,10 +18,12 @@ from omnisim.core.errors import did_you_mean
 from omnisim.core.poses import roll_pitch_yaw_from_rotation, rotation_from_roll_pitch_yaw
 from omnisim.core.trajectories.formats.parsed_trajectory import (
     ParsedTrajectory,
+    TextTable,
+    check_printed_times,
     parsed_trajectory,
+    quote,
     read_times,
 )
-from omnisim.core.trajectories.formats.text_table import TextTable, check_printed_times, quote
 from omnisim.core.trajectories.trajectory import Trajectory
 
 COLUMNS = ["t_s", "x_m", "y_m", "z_m", "yaw_deg", "roll_deg", "pitch_deg"]

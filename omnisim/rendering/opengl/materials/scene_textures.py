@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from omnisim.core.errors import GraphicsError
 from omnisim.rendering.opengl.materials.material_table import MaterialTable, Reflectance
 from omnisim.rendering.opengl.materials.texture_array import TextureArray
-from omnisim.scene.masked_mipmaps import masked_mipmaps
-from omnisim.scene.mipmaps import mipmaps
+from omnisim.scene.mipmaps import masked_mipmaps, mipmaps
 from omnisim.scene.model import AlphaMode, Material, Mesh, Texture, Wrap
 
 # Identity of a texture's pixels, alpha cutoff of its mip levels, storage and wrapping.

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.scene.formats.gltf.accessors import Accessors, read_uri
-from omnisim.scene.formats.gltf.document import JsonObject
+from omnisim.scene.formats.gltf.document import Accessors, JsonObject, read_uri
 from omnisim.scene.formats.gltf.primitives import Primitive
 from omnisim.scene.formats.imported_scene import MAX_COORDINATE
 from omnisim.scene.formats.resources import AssetResolver

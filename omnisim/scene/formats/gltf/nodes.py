@@ -1,18 +1,28 @@
-"""Nodes: their hierarchy, copies and lights."""
+"""Nodes: their hierarchy, copies, lights and animations."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.core.errors import SceneError
-from omnisim.core.poses import rotation_from_quaternion
-from omnisim.scene.formats.gltf.accessors import Accessors
-from omnisim.scene.formats.gltf.document import JsonObject
+from omnisim.core.errors import SceneError, did_you_mean
+from omnisim.core.poses import nearest_rotation, rotation_from_quaternion
+from omnisim.scene.formats.gltf.document import Accessors, JsonObject
+from omnisim.scene.formats.imported_scene import ImportedObject
+from omnisim.scene.labels import BODY
 from omnisim.scene.model import Light, LightKind
+from omnisim.scene.motion.node_motion import (
+    AnimatedNode,
+    Interpolation,
+    Keyframes,
+    NodeMotion,
+    local_transform,
+)
 
 
 def scene_parents(root: JsonObject, nodes: list[JsonObject]) -> dict[int, int | None]:
@@ -174,3 +184,302 @@ def read_lights(
             )
         )
     return tuple(lights)
+
+
+# Animations: keyframes of nodes and weights, and the nodes that they move.
+
+
+NO_ANIMATION = "none"
+_WEIGHTS = "weights"
+_WIDTHS = {"translation": 3, "rotation": 4, "scale": 3}
+_REST = {"translation": (0.0,) * 3, "rotation": (0.0, 0.0, 0.0, 1.0), "scale": (1.0,) * 3}
+_INTERPOLATIONS: dict[int | str, Interpolation] = {one.value: one for one in Interpolation}
+Properties = dict[str, Keyframes]
+
+
+class AnimationChoice(NamedTuple):
+    """Choice of the animation to play.
+
+    Attributes:
+        name: animation name; None: the first animation; `NO_ANIMATION`: no animation.
+        moves_objects: turn moving nodes into dynamic objects; False: deform their meshes only.
+    """
+
+    name: str | None = None
+    moves_objects: bool = True
+
+
+FIRST_ANIMATION = AnimationChoice()
+
+
+@dataclass
+class Animation:
+    """Animation to play.
+
+    Attributes:
+        nodes: keyframes of translation, rotation and scale, by node index.
+        weights: keyframes of the morph target weights, by node index.
+        period_s: period after which the animation repeats.
+        channels: JSON of the animation's channels.
+        others: animations that are not played, if none was chosen by name.
+    """
+
+    nodes: dict[int, Properties] = field(default_factory=dict)
+    weights: dict[int, Keyframes] = field(default_factory=dict)
+    period_s: float = 0.0
+    channels: Sequence[JsonObject] = ()
+    others: Sequence[JsonObject] = ()
+
+    @property
+    def moving(self) -> list[int]:
+        """Indices of the nodes with non-constant keyframes."""
+        return [
+            index
+            for index, properties in self.nodes.items()
+            if not all(one.is_constant for one in properties.values())
+        ]
+
+
+def read_animation(
+    root: JsonObject, nodes: list[JsonObject], accessors: Accessors, name: str | None
+) -> Animation:
+    """Read an animation by name; None: the first.
+
+    Raises:
+        SceneError: an unknown name or a damaged animation.
+    """
+    entries = root.objects("animations")
+    if name == NO_ANIMATION or (name is None and not entries):
+        return Animation(others=entries)
+    names = [entry.text("name", f"animation {index}") for index, entry in enumerate(entries)]
+    if name is not None and name not in names:
+        hint = did_you_mean(name, [*names, NO_ANIMATION], "the file has")
+        raise SceneError(f"animation = {name!r}: unknown; {hint}")
+    chosen = 0 if name is None else names.index(name)
+    entry = entries[chosen]
+    animation = Animation(channels=entry.objects("channels"))
+    if name is None:
+        animation.others = entries[1:]
+    samplers, meshes = entry.objects("samplers"), root.objects("meshes")
+    for channel in animation.channels:
+        target = channel.object("target")
+        path = target.text("path", "")
+        if path not in (*_WIDTHS, _WEIGHTS) or not target.has("node"):
+            continue
+        index = target.index("node", nodes)
+        width = _WIDTHS.get(path) or _target_count(nodes[index], meshes)
+        if not width:  # weights of a mesh without morph targets
+            continue
+        sampler = samplers[channel.index("sampler", samplers)]
+        keyframes = _keyframes(sampler, accessors, path, width)
+        animation.period_s = max(animation.period_s, float(keyframes.times_s[-1]))
+        if path == _WEIGHTS:
+            animation.weights[index] = keyframes
+        else:
+            animation.nodes.setdefault(index, {})[path] = keyframes
+    return animation
+
+
+def _target_count(node: JsonObject, meshes: list[JsonObject]) -> int:
+    """Number of morph targets of a node's mesh."""
+    if not node.has("mesh"):
+        return 0
+    primitives = meshes[node.index("mesh", meshes)].objects("primitives")
+    return max((len(one.array("targets")) for one in primitives), default=0)
+
+
+def _keyframes(sampler: JsonObject, accessors: Accessors, path: str, width: int) -> Keyframes:
+    times_s = accessors.floats(sampler, "input").ravel()
+    if not len(times_s) or not (np.isfinite(times_s) & (times_s >= 0.0)).all():
+        raise sampler.error("input", "an accessor of finite times ≥ 0")
+    if (np.diff(times_s) < 0.0).any():
+        raise sampler.error("input", "an accessor of times that increase")
+    interpolation = Interpolation.LINEAR
+    if sampler.has("interpolation"):
+        interpolation = sampler.choice("interpolation", _INTERPOLATIONS)
+    is_spline = interpolation is Interpolation.CUBIC_SPLINE
+    rows = len(times_s) * (3 if is_spline else 1)
+    values, what = accessors.floats(sampler, "output"), f"{rows} finite VEC{width}"
+    if path == _WEIGHTS:
+        what = f"{rows * width} finite SCALAR"
+        if values.shape == (rows * width, 1):
+            values = values.reshape(rows, width)
+    if values.shape != (rows, width) or not np.isfinite(values).all():
+        raise sampler.error("output", f"an accessor of {what}")
+    before = after = None
+    if is_spline:
+        before, values, after = values[::3], values[1::3], values[2::3]
+    is_rotation = path == "rotation"
+    return Keyframes(times_s, values, interpolation, before, after, are_rotations=is_rotation)
+
+
+def transforms_at_start(
+    nodes: list[JsonObject], parents: Mapping[int, int | None], animation: Animation
+) -> dict[int, NDArray[np.float64]]:
+    """Local transforms (4, 4) of the scene's nodes at 0 s, by node index."""
+    return {
+        index: _before(nodes[index]) @ local_transform(*_start(nodes[index], properties))
+        if (properties := animation.nodes.get(index))
+        else parent_from_node(nodes[index])
+        for index in parents
+    }
+
+
+class MovingNode(NamedTuple):
+    """Node that moves with the animation, by its own keyframes or by an ancestor's.
+
+    Attributes:
+        owner: index of the nearest node with keyframes: itself or an ancestor.
+        node: animated node of the owner.
+        owner_from_node: (4, 4) transform.
+    """
+
+    owner: int
+    node: AnimatedNode
+    owner_from_node: NDArray[np.float64]
+
+
+def animated_nodes(
+    nodes: list[JsonObject],
+    parents: Mapping[int, int | None],
+    local: Mapping[int, NDArray[np.float64]],
+    animation: Animation,
+    world_from_file: NDArray[np.float64],
+) -> dict[int, MovingNode]:
+    """Nodes that move with the animation, by node index.
+
+    Args:
+        nodes: all nodes of the file.
+        parents: parents of the scene's nodes, see `scene_parents`.
+        local: local transforms (4, 4) of the scene's nodes at 0 s.
+        animation: animation to play.
+        world_from_file: (4, 4) transform.
+    """
+    moving = set(animation.moving)
+    moved: dict[int, MovingNode] = {}
+    offsets: dict[int | None, NDArray[np.float64]] = {None: world_from_file}
+    for index, parent in parents.items():
+        above = None if parent is None else moved.get(parent)
+        # relative to the nearest moving ancestor, or to the world
+        offset = offsets[parent]
+        if index in moving:
+            node = nodes[index]
+            properties = animation.nodes[index]
+            translation, rotation, scale = (
+                keyframes
+                if (keyframes := properties.get(key)) and not keyframes.is_constant
+                else constant
+                for key, constant in zip(_WIDTHS, _start(node, properties), strict=True)
+            )
+            animated = AnimatedNode(
+                None if above is None else above.node,
+                offset @ _before(node),
+                translation,
+                rotation,
+                scale,
+                animation.period_s,
+            )
+            offsets[index] = np.eye(4)
+            moved[index] = MovingNode(index, animated, offsets[index])
+        else:
+            offsets[index] = offset @ local[index]
+            if above is not None:
+                moved[index] = MovingNode(above.owner, above.node, offsets[index])
+    return moved
+
+
+def _before(node: JsonObject) -> NDArray[np.float64]:
+    """Matrix (4, 4) of a node; an animated node should not have one."""
+    matrix = node.numbers("matrix", 16)
+    return np.eye(4) if matrix is None else np.reshape(matrix, (4, 4)).T
+
+
+def _start(
+    node: JsonObject, properties: Properties
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Translation (3,), rotation (4,) and scale (3,) of a node at 0 s."""
+    translation, rotation, scale = (
+        properties[key].at(0.0)
+        if key in properties
+        else np.array(node.numbers(key, width) or _REST[key])
+        for key, width in _WIDTHS.items()
+    )
+    return translation, rotation, scale
+
+
+# Dynamic objects of an animation, its non-rigid nodes, and its unplayed parts.
+
+
+_LIGHTS = "KHR_lights_punctual"
+_CHECKS = 32  # samples of a node's motion over the animation
+Moved = Mapping[int, MovingNode]
+Matrix = NDArray[np.float64]
+
+
+def moving_objects(
+    nodes: list[JsonObject],
+    owners: Sequence[int | None],
+    moved: Moved,
+    world_from_file: Matrix,
+) -> tuple[ImportedObject, ...]:
+    """Dynamic objects, one for each moving node with instances.
+
+    Args:
+        nodes: all nodes of the file.
+        owners: index of each instance's moving node; None: a static instance.
+        moved: moving nodes, see `animated_nodes`.
+        world_from_file: (4, 4) transform.
+    """
+    instances: dict[int, list[int]] = {}
+    for number, owner in enumerate(owners):
+        if owner is not None and owner in moved:
+            instances.setdefault(moved[owner].owner, []).append(number)
+    used_names, objects = {BODY}, []
+    for index, numbers in instances.items():
+        name = _free_name(nodes[index].text("name", f"node {index}"), used_names)
+        used_names.add(name)
+        node = moved[index].node
+        axes = _axes(node.transform_at(0.0)[:3, :3] @ np.linalg.inv(world_from_file[:3, :3]))
+        objects.append(ImportedObject(name, NodeMotion(node, axes), tuple(numbers)))
+    return tuple(objects)
+
+
+def _free_name(name: str, used_names: set[str]) -> str:
+    number, free = 0, name
+    while free in used_names:
+        number += 1
+        free = f"{name}_{number}"
+    return free
+
+
+def _axes(linear: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Rotation (3, 3) of a node's frame, without scale, shear and mirroring."""
+    axes = nearest_rotation(linear)
+    return axes if np.linalg.det(axes) > 0.0 else -axes
+
+
+def reshaped_nodes(nodes: list[JsonObject], moved: Moved, animation: Animation) -> set[int]:
+    """Indices of mesh nodes with non-rigid motion: their scale or shear changes."""
+    times_s = np.linspace(0.0, animation.period_s, _CHECKS, endpoint=False).tolist()
+    is_rigid: dict[int, bool] = {}
+    reshaped = set()
+    for index, (owner, node, _) in moved.items():
+        if not nodes[index].has("mesh"):
+            continue
+        if owner not in is_rigid:
+            motion = NodeMotion(node, np.eye(3))
+            is_rigid[owner] = all(map(motion.is_rigid_at, times_s))
+        if not is_rigid[owner]:
+            reshaped.add(index)
+    return reshaped
+
+
+def unplayed_parts(
+    nodes: list[JsonObject], animation: Animation, moved: Moved
+) -> dict[str, Sequence[JsonObject]]:
+    """Parts of an animation that are not played, by field name of `DrawnObjects`."""
+    return {
+        "animations": animation.others,
+        "channels": animation.channels,
+        "shining": [nodes[index] for index in moved if nodes[index].extension(_LIGHTS)],
+    }

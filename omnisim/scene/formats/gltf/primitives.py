@@ -1,14 +1,23 @@
-"""Primitives: vertex attributes and triangles, Draco-compressed or not."""
+"""Primitives: vertex attributes and triangles, Draco-compressed or not; skins and morph targets."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.errors import SceneError
 from omnisim.core.extras import install_hint
-from omnisim.scene.formats.gltf.accessors import Accessors
-from omnisim.scene.formats.gltf.document import JsonObject
+from omnisim.core.short_repr import counted
+from omnisim.scene.formats.gltf.document import Accessors, JsonObject
+from omnisim.scene.formats.gltf.nodes import Animation, MovingNode
+from omnisim.scene.formats.imported_scene import MAX_COORDINATE, make_mesh, translate
+from omnisim.scene.motion.deformation import Deformation, MorphTargets, Skeleton
+from omnisim.scene.motion.node_motion import Keyframes
+from omnisim.scene.parts import Mesh
 
 # OpenGL constants for `mode`
 TRIANGLES, TRIANGLE_STRIP, TRIANGLE_FAN = 4, 5, 6
@@ -110,3 +119,388 @@ class Primitive:
         faces: NDArray[np.uint32] | None = getattr(mesh, "faces", None)  # not in point clouds
         if faces is not None and self.entry.has("indices"):
             self._accessors.replace(self.entry, "indices", faces)
+
+
+# Meshes of skinned, morphed or non-rigidly moving nodes, static or animated.
+
+
+Matrix = NDArray[np.float64]
+_CHECKS = 32  # samples of a mesh's extent over the animation
+
+
+class DeformedMesh(NamedTuple):
+    """Mesh of a node's primitive, with its pose.
+
+    Attributes:
+        mesh: mesh at 0 s.
+        file_from_mesh: (4, 4) transform.
+        owner: index of the node that moves the mesh; None: placed by its joints or static.
+    """
+
+    mesh: Mesh
+    file_from_mesh: Matrix
+    owner: int | None
+
+
+@dataclass(frozen=True)
+class PlayedNodes:
+    """Nodes of the scene and their motion in the played animation.
+
+    Attributes:
+        nodes: all nodes of the file.
+        poses: (4, 4) file_from_node of the scene's nodes at 0 s, by node index.
+        moved: moving nodes, by node index.
+        reshaped: indices of mesh nodes with non-rigid motion.
+        animation: animation to play.
+        world_from_file: (4, 4) transform.
+    """
+
+    nodes: list[JsonObject]
+    poses: Mapping[int, Matrix]
+    moved: Mapping[int, MovingNode]
+    reshaped: set[int]
+    animation: Animation
+    world_from_file: Matrix
+
+
+class DeformingMeshes:
+    """Builder of deforming meshes; all methods raise SceneErrors.
+
+    Attributes:
+        notices: one line for each kind of repaired fault.
+    """
+
+    def __init__(self, root: JsonObject, accessors: Accessors, played: PlayedNodes):
+        self._skins, self._meshes = root.objects("skins"), root.objects("meshes")
+        self._accessors, self._played = accessors, played
+        self._skeletons: dict[int, Skeleton] = {}
+        self._mended = self._singular = 0
+
+    @property
+    def notices(self) -> list[str]:
+        """One line for each kind of repaired fault."""
+        notices = []
+        if self._mended:
+            vertices = counted(self._mended, "vertex", "vertices")
+            notices.append(
+                f"weights of joints do not add up to 1: they are normalized ({vertices})"
+            )
+        if self._singular:
+            joints = counted(self._singular, "joint")
+            notices.append(f"inverse bind matrices are singular: meshes are flattened ({joints})")
+        return notices
+
+    def make(self, index: int, primitive: Primitive, plain: Mesh) -> DeformedMesh | None:
+        """Deforming mesh of a node's primitive; None: use the plain mesh."""
+        node = self._played.nodes[index]
+        is_skinned = node.has("skin") and primitive.has("JOINTS_0")
+        morphed = self._morph(index, primitive)
+        if is_skinned:
+            number = node.index("skin", self._skins)
+            skeleton = self._skeleton(number)
+            weights = joint_weights(primitive, len(skeleton.nodes))
+            self._mended += weights.mended
+        elif index in self._played.reshaped:
+            _, moving, owner_from_node = self._played.moved[index]
+            skeleton = Skeleton((moving,), owner_from_node[None])
+            weights = _one_joint(len(primitive.required("POSITION", 3)))
+        elif morphed is not None:
+            return self._by_its_node(index, plain, morphed)
+        else:
+            return None
+        if morphed is None:
+            morphed = MorphedVertices(primitive.required("POSITION", 3), _normals(primitive), None)
+        if is_skinned and not skeleton.moves and morphed.targets is None:
+            world_from_bind = skeleton.matrices_at(0.0)
+            file_from_bind = np.linalg.inv(self._played.world_from_file) @ world_from_bind
+            skinned = skin_vertices(morphed.positions, morphed.normals, weights, file_from_bind)
+            mesh, center = _remade(plain, *skinned)
+            return DeformedMesh(mesh, translate(np.eye(4), center), None)
+        if not is_skinned and np.linalg.det(self._played.poses[index][:3, :3]) < 0.0:
+            plain = replace(plain, triangles=plain.triangles[:, (0, 2, 1)])
+        return self._by_itself(plain, morphed, weights, skeleton)
+
+    def _morph(self, index: int, primitive: Primitive) -> MorphedVertices | None:
+        """Vertices with morph targets; None: no target has an effect."""
+        if not primitive.targets:
+            return None
+        node, animation = self._played.nodes[index], self._played.animation
+        weights = resting_weights(node, self._meshes[node.index("mesh", self._meshes)])
+        animated = animation.weights.get(index)
+        if animated is None and not any(weights):
+            return None
+        return morph(primitive, weights, animated, animation.period_s)
+
+    def _by_its_node(self, index: int, plain: Mesh, morphed: MorphedVertices) -> DeformedMesh:
+        """Morphed mesh, posed by its node."""
+        pose = self._played.poses[index]
+        if morphed.targets is None:
+            mesh, center = _remade(plain, morphed.positions, morphed.normals)
+            return DeformedMesh(mesh, translate(pose, center), index)
+        rest = Skeleton((None,), np.eye(4)[None])
+        weights = _one_joint(len(morphed.positions))
+        mesh, center = _deforming(plain, morphed, weights, rest, np.eye(4))
+        return DeformedMesh(mesh, translate(pose, center), index)
+
+    def _by_itself(
+        self, plain: Mesh, morphed: MorphedVertices, weights: JointWeights, skeleton: Skeleton
+    ) -> DeformedMesh:
+        """Mesh posed by its joints in the file's frame."""
+        file_from_world = np.linalg.inv(self._played.world_from_file).astype(np.float64)
+        mesh, center = _deforming(plain, morphed, weights, skeleton, file_from_world)
+        self._check(mesh)
+        return DeformedMesh(mesh, translate(np.eye(4), center), None)
+
+    def _check(self, mesh: Mesh) -> None:
+        """Reject a mesh whose coordinates become too large during the animation."""
+        times_s = np.linspace(0.0, self._played.animation.period_s, _CHECKS).tolist()
+        assert mesh.deformation is not None
+        for time_s in times_s:
+            center, radius = mesh.deformation.sphere_at(time_s)
+            if not np.abs(center).max() + radius < MAX_COORDINATE:  # false for NaN as well
+                raise SceneError(
+                    f"mesh {mesh.name!r}: expected finite coordinates below "
+                    f"{MAX_COORDINATE:g} in its animation, got others at {time_s:g} s"
+                )
+
+    @np.errstate(all="ignore")
+    def _skeleton(self, number: int) -> Skeleton:
+        if number in self._skeletons:
+            return self._skeletons[number]
+        skin, played = self._skins[number], self._played
+        joints = joints_of(skin, played.poses)
+        binds = inverse_binds(skin, self._accessors, len(joints))
+        self._singular += singular_count(binds)
+        moved = [played.moved.get(joint) for joint in joints]
+        offsets = [
+            played.world_from_file @ played.poses[joint] if one is None else one.owner_from_node
+            for joint, one in zip(joints, moved, strict=True)
+        ]
+        nodes = tuple(None if one is None else one.node for one in moved)
+        skeleton = Skeleton(nodes, np.array(offsets).reshape(-1, 4, 4) @ binds)
+        self._skeletons[number] = skeleton
+        return skeleton
+
+
+def _normals(primitive: Primitive) -> Matrix | None:
+    normals = primitive.attribute("NORMAL")
+    if normals is None or normals.shape != primitive.required("POSITION", 3).shape:
+        return None
+    return normals
+
+
+def _one_joint(count: int) -> JointWeights:
+    return JointWeights(np.zeros((count, 1), dtype=np.int64), np.ones((count, 1)), 0)
+
+
+@np.errstate(all="ignore")  # a mesh with non-finite values is rejected later
+def _deforming(
+    plain: Mesh,
+    morphed: MorphedVertices,
+    weights: JointWeights,
+    skeleton: Skeleton,
+    file_from_world: Matrix,
+) -> tuple[Mesh, Matrix]:
+    """Mesh at 0 s with its deformation, and its origin (3,)."""
+    normals = morphed.normals
+    deformation = Deformation(
+        morphed.positions.astype(np.float32),
+        None if normals is None else normals.astype(np.float32),
+        weights.joints.astype(np.uint32),
+        weights.shares.astype(np.float32),
+        file_from_world,
+        skeleton,
+        morphed.targets,
+    )
+    mesh, center = _remade(plain, deformation.positions_at(0.0), deformation.normals_at(0.0))
+    if mesh.normals is None:
+        deformation = replace(deformation, normals=None)
+    shift = translate(np.eye(4), -center)
+    deformation = replace(deformation, mesh_from_world=shift @ file_from_world)
+    return replace(mesh, deformation=deformation), center
+
+
+def _remade(plain: Mesh, positions: Matrix, normals: Matrix | None) -> tuple[Mesh, Matrix]:
+    """Copy of a mesh with other positions and normals, and its origin (3,)."""
+    return make_mesh(
+        plain.name, positions, plain.triangles, plain.material,
+        normals, plain.texture_coordinates, plain.colors, plain.second_texture_coordinates,
+    )  # fmt: skip
+
+
+# Morph targets of a primitive, and their weights.
+
+
+class MorphedVertices(NamedTuple):
+    """Vertices of a primitive before skinning.
+
+    Attributes:
+        positions: (n, 3), morphed by static weights.
+        normals: (n, 3), morphed by static weights; None: no normals.
+        targets: targets with animated weights; None: no animated weights.
+    """
+
+    positions: Matrix
+    normals: Matrix | None
+    targets: MorphTargets | None
+
+
+def resting_weights(node: JsonObject, mesh: JsonObject) -> tuple[float, ...]:
+    """Static weights of a node's morph targets: the node's, or else its mesh's."""
+    holder = node if node.has("weights") else mesh
+    return holder.numbers("weights", len(holder.array("weights"))) or ()
+
+
+def morph(
+    primitive: Primitive,
+    weights: tuple[float, ...],
+    animated: Keyframes | None,
+    period_s: float,
+) -> MorphedVertices:
+    """Morph a primitive by static weights, or set up targets with animated ones."""
+    positions, normals = primitive.required("POSITION", 3), primitive.attribute("NORMAL")
+    if normals is not None and normals.shape != positions.shape:
+        normals = None
+    count = len(primitive.targets)
+    if animated is not None and animated.is_constant:
+        weights, animated = tuple(animated.values[0].tolist()), None
+    values = np.zeros(count)
+    values[: len(weights)] = weights[:count]
+    if animated is not None:
+        values = np.abs(animated.values[:, :count]).max(axis=0)
+        for tangents in (animated.in_tangents, animated.out_tangents):
+            if tangents is not None:
+                values = np.maximum(values, np.abs(tangents[:, :count]).max(axis=0))
+    used = np.flatnonzero(values)
+    if not len(used):
+        return MorphedVertices(positions, normals, None)
+    offsets = primitive.offsets("POSITION", used, len(positions))
+    normal_offsets = primitive.offsets("NORMAL", used, len(positions))
+    if offsets is None:
+        offsets = np.zeros((len(used), *positions.shape))
+    if animated is None:
+        positions = positions + np.einsum("t,tnc->nc", values[used], offsets)
+        if normals is not None and normal_offsets is not None:
+            normals = normals + np.einsum("t,tnc->nc", values[used], normal_offsets)
+        return MorphedVertices(positions, normals, None)
+    targets = MorphTargets(
+        offsets.astype(np.float32),
+        None if normal_offsets is None else normal_offsets.astype(np.float32),
+        _columns(animated, used),
+        period_s,
+    )
+    return MorphedVertices(positions, normals, targets)
+
+
+def _columns(keyframes: Keyframes, columns: NDArray[np.intp]) -> Keyframes:
+    """Keyframes with a subset of the value columns."""
+    before, after = keyframes.in_tangents, keyframes.out_tangents
+    return replace(
+        keyframes,
+        values=keyframes.values[:, columns],
+        in_tangents=None if before is None else before[:, columns],
+        out_tangents=None if after is None else after[:, columns],
+    )
+
+
+# Skins: joints and weights of vertices, and transforms of joints.
+
+
+_SUM_TOLERANCE = 0.01  # for sums of weights, above the rounding of four 8-bit weights
+_SINGULAR = 1e-12  # minimum determinant of a bind matrix, relative to its cubed scale
+
+
+class JointWeights(NamedTuple):
+    """Joints of a primitive's vertices, up to eight per vertex.
+
+    Attributes:
+        joints: (n, k) joint indices.
+        shares: (n, k) weights, which sum to 1; a vertex without weights follows its first joint.
+        mended: number of vertices whose weights in the file do not sum to 1.
+    """
+
+    joints: NDArray[np.int64]
+    shares: Matrix
+    mended: int
+
+
+@np.errstate(all="ignore")  # a mesh with non-finite values is rejected later
+def joint_weights(primitive: Primitive, joint_count: int) -> JointWeights:
+    """Joints and weights of a primitive, for a skin with `joint_count` joints.
+
+    Raises:
+        SceneError: attributes differ in count, a joint does not exist, or a weight is not finite.
+    """
+    sets = ["0", "1"] if primitive.has("JOINTS_1") and primitive.has("WEIGHTS_1") else ["0"]
+    count = len(primitive.required("POSITION", 3))
+    joints, weights = (
+        np.concatenate([primitive.required(f"{name}_{one}", 4) for one in sets], axis=1)
+        if _lengths(primitive, name, sets) == {count}
+        else None
+        for name in ("JOINTS", "WEIGHTS")
+    )
+    if joints is None or weights is None:
+        raise primitive.entry.error("attributes", "as many JOINTS and WEIGHTS as POSITION")
+    if not ((joints >= 0) & (joints < joint_count)).all():  # rejects NaN as well
+        raise primitive.entry.error("attributes", f"JOINTS below {joint_count}")
+    if not np.isfinite(weights).all():
+        raise primitive.entry.error("attributes", "finite WEIGHTS")
+    total = weights.sum(axis=1, keepdims=True)
+    shares = np.divide(weights, total, out=np.zeros_like(weights), where=total > 0.0)
+    shares[~(total[:, 0] > 0.0), 0] = 1.0
+    mended = int((np.abs(total - 1.0) > _SUM_TOLERANCE).sum())
+    return JointWeights(joints.astype(np.int64), shares, mended)
+
+
+def _lengths(primitive: Primitive, name: str, sets: list[str]) -> set[int]:
+    return {len(primitive.required(f"{name}_{one}", 4)) for one in sets}
+
+
+@np.errstate(all="ignore")
+def skin_vertices(
+    positions: Matrix, normals: Matrix | None, weights: JointWeights, matrices: Matrix
+) -> tuple[Matrix, Matrix | None]:
+    """Positions (n, 3) and normals (n, 3) of a static skin, from matrices (joints, 4, 4)."""
+    blended = np.einsum("nj,njab->nab", weights.shares, matrices[weights.joints])
+    skinned = np.einsum("nab,nb->na", blended[:, :3, :3], positions) + blended[:, :3, 3]
+    if normals is None or normals.shape != positions.shape:
+        return skinned, None
+    return skinned, np.einsum("nab,nb->na", blended[:, :3, :3], normals)
+
+
+def joints_of(skin: JsonObject, nodes: Mapping[int, Matrix]) -> list[int]:
+    """Indices of a skin's joints, all of which must be in `nodes` of the scene.
+
+    Raises:
+        SceneError: a joint is not a node of the scene.
+    """
+    joints = skin.indices("joints", range(1 + max(nodes)))
+    if not nodes.keys() >= set(joints):
+        raise skin.error("joints", "nodes of the scene")
+    return joints
+
+
+def inverse_binds(skin: JsonObject, accessors: Accessors, count: int) -> Matrix:
+    """Inverse bind matrices (count, 4, 4) of a skin's joints.
+
+    Source: glTF 2.0, section 3.7.3.3: a joint's global transform times its inverse bind matrix; the
+    node of the mesh is ignored.
+
+    Raises:
+        SceneError: the accessor does not have one matrix per joint.
+    """
+    if not skin.has("inverseBindMatrices"):
+        return np.tile(np.eye(4), (count, 1, 1))
+    # stored in column-major order
+    matrices = accessors.floats(skin, "inverseBindMatrices").swapaxes(1, -1)
+    if matrices.shape != (count, 4, 4):
+        raise skin.error("inverseBindMatrices", f"an accessor of {count} MAT4")
+    return matrices
+
+
+@np.errstate(all="ignore")
+def singular_count(matrices: Matrix) -> int:
+    """Number of singular matrices among matrices (n, 4, 4)."""
+    linear = matrices[:, :3, :3]
+    scales = np.abs(linear).max(axis=(1, 2))
+    return int((~(np.abs(np.linalg.det(linear)) > _SINGULAR * scales**3)).sum())

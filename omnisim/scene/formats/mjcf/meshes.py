@@ -2,27 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from typing import NamedTuple
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core.errors import SceneError
 from omnisim.core.poses import rotation_from_quaternion
 from omnisim.scene.formats.imported_scene import make_mesh
-from omnisim.scene.formats.mjcf.geometry import (
-    Geom,
-    MappedSurface,
-    Shape,
-    geom_shape,
-    map_cube,
-    map_plane,
-)
 from omnisim.scene.formats.mjcf.materials import Materials, Rgba, own_or_material_rgba
 from omnisim.scene.parts import Mesh
-from omnisim.scene.primitives import Surface
+from omnisim.scene.primitives import (
+    Surface,
+    box,
+    capsule,
+    cylinder,
+    ellipsoid,
+    grid_triangles,
+    join,
+    rectangle,
+    segments,
+)
 
+Geom = mujoco.mjtGeom
 # Geoms with an inside; for meshes and height fields this is unknown.
 _SOLIDS = (
     Geom.mjGEOM_PLANE, Geom.mjGEOM_SPHERE, Geom.mjGEOM_CAPSULE, Geom.mjGEOM_ELLIPSOID,
@@ -219,3 +223,275 @@ def _vertex_normals(
         np.add.at(normals, triangles[:, corner], across)
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)
     return np.where(lengths > 0.0, normals / np.where(lengths > 0.0, lengths, 1.0), (0.0, 0.0, 1.0))
+
+
+# Triangles of a MuJoCo model's geoms, each in its geom's frame.
+
+
+# Minimum half size of an infinite plane, which otherwise reaches MuJoCo's far clipping plane.
+MIN_REACH_M = 100.0
+
+
+class Shape(NamedTuple):
+    """Surface of a geom, with the inputs of texture mapping.
+
+    Attributes:
+        surface: triangles, m.
+        texture_coordinates: (n, 2) from the mesh file; None: not in the file.
+        scaled: (n, 3) positions divided by the geom's sizes, as MuJoCo's renderer scales its
+            built-in shapes; they map textures without coordinates.
+    """
+
+    surface: Surface
+    texture_coordinates: NDArray[np.float64] | None
+    scaled: NDArray[np.float64]
+
+
+def geom_shape(model: mujoco.MjModel, geom: int) -> Shape:
+    """Shape of a geom; a signed distance field takes the shape of its mesh.
+
+    Raises:
+        SceneError: a size that is not finite.
+    """
+    kind, size = Geom(int(model.geom_type[geom])), model.geom_size[geom]
+    if not np.isfinite(size).all():
+        name = model.geom(geom).name or str(geom)
+        raise SceneError(f"geom {name}: size: expected finite numbers, got {size.tolist()}")
+    data = int(model.geom_dataid[geom])
+    if kind in (Geom.mjGEOM_MESH, Geom.mjGEOM_SDF):
+        surface, coordinates = _mesh(model, data)
+        return Shape(surface, coordinates, _scaled(surface, size))
+    if kind == Geom.mjGEOM_HFIELD:
+        surface = _height_field(model, data)
+        return Shape(surface, None, _scaled(surface, model.hfield_size[data][:3]))
+    if kind == Geom.mjGEOM_PLANE:
+        reach_m = max(float(model.vis.map.zfar * model.stat.extent), MIN_REACH_M)
+        surface = rectangle(*(float(half) if half > 0.0 else reach_m for half in size[:2]))
+        return Shape(surface, None, _scaled(surface, size))
+    return _PRIMITIVES[kind](size)
+
+
+def _scaled(surface: Surface, sizes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Positions divided by sizes (3,); sizes of 0 count as 1."""
+    return surface.positions / np.where(sizes > 0.0, sizes, 1.0)
+
+
+def _of_sizes(surface: Surface, sizes: NDArray[np.float64]) -> Shape:
+    return Shape(surface, None, _scaled(surface, sizes))
+
+
+def _capsule(size: NDArray[np.float64]) -> Shape:
+    """Capsule, with hemispheres scaled by the radius, measured from the ends of the tube."""
+    radius, half = float(size[0]), float(size[1])
+    surface = capsule(radius, half)
+    scaled = surface.positions / (radius, radius, half)
+    domes = slice(2 * (segments(radius) + 1), None)  # vertices after those of the tube
+    z = surface.positions[domes, 2]
+    scaled[domes, 2] = np.sign(z) * (1.0 + (np.abs(z) - half) / radius)
+    return Shape(surface, None, scaled)
+
+
+_PRIMITIVES: dict[mujoco.mjtGeom, Callable[[NDArray[np.float64]], Shape]] = {
+    Geom.mjGEOM_SPHERE: lambda size: _of_sizes(ellipsoid(size[[0, 0, 0]]), size[[0, 0, 0]]),
+    Geom.mjGEOM_ELLIPSOID: lambda size: _of_sizes(ellipsoid(size), size),
+    Geom.mjGEOM_CYLINDER: lambda size: _of_sizes(
+        cylinder(float(size[0]), float(size[1])), size[[0, 0, 1]]
+    ),
+    Geom.mjGEOM_BOX: lambda size: _of_sizes(box(size), size),
+    Geom.mjGEOM_CAPSULE: _capsule,
+}
+
+
+def _mesh(model: mujoco.MjModel, mesh: int) -> tuple[Surface, NDArray[np.float64] | None]:
+    """Surface and texture coordinates (n, 2) of a mesh, whose faces index both separately."""
+    faces = slice(
+        int(model.mesh_faceadr[mesh]), int(model.mesh_faceadr[mesh] + model.mesh_facenum[mesh])
+    )
+    positions = _rows(model.mesh_vert, model.mesh_vertadr, model.mesh_vertnum, mesh)
+    normals = _rows(model.mesh_normal, model.mesh_normaladr, model.mesh_normalnum, mesh)
+    corners = [model.mesh_face[faces].ravel(), model.mesh_facenormal[faces].ravel()]
+    coordinates = None
+    if int(model.mesh_texcoordadr[mesh]) >= 0:
+        coordinates = _rows(
+            model.mesh_texcoord, model.mesh_texcoordadr, model.mesh_texcoordnum, mesh
+        )
+        corners.append(model.mesh_facetexcoord[faces].ravel())
+    vertices, triangles = np.unique(np.stack(corners, axis=1), axis=0, return_inverse=True)
+    surface = Surface(
+        positions[vertices[:, 0]],
+        triangles.reshape(-1, 3).astype(np.int64),
+        normals[vertices[:, 1]],
+    )
+    return surface, None if coordinates is None else coordinates[vertices[:, 2]]
+
+
+def _rows(
+    values: NDArray[np.float32], starts: NDArray[np.int32], counts: NDArray[np.int32], index: int
+) -> NDArray[np.float64]:
+    start = int(starts[index])
+    return values[start : start + int(counts[index])].astype(np.float64)
+
+
+def _height_field(model: mujoco.MjModel, field: int) -> Surface:
+    """Height field with its sides and base, flat-shaded as in MuJoCo."""
+    rows, columns = int(model.hfield_nrow[field]), int(model.hfield_ncol[field])
+    half_x, half_y, top, base = (float(size) for size in model.hfield_size[field])
+    start = int(model.hfield_adr[field])
+    heights = model.hfield_data[start : start + rows * columns].reshape(rows, columns)
+    x = np.linspace(-half_x, half_x, columns)
+    y = np.linspace(-half_y, half_y, rows)
+    positions = np.stack(
+        np.broadcast_arrays(x, y[:, None], heights.astype(np.float64) * top), axis=-1
+    )
+    edges = (positions[0], positions[:, -1], positions[-1, ::-1], positions[::-1, 0])
+    bottom = rectangle(half_x, half_y)
+    return join(
+        Surface(positions.reshape(-1, 3), grid_triangles(rows, columns), None),
+        *(_side(edge, -base) for edge in edges),
+        Surface(bottom.positions - (0.0, 0.0, base), bottom.triangles[:, ::-1], None),
+    )
+
+
+def _side(edge: NDArray[np.float64], base: float) -> Surface:
+    """Wall from an edge (n, 3) down to a height."""
+    below = edge.copy()
+    below[:, 2] = base
+    return Surface(np.concatenate((below, edge)), grid_triangles(2, len(edge)), None)
+
+
+# Texture coordinates for geoms without their own, matching MuJoCo's renderer.
+#
+# A flat image is projected along z, a cube texture from the geom's center.
+#
+# Source: MuJoCo, render_gl3.c, settexture (object-linear texture coordinates); OpenGL 4.6, table
+# 8.19 (faces of a cube).
+
+
+# Axis of each cube face, and the axes and signs of right and down in its image.
+_FACES = (
+    (0, 1.0, (2, -1.0), (1, -1.0)),
+    (0, -1.0, (2, 1.0), (1, -1.0)),
+    (1, 1.0, (0, 1.0), (2, 1.0)),
+    (1, -1.0, (0, 1.0), (2, -1.0)),
+    (2, 1.0, (0, 1.0), (1, -1.0)),
+    (2, -1.0, (0, -1.0), (1, -1.0)),
+)
+_EDGES = np.array([(1.0, -1, 0), (1, 1, 0), (1, 0, -1), (1, 0, 1), (0, 1, -1), (0, 1, 1)])
+
+
+class MappedSurface(NamedTuple):
+    """Part of a surface with texture coordinates.
+
+    Attributes:
+        face: face of the cube; None: a flat image.
+        surface, texture_coordinates: triangles and texture coordinates of the part.
+    """
+
+    face: int | None
+    surface: Surface
+    texture_coordinates: NDArray[np.float64] | None
+
+
+def map_plane(
+    shape: Shape, repeat: NDArray[np.float32], sizes: NDArray[np.float64], is_uniform: bool
+) -> MappedSurface:
+    """Texture coordinates of an image projected along z.
+
+    Args:
+        shape: shape of the geom.
+        repeat: number of repetitions along x and y, across the geom or across 2 m.
+        sizes: sizes of the geom.
+        is_uniform: repeat across 2 m instead of across the geom.
+    """
+    scale = np.asarray(repeat, dtype=np.float64)
+    if is_uniform:
+        scale = scale * np.where(sizes[:2] > 0.0, sizes[:2], 1.0)
+    return MappedSurface(None, shape.surface, shape.scaled[:, :2] * scale * (0.5, -0.5) - 0.5)
+
+
+def map_cube(shape: Shape, sizes: NDArray[np.float64], is_uniform: bool) -> list[MappedSurface]:
+    """Texture coordinates of a cube projected from the center; triangles are cut at its edges.
+
+    Args:
+        shape: shape of the geom.
+        sizes: (3,) sizes of the geom.
+        is_uniform: True: project positions in meters; False: positions divided by the sizes.
+    """
+    ray = shape.scaled * np.where(sizes > 0.0, sizes, 1.0) if is_uniform else shape.scaled
+    surface = shape.surface
+    has_normals = surface.normals is not None
+    columns = [surface.positions, ray] + ([surface.normals] if surface.normals is not None else [])
+    corners = np.concatenate(columns, axis=1)[surface.triangles]
+    for edge in _EDGES:
+        is_done = _is_on_one_face(corners[:, :, 3:6])
+        rest = corners[~is_done]
+        corners = np.concatenate((corners[is_done], _cut(rest, rest[:, :, 3:6] @ edge)))
+    middles = corners[:, :, 3:6].sum(axis=1)
+    axis = np.argmax(np.abs(middles), axis=1)
+    sign = np.where(np.take_along_axis(middles, axis[:, None], 1)[:, 0] < 0.0, -1.0, 1.0)
+    mapped = []
+    for face, (of_axis, of_sign, right, down) in enumerate(_FACES):
+        part = corners[(axis == of_axis) & (sign == of_sign)].reshape(-1, corners.shape[2])
+        if not len(part):
+            continue
+        rays = part[:, 3:6]
+        depth = np.maximum(np.abs(rays[:, of_axis]), 1e-12)
+        places = [rays[:, k] * s / depth for k, s in (right, down)]
+        mapped.append(
+            MappedSurface(
+                face,
+                Surface(
+                    part[:, :3],
+                    np.arange(len(part)).reshape(-1, 3),
+                    part[:, 6:] if has_normals else None,
+                ),
+                0.5 * np.clip(np.stack(places, axis=1), -1.0, 1.0) + 0.5,
+            )
+        )
+    return mapped
+
+
+def _is_on_one_face(rays: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Mask (m,) of triangles (m, 3, 3) whose corners all project to one face of the cube."""
+    reach = np.abs(rays).max(axis=2, keepdims=True) * (1.0 - 1e-9)
+    is_far = np.concatenate((rays >= reach, rays <= -reach), axis=2)  # along +x, …, −z
+    most: NDArray[np.int64] = is_far.sum(axis=1).max(axis=1, initial=0)
+    return most == 3
+
+
+def _cut(corners: NDArray[np.float64], sides: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Cut triangles (m, 3, k) where a value (m, 3) given at their corners changes sign."""
+    level = np.abs(sides).max(initial=0.0) * 1e-9
+    sides = np.where(np.abs(sides) <= level, 0.0, sides)
+    is_cut = (sides.min(axis=1) < 0.0) & (sides.max(axis=1) > 0.0)
+    if not is_cut.any():
+        return corners
+    tri, side = corners[is_cut], sides[is_cut]
+    # Rotates the corner alone on its side to the front; if one is on the edge, the positive one.
+    signs = np.sign(side)
+    alone = np.argmax(signs * np.sign(signs.sum(axis=1, keepdims=True)) < 0.0, axis=1)
+    on_edge = (signs == 0.0).any(axis=1)
+    alone = np.where(on_edge, np.argmax(signs > 0.0, axis=1), alone)
+    order = (alone[:, None] + np.arange(3)) % 3
+    tri = np.take_along_axis(tri, order[:, :, None], axis=1)
+    side = np.take_along_axis(side, order, axis=1)
+    a, b, c = tri[:, 0], tri[:, 1], tri[:, 2]
+    ab, ac = _crossing(a, b, side[:, 0], side[:, 1]), _crossing(a, c, side[:, 0], side[:, 2])
+    pieces = np.concatenate(
+        [np.stack(one, axis=1) for one in ((a, ab, ac), (ab, b, c), (ab, c, ac))]
+    )
+    points = pieces[:, :, :3]
+    areas = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
+    return np.concatenate((corners[~is_cut], pieces[(areas != 0.0).any(axis=1)]))
+
+
+def _crossing(
+    first: NDArray[np.float64],
+    second: NDArray[np.float64],
+    first_side: NDArray[np.float64],
+    second_side: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Points (m, k) between two corners where the value is zero; an end without a sign change."""
+    difference = first_side - second_side
+    share = np.clip(first_side / np.where(difference == 0.0, 1.0, difference), 0.0, 1.0)[:, None]
+    return first + share * (second - first)

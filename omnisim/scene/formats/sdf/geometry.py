@@ -17,15 +17,14 @@ from omnisim.core.errors import SceneError
 from omnisim.core.files.sources import read_source
 from omnisim.core.short_repr import counted
 from omnisim.scene import primitives
-from omnisim.scene.formats.gltf.animations import NO_ANIMATION, AnimationChoice
+from omnisim.scene.formats.gltf.nodes import NO_ANIMATION, AnimationChoice
 from omnisim.scene.formats.gltf.reader import read_gltf
 from omnisim.scene.formats.imported_scene import FileAxes, material_notices, world_from_file
 from omnisim.scene.formats.mesh.other_formats import check_format, read_other
 from omnisim.scene.formats.resources import AssetResolver
 from omnisim.scene.formats.xml.element import XmlElement
 from omnisim.scene.parts import Instance, Material, Mesh
-from omnisim.scene.polygons import surrounds, triangulate
-from omnisim.scene.primitives import Surface, grid_triangles
+from omnisim.scene.primitives import Surface, grid_triangles, surrounds, triangulate
 from omnisim.scene.textures import TextureStore
 
 _GLTF = {".glb", ".gltf"}

@@ -13,9 +13,15 @@ from numpy.typing import NDArray
 
 from omnisim.core.errors import SceneError
 from omnisim.core.poses import inverse
-from omnisim.scene.formats.cameras import Cameras, read_lens
 from omnisim.scene.formats.features import part_notices, xml_parts
-from omnisim.scene.formats.imported_scene import ImportedScene, Omissions, make_mesh, translate
+from omnisim.scene.formats.imported_scene import (
+    Cameras,
+    ImportedScene,
+    Omissions,
+    make_mesh,
+    read_lens,
+    translate,
+)
 from omnisim.scene.formats.resources import ResourcePath
 from omnisim.scene.formats.sdf.geometry import (
     GEOMETRIES,

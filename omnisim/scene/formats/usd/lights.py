@@ -14,7 +14,7 @@ from omnisim.core.errors import OutputError
 from omnisim.core.files.image_files import read_image, read_radiance
 from omnisim.core.srgb import linear_from_srgb8
 from omnisim.scene.formats.imported_scene import Omissions
-from omnisim.scene.formats.usd.shading import content_of, numbers
+from omnisim.scene.formats.usd.surfaces import content_of, numbers
 from omnisim.scene.light.environment import coordinates_of, lookup, map_directions
 from omnisim.scene.parts import Light, LightKind
 

@@ -2,26 +2,23 @@
 
 from __future__ import annotations
 
+import io
+import math
 from dataclasses import replace
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Usd, UsdShade
+from PIL import Image
+from pxr import Ar, Sdf, Usd, UsdShade
 
+from omnisim.core.files.sources import note_file, read_source
 from omnisim.scene.formats.imported_scene import Omissions
-from omnisim.scene.formats.usd.shading import (
-    CHANNELS,
-    OMNI_PBR_NAMES,
-    Affine,
-    Inputs,
-    ShaderInput,
-    TextureFiles,
-    TextureSource,
-    read_omni_pbr,
-)
-from omnisim.scene.parts import AlphaMode, Material, Texture
+from omnisim.scene.formats.resources import AssetResolver
+from omnisim.scene.parts import AlphaMode, Material, Texture, Wrap
 from omnisim.scene.surface_reflectance import MAX_PANE_ROUGHNESS
+from omnisim.scene.textures import TextureStore, unreadable_image
 
 _PREVIEW = ("UsdPreviewSurface", "ND_UsdPreviewSurface_surfaceshader")
 _NOT_DRAWN = {"displacement": 0.0, "useSpecularWorkflow": 0.0}
@@ -229,3 +226,418 @@ def _relative(target: Affine, applied: Affine) -> Affine:
     product: NDArray[np.float64] = full[0] @ np.linalg.inv(full[1])
     (a, b, c), (d, e, f) = product[:2].tolist()
     return (a, b, c), (d, e, f)
+
+
+# Shading networks: values and connections, texture files, OmniPBR.
+
+
+Affine = tuple[tuple[float, float, float], tuple[float, float, float]]
+Rgba = tuple[float, float, float, float]
+IDENTITY: Affine = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
+_FLIP_V = np.array([[1.0, 0, 0], [0, -1, 1], [0, 0, 1]])
+_MAX_CHAIN = 20  # limit on nodes for texture coordinates, in case of a loop
+
+
+class TextureSource(NamedTuple):
+    """Texture of a shader.
+
+    Attributes:
+        path: path in the stage.
+        resolved: path of the file or package member; empty: not found.
+        primvar: primvar with the texture coordinates.
+        uv_transform: (2, 3) affine transform of the coordinates, with v down.
+        wraps: wrapping modes along s and t, named as in UsdUVTexture.
+        scale, bias: RGBA; the value is the texture's times scale, plus bias.
+        fallback: RGBA in place of an unreadable file.
+    """
+
+    path: str
+    resolved: str
+    primvar: str = "st"
+    uv_transform: Affine = IDENTITY
+    wraps: tuple[str, str] = ("useMetadata", "useMetadata")
+    scale: Rgba = (1.0, 1.0, 1.0, 1.0)
+    bias: Rgba = (0.0, 0.0, 0.0, 0.0)
+    fallback: Rgba = (0.0, 0.0, 0.0, 1.0)
+
+
+class ShaderInput(NamedTuple):
+    """Shader input: a value, a texture or a primvar.
+
+    Attributes:
+        value: usd-core value; None: no value.
+        texture: connected texture; None: no texture.
+        channel: channels of the texture: r, g, b, a or rgb.
+        primvar: name of a connected primvar; empty: no primvar.
+    """
+
+    value: object = None
+    texture: TextureSource | None = None
+    channel: str = "r"
+    primvar: str = ""
+
+    def number(self, default: float) -> float:
+        """Value as a finite number, or the default."""
+        value = self.value
+        is_number = isinstance(value, int | float) and math.isfinite(value)
+        return float(value) if isinstance(value, int | float) and is_number else default
+
+    def color(self, default: tuple[float, float, float]) -> tuple[float, float, float]:
+        """Value as a linear color, or the default."""
+        red, green, blue = numbers(self.value, default)
+        return red, green, blue
+
+    def differs(self, neutral: float) -> bool:
+        """True if the input differs from a value without effect on the image."""
+        return self.texture is not None or bool(self.primvar) or self.number(neutral) != neutral
+
+
+class Inputs:
+    """Inputs of a shader by name."""
+
+    def __init__(self, shader: UsdShade.Shader, time: Usd.TimeCode, notices: Omissions):
+        self._shader, self._time, self._notices = shader, time, notices
+
+    def get(self, name: str) -> ShaderInput:
+        """Input by name; unconnected and without a value if it is missing."""
+        attribute = _source(self._shader.GetInput(name))
+        if attribute is None:
+            return ShaderInput()
+        node = _node(attribute)
+        if node is None:
+            return ShaderInput(attribute.Get(self._time))
+        kind = str(node.GetShaderId() or "")
+        if kind == "UsdUVTexture":
+            channel = attribute.GetName().partition(":")[2]
+            return ShaderInput(texture=self._texture(node), channel=channel)
+        if kind.startswith("UsdPrimvarReader"):
+            return ShaderInput(primvar=self._text(node, "varname"))
+        self._notices.count(
+            f"{name} of a shader {kind or 'without a name'} is not read", "material"
+        )
+        return ShaderInput()
+
+    def pair(self, name: str, default: float) -> tuple[float, float]:
+        """Value of two numbers, each with the same default."""
+        first, second = numbers(self.get(name).value, (default, default))
+        return first, second
+
+    def _texture(self, node: UsdShade.Shader) -> TextureSource:
+        file = self._value(node, "file")
+        path, resolved = "", ""
+        if isinstance(file, Sdf.AssetPath):
+            path, resolved = str(file.path), str(file.resolvedPath)
+        primvar, transform = self._coordinates(node)
+        wraps = self._text(node, "wrapS"), self._text(node, "wrapT")
+        # a mirrored texture is stored next to its mirror image
+        u, v = (
+            tuple(x * (0.5 if wrap == "mirror" else 1.0) for x in row)
+            for row, wrap in zip(transform, wraps, strict=True)
+        )
+        return TextureSource(
+            path,
+            resolved,
+            primvar,
+            ((u[0], u[1], u[2]), (v[0], v[1], v[2])),
+            wraps,
+            self._rgba(node, "scale", (1.0, 1.0, 1.0, 1.0)),
+            self._rgba(node, "bias", (0.0, 0.0, 0.0, 0.0)),
+            self._rgba(node, "fallback", (0.0, 0.0, 0.0, 1.0)),
+        )
+
+    def _coordinates(self, texture: UsdShade.Shader) -> tuple[str, Affine]:
+        """Primvar of a texture's coordinates, and their transform with v down."""
+        matrix, node, key = np.eye(3), texture, "st"
+        for _ in range(_MAX_CHAIN):
+            attribute = _source(node.GetInput(key))
+            source_node = None if attribute is None else _node(attribute)
+            if source_node is None:
+                break
+            node = source_node
+            kind = str(node.GetShaderId() or "")
+            if kind.startswith("UsdPrimvarReader"):
+                flipped = _FLIP_V @ matrix @ _FLIP_V
+                (a, b, c), (d, e, f) = flipped[:2].tolist()
+                return self._text(node, "varname") or "st", ((a, b, c), (d, e, f))
+            if kind != "UsdTransform2d":
+                self._notices.count(f"texture coordinates of a shader {kind} are not read")
+                break
+            matrix, key = matrix @ self._transform(node), "in"
+        return "st", IDENTITY
+
+    def _transform(self, node: UsdShade.Shader) -> NDArray[np.float64]:
+        """Transform (3, 3) of a UsdTransform2d: scale, then rotation, then translation."""
+        angle = math.radians(ShaderInput(self._value(node, "rotation")).number(0.0))
+        scale = numbers(self._value(node, "scale"), (1.0, 1.0))
+        shift = numbers(self._value(node, "translation"), (0.0, 0.0))
+        cos, sin = math.cos(angle), math.sin(angle)
+        rotation = np.array([[cos, -sin], [sin, cos]])
+        matrix = np.eye(3)
+        matrix[:2, :2] = rotation * scale
+        matrix[:2, 2] = shift
+        return matrix
+
+    def _value(self, node: UsdShade.Shader, name: str) -> object:
+        attribute = _source(node.GetInput(name))
+        if attribute is None or _node(attribute) is not None:
+            return None
+        return attribute.Get(self._time)
+
+    def _text(self, node: UsdShade.Shader, name: str) -> str:
+        value = self._value(node, name)
+        return value if isinstance(value, str) else ""
+
+    def _rgba(self, node: UsdShade.Shader, name: str, default: Rgba) -> Rgba:
+        red, green, blue, alpha = numbers(self._value(node, name), default)
+        return red, green, blue, alpha
+
+
+def _source(shader_input: UsdShade.Input) -> Usd.Attribute | None:
+    """Attribute with an input's value, or the shader output connected to it; None: neither."""
+    if not shader_input:
+        return None
+    attributes = UsdShade.Utils.GetValueProducingAttributes(shader_input)
+    return attributes[0] if attributes else None
+
+
+def _node(attribute: Usd.Attribute) -> UsdShade.Shader | None:
+    """Shader with the given output attribute; None: the attribute is not an output."""
+    if UsdShade.Utils.GetType(attribute.GetName()) != UsdShade.AttributeType.Output:
+        return None
+    return UsdShade.Shader(attribute.GetPrim())
+
+
+def numbers(value: object, default: tuple[float, ...]) -> tuple[float, ...]:
+    """Value as finite numbers, as many as in the default, or else the default."""
+    if value is None or isinstance(value, str | int | float):
+        return default
+    array = np.asarray(value)
+    if array.dtype.kind not in "fiu" or array.shape != (len(default),):
+        return default
+    return tuple(array.astype(np.float64).tolist()) if np.isfinite(array).all() else default
+
+
+# Textures of a stage, from files and package members, each decoded once.
+
+
+CHANNELS = {"r": 0, "g": 1, "b": 2, "a": 3}
+_WRAPS = {"clamp": Wrap.CLAMP_TO_EDGE, "black": Wrap.CLAMP_TO_EDGE}
+
+
+class TextureFiles:
+    """Textures by their sources; each unreadable one is reported once."""
+
+    def __init__(self, assets: AssetResolver, textures: TextureStore, notices: Omissions):
+        self._assets, self._textures, self._notices = assets, textures, notices
+        self._images: dict[str, Image.Image | None] = {}
+        self._packed: dict[object, Texture | None] = {}
+
+    def texture(self, source: TextureSource, material: str) -> Texture | None:
+        """Texture of a source, before its scale and bias; None: unreadable."""
+        image = self._image(source)
+        if image is None:
+            return None
+        for wrap in set(source.wraps) & {"black"}:
+            self._notices.count(f"wrap mode {wrap}: the texture's edge is drawn", "texture")
+        s, t = (_WRAPS.get(wrap, Wrap.REPEAT) for wrap in source.wraps)
+        mirrored = (source.wraps[0] == "mirror", source.wraps[1] == "mirror")
+        return self._textures.texture(image, material, (s, t), mirrored)
+
+    def normals(self, source: TextureSource, material: str) -> Texture | None:
+        """Normal map with glTF's encoding, 0 to 255 for −1 to 1; None: unreadable.
+
+        Sources without a scale and a bias are assumed to have this encoding.
+        """
+        key = ("normals", source)
+        if key not in self._packed:
+            texture = self.texture(source, material)
+            levels = [
+                _levels(0.5 * scale, 0.5 * bias + 0.5)
+                for scale, bias in zip(source.scale[:3], source.bias[:3], strict=True)
+            ]
+            plain = np.arange(256)
+            is_plain = not any(source.bias) or all(np.array_equal(one, plain) for one in levels)
+            if texture is not None and not is_plain:
+                pixels = texture.pixels.copy()
+                for channel, table in enumerate(levels):
+                    pixels[..., channel] = table[pixels[..., channel]]
+                texture = replace(texture, pixels=pixels)
+            self._packed[key] = None if texture is None else replace(texture, is_linear=True)
+        return self._packed[key]
+
+    def packed(
+        self,
+        planes: dict[int, tuple[TextureSource, str]],
+        base: TextureSource | None,
+        material: str,
+    ) -> Texture | None:
+        """Texture with channels of other textures, after their scale and bias.
+
+        Args:
+            planes: source and its channel (r, g, b or a), by target channel (0 to 3).
+            base: source of the remaining channels; None: 255.
+            material: material name, for notices.
+
+        Returns:
+            Packed texture; None: no source is readable.
+        """
+        key = (tuple(sorted(planes.items())), base)
+        if key not in self._packed:
+            self._packed[key] = self._pack(planes, base, material)
+        return self._packed[key]
+
+    def _pack(
+        self,
+        planes: dict[int, tuple[TextureSource, str]],
+        base: TextureSource | None,
+        material: str,
+    ) -> Texture | None:
+        read = {
+            channel: (texture, _plane(texture.pixels, source, name))
+            for channel, (source, name) in planes.items()
+            if (texture := self.texture(source, material)) is not None
+        }
+        first = None if base is None else self.texture(base, material)
+        if not read:
+            return first
+        like = first or next(iter(read.values()))[0]
+        shape = np.max(
+            [like.pixels.shape[:2], *(plane.shape for _, plane in read.values())], axis=0
+        )
+        pixels = np.full((*shape, 4), 255, dtype=np.uint8)
+        if first is not None:
+            pixels[:] = _resized(first.pixels, shape)
+        for channel, (_, plane) in read.items():
+            pixels[..., channel] = _resized(plane, shape)
+        return replace(like, pixels=pixels)
+
+    def _image(self, source: TextureSource) -> Image.Image | None:
+        """Image, not yet decoded; None: missing or in an unknown format."""
+        key = source.resolved or source.path
+        if key not in self._images:
+            self._images[key] = self._open(source)
+        return self._images[key]
+
+    def _open(self, source: TextureSource) -> Image.Image | None:
+        if not source.path:
+            self._notices.count("texture without a file is not drawn", "texture")
+            return None
+        try:
+            data = content_of(source.resolved) or self._assets[source.path]
+        except OSError:  # reported by the resolver
+            return None
+        try:
+            return Image.open(io.BytesIO(data))
+        except Exception:  # Pillow's readers raise exceptions of any type
+            self._assets.faults[source.path] = unreadable_image(data)
+            return None
+
+
+def content_of(resolved: str) -> bytes:
+    """Content of a file or package member; empty if unreadable."""
+    if not resolved:
+        return b""
+    package = Ar.SplitPackageRelativePathOuter(resolved)[0]
+    if not Path(package).is_file():  # reading a device might never end
+        return b""
+    if package == resolved:
+        return read_source(Path(resolved))
+    note_file(Path(package))
+    asset = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(resolved))
+    return b"" if asset is None else bytes(asset.GetBuffer())
+
+
+def _plane(pixels: NDArray[np.uint8], source: TextureSource, channel: str) -> NDArray[np.uint8]:
+    """Levels (height, width) of a channel, after its scale and bias."""
+    index = CHANNELS.get(channel, 0)
+    scale, bias = source.scale[index], source.bias[index]
+    if (scale, bias) == (1.0, 0.0):
+        return pixels[..., index]
+    return _levels(scale, bias)[pixels[..., index]]
+
+
+def _levels(scale: float, bias: float) -> NDArray[np.uint8]:
+    """Lookup table (256,) of levels after a scale and a bias."""
+    values = np.rint(np.arange(256) * scale + 255.0 * bias)
+    return np.clip(values, 0, 255).astype(np.uint8)
+
+
+def _resized(pixels: NDArray[np.uint8], shape: NDArray[np.integer]) -> NDArray[np.uint8]:
+    """Pixels (height, width, 4), resampled by nearest neighbor to another height and width."""
+    if pixels.shape[:2] == tuple(shape):
+        return pixels
+    rows = np.arange(shape[0]) * pixels.shape[0] // shape[0]
+    columns = np.arange(shape[1]) * pixels.shape[1] // shape[1]
+    return pixels[rows[:, None], columns]
+
+
+# OmniPBR, the material of Omniverse and Isaac Sim, without its gloss maps.
+
+
+OMNI_PBR_NAMES = ("OmniPBR", "OmniPBR_Opacity")
+_MAPS = (
+    "reflectionroughness_texture", "metallic_texture", "ORM_texture", "ao_texture",
+    "emissive_color_texture", "opacity_texture", "detail_normalmap_texture",
+)  # fmt: skip
+Color = tuple[float, float, float]
+
+
+def read_omni_pbr(
+    name: str, inputs: Inputs, files: TextureFiles, notices: Omissions
+) -> tuple[Material, TextureSource | None]:
+    """Material, and the texture that determines its meshes' texture coordinates.
+
+    Source: OmniPBR.mdl's parameters and their defaults, by NVIDIA.
+    """
+    for key in _MAPS:
+        if _asset_texture(inputs, key) is not None:
+            notices.count(f"{key} of OmniPBR is not drawn", "material")
+    source = _asset_texture(inputs, "diffuse_texture")
+    texture = None if source is None else files.texture(source, name)
+    color: Color = (1.0, 1.0, 1.0)
+    if texture is None:
+        color = inputs.get("diffuse_color_constant").color((0.2, 0.2, 0.2))
+    red, green, blue = (
+        own * tint
+        for own, tint in zip(color, inputs.get("diffuse_tint").color((1.0, 1.0, 1.0)), strict=True)
+    )
+    normal_source = _asset_texture(inputs, "normalmap_texture")
+    normal: Texture | None = None
+    if normal_source is not None:
+        normal = files.normals(normal_source, name)
+    alpha, mode = 1.0, AlphaMode.OPAQUE
+    threshold = inputs.get("opacity_threshold").number(0.0)
+    if inputs.get("enable_opacity").value:
+        alpha = inputs.get("opacity_constant").number(1.0)
+        mode = AlphaMode.MASK if threshold > 0.0 else AlphaMode.BLEND
+    emissive: Color = (0.0, 0.0, 0.0)
+    if inputs.get("enable_emission").value and inputs.get("emissive_intensity").number(40.0) > 0.0:
+        emissive = inputs.get("emissive_color").color((1.0, 0.1, 0.1))
+    material = Material(
+        name,
+        (red, green, blue, alpha),
+        texture,
+        mode,
+        alpha_cutoff=threshold if threshold > 0.0 else 0.5,
+        metallic=inputs.get("metallic_constant").number(0.0),
+        roughness=inputs.get("reflection_roughness_constant").number(0.5),
+        specular=min(2.0 * inputs.get("specular_level").number(0.5), 1.0),
+        emissive=emissive,
+        normal_scale=inputs.get("bump_factor").number(1.0),
+        normal_map=normal,
+    )
+    return material, source or normal_source
+
+
+def _asset_texture(inputs: Inputs, key: str) -> TextureSource | None:
+    """Texture of an input whose value is an asset."""
+    value = inputs.get(key).value
+    if not isinstance(value, Sdf.AssetPath) or not value.path:
+        return None
+    (sx, sy), (dx, dy) = inputs.pair("texture_scale", 1.0), inputs.pair("texture_translate", 0.0)
+    transform = IDENTITY
+    if (sx, sy, dx, dy) != (1.0, 1.0, 0.0, 0.0):  # converts to v down
+        transform = (sx, 0.0, dx), (0.0, sy, 1.0 - sy - dy)
+    return TextureSource(
+        str(value.path), str(value.resolvedPath), "st", transform, ("repeat", "repeat")
+    )

@@ -8,9 +8,10 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
-from xml.etree.ElementTree import Element
+from xml.etree.ElementTree import Element, ParseError, iterparse
 from xml.parsers import expat
 
 import numpy as np
@@ -284,3 +285,10 @@ def parse_xml(data: bytes) -> Element:
     if builder.root is None:
         raise SceneError("not XML: no element found")
     return builder.root
+
+
+def is_urdf(path: Path) -> bool:
+    """True for a file with a `<robot>` root."""
+    with path.open("rb") as file, suppress(ParseError, StopIteration, ValueError, LookupError):
+        return next(iterparse(file, ("start",)))[1].tag == "robot"
+    return False
