@@ -7,14 +7,14 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Self
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import OmnisimError
 from omnisim.core.poses import check_pose
 from omnisim.core.short_repr import short_repr
 
-Pose = NDArray[np.float64]  # (4, 4)
+Pose = Floats  # (4, 4)
 # Index of a dynamic object, None for the static scene; and the name of its instance.
 ObjectPart = tuple[int | None, str]
 

@@ -8,7 +8,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.core.bounds import bounds_of, triangle_bounds
+from omnisim.core.arrays import bounds_of, triangle_bounds
 from omnisim.core.short_repr import number_text, point_text
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.near_plane import scene_size_m

@@ -11,8 +11,9 @@ import dataclasses
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import OmnisimError, SceneError, did_you_mean
 from omnisim.core.poses import check_pose, inverse, is_pose
 from omnisim.core.srgb import linear_from_srgb8
@@ -42,7 +43,7 @@ def find(content: Content, name: str) -> tuple[Instance, ...]:
     return parts
 
 
-def pose_of(content: Content, name: str) -> NDArray[np.float64]:
+def pose_of(content: Content, name: str) -> Floats:
     """Pose (4, 4) of an instance's frame, without the scale of its node.
 
     Raises:
@@ -278,7 +279,7 @@ def color_material(
     )
 
 
-def instance_pose(name: str, matrix: ArrayLike) -> NDArray[np.float64]:
+def instance_pose(name: str, matrix: ArrayLike) -> Floats:
     """Checked pose (4, 4) of an instance.
 
     Raises:
@@ -308,7 +309,7 @@ def _texture(name: str, texture: ArrayLike) -> Texture:
     return Texture(rgba)
 
 
-def _vertex_colors(name: str, colors: ArrayLike, count: int) -> NDArray[np.float64]:
+def _vertex_colors(name: str, colors: ArrayLike, count: int) -> Floats:
     """Linear RGBA (n, 4) from sRGB bytes or from linear numbers in [0, 1]."""
     width = 4 if np.shape(colors)[-1:] == (4,) else 3
     values = _numbers(name, "colors", colors, (count, width))
@@ -326,9 +327,7 @@ def _vertex_colors(name: str, colors: ArrayLike, count: int) -> NDArray[np.float
     return rgba
 
 
-def _numbers(
-    name: str, key: str, values: ArrayLike, shape: tuple[str | int, ...] | None
-) -> NDArray[np.float64]:
+def _numbers(name: str, key: str, values: ArrayLike, shape: tuple[str | int, ...] | None) -> Floats:
     """Validated array of finite numbers; a letter in `shape` means any length."""
     try:
         array = np.asarray(values, dtype=np.float64)

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core.arrays import Bytes, Floats32
 from omnisim.core.srgb import (
     linear_from_srgb,
     linear_from_srgb8,
@@ -31,7 +32,7 @@ _ONES, _BITS = np.uint64(0x0001_0001_0001_0001), np.uint64(0x7FFF_7FFF_7FFF_7FFF
 _BLOCK = 1 << 16  # values per lookup: NumPy's temporary 64-bit indices then fit in a cache
 
 
-def mipmaps(pixels: NDArray[np.uint8], is_linear: bool = False) -> list[NDArray[np.uint8]]:
+def mipmaps(pixels: Bytes, is_linear: bool = False) -> list[Bytes]:
     """Mip levels 1, 2, … down to one texel, for a texture (height, width, 4) uint8 sRGB or linear.
 
     Colors are averaged in linear light.
@@ -94,7 +95,7 @@ def _mean_of_pairs(values: NDArray[np.uint16], axis: int) -> NDArray[np.uint16]:
 _SEARCH_STEPS = 12  # bisections of [0, 16], down to 4/1000: one 8-bit step
 
 
-def masked_mipmaps(pixels: NDArray[np.uint8], cutoff: float) -> list[NDArray[np.uint8]]:
+def masked_mipmaps(pixels: Bytes, cutoff: float) -> list[Bytes]:
     """Mip levels 1, 2, … down to one texel, for a texture (height, width, 4) uint8 sRGB.
 
     With plain averages of alpha, a fence vanishes once no texel reaches the cutoff, and the gaps of
@@ -118,7 +119,7 @@ def masked_mipmaps(pixels: NDArray[np.uint8], cutoff: float) -> list[NDArray[np.
     return levels
 
 
-def _mean_of_blocks(values: NDArray[np.float32]) -> NDArray[np.float32]:
+def _mean_of_blocks(values: Floats32) -> Floats32:
     """Averages of 2 × 2 blocks. A side of one texel is kept; an odd last row or column is dropped,
     as in OpenGL's level sizes."""  # fmt: skip
     for axis in (0, 1):
@@ -128,7 +129,7 @@ def _mean_of_blocks(values: NDArray[np.float32]) -> NDArray[np.float32]:
     return values
 
 
-def _alpha_scale(alpha: NDArray[np.float32], cutoff: float, covered: float) -> float:
+def _alpha_scale(alpha: Floats32, cutoff: float, covered: float) -> float:
     low, high = 0.0, 16.0
     for _ in range(_SEARCH_STEPS):
         middle = 0.5 * (low + high)

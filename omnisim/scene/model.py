@@ -7,8 +7,9 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from omnisim.core.arrays import Floats
 from omnisim.core.files.fingerprint import fingerprint
 from omnisim.core.short_repr import counted, short_repr
 from omnisim.ground_truth.boxes_3d import OrientedBox
@@ -183,7 +184,7 @@ class Scene:
         """Unique names of the instances; all parts with one name form one instance."""
         return tuple(dict.fromkeys(instance.name for instance in self.instances))
 
-    def bounds_m(self, name: str | None = None) -> NDArray[np.float64]:
+    def bounds_m(self, name: str | None = None) -> Floats:
         """Smallest and largest corner (2, 3) of all instances, or of one, world frame, m.
 
         Without instances: the bounds of the dynamic objects at 0 s.
@@ -196,7 +197,7 @@ class Scene:
         instances = self.instances if name is None else editing.find(self._content, name)
         return bounds_m(self.meshes, instances)
 
-    def pose_of(self, name: str) -> NDArray[np.float64]:
+    def pose_of(self, name: str) -> Floats:
         """Pose (4, 4) world_from_instance of an instance's frame.
 
         The frame is that of the instance's node, which is z up unless the node is rotated. An added

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from omnisim.cameras import CentralCamera
-from omnisim.core.bounds import bounds_of
+from omnisim.core.arrays import Bytes, Floats, Floats32, bounds_of
 from omnisim.core.files.parameters import (
     AboveZero,
     Fraction,
@@ -69,7 +69,7 @@ class Texture:
         uv_transform: (2, 3) affine transform of those coordinates; identity for a base color.
     """
 
-    pixels: NDArray[np.uint8]
+    pixels: Bytes
     wrap_u: Wrap = Wrap.REPEAT
     wrap_v: Wrap = Wrap.REPEAT
     is_linear: bool = False
@@ -300,17 +300,17 @@ class Mesh:
     """
 
     name: str
-    positions: NDArray[np.float32]
+    positions: Floats32
     triangles: NDArray[np.uint32]
     material: int
-    normals: NDArray[np.float32] | None = None
-    texture_coordinates: NDArray[np.float32] | None = None
-    colors: NDArray[np.float32] | None = None
-    second_texture_coordinates: NDArray[np.float32] | None = None
+    normals: Floats32 | None = None
+    texture_coordinates: Floats32 | None = None
+    colors: Floats32 | None = None
+    second_texture_coordinates: Floats32 | None = None
     deformation: Deformation | None = None
-    light_coordinates: NDArray[np.float32] | None = None
+    light_coordinates: Floats32 | None = None
 
-    def coordinates_of(self, texture: Texture) -> NDArray[np.float32] | None:
+    def coordinates_of(self, texture: Texture) -> Floats32 | None:
         """Texture coordinates (n, 2) for a texture's `uv_set`, before its `uv_transform`."""
         return self.second_texture_coordinates if texture.uv_set else self.texture_coordinates
 
@@ -336,8 +336,8 @@ class Instance:
 
     name: str
     mesh: int
-    world_from_mesh: NDArray[np.float64]
-    world_from_node: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
+    world_from_mesh: Floats
+    world_from_node: Floats = field(default_factory=lambda: np.eye(4))
     light_rectangle: LightRectangle | None = None
     light_back_rectangle: LightRectangle | None = None
 
@@ -374,8 +374,8 @@ class Light:
     kind: LightKind
     color: tuple[float, float, float]
     intensity: float
-    position_m: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
-    direction: NDArray[np.float64] = field(default_factory=lambda: np.array([0.0, 0.0, -1.0]))
+    position_m: Floats = field(default_factory=lambda: np.zeros(3))
+    direction: Floats = field(default_factory=lambda: np.array([0.0, 0.0, -1.0]))
     range_m: float = math.inf
     cone_cosines: tuple[float, float] = (1.0, 0.0)
     casts_shadow: bool = True
@@ -578,7 +578,7 @@ class LabelRule:
         return short_repr(self, str(self.id), repr(self.name), " ".join(self.nodes))
 
 
-def bounds_m(meshes: tuple[Mesh, ...], instances: tuple[Instance, ...]) -> NDArray[np.float64]:
+def bounds_m(meshes: tuple[Mesh, ...], instances: tuple[Instance, ...]) -> Floats:
     """Smallest and largest corner (2, 3) of the instances' joint bounding box, world frame, m."""
     if not instances:
         return np.array([[np.inf] * 3, [-np.inf] * 3])
@@ -586,9 +586,7 @@ def bounds_m(meshes: tuple[Mesh, ...], instances: tuple[Instance, ...]) -> NDArr
     return np.stack((boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)))
 
 
-def instance_bounds_m(
-    meshes: tuple[Mesh, ...], instances: tuple[Instance, ...]
-) -> NDArray[np.float64]:
+def instance_bounds_m(meshes: tuple[Mesh, ...], instances: tuple[Instance, ...]) -> Floats:
     """Smallest and largest corner (n, 2, 3) of each instance's bounding box, world frame, m."""
     boxes = np.array([bounds_of(mesh.positions) for mesh in meshes], np.float64)[
         [instance.mesh for instance in instances]

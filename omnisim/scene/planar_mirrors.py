@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Bools, Floats
 from omnisim.scene.model import Scene
 from omnisim.scene.parts import AlphaMode, Material, Mesh
 from omnisim.scene.surface_reflectance import MAX_MIRRORED_ROUGHNESS, MIN_ROUGHNESS
@@ -41,7 +41,7 @@ class ShownSurface(Protocol):
         """Index of its dynamic object; None: static."""
 
     @property
-    def object_from_mesh(self) -> NDArray[np.float64]:
+    def object_from_mesh(self) -> Floats:
         """(4, 4) transform to the world or the dynamic object's frame."""
 
 
@@ -59,11 +59,11 @@ class MirrorPlane:
     """
 
     object_index: int | None
-    normal: NDArray[np.float64]
+    normal: Floats
     offset_m: float
     area_m2: float
     sides: frozenset[int]
-    parts: dict[int, NDArray[np.bool_]]
+    parts: dict[int, Bools]
 
 
 class FlatPart(NamedTuple):
@@ -76,11 +76,11 @@ class FlatPart(NamedTuple):
         triangles: mask (triangles,) of the triangles.
     """
 
-    normal: NDArray[np.float64]
-    point: NDArray[np.float64]
+    normal: Floats
+    point: Floats
     area: float
     sides: frozenset[int]
-    triangles: NDArray[np.bool_]
+    triangles: Bools
 
 
 class _PlacedPart(NamedTuple):
@@ -88,11 +88,11 @@ class _PlacedPart(NamedTuple):
 
     surface: int
     object_index: int
-    normal: NDArray[np.float64]
+    normal: Floats
     offset_m: float
     area_m2: float
     sides: frozenset[int]
-    triangles: NDArray[np.bool_]
+    triangles: Bools
 
 
 def is_smooth(material: Material, max_roughness: float) -> bool:
@@ -184,7 +184,7 @@ def _planes(parts: Sequence[_PlacedPart]) -> tuple[MirrorPlane, ...]:
         is_own &= (turned <= _SAME_NORMAL) & (beside_m <= _SAME_OFFSET_M)
         is_own[int(np.argmax(left))] = True
         left &= ~is_own
-        area_m2, sides, masks = 0.0, frozenset[int](), dict[int, NDArray[np.bool_]]()
+        area_m2, sides, masks = 0.0, frozenset[int](), dict[int, Bools]()
         for number in np.flatnonzero(is_own).tolist():
             part, sign = parts[number], int(signs[number])
             area_m2 += part.area_m2
@@ -228,7 +228,7 @@ def flat_parts(mesh: Mesh) -> list[FlatPart]:
     return parts
 
 
-def _has_flat_normals(mesh: Mesh, normals: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _has_flat_normals(mesh: Mesh, normals: Floats) -> Bools:
     """Mask of the triangles (n,) whose vertex normals are, up to sign, their own (n, 3)."""
     if mesh.normals is None:
         return np.ones(len(normals), dtype=np.bool_)
@@ -241,11 +241,7 @@ def _has_flat_normals(mesh: Mesh, normals: NDArray[np.float64]) -> NDArray[np.bo
 
 
 def _candidates(
-    normals: NDArray[np.float64],
-    corners: NDArray[np.float64],
-    size: float,
-    areas: NDArray[np.float64],
-    min_area: float,
+    normals: Floats, corners: Floats, size: float, areas: Floats, min_area: float
 ) -> list[int]:
     """Largest triangle of each coarse class of planes that holds at least an area, and some."""
     offsets = np.einsum("nc,nc->n", normals, corners[:, 0]) / size
@@ -266,7 +262,7 @@ class SceneSurface(NamedTuple):
 
     mesh: Mesh
     material: Material
-    object_from_mesh: NDArray[np.float64]
+    object_from_mesh: Floats
     object_index: int | None
 
 
@@ -311,7 +307,7 @@ def is_specular(material: Material) -> bool:
     return material.pane_transmission > 0.0 or is_smooth(material, MIN_ROUGHNESS)
 
 
-def specular_mask(materials: Sequence[Material], is_matte: bool) -> NDArray[np.bool_]:
+def specular_mask(materials: Sequence[Material], is_matte: bool) -> Bools:
     """Mask (n,) of specular materials; none is if the scene is shaded as matte."""
     if is_matte:
         return np.zeros(len(materials), dtype=np.bool_)

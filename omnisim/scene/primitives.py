@@ -14,7 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 from mapbox_earcut import triangulate_float64
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from omnisim.core.arrays import Floats, Ints
 
 MAX_DEVIATION = 5e-4
 MIN_DEVIATION_M = 5e-5
@@ -30,9 +32,9 @@ class Surface(NamedTuple):
         normals: (n, 3) unit; None: flat shading.
     """
 
-    positions: NDArray[np.float64]
-    triangles: NDArray[np.int64]
-    normals: NDArray[np.float64] | None
+    positions: Floats
+    triangles: Ints
+    normals: Floats | None
 
 
 def segments(radius_m: float, max_segments: int = MAX_SEGMENTS) -> int:
@@ -51,8 +53,8 @@ def rectangle(half_x: float, half_y: float) -> Surface:
 
 def box(half_sizes: ArrayLike) -> Surface:
     """Axis-aligned box at the origin, with half sizes (3,)."""
-    corners: list[NDArray[np.float64]] = []
-    triangles: list[NDArray[np.int64]] = []
+    corners: list[Floats] = []
+    triangles: list[Ints] = []
     for axis in range(3):
         for sign in (-1.0, 1.0):
             u, v = (axis + 1) % 3, (axis + 2) % 3
@@ -129,7 +131,7 @@ def join(*surfaces: Surface) -> Surface:
     )
 
 
-def grid_triangles(rows: int, columns: int) -> NDArray[np.int64]:
+def grid_triangles(rows: int, columns: int) -> Ints:
     """Triangles (m, 3) of a row-major grid of vertices, with diagonals from (0, 0) to (1, 1).
 
     With x along the columns and y along the rows, they face up.
@@ -145,7 +147,7 @@ def _outside(count: int) -> float:
     return 2.0 / (1.0 + math.cos(math.pi / count))
 
 
-def _circle(count: int) -> NDArray[np.float64]:
+def _circle(count: int) -> Floats:
     """Unit vectors (count + 1, 2) around a circle; the last repeats the first."""
     angles = np.arange(count + 1) % count * (2.0 * math.pi / count)
     return np.stack((np.cos(angles), np.sin(angles)), axis=1)
@@ -196,7 +198,7 @@ def _disc(count: int, radius_m: float, z_m: float) -> Surface:
 # Triangulation of planar polygons with holes.
 
 
-def triangulate(loops: Sequence[ArrayLike]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def triangulate(loops: Sequence[ArrayLike]) -> tuple[Floats, Ints]:
     """Triangulate closed loops by the even-odd rule.
 
     Args:
@@ -226,7 +228,7 @@ def triangulate(loops: Sequence[ArrayLike]) -> tuple[NDArray[np.float64], NDArra
     return points, np.concatenate(triangles)
 
 
-def clip_ears(rings: Sequence[NDArray[np.float64]]) -> NDArray[np.int64]:
+def clip_ears(rings: Sequence[Floats]) -> Ints:
     """Non-degenerate, counter-clockwise triangles (m, 3) of a simple polygon with holes.
 
     Args:
@@ -234,14 +236,14 @@ def clip_ears(rings: Sequence[NDArray[np.float64]]) -> NDArray[np.int64]:
     """
     points = np.concatenate(rings)
     ends = np.cumsum([len(ring) for ring in rings], dtype=np.uint32)
-    triangles: NDArray[np.int64] = triangulate_float64(points, ends).reshape(-1, 3).astype(np.int64)
+    triangles: Ints = triangulate_float64(points, ends).reshape(-1, 3).astype(np.int64)
     a, b, c = (points[triangles[:, k]] for k in range(3))
     areas = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
     triangles[areas < 0.0] = triangles[areas < 0.0, ::-1]
     return triangles[areas != 0.0]
 
 
-def surrounds(ring: NDArray[np.float64], point: NDArray[np.float64]) -> bool:
+def surrounds(ring: Floats, point: Floats) -> bool:
     """True if a ring encloses a point: a ray from the point crosses it an odd number of times."""
     (x0, y0), (x1, y1) = ring.T, np.roll(ring, -1, axis=0).T
     crosses = (y0 > point[1]) != (y1 > point[1])

@@ -13,15 +13,11 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats
 from omnisim.scene.parts import Material
 from omnisim.scene.planar_mirrors import MirrorPlane, ShownSurface, is_smooth, is_surface_planar
-from omnisim.scene.surface_reflectance import (
-    COAT_F0,
-    MAX_TRACED_ROUGHNESS,
-    dielectric_f0,
-)
+from omnisim.scene.surface_reflectance import COAT_F0, MAX_TRACED_ROUGHNESS, dielectric_f0
 
 # Mean cosine between outward directions and normals: 1 for a ball, −1 for a room.
 _COMPACT, _HOLLOW = 0.25, -0.1
@@ -46,7 +42,7 @@ class ProbePlace:
     """
 
     object_index: int | None
-    center_m: NDArray[np.float64]
+    center_m: Floats
     radius_m: float
     area_m2: float
     surfaces: frozenset[int]
@@ -57,11 +53,11 @@ class ProbePlace:
 class _Box(NamedTuple):
     """Bounds (3,) of a surface in its object's frame."""
 
-    low_m: NDArray[np.float64]
-    high_m: NDArray[np.float64]
+    low_m: Floats
+    high_m: Floats
 
     @property
-    def center_m(self) -> NDArray[np.float64]:
+    def center_m(self) -> Floats:
         """Center (3,)."""
         return 0.5 * (self.low_m + self.high_m)
 
@@ -206,7 +202,7 @@ def _place(index: int, surface: ShownSurface, box: _Box) -> tuple[ProbePlace, bo
     return place, is_small
 
 
-def _positions_m(surface: ShownSurface) -> NDArray[np.float64]:
+def _positions_m(surface: ShownSurface) -> Floats:
     """Vertices (n, 3) in the object's frame."""
     matrix = surface.object_from_mesh
     return surface.mesh.positions.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]

@@ -10,6 +10,8 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats, Floats32
+
 # Smoother surfaces would act as mirrors, which do not reflect a lamp without extent.
 MIN_ROUGHNESS = 0.04
 # Rougher surfaces reflect the prefiltered sky and surroundings only, by rays; and rougher planar
@@ -40,7 +42,7 @@ def dielectric_f0(
 
 
 @cache
-def environment_table() -> NDArray[np.float32]:
+def environment_table() -> Floats32:
     """Reflectance table for a white environment (roughnesses, cosines, 3).
 
     The cosine between view and normal runs from 0 to 1 along the columns, the roughness along the
@@ -57,12 +59,7 @@ def environment_table() -> NDArray[np.float32]:
     return np.concatenate((gloss, body[..., None]), axis=-1).astype(np.float32)
 
 
-def _gloss(
-    view: NDArray[np.float64],
-    roughness: NDArray[np.float64],
-    first: NDArray[np.float64],
-    second: NDArray[np.float64],
-) -> NDArray[np.float64]:
+def _gloss(view: Floats, roughness: Floats, first: Floats, second: Floats) -> Floats:
     """Weights (roughnesses, cosines, 2) of f0 and f90, sampled over GGX half vectors."""
     squared = roughness**4
     height = np.sqrt((1.0 - first) / (1.0 + (squared - 1.0) * first))
@@ -78,9 +75,7 @@ def _gloss(
     return np.stack(shares, axis=-1)
 
 
-def _body(
-    view: NDArray[np.float64], first: NDArray[np.float64], second: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _body(view: Floats, first: Floats, second: Floats) -> Floats:
     """Means (1, cosines) of Schlick's term over cosine-weighted light.
 
     Args:
@@ -105,7 +100,7 @@ def smith_visibility(
     return 0.5 / np.maximum(behind + before, 1e-7)
 
 
-def _radical_inverse_pairs(count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _radical_inverse_pairs(count: int) -> tuple[Floats, Floats]:
     """Hammersley points in the unit square, (count,) per axis."""
     number = np.arange(count)
     inverse = np.zeros(count)

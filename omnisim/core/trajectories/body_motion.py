@@ -11,7 +11,8 @@ from abc import ABC, abstractmethod
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+
+from omnisim.core.arrays import Floats
 
 
 class MotionStates(NamedTuple):
@@ -25,12 +26,12 @@ class MotionStates(NamedTuple):
         angular_rate_radps: (n, 3) angular rate, base.
     """
 
-    world_from_base: NDArray[np.float64]
-    velocity_mps: NDArray[np.float64]
-    acceleration_mps2: NDArray[np.float64]
-    angular_rate_radps: NDArray[np.float64]
+    world_from_base: Floats
+    velocity_mps: Floats
+    acceleration_mps2: Floats
+    angular_rate_radps: Floats
 
-    def at_mount(self, base_from_mount: NDArray[np.float64]) -> MotionStates:
+    def at_mount(self, base_from_mount: Floats) -> MotionStates:
         """States of a frame mounted on the body at `base_from_mount` (4, 4).
 
         The acceleration lacks the lever-arm part, which jumps with the angular acceleration.
@@ -56,7 +57,7 @@ class BodyMotion(ABC):
     start_s: float
     end_s: float
 
-    def at(self, times_s: NDArray[np.float64]) -> MotionStates:
+    def at(self, times_s: Floats) -> MotionStates:
         """States at times (n,)."""
         times = np.asarray(times_s, dtype=np.float64)
         states = self._states(np.clip(times, self.start_s, self.end_s))
@@ -64,10 +65,10 @@ class BodyMotion(ABC):
         rates = (np.where(moves, rate, 0.0) for rate in states[1:])
         return MotionStates(states.world_from_base, *rates)
 
-    def pose_at(self, time_s: float) -> NDArray[np.float64]:
+    def pose_at(self, time_s: float) -> Floats:
         """Pose (4, 4) at a time."""
         return self.at(np.array([time_s])).world_from_base[0]
 
     @abstractmethod
-    def _states(self, times_s: NDArray[np.float64]) -> MotionStates:
+    def _states(self, times_s: Floats) -> MotionStates:
         """States at times (n,) between start and end."""

@@ -12,9 +12,10 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydantic import AfterValidator, Field
 
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import TrajectoryError
 from omnisim.core.files.parameters import Number, Parameters
 from omnisim.core.poses import MAX_M, wrap_angle, wrap_angles
@@ -80,9 +81,9 @@ class Odometry:
         TrajectoryError: shapes do not match, or values are not finite.
     """
 
-    times_s: NDArray[np.float64]
-    distances_m: NDArray[np.float64]
-    turns_rad: NDArray[np.float64]
+    times_s: Floats
+    distances_m: Floats
+    turns_rad: Floats
     start: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __repr__(self) -> str:
@@ -107,7 +108,7 @@ class Odometry:
             )
 
     @property
-    def planar_poses(self) -> NDArray[np.float64]:
+    def planar_poses(self) -> Floats:
         """x, y in meters and yaw in radians (n, 3) by dead reckoning; yaw is not wrapped."""
         x, y, yaw = self.start
         yaws = yaw + np.concatenate(((0.0,), np.cumsum(self.turns_rad)))
@@ -196,7 +197,7 @@ def with_errors(true: Odometry, errors: OdometryErrors, seed: int) -> Odometry:
     )
 
 
-def _counted(increments: NDArray[np.float64], tick: float) -> NDArray[np.float64]:
+def _counted(increments: Floats, tick: float) -> Floats:
     """Quantize increments (n,) as a counter does: the sum is rounded, so errors do not grow."""
     if tick == 0.0:
         return increments
@@ -204,7 +205,7 @@ def _counted(increments: NDArray[np.float64], tick: float) -> NDArray[np.float64
     return np.diff(counts, prepend=0.0) * tick
 
 
-def _chord_per_arc(turns_rad: ArrayLike) -> NDArray[np.float64]:
+def _chord_per_arc(turns_rad: ArrayLike) -> Floats:
     """Chord lengths (n,) per meter of arc, for turns (n,): sin(turn / 2) / (turn / 2)."""
     return np.sinc(np.asarray(turns_rad) / (2.0 * math.pi))
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.core.bounds import bounds_of
+from omnisim.core.arrays import bounds_of
 from omnisim.core.world import ObjectPart, ObjectPoses, time_of
 from omnisim.rendering.rays.embree import NO_TRIANGLE, EmbreeHits, EmbreeMesh, put_rows
 from omnisim.rendering.rays.geometry import Poses, build_geometry

@@ -13,10 +13,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras.calibration.formats.format import error_context
 from omnisim.cameras.calibration.formats.gazebo import UnsupportedLensError, read_lens
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import OmnisimError, RobotFileError, SceneError, did_you_mean
 from omnisim.core.poses import pose_from_rotation, rotation_from_yaw
 from omnisim.rendering.camera.omnicamera import OmniCamera
@@ -161,7 +161,7 @@ _TABLES = {  # of features, by type of sensor
 
 
 def read_sensors(
-    sensor: XmlElement, base_from_sensor: NDArray[np.float64], omissions: Omissions
+    sensor: XmlElement, base_from_sensor: Floats, omissions: Omissions
 ) -> Iterator[ImportedSensor]:
     """Convert a `<sensor>` to sensors; unsupported types, parts and lenses are omissions.
 
@@ -199,7 +199,7 @@ def read_sensors(
 
 
 def _camera(
-    name: str, camera: XmlElement, base_from_camera: NDArray[np.float64], rate: dict[str, float]
+    name: str, camera: XmlElement, base_from_camera: Floats, rate: dict[str, float]
 ) -> ImportedSensor:
     with error_context(camera.place):
         lens = read_lens(camera.element, camera.place)
@@ -213,7 +213,7 @@ def _camera(
 
 
 def _depth_camera(
-    name: str, camera: XmlElement, base_from_camera: NDArray[np.float64], rate: dict[str, float]
+    name: str, camera: XmlElement, base_from_camera: Floats, rate: dict[str, float]
 ) -> ImportedSensor:
     """Depth camera without holes and depth errors, because Gazebo simulates neither."""
     width, height = (round(camera.positive(f"image/{key}", 320.0)) for key in ("width", "height"))
@@ -235,7 +235,7 @@ def _depth_camera(
 
 
 def _lidar(
-    name: str, scan: XmlElement, base_from_lidar: NDArray[np.float64], rate: dict[str, float]
+    name: str, scan: XmlElement, base_from_lidar: Floats, rate: dict[str, float]
 ) -> ImportedSensor:
     """Lidar with full revolutions, or a planar scanner if there is a single ring."""
     across, low, high = _angles(scan, "horizontal")

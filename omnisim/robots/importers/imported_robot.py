@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any, NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import SceneError
 from omnisim.core.files.atomic_file import write_text
 from omnisim.core.files.toml_file import Comment, toml_text
@@ -49,7 +49,7 @@ class ImportedSensor(NamedTuple):
     comments: tuple[str, ...] = ()
 
     @classmethod
-    def at(cls, name: str, kind: str, pose: NDArray[np.float64], *rest: Any) -> Self:
+    def at(cls, name: str, kind: str, pose: Floats, *rest: Any) -> Self:
         """Sensor at a pose (4, 4) in the model's frame; `rest`: fields from `values` on."""
         angles_deg = np.degrees(roll_pitch_yaw_from_rotation(pose[:3, :3]))
         return cls(name, kind, pose[:3, 3].tolist(), angles_deg.tolist(), *rest)
@@ -80,7 +80,7 @@ class ImportedRobot:
     comments: Sequence[str]
     body: Scene | None = None
     resources: Sequence[Path] = ()
-    base_m: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+    base_m: Floats = field(default_factory=lambda: np.zeros(3))
     kinematics: Mapping[str, Any] | None = None
     footprint: Mapping[str, Any] | None = None
     physics: Mapping[str, Any] | None = None
@@ -169,7 +169,7 @@ def load_body(path: Path, resources: Sequence[str | Path], notices: list[str]) -
         return None
 
 
-def footprint(body: Scene, base_m: NDArray[np.float64]) -> dict[str, float]:
+def footprint(body: Scene, base_m: Floats) -> dict[str, float]:
     """Footprint table of a body, centered at the base; `base_m` (3,) is in the body's frame."""
     low, high = body.bounds_m() - base_m
     length, width = (2.0 * float(max(-low[axis], high[axis])) for axis in (0, 1))

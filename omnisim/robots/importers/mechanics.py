@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats
 from omnisim.robots.importers.imported_robot import ImportedRobot, ImportedSensor, footprint
 from omnisim.scene import Scene
 from omnisim.scene.formats.features import part_notices, xml_parts
@@ -32,7 +32,7 @@ class Mechanics(NamedTuple):
     name: str
     wheels: Sequence[Wheel]
     mass_kg: float
-    center_m: NDArray[np.float64]
+    center_m: Floats
     sensors: Sequence[ImportedSensor]
     limits: dict[str, float]
 
@@ -108,7 +108,7 @@ class Wheel(NamedTuple):
     """
 
     name: str
-    middle_m: NDArray[np.float64]
+    middle_m: Floats
     radius_m: float
     speed_radps: float = 0.0
 
@@ -127,12 +127,12 @@ class WheelDrive(NamedTuple):
         speed_mps: maximum speed from the joints' limits; 0: unstated.
     """
 
-    base_m: NDArray[np.float64]
+    base_m: Floats
     table: dict[str, Any]
     speed_mps: float
 
 
-def is_across(axis: NDArray[np.float64]) -> bool:
+def is_across(axis: Floats) -> bool:
     """True if an axis (3,) points left or right."""
     return bool(abs(axis[1]) > ACROSS_COSINE * np.linalg.norm(axis))
 

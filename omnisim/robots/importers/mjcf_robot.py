@@ -7,8 +7,8 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import OmnisimError, RobotFileError
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.robots.importers.imported_robot import ImportedRobot, ImportedSensor, load_body
@@ -125,9 +125,7 @@ def _geoms(model: mujoco.MjModel, body: int) -> range:
     return range(first, first + int(model.body_geomnum[body]))
 
 
-def _tire(
-    model: mujoco.MjModel, data: mujoco.MjData, geom: int
-) -> tuple[NDArray[np.float64], float] | None:
+def _tire(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> tuple[Floats, float] | None:
     """Center (3,) and radius of a round geom or a mesh; None for other shapes."""
     kinds, kind = mujoco.mjtGeom, int(model.geom_type[geom])
     middle_m = np.array(data.geom_xpos[geom])

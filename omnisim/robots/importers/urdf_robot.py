@@ -7,8 +7,8 @@ from pathlib import Path
 from xml.etree.ElementTree import Element
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import RobotFileError, SceneError
 from omnisim.robots.importers.gazebo_robot import read_sensors
 from omnisim.robots.importers.imported_robot import ImportedRobot, ImportedSensor, load_body
@@ -29,7 +29,7 @@ from omnisim.scene.formats.urdf.reader import link_poses
 from omnisim.scene.formats.xml.element import XmlElement, parse_xml
 from omnisim.sensors.sensor_names import folder_name
 
-Poses = Mapping[str, NDArray[np.float64]]  # poses (4, 4) by link name
+Poses = Mapping[str, Floats]  # poses (4, 4) by link name
 
 
 def import_urdf(path: Path, resources: Sequence[str | Path] = ()) -> ImportedRobot:
@@ -101,9 +101,7 @@ def _link(joint: XmlElement, tag: str) -> str:
     return "" if element is None else element.attribute("link")
 
 
-def _tire(
-    link: XmlElement, pose: NDArray[np.float64], body: Scene | None
-) -> tuple[NDArray[np.float64], float] | None:
+def _tire(link: XmlElement, pose: Floats, body: Scene | None) -> tuple[Floats, float] | None:
     """Center (3,) and radius of a wheel: of its round shape, else of its geometry's bounds."""
     for tag in ("collision", "visual"):
         for part in link.children(tag):
@@ -126,7 +124,7 @@ def _tire(
     return 0.5 * (low + high), float(0.5 * (high[2] - low[2]))
 
 
-def _mass(robot: XmlElement, poses: Poses) -> tuple[float, NDArray[np.float64]]:
+def _mass(robot: XmlElement, poses: Poses) -> tuple[float, Floats]:
     """Total mass of all links, and the center of mass (3,)."""
     total_kg, moment = 0.0, np.zeros(3)
     for link in robot.children("link"):

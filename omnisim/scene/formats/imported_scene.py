@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from omnisim.cameras import CentralCamera
 from omnisim.cameras.camera import without_prefix
-from omnisim.core.bounds import bounds_of
+from omnisim.core.arrays import Floats, Floats32, bounds_of
 from omnisim.core.errors import OmnisimError, SceneError
 from omnisim.core.poses import roll_pitch_yaw_from_rotation
 from omnisim.core.short_repr import counted
@@ -79,7 +79,7 @@ class ImportedScene(NamedTuple):
     lighting: Lighting | None = None
     background: tuple[float, float, float] | None = None
     dome: tuple[float, float, float] | None = None
-    environment: NDArray[np.float32] | None = None
+    environment: Floats32 | None = None
     start: StartPose | None = None
     cameras: tuple[CameraPose, ...] = ()
     labels: tuple[LabelRule, ...] = ()
@@ -121,7 +121,7 @@ def make_mesh(
     colors: ArrayLike | None = None,
     second_texture_coordinates: ArrayLike | None = None,
     dropped: Omissions | None = None,
-) -> tuple[Mesh, NDArray[np.float64]]:
+) -> tuple[Mesh, Floats]:
     """Mesh centered on its bounding box, and the center (3,) of that box.
 
     Centering in float64 keeps micrometer precision in float32, even for a town in map coordinates.
@@ -147,7 +147,7 @@ def make_mesh(
         )
     center = 0.5 * bounds_of(points).sum(axis=0)
 
-    def per_vertex(values: ArrayLike | None, width: int, what: str) -> NDArray[np.float32] | None:
+    def per_vertex(values: ArrayLike | None, width: int, what: str) -> Floats32 | None:
         kept = _per_vertex(values, len(points), width)
         if values is not None and kept is None and dropped is not None:
             dropped.count(f"{what} not drawn: not finite, or not one for each vertex", "mesh")
@@ -168,7 +168,7 @@ def make_mesh(
     return mesh, center
 
 
-def place(read: ImportedScene, world_from_file: NDArray[np.float64]) -> tuple[Instance, ...]:
+def place(read: ImportedScene, world_from_file: Floats) -> tuple[Instance, ...]:
     """Instances of a file, placed in the world; node frames get the world's axes and unit.
 
     Raises:
@@ -188,7 +188,7 @@ def place(read: ImportedScene, world_from_file: NDArray[np.float64]) -> tuple[In
     return tuple(placed)
 
 
-def _per_vertex(values: ArrayLike | None, count: int, width: int) -> NDArray[np.float32] | None:
+def _per_vertex(values: ArrayLike | None, count: int, width: int) -> Floats32 | None:
     if values is None:
         return None
     with np.errstate(all="ignore"):
@@ -198,7 +198,7 @@ def _per_vertex(values: ArrayLike | None, count: int, width: int) -> NDArray[np.
     return array
 
 
-def colors_rgba(colors: NDArray[np.generic], scale: float) -> NDArray[np.float32]:
+def colors_rgba(colors: NDArray[np.generic], scale: float) -> Floats32:
     """Colors (n, 3 or 4) as RGBA float32, divided by `scale`."""
     values = np.asarray(colors, dtype=np.float32) / np.float32(scale)
     if values.shape[1] == 3:
@@ -206,7 +206,7 @@ def colors_rgba(colors: NDArray[np.generic], scale: float) -> NDArray[np.float32
     return np.ascontiguousarray(values[:, :4])
 
 
-def translate(matrix: NDArray[np.float64], offset: NDArray[np.float64]) -> NDArray[np.float64]:
+def translate(matrix: Floats, offset: Floats) -> Floats:
     """Pose (4, 4) times a translation by `offset` (3,)."""
     result = np.array(matrix, dtype=np.float64)
     result[:3, 3] += result[:3, :3] @ offset
@@ -233,7 +233,7 @@ class FileAxes(NamedTuple):
     meters_per_unit: float | None = None
 
 
-def world_from_file(suffix: str, data: bytes, axes: FileAxes) -> NDArray[np.float64]:
+def world_from_file(suffix: str, data: bytes, axes: FileAxes) -> Floats:
     """Transform (4, 4) from a file's axes and unit to the world frame.
 
     `axes` override the file's values, which override those of its format.
@@ -247,7 +247,7 @@ def world_from_file(suffix: str, data: bytes, axes: FileAxes) -> NDArray[np.floa
     )
 
 
-def world_from_axes(up_axis: str, meters_per_unit: float) -> NDArray[np.float64]:
+def world_from_axes(up_axis: str, meters_per_unit: float) -> Floats:
     """Transform (4, 4) to the world frame from a frame with the given up axis and unit.
 
     Raises:
@@ -334,9 +334,7 @@ class Cameras:
         """Poses with distinct names, in the order of the file."""
         return tuple(self._poses.values())
 
-    def add(
-        self, name: str, world_from_camera: NDArray[np.float64], lens: CentralCamera | str
-    ) -> None:
+    def add(self, name: str, world_from_camera: Floats, lens: CentralCamera | str) -> None:
         """Add a camera that looks along −z, with y up; its scale is ignored.
 
         Args:
@@ -385,7 +383,7 @@ def pinhole(
 
 
 def _camera_pose(
-    name: str, world_from_camera: NDArray[np.float64], lens: CentralCamera | None
+    name: str, world_from_camera: Floats, lens: CentralCamera | None
 ) -> CameraPose | None:
     """Pose of a camera; None: degenerate axes or coordinates that are too large."""
     if not np.abs(world_from_camera).max() < MAX_COORDINATE:  # false for NaN as well

@@ -10,10 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats32, Indices
 from omnisim.scene.motion.node_motion import AnimatedNode, Keyframes, NodePoses
-
-Matrix = NDArray[np.float64]
-Floats = NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,14 +25,14 @@ class Skeleton:
     """
 
     nodes: Sequence[AnimatedNode | None]
-    node_from_bind: Matrix
+    node_from_bind: Floats32
 
     @property
     def moves(self) -> bool:
         """True if any joint moves."""
         return any(node is not None for node in self.nodes)
 
-    def matrices_at(self, time_s: float) -> Matrix:
+    def matrices_at(self, time_s: float) -> Floats32:
         """Transforms (joints, 4, 4) from the mesh's bind pose to the world."""
         matrices = self._latest.get(time_s)
         if matrices is None:
@@ -44,7 +42,7 @@ class Skeleton:
             self._latest[time_s] = matrices
         return matrices
 
-    def scales_at(self, time_s: float) -> Matrix:
+    def scales_at(self, time_s: float) -> Floats32:
         """Largest scale factors (joints,) of the transforms."""
         scales = self._latest_scales.get(time_s)
         if scales is None:
@@ -54,7 +52,7 @@ class Skeleton:
         return scales
 
     @cached_property
-    def _latest_scales(self) -> dict[float, Matrix]:
+    def _latest_scales(self) -> dict[float, Floats32]:
         return {}
 
     @cached_property
@@ -62,7 +60,7 @@ class Skeleton:
         return NodePoses(self.nodes)
 
     @cached_property
-    def _latest(self) -> dict[float, Matrix]:
+    def _latest(self) -> dict[float, Floats32]:
         return {}
 
 
@@ -77,26 +75,26 @@ class MorphTargets:
         period_s: period after which the weights repeat.
     """
 
-    positions: Floats
-    normals: Floats | None
+    positions: Floats32
+    normals: Floats32 | None
     weights: Keyframes
     period_s: float
 
-    def weights_at(self, time_s: float) -> Matrix:
+    def weights_at(self, time_s: float) -> Floats32:
         """Weights (targets,) at a world time."""
         return self.weights.at(time_s % self.period_s if self.period_s else 0.0)
 
     @cached_property
-    def longest(self) -> Matrix:
+    def longest(self) -> Floats32:
         """Lengths (targets,) of the longest offset per target."""
-        lengths: Matrix = np.linalg.norm(self.positions.astype(np.float64), axis=2)
+        lengths: Floats32 = np.linalg.norm(self.positions.astype(np.float64), axis=2)
         return lengths.max(axis=1, initial=0.0)
 
 
 class Sphere(NamedTuple):
     """Bounding sphere of a mesh, in the mesh's frame."""
 
-    center: Matrix
+    center: Floats32
     radius: float
 
 
@@ -119,11 +117,11 @@ class Deformation:
     Source: glTF 2.0, sections 3.7.2.2 and 3.7.3.3; normals use the cofactor matrix.
     """
 
-    positions: Floats
-    normals: Floats | None
+    positions: Floats32
+    normals: Floats32 | None
     joints: NDArray[np.uint32]
-    shares: Floats
-    mesh_from_world: Matrix
+    shares: Floats32
+    mesh_from_world: Floats32
     skeleton: Skeleton
     targets: MorphTargets | None = None
 
@@ -137,15 +135,15 @@ class Deformation:
             arrays += [self.targets.positions, self.targets.normals]
         return [one for one in arrays if one is not None]
 
-    def matrices_at(self, time_s: float) -> Matrix:
+    def matrices_at(self, time_s: float) -> Floats32:
         """Transforms (joints, 4, 4) from the bind pose to the mesh's frame."""
         return self.mesh_from_world @ self.skeleton.matrices_at(time_s)
 
-    def weights_at(self, time_s: float) -> Matrix:
+    def weights_at(self, time_s: float) -> Floats32:
         """Weights (targets,) of the morph targets at a world time."""
         return np.zeros(0) if self.targets is None else self.targets.weights_at(time_s)
 
-    def positions_at(self, time_s: float, vertices: NDArray[np.intp] | None = None) -> Matrix:
+    def positions_at(self, time_s: float, vertices: Indices | None = None) -> Floats32:
         """Positions (n, 3) of all vertices, or of a subset, at a world time."""
         subset = slice(None) if vertices is None else vertices
         positions = self.positions[subset].astype(np.float64)
@@ -155,7 +153,7 @@ class Deformation:
         blended = self._blended(time_s, subset)
         return np.einsum("nab,nb->na", blended[:, :, :3], positions) + blended[:, :, 3]
 
-    def normals_at(self, time_s: float) -> Matrix | None:
+    def normals_at(self, time_s: float) -> Floats32 | None:
         """Unit normals (n, 3) of all vertices at a world time; None: flat shading."""
         if self.normals is None:
             return None
@@ -184,7 +182,7 @@ class Deformation:
         center = 0.5 * (low + high)
         return Sphere(center, float((np.linalg.norm(at - center, axis=1) + reach).max()))
 
-    def joint_boxes(self) -> tuple[NDArray[np.intp], Matrix]:
+    def joint_boxes(self) -> tuple[Indices, Floats32]:
         """Joints (k,) with vertices, and the box corners (k, 8, 3) of these in the bind pose."""
         low, high = self._joint_bounds
         used = np.flatnonzero((low <= high).all(axis=1))
@@ -198,7 +196,7 @@ class Deformation:
         return float(np.linalg.norm(self.mesh_from_world[:3, :3], 2))
 
     @cached_property
-    def _joint_bounds(self) -> tuple[Matrix, Matrix]:
+    def _joint_bounds(self) -> tuple[Floats32, Floats32]:
         """Smallest and largest coordinates (joints, 3) of each joint's vertices."""
         count = len(self.skeleton.node_from_bind)
         low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
@@ -209,7 +207,7 @@ class Deformation:
         return low, high
 
     @cached_property
-    def _joint_spheres(self) -> tuple[Matrix, Matrix]:
+    def _joint_spheres(self) -> tuple[Floats32, Floats32]:
         """Centers (joints, 3) and radii (joints,) of each joint's vertices; −1: no vertices."""
         low, high = self._joint_bounds
         centers = np.zeros(low.shape)
@@ -221,7 +219,7 @@ class Deformation:
         np.maximum.at(radii, joints, np.linalg.norm(self.positions[rows] - centers[joints], axis=1))
         return centers, radii
 
-    def _blended(self, time_s: float, subset: slice | NDArray[np.intp]) -> Matrix:
+    def _blended(self, time_s: float, subset: slice | Indices) -> Floats32:
         """Weighted mean of the joints' transforms (n, 3, 4) per vertex."""
         matrices = self.matrices_at(time_s)[:, :3]
         return np.einsum(

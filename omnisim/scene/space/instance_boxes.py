@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats
 from omnisim.core.poses import nearest_rotation
 from omnisim.ground_truth.boxes_3d import OrientedBox
 from omnisim.scene.parts import Instance, Mesh
@@ -31,7 +31,7 @@ def instance_boxes(
     return boxes
 
 
-def _points_m(instance: Instance, mesh: Mesh, time_s: float) -> NDArray[np.float64]:
+def _points_m(instance: Instance, mesh: Mesh, time_s: float) -> Floats:
     """Vertices (n, 3) used by an instance's triangles, at a world time."""
     used = np.unique(mesh.triangles).astype(np.intp)
     points = mesh.positions[used].astype(np.float64)
@@ -41,7 +41,7 @@ def _points_m(instance: Instance, mesh: Mesh, time_s: float) -> NDArray[np.float
     return points @ matrix[:3, :3].T + matrix[:3, 3]
 
 
-def _axes(instance: Instance) -> NDArray[np.float64]:
+def _axes(instance: Instance) -> Floats:
     """Rotation (3, 3) of an instance's frame, without scale, shear and mirroring."""
     axes = nearest_rotation(instance.world_from_node[:3, :3])
     return axes if np.linalg.det(axes) > 0.0 else -axes  # the box is the same for both signs

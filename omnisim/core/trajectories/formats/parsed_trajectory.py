@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Bools, Floats, Indices
 from omnisim.core.errors import TrajectoryError
 from omnisim.core.files.sources import read_source
 from omnisim.core.poses import (
@@ -83,7 +83,7 @@ class TextTable:
         ]
         return replace(self, lines=lines), cells
 
-    def numbers(self, names: list[str]) -> NDArray[np.float64]:
+    def numbers(self, names: list[str]) -> Floats:
         """All cells (lines, columns) as finite numbers.
 
         Args:
@@ -116,7 +116,7 @@ class TextTable:
             raise self.fault(line, f"{name} = {cell}: expected a finite number")
         raise self.fault(line, f"{name} = {quote(cell)!r}: expected a number")
 
-    def check_times(self, times_s: NDArray[np.float64], printed: list[str]) -> None:
+    def check_times(self, times_s: Floats, printed: list[str]) -> None:
         """Reject times (lines,) that do not increase; `printed` holds their text in the file.
 
         Raises:
@@ -171,7 +171,7 @@ def quote(text: str) -> str:
     return text if len(text) <= MAX_QUOTE else text[:MAX_QUOTE] + "…"
 
 
-def check_printed_times(times_s: NDArray[np.float64]) -> None:
+def check_printed_times(times_s: Floats) -> None:
     """Reject times (n,) that become equal when printed to the nanosecond.
 
     Raises:
@@ -212,9 +212,9 @@ class ParsedTrajectory:
     """
 
     source: str
-    line_numbers: NDArray[np.intp]
-    times_s: NDArray[np.float64] | None
-    world_from_base: NDArray[np.float64]
+    line_numbers: Indices
+    times_s: Floats | None
+    world_from_base: Floats
     axes: Axes = "world"
     has_heights: bool = True
     format: str = ""
@@ -241,10 +241,7 @@ class ParsedTrajectory:
 
 
 def parsed_trajectory(
-    table: TextTable,
-    times_s: NDArray[np.float64] | None,
-    positions_m: NDArray[np.float64],
-    rotations: NDArray[np.float64],
+    table: TextTable, times_s: Floats | None, positions_m: Floats, rotations: Floats
 ) -> ParsedTrajectory:
     """Assemble poses that a format module has read from a table, one per line.
 
@@ -268,7 +265,7 @@ def parsed_trajectory(
     )
 
 
-def read_times(table: TextTable, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
+def read_times(table: TextTable, times_s: Floats) -> Floats:
     """Validated times (n,) from a table's first column.
 
     Raises:
@@ -281,7 +278,7 @@ def read_times(table: TextTable, times_s: NDArray[np.float64]) -> NDArray[np.flo
     return times_s
 
 
-def read_quaternions(table: TextTable, xyzw: NDArray[np.float64]) -> NDArray[np.float64]:
+def read_quaternions(table: TextTable, xyzw: Floats) -> Floats:
     """Rotations (n, 3, 3) from a table's quaternions (n, 4).
 
     Raises:
@@ -296,7 +293,7 @@ def read_quaternions(table: TextTable, xyzw: NDArray[np.float64]) -> NDArray[np.
     return rotation_from_quaternion(xyzw)
 
 
-def read_rotations(table: TextTable, matrices: NDArray[np.float64]) -> NDArray[np.float64]:
+def read_rotations(table: TextTable, matrices: Floats) -> Floats:
     """Rotations (n, 3, 3) from a table's matrices, with rounding errors removed.
 
     Raises:
@@ -312,7 +309,7 @@ def read_rotations(table: TextTable, matrices: NDArray[np.float64]) -> NDArray[n
     return nearest_rotation(matrices)
 
 
-def _refuse(table: TextTable, good: NDArray[np.bool_], message: Callable[[int], str]) -> None:
+def _refuse(table: TextTable, good: Bools, message: Callable[[int], str]) -> None:
     if not np.all(good):
         k = int(np.argmin(good))
         raise table.fault(table.lines[k], message(k))

@@ -11,7 +11,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.core.bounds import bounds_of
+from omnisim.core.arrays import bounds_of
 from omnisim.rendering.opengl.atlas.tile_views import PosedViews
 from omnisim.rendering.opengl.materials.scene_textures import MaterialTexture
 from omnisim.scene.model import Material, Mesh

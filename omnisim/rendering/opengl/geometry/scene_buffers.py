@@ -13,7 +13,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.core.bounds import bounds_of
+from omnisim.core.arrays import bounds_of
 from omnisim.core.errors import GraphicsError
 from omnisim.core.world import ObjectPart, time_of
 from omnisim.rendering.camera.quality import MAX_PROBES

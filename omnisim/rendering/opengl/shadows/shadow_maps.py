@@ -14,7 +14,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.core.bounds import bounds_of
+from omnisim.core.arrays import bounds_of
 from omnisim.core.world import time_of
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl.buffers import written_buffer

@@ -9,10 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Union
 
-import numpy as np
-from numpy.typing import NDArray
-
 from omnisim.core import poses
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import RobotFileError
 from omnisim.core.trajectories.formats.parsed_trajectory import quote
 from omnisim.robots.importers.imported_robot import ImportedSensor
@@ -247,7 +245,7 @@ class Part:
         return self.class_name.rpartition(".")[2].lower()
 
     @property
-    def forward(self) -> NDArray[np.float64]:
+    def forward(self) -> Floats:
         """Viewing direction (3,), unit vector."""
         roll_deg, pitch_deg, yaw_deg = self.angles_deg
         return poses.pose(roll_deg=roll_deg, pitch_deg=pitch_deg, yaw_deg=yaw_deg)[:3, 0]

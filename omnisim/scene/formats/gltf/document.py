@@ -13,6 +13,7 @@ from urllib.parse import unquote_to_bytes
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core.arrays import Bytes, Floats, Ints
 from omnisim.core.errors import SceneError, printable
 from omnisim.core.extras import install_hint, is_installed
 from omnisim.scene.formats.resources import AssetResolver
@@ -253,7 +254,7 @@ class Accessors:
         """Store decompressed values for the accessor that a property references."""
         self._decoded[owner.index(key, self._accessors)] = values
 
-    def floats(self, owner: JsonObject, key: str) -> NDArray[np.float64]:
+    def floats(self, owner: JsonObject, key: str) -> Floats:
         """Values (count, …) of the accessor that a property references.
 
         Source: glTF 2.0, section 3.6.2.2: normalized integers represent fractions.
@@ -269,7 +270,7 @@ class Accessors:
                 return np.maximum(floats / np.iinfo(stored).max, -1.0)
         return floats
 
-    def integers(self, owner: JsonObject, key: str) -> NDArray[np.int64]:
+    def integers(self, owner: JsonObject, key: str) -> Ints:
         """Values (count, …) of the integer accessor that a property references."""
         values = self._values(owner, key)
         if values.dtype.kind == "f":
@@ -382,11 +383,11 @@ def decode_meshopt(entry: JsonObject, data: memoryview) -> memoryview:
     return memoryview(values.tobytes())
 
 
-def _attributes(data: bytes, count: int, stride: int, filtered: str) -> NDArray[np.uint8]:
+def _attributes(data: bytes, count: int, stride: int, filtered: str) -> Bytes:
     import meshoptimizer
 
     values = meshoptimizer.decode_vertex_buffer(count, stride, data).view(np.uint8)
-    filters: dict[str, Callable[[NDArray[np.uint8], int, int], NDArray[np.uint8]]] = {
+    filters: dict[str, Callable[[Bytes, int, int], Bytes]] = {
         "OCTAHEDRAL": meshoptimizer.decode_filter_oct,
         "QUATERNION": meshoptimizer.decode_filter_quat,
         "EXPONENTIAL": meshoptimizer.decode_filter_exp,

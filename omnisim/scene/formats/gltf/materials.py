@@ -10,8 +10,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Bytes, Floats
 from omnisim.scene.formats.gltf.document import Accessors, JsonObject, read_uri
 from omnisim.scene.formats.gltf.primitives import Primitive
 from omnisim.scene.formats.imported_scene import MAX_COORDINATE
@@ -31,7 +31,7 @@ class _Place(NamedTuple):
     """Placement of a texture: set of texture coordinates, and affine transform (2, 3)."""
 
     channel: int
-    transform: NDArray[np.float64]
+    transform: Floats
 
 
 class Materials:
@@ -56,13 +56,13 @@ class Materials:
         self._reasons: dict[str, str] = {}
         self._images = [self._open(entry, accessors) for entry in self._image_entries]
 
-    def uv(self, primitive: Primitive, material: int) -> NDArray[np.float64] | None:
+    def uv(self, primitive: Primitive, material: int) -> Floats | None:
         """Texture coordinates (n, 2) of a primitive for the base color texture; None: missing."""
         place = self._place(_base_color(self.entries[material])[1])
         uv = _coordinates(primitive, place.channel)
         return None if uv is None else uv @ place.transform[:, :2].T + place.transform[:, 2]
 
-    def second_uv(self, primitive: Primitive, material: int) -> NDArray[np.float64] | None:
+    def second_uv(self, primitive: Primitive, material: int) -> Floats | None:
         """Texture coordinates (n, 2) for maps that use a second set; None: no such map."""
         channel = self._second_channel(self.entries[material])
         return None if channel is None else _coordinates(primitive, channel)
@@ -243,16 +243,16 @@ def _maps(material: JsonObject) -> tuple[tuple[JsonObject, bool], ...]:
     )
 
 
-def _coordinates(primitive: Primitive, channel: int) -> NDArray[np.float64] | None:
+def _coordinates(primitive: Primitive, channel: int) -> Floats | None:
     uv = primitive.attribute(f"TEXCOORD_{channel}")
     return None if uv is None or uv.shape[1] != 2 else uv
 
 
 @np.errstate(all="ignore")
-def _relative(own: NDArray[np.float64], base: NDArray[np.float64]) -> NDArray[np.float64]:
+def _relative(own: Floats, base: Floats) -> Floats:
     """Affine map (2, 3) from coordinates placed by `base` to those placed by `own`."""
     a, b, c, d = base[:, :2].ravel()
-    linear: NDArray[np.float64] = own[:, :2] @ np.array([[d, -b], [-c, a]]) / (a * d - b * c)
+    linear: Floats = own[:, :2] @ np.array([[d, -b], [-c, a]]) / (a * d - b * c)
     return np.column_stack((linear, own[:, 2] - linear @ base[:, 2]))
 
 
@@ -355,7 +355,7 @@ class PackedMaps:
         return self._found[key][0]
 
 
-def _packed(parts: Sequence[Part], given: Sequence[Texture]) -> NDArray[np.uint8]:
+def _packed(parts: Sequence[Part], given: Sequence[Texture]) -> Bytes:
     from PIL import Image  # slow to import
 
     height, width = np.max([one.pixels.shape[:2] for one in given], axis=0).tolist()

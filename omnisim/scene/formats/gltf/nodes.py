@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import SceneError, did_you_mean
 from omnisim.core.poses import nearest_rotation, rotation_from_quaternion
 from omnisim.scene.formats.gltf.document import Accessors, JsonObject
@@ -52,10 +52,10 @@ def scene_parents(root: JsonObject, nodes: list[JsonObject]) -> dict[int, int | 
 
 
 def file_from_nodes(
-    parents: Mapping[int, int | None], local: Mapping[int, NDArray[np.float64]]
-) -> dict[int, NDArray[np.float64]]:
+    parents: Mapping[int, int | None], local: Mapping[int, Floats]
+) -> dict[int, Floats]:
     """Global transforms (4, 4) of nodes, in drawing order, from their local ones."""
-    global_transforms: dict[int, NDArray[np.float64]] = {}
+    global_transforms: dict[int, Floats] = {}
     for index, parent in parents.items():
         global_transforms[index] = (
             np.eye(4) if parent is None else global_transforms[parent]
@@ -63,7 +63,7 @@ def file_from_nodes(
     return global_transforms
 
 
-def parent_from_node(node: JsonObject) -> NDArray[np.float64]:
+def parent_from_node(node: JsonObject) -> Floats:
     """Local transform (4, 4): the matrix, or translation · rotation · scale."""
     result = np.eye(4)
     if (matrix := node.numbers("matrix", 16)) is not None:
@@ -82,7 +82,7 @@ def parent_from_node(node: JsonObject) -> NDArray[np.float64]:
     return result
 
 
-def _orthonormalize(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+def _orthonormalize(matrix: Floats) -> Floats:
     """Matrix (4, 4), orthonormalized if it is rigid or mirrored up to the file's rounding."""
     linear = matrix[:3, :3]
     error = np.abs(linear @ linear.T - np.eye(3)).max()
@@ -103,7 +103,7 @@ MAX_COPIES = 200_000
 _COMPONENTS = {"TRANSLATION": 3, "ROTATION": 4, "SCALE": 3}
 
 
-def read_copies(node: JsonObject, accessors: Accessors) -> NDArray[np.float64] | None:
+def read_copies(node: JsonObject, accessors: Accessors) -> Floats | None:
     """Transforms (n, 4, 4) node_from_copies of a node's copies; None: no instancing.
 
     Raises:
@@ -113,7 +113,7 @@ def read_copies(node: JsonObject, accessors: Accessors) -> NDArray[np.float64] |
     if extension is None:
         return None
     entry = extension.object("attributes")
-    values_of: dict[str, NDArray[np.float64]] = {}
+    values_of: dict[str, Floats] = {}
     count: int | None = None
     for name, components in _COMPONENTS.items():
         if not entry.has(name):
@@ -147,7 +147,7 @@ _KINDS = {kind.value: kind for kind in LightKind}
 
 
 def read_lights(
-    root: JsonObject, nodes: list[JsonObject], world_from_nodes: dict[int, NDArray[np.float64]]
+    root: JsonObject, nodes: list[JsonObject], world_from_nodes: dict[int, Floats]
 ) -> tuple[Light, ...]:
     """Lights of the scene's nodes, in the world frame.
 
@@ -315,7 +315,7 @@ def _keyframes(sampler: JsonObject, accessors: Accessors, path: str, width: int)
 
 def transforms_at_start(
     nodes: list[JsonObject], parents: Mapping[int, int | None], animation: Animation
-) -> dict[int, NDArray[np.float64]]:
+) -> dict[int, Floats]:
     """Local transforms (4, 4) of the scene's nodes at 0 s, by node index."""
     return {
         index: _before(nodes[index]) @ local_transform(*_start(nodes[index], properties))
@@ -336,15 +336,15 @@ class MovingNode(NamedTuple):
 
     owner: int
     node: AnimatedNode
-    owner_from_node: NDArray[np.float64]
+    owner_from_node: Floats
 
 
 def animated_nodes(
     nodes: list[JsonObject],
     parents: Mapping[int, int | None],
-    local: Mapping[int, NDArray[np.float64]],
+    local: Mapping[int, Floats],
     animation: Animation,
-    world_from_file: NDArray[np.float64],
+    world_from_file: Floats,
 ) -> dict[int, MovingNode]:
     """Nodes that move with the animation, by node index.
 
@@ -357,7 +357,7 @@ def animated_nodes(
     """
     moving = set(animation.moving)
     moved: dict[int, MovingNode] = {}
-    offsets: dict[int | None, NDArray[np.float64]] = {None: world_from_file}
+    offsets: dict[int | None, Floats] = {None: world_from_file}
     for index, parent in parents.items():
         above = None if parent is None else moved.get(parent)
         # relative to the nearest moving ancestor, or to the world
@@ -388,15 +388,13 @@ def animated_nodes(
     return moved
 
 
-def _before(node: JsonObject) -> NDArray[np.float64]:
+def _before(node: JsonObject) -> Floats:
     """Matrix (4, 4) of a node; an animated node should not have one."""
     matrix = node.numbers("matrix", 16)
     return np.eye(4) if matrix is None else np.reshape(matrix, (4, 4)).T
 
 
-def _start(
-    node: JsonObject, properties: Properties
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def _start(node: JsonObject, properties: Properties) -> tuple[Floats, Floats, Floats]:
     """Translation (3,), rotation (4,) and scale (3,) of a node at 0 s."""
     translation, rotation, scale = (
         properties[key].at(0.0)
@@ -413,14 +411,10 @@ def _start(
 _LIGHTS = "KHR_lights_punctual"
 _CHECKS = 32  # samples of a node's motion over the animation
 Moved = Mapping[int, MovingNode]
-Matrix = NDArray[np.float64]
 
 
 def moving_objects(
-    nodes: list[JsonObject],
-    owners: Sequence[int | None],
-    moved: Moved,
-    world_from_file: Matrix,
+    nodes: list[JsonObject], owners: Sequence[int | None], moved: Moved, world_from_file: Floats
 ) -> tuple[ImportedObject, ...]:
     """Dynamic objects, one for each moving node with instances.
 
@@ -452,7 +446,7 @@ def _free_name(name: str, used_names: set[str]) -> str:
     return free
 
 
-def _axes(linear: NDArray[np.float64]) -> NDArray[np.float64]:
+def _axes(linear: Floats) -> Floats:
     """Rotation (3, 3) of a node's frame, without scale, shear and mirroring."""
     axes = nearest_rotation(linear)
     return axes if np.linalg.det(axes) > 0.0 else -axes

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats, Indices, Ints
 from omnisim.core.errors import SceneError
 from omnisim.core.extras import install_hint
 from omnisim.core.short_repr import counted
@@ -43,9 +44,7 @@ class Primitive:
         """Morph targets of the primitive."""
         return self.entry.objects("targets")
 
-    def offsets(
-        self, name: str, targets: NDArray[np.intp], count: int
-    ) -> NDArray[np.float64] | None:
+    def offsets(self, name: str, targets: Indices, count: int) -> Floats | None:
         """Offsets (targets, count, 3) of an attribute in the given targets; None: no offsets."""
         entries = self.targets
         target_objects = [entries[number] for number in targets.tolist()]
@@ -64,7 +63,7 @@ class Primitive:
         """True if the primitive has an attribute."""
         return self._attributes.has(attribute)
 
-    def attribute(self, name: str) -> NDArray[np.float64] | None:
+    def attribute(self, name: str) -> Floats | None:
         """Vertex attribute (n, components); None: missing."""
         if not self.has(name):
             return None
@@ -73,14 +72,14 @@ class Primitive:
             raise self._attributes.error(name, "an accessor of vectors")
         return values
 
-    def required(self, name: str, components: int) -> NDArray[np.float64]:
+    def required(self, name: str, components: int) -> Floats:
         """Vertex attribute (n, components) that must exist."""
         values = self.attribute(name)
         if values is None or values.shape[1] != components:
             raise self._attributes.error(name, f"an accessor of VEC{components}")
         return values
 
-    def triangles(self, vertex_count: int) -> NDArray[np.int64]:
+    def triangles(self, vertex_count: int) -> Ints:
         """Vertex indices (m, 3) of the triangles.
 
         Source: glTF 2.0, section 3.7.2.1.
@@ -124,7 +123,6 @@ class Primitive:
 # Meshes of skinned, morphed or non-rigidly moving nodes, static or animated.
 
 
-Matrix = NDArray[np.float64]
 _CHECKS = 32  # samples of a mesh's extent over the animation
 
 
@@ -138,7 +136,7 @@ class DeformedMesh(NamedTuple):
     """
 
     mesh: Mesh
-    file_from_mesh: Matrix
+    file_from_mesh: Floats
     owner: int | None
 
 
@@ -156,11 +154,11 @@ class PlayedNodes:
     """
 
     nodes: list[JsonObject]
-    poses: Mapping[int, Matrix]
+    poses: Mapping[int, Floats]
     moved: Mapping[int, MovingNode]
     reshaped: set[int]
     animation: Animation
-    world_from_file: Matrix
+    world_from_file: Floats
 
 
 class DeformingMeshes:
@@ -282,7 +280,7 @@ class DeformingMeshes:
         return skeleton
 
 
-def _normals(primitive: Primitive) -> Matrix | None:
+def _normals(primitive: Primitive) -> Floats | None:
     normals = primitive.attribute("NORMAL")
     if normals is None or normals.shape != primitive.required("POSITION", 3).shape:
         return None
@@ -299,8 +297,8 @@ def _deforming(
     morphed: MorphedVertices,
     weights: JointWeights,
     skeleton: Skeleton,
-    file_from_world: Matrix,
-) -> tuple[Mesh, Matrix]:
+    file_from_world: Floats,
+) -> tuple[Mesh, Floats]:
     """Mesh at 0 s with its deformation, and its origin (3,)."""
     normals = morphed.normals
     deformation = Deformation(
@@ -320,7 +318,7 @@ def _deforming(
     return replace(mesh, deformation=deformation), center
 
 
-def _remade(plain: Mesh, positions: Matrix, normals: Matrix | None) -> tuple[Mesh, Matrix]:
+def _remade(plain: Mesh, positions: Floats, normals: Floats | None) -> tuple[Mesh, Floats]:
     """Copy of a mesh with other positions and normals, and its origin (3,)."""
     return make_mesh(
         plain.name, positions, plain.triangles, plain.material,
@@ -340,8 +338,8 @@ class MorphedVertices(NamedTuple):
         targets: targets with animated weights; None: no animated weights.
     """
 
-    positions: Matrix
-    normals: Matrix | None
+    positions: Floats
+    normals: Floats | None
     targets: MorphTargets | None
 
 
@@ -352,10 +350,7 @@ def resting_weights(node: JsonObject, mesh: JsonObject) -> tuple[float, ...]:
 
 
 def morph(
-    primitive: Primitive,
-    weights: tuple[float, ...],
-    animated: Keyframes | None,
-    period_s: float,
+    primitive: Primitive, weights: tuple[float, ...], animated: Keyframes | None, period_s: float
 ) -> MorphedVertices:
     """Morph a primitive by static weights, or set up targets with animated ones."""
     positions, normals = primitive.required("POSITION", 3), primitive.attribute("NORMAL")
@@ -392,7 +387,7 @@ def morph(
     return MorphedVertices(positions, normals, targets)
 
 
-def _columns(keyframes: Keyframes, columns: NDArray[np.intp]) -> Keyframes:
+def _columns(keyframes: Keyframes, columns: Indices) -> Keyframes:
     """Keyframes with a subset of the value columns."""
     before, after = keyframes.in_tangents, keyframes.out_tangents
     return replace(
@@ -419,8 +414,8 @@ class JointWeights(NamedTuple):
         mended: number of vertices whose weights in the file do not sum to 1.
     """
 
-    joints: NDArray[np.int64]
-    shares: Matrix
+    joints: Ints
+    shares: Floats
     mended: int
 
 
@@ -458,8 +453,8 @@ def _lengths(primitive: Primitive, name: str, sets: list[str]) -> set[int]:
 
 @np.errstate(all="ignore")
 def skin_vertices(
-    positions: Matrix, normals: Matrix | None, weights: JointWeights, matrices: Matrix
-) -> tuple[Matrix, Matrix | None]:
+    positions: Floats, normals: Floats | None, weights: JointWeights, matrices: Floats
+) -> tuple[Floats, Floats | None]:
     """Positions (n, 3) and normals (n, 3) of a static skin, from matrices (joints, 4, 4)."""
     blended = np.einsum("nj,njab->nab", weights.shares, matrices[weights.joints])
     skinned = np.einsum("nab,nb->na", blended[:, :3, :3], positions) + blended[:, :3, 3]
@@ -468,7 +463,7 @@ def skin_vertices(
     return skinned, np.einsum("nab,nb->na", blended[:, :3, :3], normals)
 
 
-def joints_of(skin: JsonObject, nodes: Mapping[int, Matrix]) -> list[int]:
+def joints_of(skin: JsonObject, nodes: Mapping[int, Floats]) -> list[int]:
     """Indices of a skin's joints, all of which must be in `nodes` of the scene.
 
     Raises:
@@ -480,7 +475,7 @@ def joints_of(skin: JsonObject, nodes: Mapping[int, Matrix]) -> list[int]:
     return joints
 
 
-def inverse_binds(skin: JsonObject, accessors: Accessors, count: int) -> Matrix:
+def inverse_binds(skin: JsonObject, accessors: Accessors, count: int) -> Floats:
     """Inverse bind matrices (count, 4, 4) of a skin's joints.
 
     Source: glTF 2.0, section 3.7.3.3: a joint's global transform times its inverse bind matrix; the
@@ -499,7 +494,7 @@ def inverse_binds(skin: JsonObject, accessors: Accessors, count: int) -> Matrix:
 
 
 @np.errstate(all="ignore")
-def singular_count(matrices: Matrix) -> int:
+def singular_count(matrices: Floats) -> int:
     """Number of singular matrices among matrices (n, 4, 4)."""
     linear = matrices[:, :3, :3]
     scales = np.abs(linear).max(axis=(1, 2))

@@ -10,10 +10,8 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from omnisim.cameras import CentralCamera
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import SceneError, printable
 from omnisim.core.short_repr import counted
 from omnisim.scene.formats.features import Feature, Support, feature_table
@@ -59,7 +57,7 @@ def read_gltf(
     data: bytes,
     textures: TextureStore,
     assets: AssetResolver,
-    world_from_file: NDArray[np.float64],
+    world_from_file: Floats,
     choice: AnimationChoice = FIRST_ANIMATION,
 ) -> ImportedScene:
     """Read a glTF or GLB file with the chosen animation.
@@ -135,7 +133,7 @@ def _drawn_objects(
 
 
 def _read_cameras(
-    root: JsonObject, nodes: list[JsonObject], world_from_node: Mapping[int, NDArray[np.float64]]
+    root: JsonObject, nodes: list[JsonObject], world_from_node: Mapping[int, Floats]
 ) -> Cameras:
     """Cameras of the nodes, named after the nodes, or else after the cameras.
 
@@ -167,7 +165,7 @@ class _Part(NamedTuple):
 
     primitive: Primitive
     mesh: int
-    center: NDArray[np.float64]
+    center: Floats
 
 
 class _Meshes:
@@ -189,10 +187,7 @@ class _Meshes:
         ]
 
     def instantiate(
-        self,
-        nodes: list[JsonObject],
-        poses: dict[int, NDArray[np.float64]],
-        deforming: DeformingMeshes,
+        self, nodes: list[JsonObject], poses: dict[int, Floats], deforming: DeformingMeshes
     ) -> Iterator[tuple[int | None, Instance]]:
         """Instances of the nodes at their poses, each with the index of the node that moves it.
 
@@ -220,7 +215,7 @@ class _Meshes:
                     yield deformed.owner, Instance(name, number, deformed.file_from_mesh, pose)
 
     def _copy(
-        self, node: JsonObject, index: int, pose: NDArray[np.float64], copies: NDArray[np.float64]
+        self, node: JsonObject, index: int, pose: Floats, copies: Floats
     ) -> Iterator[tuple[int | None, Instance]]:
         """Instances of a node's copies, numbered, without deformation."""
         name = node.text("name", f"node {index}")

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from omnisim.core.arrays import Floats, Floats32
 from omnisim.core.errors import OutputError
 from omnisim.core.version import __version__
 from omnisim.scene.formats.gltf.materials import DEFAULT_IOR
@@ -201,7 +202,7 @@ class NodeMesh(NamedTuple):
     """
 
     meshes: tuple[int, ...]
-    node_from_meshes: tuple[NDArray[np.float64], ...]
+    node_from_meshes: tuple[Floats, ...]
 
 
 def node_meshes(scene: Scene) -> tuple[list[dict[str, Any]], list[NodeMesh]]:
@@ -234,7 +235,7 @@ def node_meshes(scene: Scene) -> tuple[list[dict[str, Any]], list[NodeMesh]]:
     return nodes, meshes
 
 
-def baked_mesh(mesh: Mesh, node_from_mesh: NDArray[np.float64]) -> Mesh:
+def baked_mesh(mesh: Mesh, node_from_mesh: Floats) -> Mesh:
     """Mesh with vertices in the frame of its node, and unit normals."""
     linear = node_from_mesh[:3, :3]
     points = mesh.positions.astype(np.float64) @ linear.T + node_from_mesh[:3, 3]
@@ -253,9 +254,7 @@ def baked_mesh(mesh: Mesh, node_from_mesh: NDArray[np.float64]) -> Mesh:
     )
 
 
-def _node_key(
-    frames: list[NDArray[np.float64] | None],
-) -> Any:
+def _node_key(frames: list[Floats | None]) -> Any:
     """Grouping key of the node of a numbered instance."""
 
     def key(numbered: tuple[int, Instance]) -> tuple[str, bytes, int]:
@@ -266,9 +265,9 @@ def _node_key(
     return key
 
 
-def _node_from_meshes(scene: Scene) -> list[NDArray[np.float64] | None]:
+def _node_from_meshes(scene: Scene) -> list[Floats | None]:
     """Transform (4, 4) of each mesh to its nodes' frames, y up; None: the mesh's own frame."""
-    matrices: list[NDArray[np.float64] | None] = [None] * len(scene.meshes)
+    matrices: list[Floats | None] = [None] * len(scene.meshes)
     differs = [False] * len(scene.meshes)
     for one in scene.instances:
         matrix = _node_from_mesh(one)
@@ -283,17 +282,15 @@ def _node_from_meshes(scene: Scene) -> list[NDArray[np.float64] | None]:
     ]
 
 
-def _node_from_mesh(one: Instance) -> NDArray[np.float64] | None:
+def _node_from_mesh(one: Instance) -> Floats | None:
     if not np.isfinite(np.linalg.cond(one.world_from_node)):
         return None
     file_from_world = world_from_axes("y", 1.0).T
-    matrix: NDArray[np.float64] = file_from_world @ (
-        np.linalg.inv(one.world_from_node) @ one.world_from_mesh
-    )
+    matrix: Floats = file_from_world @ (np.linalg.inv(one.world_from_node) @ one.world_from_mesh)
     return matrix if abs(np.linalg.det(matrix[:3, :3])) > 0.0 else None
 
 
-def _is_exact(mesh: Mesh, node_from_mesh: NDArray[np.float64]) -> bool:
+def _is_exact(mesh: Mesh, node_from_mesh: Floats) -> bool:
     """True if the shape survives the float32 round trip in the node's frame."""
     baked = baked_mesh(replace(mesh, normals=None), node_from_mesh)
     read, center = make_mesh(mesh.name, baked.positions, mesh.triangles, 0)
@@ -303,7 +300,7 @@ def _is_exact(mesh: Mesh, node_from_mesh: NDArray[np.float64]) -> bool:
     return bool(error <= _MAX_ERROR * np.abs(expected).max())
 
 
-def _unit(normals: NDArray[np.float32]) -> NDArray[np.float32]:
+def _unit(normals: Floats32) -> Floats32:
     """Unit normals (n, 3); zero-length ones become +y."""
     lengths = np.linalg.norm(normals, axis=1)
     off = np.abs(lengths - 1.0) > _UNIT
@@ -498,9 +495,7 @@ def _texture_transform(texture: Texture) -> Entry | None:
 _NARROWEST_RAD = 1e-4  # gap between a spot's cones, which glTF requires to differ
 
 
-def written_lights(
-    lights: Sequence[Light],
-) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+def written_lights(lights: Sequence[Light]) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """Entries of KHR_lights_punctual, and the nodes that reference them."""
     nodes = [
         {
@@ -531,7 +526,7 @@ def _entry(light: Light) -> dict[str, Any]:
     return entry
 
 
-def _file_from_light(light: Light) -> NDArray[np.float64]:
+def _file_from_light(light: Light) -> Floats:
     """Pose (4, 4) of a light that shines along its −z, in the y-up file."""
     matrix = np.eye(4)
     if light.kind is not LightKind.POINT:
@@ -541,5 +536,5 @@ def _file_from_light(light: Light) -> NDArray[np.float64]:
         matrix[:3, 1] = np.cross(matrix[:3, 2], matrix[:3, 0])
     if light.kind is not LightKind.DIRECTIONAL:
         matrix[:3, 3] = light.position_m
-    file_from_world: NDArray[np.float64] = world_from_axes("y", 1.0).T
+    file_from_world: Floats = world_from_axes("y", 1.0).T
     return file_from_world @ matrix

@@ -21,10 +21,10 @@ from typing import Any
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 from PIL import Image
 from trimesh.visual.material import PBRMaterial, SimpleMaterial
 
+from omnisim.core.arrays import Bytes, Floats, Floats32, Ints
 from omnisim.core.errors import SceneError
 from omnisim.core.srgb import linear_from_srgb
 from omnisim.scene.formats.imported_scene import (
@@ -219,7 +219,7 @@ def import_trimesh(
     meshes: list[Mesh] = []
     materials: list[Material] = []
     notices: list[str] = []
-    index_of: dict[str, tuple[int, NDArray[np.float64]]] = {}
+    index_of: dict[str, tuple[int, Floats]] = {}
     for name, geometry in loaded.geometry.items():
         if not isinstance(geometry, trimesh.Trimesh):
             notices.append("points and lines are not drawn")
@@ -251,12 +251,12 @@ def _object(geometry: object, objects: Sequence[str]) -> str:
 
 def _mesh(
     name: str, geometry: trimesh.Trimesh, material: int, smooth: bool | None, dropped: Omissions
-) -> tuple[Mesh, NDArray[np.float64]]:
+) -> tuple[Mesh, Floats]:
     visual = geometry.visual
-    positions: NDArray[np.float64] = np.asarray(geometry.vertices)
+    positions: Floats = np.asarray(geometry.vertices)
     if positions.shape[1] != 3:  # from an OBJ file with a damaged vertex
         raise SceneError(f"mesh {name!r}: expected vertices of three numbers")
-    triangles: NDArray[np.int64] = np.asarray(geometry.faces)
+    triangles: Ints = np.asarray(geometry.faces)
     normals = geometry._cache.cache.get("vertex_normals")  # present if the file has them
     if smooth is not None:
         normals = np.array(geometry.vertex_normals) if smooth else None
@@ -281,7 +281,7 @@ def _mesh(
 
 
 @np.errstate(over="ignore", invalid="ignore")  # non-finite coordinates are dropped with the mesh
-def _texture_coordinates(visual: trimesh.visual.TextureVisuals) -> NDArray[np.float64]:
+def _texture_coordinates(visual: trimesh.visual.TextureVisuals) -> Floats:
     """Texture coordinates (n, 2) with v down, after MTL's scale and offset of the map."""
     extra = getattr(visual.material, "kwargs", {})
     coordinates = np.array(visual.uv, dtype=np.float64)[:, :2]
@@ -363,7 +363,7 @@ def _material(
     mesh_name: str,
     source: Any,
     image: Image.Image | None,
-    factor: Sequence[float] | NDArray[np.uint8] | None,
+    factor: Sequence[float] | Bytes | None,
     textures: TextureStore,
     assets: Mapping[str, bytes],
 ) -> Material:
@@ -386,7 +386,7 @@ def _material(
     return Material(name, (red, green, blue, alpha), texture, mode, double_sided=True)
 
 
-def _linear_colors(colors: NDArray[np.uint8]) -> NDArray[np.float32]:
+def _linear_colors(colors: Bytes) -> Floats32:
     rgba = colors_rgba(colors, 255.0)
     rgba[:, :3] = linear_from_srgb(rgba[:, :3])
     return rgba
@@ -409,7 +409,7 @@ def _share(value: float) -> float:
     return min(max(value, 0.0), 1.0) if math.isfinite(value) else 1.0
 
 
-def _hole_map(extra: dict[str, Any], assets: Mapping[str, bytes]) -> NDArray[np.uint8] | None:
+def _hole_map(extra: dict[str, Any], assets: Mapping[str, bytes]) -> Bytes | None:
     """Opacity levels (height, width) uint8 from MTL's `map_d`; None: no usable map."""
     if not extra.get("map_d"):
         return None
@@ -421,7 +421,7 @@ def _hole_map(extra: dict[str, Any], assets: Mapping[str, bytes]) -> NDArray[np.
     return holes if (holes < 255).any() else pixels[..., 0]
 
 
-def _with_alpha(texture: Texture, levels: NDArray[np.uint8]) -> Texture:
+def _with_alpha(texture: Texture, levels: Bytes) -> Texture:
     """Texture with `levels` as its alpha, sampled at the nearest level."""
     height, width = texture.pixels.shape[:2]
     rows = np.arange(height) * levels.shape[0] // height

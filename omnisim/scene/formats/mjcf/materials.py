@@ -11,8 +11,8 @@ from dataclasses import replace
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Bytes, Floats, Floats32
 from omnisim.core.short_repr import counted
 from omnisim.core.srgb import linear_from_srgb, linear_from_srgb8
 from omnisim.scene.light.lighting import DEFAULT_BACKGROUND, DEFAULT_LIGHTING
@@ -37,7 +37,7 @@ _COLORS = (_Role.mjTEXROLE_RGB, _Role.mjTEXROLE_RGBA)
 Rgba = tuple[float, float, float, float]
 
 
-def own_or_material_rgba(model: mujoco.MjModel, rgba: NDArray[np.float32], material: int) -> Rgba:
+def own_or_material_rgba(model: mujoco.MjModel, rgba: Floats32, material: int) -> Rgba:
     """Effective color (4,): the material's, unless the geom or skin states another."""
     own = tuple(rgba.tolist())
     if material != NO_MATERIAL and own == _GEOM_GRAY:
@@ -79,12 +79,7 @@ class Materials:
         return next((texture for texture in textures if texture >= 0), None)
 
     def index(
-        self,
-        material: int,
-        rgba: Rgba,
-        face: int | None,
-        is_solid: bool,
-        is_plane: bool = False,
+        self, material: int, rgba: Rgba, face: int | None, is_solid: bool, is_plane: bool = False
     ) -> int:
         """Index of a material in `entries`.
 
@@ -235,7 +230,7 @@ class Textures:
         return self._made[key]
 
 
-def texture_pixels(model: mujoco.MjModel, texture: int) -> NDArray[np.uint8]:
+def texture_pixels(model: mujoco.MjModel, texture: int) -> Bytes:
     """Pixels (height, width, 4) of a texture; the faces of a cube are stacked vertically."""
     height, width = int(model.tex_height[texture]), int(model.tex_width[texture])
     channels, start = int(model.tex_nchannel[texture]), int(model.tex_adr[texture])
@@ -299,7 +294,7 @@ def read_background(
     return DEFAULT_BACKGROUND, []
 
 
-def transformed(lighting: Lighting, world_from_file: NDArray[np.float64]) -> Lighting:
+def transformed(lighting: Lighting, world_from_file: Floats) -> Lighting:
     """Lighting transformed to the world, equally bright in any unit; daylight stays unchanged."""
     if lighting is DEFAULT_LIGHTING:
         return lighting
@@ -341,10 +336,7 @@ def _light(model: mujoco.MjModel, data: mujoco.MjData, light: int) -> Light:
 
 
 def _distance_m(
-    model: mujoco.MjModel,
-    data: mujoco.MjData,
-    position: NDArray[np.float64],
-    direction: NDArray[np.float64],
+    model: mujoco.MjModel, data: mujoco.MjData, position: Floats, direction: Floats
 ) -> float:
     """Distance at which a lamp's axis meets the model, or else that of the model's center."""
     geom = np.array([-1], dtype=np.int32)
@@ -366,6 +358,6 @@ def _cone_cosines(cutoff_deg: float, exponent: float) -> tuple[float, float]:
     return min(max(inner, outer + 1e-3), 1.0), outer
 
 
-def _unit(vector: NDArray[np.float64]) -> NDArray[np.float64]:
+def _unit(vector: Floats) -> Floats:
     length = float(np.linalg.norm(vector))
     return vector / length if length > 0.0 else np.array([0.0, 0.0, -1.0])

@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core.arrays import Bools, Floats, Floats32, Ints
 from omnisim.core.errors import SceneError
 from omnisim.core.poses import rotation_from_quaternion
 from omnisim.scene.formats.imported_scene import make_mesh
@@ -33,7 +34,7 @@ _SOLIDS = (
     Geom.mjGEOM_CYLINDER, Geom.mjGEOM_BOX,
 )  # fmt: skip
 # Mesh indices of a geom, with the mesh centers in the geom's frame.
-Parts = tuple[tuple[int, NDArray[np.float64]], ...]
+Parts = tuple[tuple[int, Floats], ...]
 
 
 class Meshes:
@@ -75,7 +76,7 @@ class Meshes:
         """Double-sided meshes of skins and flexible bodies."""
         return (self._add(name, mapped, material, rgba, None),)
 
-    def _map(self, shape: Shape, material: int, sizes: NDArray[np.float64]) -> list[MappedSurface]:
+    def _map(self, shape: Shape, material: int, sizes: Floats) -> list[MappedSurface]:
         """Parts of a shape, with texture coordinates if the material has a texture."""
         model = self._model
         texture = self.materials.color_texture(material)
@@ -93,7 +94,7 @@ class Meshes:
 
     def _add(
         self, name: str, mapped: MappedSurface, material: int, rgba: Rgba, kind: int | None
-    ) -> tuple[int, NDArray[np.float64]]:
+    ) -> tuple[int, Floats]:
         surface = mapped.surface
         index = self.materials.index(
             material, rgba, mapped.face, kind in _SOLIDS, kind == Geom.mjGEOM_PLANE
@@ -189,9 +190,7 @@ def _flexes(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[Deformable]:
         )
 
 
-def _skinned(
-    model: mujoco.MjModel, data: mujoco.MjData, skin: int, rest: NDArray[np.float32]
-) -> NDArray[np.float64]:
+def _skinned(model: mujoco.MjModel, data: mujoco.MjData, skin: int, rest: Floats32) -> Floats:
     """Positions (n, 3) of a skin's vertices, as weighted means of their bones' transforms.
 
     Source: linear blend skinning, as MuJoCo's mjv_updateSkin.
@@ -212,9 +211,7 @@ def _skinned(
     return positions
 
 
-def _vertex_normals(
-    positions: NDArray[np.float64], triangles: NDArray[np.int64]
-) -> NDArray[np.float64]:
+def _vertex_normals(positions: Floats, triangles: Ints) -> Floats:
     """Unit normals (n, 3), area-weighted over the triangles around each vertex."""
     corners = positions[triangles]
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -243,8 +240,8 @@ class Shape(NamedTuple):
     """
 
     surface: Surface
-    texture_coordinates: NDArray[np.float64] | None
-    scaled: NDArray[np.float64]
+    texture_coordinates: Floats | None
+    scaled: Floats
 
 
 def geom_shape(model: mujoco.MjModel, geom: int) -> Shape:
@@ -271,16 +268,16 @@ def geom_shape(model: mujoco.MjModel, geom: int) -> Shape:
     return _PRIMITIVES[kind](size)
 
 
-def _scaled(surface: Surface, sizes: NDArray[np.float64]) -> NDArray[np.float64]:
+def _scaled(surface: Surface, sizes: Floats) -> Floats:
     """Positions divided by sizes (3,); sizes of 0 count as 1."""
     return surface.positions / np.where(sizes > 0.0, sizes, 1.0)
 
 
-def _of_sizes(surface: Surface, sizes: NDArray[np.float64]) -> Shape:
+def _of_sizes(surface: Surface, sizes: Floats) -> Shape:
     return Shape(surface, None, _scaled(surface, sizes))
 
 
-def _capsule(size: NDArray[np.float64]) -> Shape:
+def _capsule(size: Floats) -> Shape:
     """Capsule, with hemispheres scaled by the radius, measured from the ends of the tube."""
     radius, half = float(size[0]), float(size[1])
     surface = capsule(radius, half)
@@ -291,7 +288,7 @@ def _capsule(size: NDArray[np.float64]) -> Shape:
     return Shape(surface, None, scaled)
 
 
-_PRIMITIVES: dict[mujoco.mjtGeom, Callable[[NDArray[np.float64]], Shape]] = {
+_PRIMITIVES: dict[mujoco.mjtGeom, Callable[[Floats], Shape]] = {
     Geom.mjGEOM_SPHERE: lambda size: _of_sizes(ellipsoid(size[[0, 0, 0]]), size[[0, 0, 0]]),
     Geom.mjGEOM_ELLIPSOID: lambda size: _of_sizes(ellipsoid(size), size),
     Geom.mjGEOM_CYLINDER: lambda size: _of_sizes(
@@ -302,7 +299,7 @@ _PRIMITIVES: dict[mujoco.mjtGeom, Callable[[NDArray[np.float64]], Shape]] = {
 }
 
 
-def _mesh(model: mujoco.MjModel, mesh: int) -> tuple[Surface, NDArray[np.float64] | None]:
+def _mesh(model: mujoco.MjModel, mesh: int) -> tuple[Surface, Floats | None]:
     """Surface and texture coordinates (n, 2) of a mesh, whose faces index both separately."""
     faces = slice(
         int(model.mesh_faceadr[mesh]), int(model.mesh_faceadr[mesh] + model.mesh_facenum[mesh])
@@ -326,8 +323,8 @@ def _mesh(model: mujoco.MjModel, mesh: int) -> tuple[Surface, NDArray[np.float64
 
 
 def _rows(
-    values: NDArray[np.float32], starts: NDArray[np.int32], counts: NDArray[np.int32], index: int
-) -> NDArray[np.float64]:
+    values: Floats32, starts: NDArray[np.int32], counts: NDArray[np.int32], index: int
+) -> Floats:
     start = int(starts[index])
     return values[start : start + int(counts[index])].astype(np.float64)
 
@@ -352,7 +349,7 @@ def _height_field(model: mujoco.MjModel, field: int) -> Surface:
     )
 
 
-def _side(edge: NDArray[np.float64], base: float) -> Surface:
+def _side(edge: Floats, base: float) -> Surface:
     """Wall from an edge (n, 3) down to a height."""
     below = edge.copy()
     below[:, 2] = base
@@ -389,12 +386,10 @@ class MappedSurface(NamedTuple):
 
     face: int | None
     surface: Surface
-    texture_coordinates: NDArray[np.float64] | None
+    texture_coordinates: Floats | None
 
 
-def map_plane(
-    shape: Shape, repeat: NDArray[np.float32], sizes: NDArray[np.float64], is_uniform: bool
-) -> MappedSurface:
+def map_plane(shape: Shape, repeat: Floats32, sizes: Floats, is_uniform: bool) -> MappedSurface:
     """Texture coordinates of an image projected along z.
 
     Args:
@@ -409,7 +404,7 @@ def map_plane(
     return MappedSurface(None, shape.surface, shape.scaled[:, :2] * scale * (0.5, -0.5) - 0.5)
 
 
-def map_cube(shape: Shape, sizes: NDArray[np.float64], is_uniform: bool) -> list[MappedSurface]:
+def map_cube(shape: Shape, sizes: Floats, is_uniform: bool) -> list[MappedSurface]:
     """Texture coordinates of a cube projected from the center; triangles are cut at its edges.
 
     Args:
@@ -451,15 +446,15 @@ def map_cube(shape: Shape, sizes: NDArray[np.float64], is_uniform: bool) -> list
     return mapped
 
 
-def _is_on_one_face(rays: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _is_on_one_face(rays: Floats) -> Bools:
     """Mask (m,) of triangles (m, 3, 3) whose corners all project to one face of the cube."""
     reach = np.abs(rays).max(axis=2, keepdims=True) * (1.0 - 1e-9)
     is_far = np.concatenate((rays >= reach, rays <= -reach), axis=2)  # along +x, …, −z
-    most: NDArray[np.int64] = is_far.sum(axis=1).max(axis=1, initial=0)
+    most: Ints = is_far.sum(axis=1).max(axis=1, initial=0)
     return most == 3
 
 
-def _cut(corners: NDArray[np.float64], sides: NDArray[np.float64]) -> NDArray[np.float64]:
+def _cut(corners: Floats, sides: Floats) -> Floats:
     """Cut triangles (m, 3, k) where a value (m, 3) given at their corners changes sign."""
     level = np.abs(sides).max(initial=0.0) * 1e-9
     sides = np.where(np.abs(sides) <= level, 0.0, sides)
@@ -485,12 +480,7 @@ def _cut(corners: NDArray[np.float64], sides: NDArray[np.float64]) -> NDArray[np
     return np.concatenate((corners[~is_cut], pieces[(areas != 0.0).any(axis=1)]))
 
 
-def _crossing(
-    first: NDArray[np.float64],
-    second: NDArray[np.float64],
-    first_side: NDArray[np.float64],
-    second_side: NDArray[np.float64],
-) -> NDArray[np.float64]:
+def _crossing(first: Floats, second: Floats, first_side: Floats, second_side: Floats) -> Floats:
     """Points (m, k) between two corners where the value is zero; an end without a sign change."""
     difference = first_side - second_side
     share = np.clip(first_side / np.where(difference == 0.0, 1.0, difference), 0.0, 1.0)[:, None]

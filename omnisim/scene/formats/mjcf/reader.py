@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.cameras import PerspectiveCamera, UnifiedCamera
+from omnisim.core.arrays import Floats, Ints
 from omnisim.core.coordinate_frames import BASE_FROM_OPTICAL_LOOKING_AHEAD
 from omnisim.core.errors import SceneError, did_you_mean, printable
 from omnisim.core.files.sources import note_file
@@ -43,7 +44,7 @@ from omnisim.scene.parts import Instance, StartPose
 VISIBLE_GROUPS = (0, 1, 2)
 
 
-def read_mjcf(path: Path, world_from_file: NDArray[np.float64]) -> ImportedScene:
+def read_mjcf(path: Path, world_from_file: Floats) -> ImportedScene:
     """Read a model file in its first keyframe, or else in its initial configuration.
 
     Raises:
@@ -144,9 +145,7 @@ class ModelReader:
             background=background,
         )
 
-    def instances(
-        self, geoms: Iterable[int], frame_from_world: NDArray[np.float64]
-    ) -> list[Instance]:
+    def instances(self, geoms: Iterable[int], frame_from_world: Floats) -> list[Instance]:
         """Instances of geoms in a frame, by frame_from_world (4, 4) in the state of the data."""
         instances = []
         for geom in geoms:
@@ -181,7 +180,7 @@ class ModelReader:
         return notices
 
 
-def _place(name: str, parts: Parts, pose: NDArray[np.float64]) -> list[Instance]:
+def _place(name: str, parts: Parts, pose: Floats) -> list[Instance]:
     """Instances of an element's meshes at its pose."""
     return [Instance(name, mesh, translate(pose, center), pose) for mesh, center in parts]
 
@@ -376,7 +375,7 @@ class Mount(NamedTuple):
     kind: str
     number: int
 
-    def pose(self, data: mujoco.MjData) -> NDArray[np.float64]:
+    def pose(self, data: mujoco.MjData) -> Floats:
         """Pose (4, 4) world_from_mount, x forward, z up."""
         if self.kind == "body":
             rotation, position = data.xmat[self.number], data.xpos[self.number]
@@ -423,7 +422,7 @@ _OFFSET_PER_EXTENT = np.array([0.6, 0.0, 0.3])
 
 @np.errstate(over="ignore", invalid="ignore")  # for models of infinite extent
 def find_viewpoint(
-    model: mujoco.MjModel, data: mujoco.MjData, world_from_file: NDArray[np.float64]
+    model: mujoco.MjModel, data: mujoco.MjData, world_from_file: Floats
 ) -> StartPose:
     """Start pose for a model, in the world."""
     position, ahead = _camera(model, data) or _overview(model)
@@ -433,9 +432,7 @@ def find_viewpoint(
     return StartPose((x, y, z), math.degrees(math.atan2(forward[1], forward[0])))
 
 
-def _camera(
-    model: mujoco.MjModel, data: mujoco.MjData
-) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+def _camera(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Floats, Floats] | None:
     """Position (3,) and viewing direction (3,) of the first camera fixed to the world."""
     for camera in range(model.ncam):
         if int(model.cam_bodyid[camera]) == _WORLD:
@@ -445,7 +442,7 @@ def _camera(
     return None
 
 
-def _overview(model: mujoco.MjModel) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _overview(model: mujoco.MjModel) -> tuple[Floats, Floats]:
     offset = float(model.stat.extent) * _OFFSET_PER_EXTENT
     return model.stat.center + offset, -offset
 
@@ -468,10 +465,10 @@ class MovingModel(NamedTuple):
 
     static: Scene
     objects: dict[str, Scene]
-    bodies: NDArray[np.int64]
+    bodies: Ints
     geom_of_instance: dict[str, int]
 
-    def poses(self, data: mujoco.MjData) -> NDArray[np.float64]:
+    def poses(self, data: mujoco.MjData) -> Floats:
         """Poses (n, 4, 4) world_from_object of the bodies."""
         rotations = data.xmat[self.bodies].reshape(-1, 3, 3)
         return pose_from_rotation(rotations, data.xpos[self.bodies])
@@ -500,10 +497,7 @@ def deformed(
 
 
 def split_model(
-    model: mujoco.MjModel,
-    data: mujoco.MjData,
-    groups: Collection[int],
-    hidden: Collection[str],
+    model: mujoco.MjModel, data: mujoco.MjData, groups: Collection[int], hidden: Collection[str]
 ) -> MovingModel:
     """Split a model into its static geometry and its moving bodies.
 

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
+from omnisim.core.arrays import Bytes, Floats, Indices
 from omnisim.core.errors import SceneError
 from omnisim.core.files.sources import read_source
 from omnisim.core.short_repr import counted
@@ -168,7 +168,7 @@ class Shape(NamedTuple):
     """
 
     surface: Surface
-    uv: NDArray[np.float64] | None = None
+    uv: Floats | None = None
     is_closed: bool = True
 
 
@@ -239,14 +239,13 @@ def polyline(elements: Sequence[XmlElement]) -> Shape:
         raise elements[0].error("points around an area", "none")
     low = np.column_stack((points, np.zeros(len(points))))
     caps = primitives.join(
-        Surface(low + (0.0, 0.0, height), triangles, None),
-        Surface(low, triangles[:, ::-1], None),
+        Surface(low + (0.0, 0.0, height), triangles, None), Surface(low, triangles[:, ::-1], None)
     )
     walls = [_wall(loop, height, loops) for loop in loops]
     return Shape(primitives.join(caps, *walls))
 
 
-def _wall(loop: NDArray[np.float64], height: float, loops: list[NDArray[np.float64]]) -> Surface:
+def _wall(loop: Floats, height: float, loops: list[Floats]) -> Surface:
     """Lateral surface of an extrusion, facing out."""
     count = len(loop)
     following = np.roll(loop, -1, axis=0)
@@ -266,7 +265,7 @@ def _wall(loop: NDArray[np.float64], height: float, loops: list[NDArray[np.float
     return Surface(corners.reshape(-1, 3), triangles, None)
 
 
-def _loop(element: XmlElement) -> NDArray[np.float64]:
+def _loop(element: XmlElement) -> Floats:
     points = np.array([point.numbers(2) for point in element.children("point")]).reshape(-1, 2)
     if len(points) > 1 and np.linalg.norm(points[0] - points[-1]) < _LOOP_TOLERANCE_M:
         points = points[:-1]
@@ -283,7 +282,7 @@ def _sizes(element: XmlElement, path: str, default: tuple[float, ...]) -> tuple[
     return sizes
 
 
-def _axes(normal: NDArray[np.float64]) -> NDArray[np.float64]:
+def _axes(normal: Floats) -> Floats:
     """Rotation (3, 3) whose z is the normal, by the smallest rotation from z up."""
     z = np.array((0.0, 0.0, 1.0))
     cosine = float(normal @ z)
@@ -362,7 +361,7 @@ class Layer(NamedTuple):
     fade_m: float = 0.0
 
 
-def read_levels(image: Image.Image) -> NDArray[np.float64] | None:
+def read_levels(image: Image.Image) -> Floats | None:
     """Levels (rows, columns) in [0, 1], at most `MAX_POINTS` per side; None: not a gray image."""
     if image.mode.startswith("I"):
         levels = np.asarray(image, dtype=np.float64) / 65535.0
@@ -376,12 +375,12 @@ def read_levels(image: Image.Image) -> NDArray[np.float64] | None:
     return levels[np.ix_(rows, columns)]
 
 
-def _evenly(count: int) -> NDArray[np.intp]:
+def _evenly(count: int) -> Indices:
     """Indices (n,) of at most `MAX_POINTS` of `count` samples, first and last included."""
     return np.linspace(0, count - 1, min(count, MAX_POINTS)).round().astype(np.intp)
 
 
-def terrain(element: XmlElement, levels: NDArray[np.float64], tile_m: float) -> Shape:
+def terrain(element: XmlElement, levels: Floats, tile_m: float) -> Shape:
     """Surface of a `<heightmap>`.
 
     Args:
@@ -423,7 +422,7 @@ def terrain_size_m(element: XmlElement) -> tuple[float, ...]:
     return size
 
 
-def blend(layers: list[Layer], levels: NDArray[np.float64], size: tuple[float, ...]) -> Image.Image:
+def blend(layers: list[Layer], levels: Floats, size: tuple[float, ...]) -> Image.Image:
     """Image of the whole terrain from above, blended from its layers.
 
     Args:
@@ -445,7 +444,7 @@ def blend(layers: list[Layer], levels: NDArray[np.float64], size: tuple[float, .
     return Image.fromarray(np.rint(baked).astype(np.uint8))
 
 
-def _tiled(layer: Layer, size: tuple[float, ...], side: int) -> NDArray[np.uint8]:
+def _tiled(layer: Layer, size: tuple[float, ...], side: int) -> Bytes:
     """Layer (side, side, 3) repeated over the terrain."""
     width, height = (
         min(max(1, round(side * layer.size_m / extent)), 4 * side) for extent in size[:2]

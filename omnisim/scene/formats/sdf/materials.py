@@ -11,10 +11,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
+from omnisim.core.arrays import Floats
 from omnisim.core.files.sources import read_source
 from omnisim.scene.formats.imported_scene import Omissions
 from omnisim.scene.formats.resources import ResourcePath
@@ -109,7 +108,7 @@ class MaterialReader:
             return True
         return self._script(element) is not None
 
-    def terrain(self, element: XmlElement, levels: NDArray[np.float64]) -> tuple[int, float]:
+    def terrain(self, element: XmlElement, levels: Floats) -> tuple[int, float]:
         """Index of a heightmap's material, and its texture's side length, m; 0: the whole map."""
         layers = []
         blends = [

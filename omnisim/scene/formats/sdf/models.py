@@ -12,8 +12,8 @@ from urllib.parse import unquote
 from xml.etree.ElementTree import Element
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import SceneError, did_you_mean
 from omnisim.core.files.sources import read_source
 from omnisim.core.poses import inverse
@@ -52,7 +52,7 @@ class Scope:
     def __init__(self) -> None:
         self._frames: dict[str, _Frame] = {}
         self._missing: set[str] = set()
-        self._poses: dict[str, NDArray[np.float64]] = {}
+        self._poses: dict[str, Floats] = {}
         self._aliases: dict[str, str] = {}
         self._active: list[str] = []
 
@@ -85,11 +85,11 @@ class Scope:
         """Make a frame of a merged model accessible by its own name."""
         self._aliases.setdefault(name, frame)
 
-    def place(self, name: str, scope_from_frame: NDArray[np.float64]) -> None:
+    def place(self, name: str, scope_from_frame: Floats) -> None:
         """Override the pose of a link or model from the file."""
         self._poses[name] = scope_from_frame
 
-    def pose_of(self, element: XmlElement, default: str = "") -> NDArray[np.float64]:
+    def pose_of(self, element: XmlElement, default: str = "") -> Floats:
         """Pose (4, 4) scope_from_element.
 
         Args:
@@ -102,11 +102,11 @@ class Scope:
         """
         return self._scope_from(element.relative_to or default, element) @ element.pose()
 
-    def model_pose(self, name: str) -> NDArray[np.float64]:
+    def model_pose(self, name: str) -> Floats:
         """Pose (4, 4) scope_from_model of a nested model."""
         return self._scope_from(name, self._frames[name].element)
 
-    def _scope_from(self, name: str, element: XmlElement) -> NDArray[np.float64]:
+    def _scope_from(self, name: str, element: XmlElement) -> Floats:
         if name in self._poses:
             return self._poses[name]
         frame = self._frames.get(name)
@@ -123,7 +123,7 @@ class Scope:
         self._poses[name] = pose
         return pose
 
-    def _outside(self, name: str, element: XmlElement) -> NDArray[np.float64]:
+    def _outside(self, name: str, element: XmlElement) -> Floats:
         """Pose (4, 4) of the scope itself, or of a frame `model::frame` in a nested model."""
         if name in _OWN:
             return np.eye(4)
@@ -380,9 +380,9 @@ class PlacedModel(NamedTuple):
 
     path: str
     model: Model
-    outer_from_model: NDArray[np.float64]
+    outer_from_model: Floats
 
-    def pose_of(self, element: XmlElement, default: str = "") -> NDArray[np.float64]:
+    def pose_of(self, element: XmlElement, default: str = "") -> Floats:
         """Pose (4, 4) outer_from_element of an element in the model.
 
         Args:
@@ -393,7 +393,7 @@ class PlacedModel(NamedTuple):
 
 
 def placed_models(
-    model: Model, outer_from_model: NDArray[np.float64] | None = None, path: str = ""
+    model: Model, outer_from_model: Floats | None = None, path: str = ""
 ) -> Iterator[PlacedModel]:
     """World or model with all models in it; the default outer frame is its own."""
     own = np.eye(4) if outer_from_model is None else outer_from_model

@@ -9,8 +9,8 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import SceneError
 from omnisim.core.poses import inverse
 from omnisim.scene.formats.features import part_notices, xml_parts
@@ -63,7 +63,7 @@ def read_sdf(
     data: bytes,
     textures: TextureStore,
     resources: ResourcePath,
-    world_from_file: NDArray[np.float64],
+    world_from_file: Floats,
 ) -> ImportedScene:
     """Read a world or model.
 
@@ -78,7 +78,7 @@ class _Reader:
     """Meshes, materials, instances and lights of a file."""
 
     def __init__(
-        self, resources: ResourcePath, textures: TextureStore, world_from_file: NDArray[np.float64]
+        self, resources: ResourcePath, textures: TextureStore, world_from_file: Floats
     ) -> None:
         self._omissions = Omissions()
         self._library = ModelLibrary(resources, self._omissions)
@@ -89,7 +89,7 @@ class _Reader:
         self._meshes: list[Mesh] = []
         self._shapes: dict[tuple[object, ...], Shape] = {}
         # mesh index and center, keyed by ids of shape or mesh, and material
-        self._made: dict[tuple[int, int], tuple[int, NDArray[np.float64]]] = {}
+        self._made: dict[tuple[int, int], tuple[int, Floats]] = {}
         self._instances: list[Instance] = []
         self._lights: list[Light] = []
         self._cameras = Cameras()
@@ -167,7 +167,7 @@ class _Reader:
 
     def _pose_of(
         self, placed: PlacedModel, element: XmlElement, default: str = ""
-    ) -> NDArray[np.float64] | None:
+    ) -> Floats | None:
         """Pose (4, 4) of an element; None, with a notice, if it depends on a missing model."""
         try:
             return placed.pose_of(element, default)
@@ -175,16 +175,14 @@ class _Reader:
             self._omissions.count(UNPLACED, element.element.tag)
             return None
 
-    def _read_light(self, element: XmlElement, file_from_light: NDArray[np.float64] | None) -> None:
+    def _read_light(self, element: XmlElement, file_from_light: Floats | None) -> None:
         if file_from_light is None:
             return
         light = read_light(element, self._world_from_file @ file_from_light, self._omissions)
         if light is not None:
             self._lights.append(light)
 
-    def _read_visual(
-        self, visual: XmlElement, file_from_visual: NDArray[np.float64] | None, name: str
-    ) -> None:
+    def _read_visual(self, visual: XmlElement, file_from_visual: Floats | None, name: str) -> None:
         geometry = visual.find("geometry")
         kind = None if geometry is None else next(geometry.children(*GEOMETRIES), None)
         if geometry is None or kind is None or file_from_visual is None:
@@ -199,9 +197,7 @@ class _Reader:
             material = self._materials.read(visual, double_sided=not shape.is_closed)
             self._place(shape, material, file_from_visual, name)
 
-    def _read_heightmap(
-        self, element: XmlElement, file_from_visual: NDArray[np.float64], name: str
-    ) -> None:
+    def _read_heightmap(self, element: XmlElement, file_from_visual: Floats, name: str) -> None:
         uri = element.text("uri")
         path = self._materials.find_image(element, uri)
         if path is None:
@@ -224,9 +220,7 @@ class _Reader:
             )
         return self._shapes[key]
 
-    def _place(
-        self, shape: Shape, material: int, file_from_visual: NDArray[np.float64], name: str
-    ) -> None:
+    def _place(self, shape: Shape, material: int, file_from_visual: Floats, name: str) -> None:
         key = id(shape), material
         if key not in self._made:
             surface = shape.surface
@@ -240,11 +234,7 @@ class _Reader:
         self._instances.append(Instance(name, index, pose, file_from_visual))
 
     def _read_mesh(
-        self,
-        element: XmlElement,
-        visual: XmlElement,
-        file_from_visual: NDArray[np.float64],
-        name: str,
+        self, element: XmlElement, visual: XmlElement, file_from_visual: Floats, name: str
     ) -> None:
         uri, scale = element.text("uri"), element.vector("scale", (1.0, 1.0, 1.0))
         if not all(scale):
@@ -334,9 +324,7 @@ _REFERENCE_M = 5.0  # distance of equal brightness for lights with another fallo
 _ATTENUATION = "attenuation of lights is drawn as that of 1/distance², equal at a few meters"
 
 
-def read_light(
-    element: XmlElement, world_from_light: NDArray[np.float64], omissions: Omissions
-) -> Light | None:
+def read_light(element: XmlElement, world_from_light: Floats, omissions: Omissions) -> Light | None:
     """Light in the world; None: switched off or black.
 
     Intensities are relative: at intensity 1 a white surface appears white.

@@ -10,9 +10,9 @@ from pathlib import Path, PurePosixPath
 
 import numpy as np
 import scipy  # loads its submodules on first use
-from numpy.typing import NDArray
 from PIL import Image
 
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import SceneError
 from omnisim.core.files.sources import read_source
 from omnisim.core.poses import pose_from_rotation
@@ -115,7 +115,7 @@ class _Reader:
             tuple(self._meshes), tuple(self._materials), tuple(self._instances), notices
         )
 
-    def _read_visual(self, link: XmlElement, visual: XmlElement, pose: NDArray[np.float64]) -> None:
+    def _read_visual(self, link: XmlElement, visual: XmlElement, pose: Floats) -> None:
         geometry = visual.find("geometry")
         shapes = [one for tag in _GEOMETRIES for one in geometry.children(tag)] if geometry else []
         if not shapes:
@@ -136,9 +136,7 @@ class _Reader:
         place = translate(pose, center)
         self._instances.append(Instance(name, len(self._meshes) - 1, place, pose))
 
-    def _read_mesh(
-        self, shape: XmlElement, material: int | None, pose: NDArray[np.float64], name: str
-    ) -> None:
+    def _read_mesh(self, shape: XmlElement, material: int | None, pose: Floats, name: str) -> None:
         uri = shape.attribute("filename")
         scale = shape.attribute_numbers("scale", (1.0, 1.0, 1.0), 3)
         if not all(scale):
@@ -255,7 +253,7 @@ def _surface(shape: XmlElement) -> Surface:
 # Poses of a robot's links with its joints at rest.
 
 
-def link_poses(robot: XmlElement) -> dict[str, NDArray[np.float64]]:
+def link_poses(robot: XmlElement) -> dict[str, Floats]:
     """Poses (4, 4) robot_from_link by link name, in tree order from the root.
 
     A joint rests at 0, or at the middle of its limits if these exclude 0.
@@ -269,7 +267,7 @@ def link_poses(robot: XmlElement) -> dict[str, NDArray[np.float64]]:
             raise link.attribute_error("name", "each link once")
     if not links:
         raise SceneError(f"{robot.place}: expected a <link>, got none")
-    parents: dict[str, tuple[str, NDArray[np.float64]]] = {}
+    parents: dict[str, tuple[str, Floats]] = {}
     for joint in robot.children("joint"):
         parent, child = _end(joint, "parent", links), _end(joint, "child", links)
         if child.attribute("link") in parents:
@@ -301,7 +299,7 @@ def _end(joint: XmlElement, tag: str, links: list[str]) -> XmlElement:
     return end
 
 
-def _motion(joint: XmlElement) -> NDArray[np.float64]:
+def _motion(joint: XmlElement) -> Floats:
     """Pose (4, 4) of a joint's child at rest, relative to the joint's origin."""
     kind, limit = joint.attribute("type"), joint.find("limit")
     if kind not in ("revolute", "prismatic") or limit is None:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Usd, UsdGeom, UsdShade
 
+from omnisim.core.arrays import Bools, Floats, Ints
 from omnisim.core.errors import SceneError
 from omnisim.scene import primitives
 from omnisim.scene.formats.imported_scene import PLAIN_GRAY, Omissions, make_mesh
@@ -25,7 +26,7 @@ class Part(NamedTuple):
     """Scene mesh, and its origin (3,) in the frame of its prim."""
 
     mesh: int
-    center: NDArray[np.float64]
+    center: Floats
 
 
 class Gprims:
@@ -60,10 +61,7 @@ class Gprims:
         return self._parts[key]
 
     def _read(
-        self,
-        prim: Usd.Prim,
-        subsets: list[UsdGeom.Subset],
-        bound: list[UsdShade.Material | None],
+        self, prim: Usd.Prim, subsets: list[UsdGeom.Subset], bound: list[UsdShade.Material | None]
     ) -> list[Part]:
         if is_shape(prim):
             faces = shape_faces(prim, self._time, self._unit)
@@ -83,11 +81,7 @@ class Gprims:
         return parts + self._part(prim, faces, rest, bound[0])
 
     def _part(
-        self,
-        prim: Usd.Prim,
-        faces: Faces,
-        mask: NDArray[np.bool_],
-        bound: UsdShade.Material | None,
+        self, prim: Usd.Prim, faces: Faces, mask: Bools, bound: UsdShade.Material | None
     ) -> list[Part]:
         """Mesh of the triangles selected by a mask, as a list of at most one."""
         if not mask.any():
@@ -142,7 +136,7 @@ class Gprims:
         self,
         prim: Usd.Prim,
         appearance: Appearance | None,
-        color: NDArray[np.float64] | None,
+        color: Floats | None,
         has_vertex_colors: bool,
     ) -> int:
         """Index of a material, with the sides and the constant color of a prim."""
@@ -191,7 +185,7 @@ class Faces(NamedTuple):
 
     points: NDArray[np.floating]
     corners: Corners
-    polygons: NDArray[np.int64]
+    polygons: Ints
     normals: PrimvarValues | None
 
 
@@ -248,10 +242,7 @@ def mesh_faces(prim: Usd.Prim, time: Usd.TimeCode, notices: Omissions) -> Faces 
         notices.count("subdivision: the control mesh is drawn, with smooth normals", "mesh")
         normals = PrimvarValues(_smooth_normals(points, vertices[corners]), "vertex")
     return Faces(
-        points,
-        Corners.of(len(points), len(counts), vertices, corners, polygons),
-        polygons,
-        normals,
+        points, Corners.of(len(points), len(counts), vertices, corners, polygons), polygons, normals
     )
 
 
@@ -263,9 +254,7 @@ def _normals(mesh: UsdGeom.Mesh, time: Usd.TimeCode) -> PrimvarValues | None:
     return None if values is None else PrimvarValues(values, str(mesh.GetNormalsInterpolation()))
 
 
-def _check_topology(
-    prim: Usd.Prim, points: int, counts: NDArray[np.int64], vertices: NDArray[np.int64]
-) -> None:
+def _check_topology(prim: Usd.Prim, points: int, counts: Ints, vertices: Ints) -> None:
     """Check that the face counts match the corners, and that the corners index existing points.
 
     Raises:
@@ -289,9 +278,7 @@ def _is_left_handed(prim: Usd.Prim, time: Usd.TimeCode) -> bool:
 
 
 @np.errstate(all="ignore")  # a mesh with non-finite values is rejected later
-def _smooth_normals(
-    points: NDArray[np.float64], triangles: NDArray[np.int64]
-) -> NDArray[np.float64]:
+def _smooth_normals(points: Floats, triangles: Ints) -> Floats:
     """Normals (n, 3) at points, area-weighted over their triangles."""
     a, b, c = (points[triangles[:, k]] for k in range(3))
     areas = np.cross(b - a, c - a)
@@ -428,16 +415,11 @@ class Corners(NamedTuple):
     """
 
     sizes: dict[str, int]
-    rows: dict[str, NDArray[np.int64]]
+    rows: dict[str, Ints]
 
     @classmethod
     def of(
-        cls,
-        point_count: int,
-        face_count: int,
-        vertices: NDArray[np.int64],
-        corners: NDArray[np.int64],
-        faces: NDArray[np.int64],
+        cls, point_count: int, face_count: int, vertices: Ints, corners: Ints, faces: Ints
     ) -> Corners:
         """Corners of all triangles of a mesh.
 
@@ -460,7 +442,7 @@ class Corners(NamedTuple):
             },
         )  # fmt: skip
 
-    def of_triangles(self, chosen: NDArray[np.bool_]) -> Corners:
+    def of_triangles(self, chosen: Bools) -> Corners:
         """Corners of the triangles selected by a mask (m,)."""
         kept = np.repeat(chosen, 3)
         return Corners(self.sizes, {key: rows[kept] for key, rows in self.rows.items()})
@@ -475,16 +457,16 @@ class PrimvarValues(NamedTuple):
         indices: (elements,) indices into `values`; None: one value per element.
     """
 
-    values: NDArray[np.float64]
+    values: Floats
     interpolation: str
-    indices: NDArray[np.int64] | None = None
+    indices: Ints | None = None
 
     @property
     def is_shared(self) -> bool:
         """True if all corners at one point have the same value."""
         return self.interpolation in ("constant", "varying", "vertex")
 
-    def rows(self, corners: Corners) -> NDArray[np.int64] | None:
+    def rows(self, corners: Corners) -> Ints | None:
         """Rows (c,) of the values at corners; None: the number of values does not match."""
         rows, size = corners.rows.get(self.interpolation), corners.sizes.get(self.interpolation)
         elements = len(self.values) if self.indices is None else len(self.indices)
@@ -507,9 +489,9 @@ class Vertices(NamedTuple):
         values: (n, width) values of each primvar; None for one that is missing or does not match.
     """
 
-    points: NDArray[np.int64]
-    triangles: NDArray[np.int64]
-    values: list[NDArray[np.float64] | None]
+    points: Ints
+    triangles: Ints
+    values: list[Floats | None]
 
 
 def make_vertices(corners: Corners, primvars: list[PrimvarValues | None]) -> Vertices:
@@ -531,7 +513,7 @@ def make_vertices(corners: Corners, primvars: list[PrimvarValues | None]) -> Ver
     )
 
 
-def _paired(first: NDArray[np.int64], second: NDArray[np.int64]) -> NDArray[np.int64]:
+def _paired(first: Ints, second: Ints) -> Ints:
     """Keys (n,) that are equal if and only if both numbers are equal."""
     size = int(second.max(initial=0)) + 1
     if int(first.max(initial=0)) >= _MAX_KEY // size:
@@ -539,11 +521,11 @@ def _paired(first: NDArray[np.int64], second: NDArray[np.int64]) -> NDArray[np.i
     return first * size + second
 
 
-def _ranks(values: NDArray[np.float64]) -> NDArray[np.int64]:
+def _ranks(values: Floats) -> Ints:
     """Ranks (k,) that are equal if and only if rows (k, width) are equal as float32."""
     with np.errstate(all="ignore"):
         bits = (values.astype(np.float32) + np.float32(0.0)).view(np.uint32).astype(np.uint64)
-    ranks: NDArray[np.int64] = np.unique(bits[:, 0], return_inverse=True)[1]
+    ranks: Ints = np.unique(bits[:, 0], return_inverse=True)[1]
     for column in bits.T[1:]:
         pairs = ranks.astype(np.uint64) << np.uint64(32) | column
         ranks = np.unique(pairs, return_inverse=True)[1]
@@ -558,7 +540,7 @@ _FLAT = 1e-9  # tolerance relative to the largest turn, against rounding errors 
 
 def triangulate(
     points: NDArray[np.floating], counts: NDArray[np.integer], vertices: NDArray[np.integer]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+) -> tuple[Ints, Ints]:
     """Triangulate planar or nearly planar polygons, in their order.
 
     Args:
@@ -591,7 +573,7 @@ def triangulate(
     return np.concatenate(corners)[order], every[order]
 
 
-def _fans(loops: NDArray[np.int64], first: NDArray[np.int64]) -> NDArray[np.int64]:
+def _fans(loops: Ints, first: Ints) -> Ints:
     """Triangle fans (n, k - 2, 3) of polygons (n, k), from the `first` (n,) corner of each."""
     count = loops.shape[1]
     rotated = np.take_along_axis(loops, (first[:, None] + np.arange(count)) % count, axis=1)
@@ -599,9 +581,7 @@ def _fans(loops: NDArray[np.int64], first: NDArray[np.int64]) -> NDArray[np.int6
     return np.stack((apexes, rotated[:, 1:-1], rotated[:, 2:]), axis=2)
 
 
-def _turns(
-    corners: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _turns(corners: Floats) -> tuple[Floats, Floats]:
     """Turns (n, k) of polygons (n, k, 3), negative at reflex corners, and unit normals (n, 3).
 
     Source: Newell's normal; Sutherland et al., "A Characterization of Ten Hidden-Surface
@@ -616,7 +596,7 @@ def _turns(
     return np.einsum("nkd,nd->nk", crossed, normals), normals
 
 
-def _projected(corners: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray[np.float64]:
+def _projected(corners: Floats, normal: Floats) -> Floats:
     """Polygon (k, 2) projected along its normal's main axis, counter-clockwise."""
     axis = int(np.argmax(np.abs(normal)))
     u, v = (axis + 1) % 3, (axis + 2) % 3
@@ -641,7 +621,7 @@ def find_primvar(prim: Usd.Prim, name: str, width: int, time: Usd.TimeCode) -> P
     return PrimvarValues(values, str(primvar.GetInterpolation()), indices)
 
 
-def rows(value: object, width: int) -> NDArray[np.float64] | None:
+def rows(value: object, width: int) -> Floats | None:
     """Attribute value as rows (k, width); None: another type or width."""
     if value is None or isinstance(value, str):
         return None
@@ -654,7 +634,7 @@ def rows(value: object, width: int) -> NDArray[np.float64] | None:
         return array.astype(np.float64).reshape(-1, width)
 
 
-def integers(value: object) -> NDArray[np.int64]:
+def integers(value: object) -> Ints:
     """Integer array (k,) of an attribute; empty if missing or of another type."""
     array = np.asarray(value)
     return array.astype(np.int64).reshape(-1) if array.dtype.kind in "iu" else np.zeros(0, np.int64)

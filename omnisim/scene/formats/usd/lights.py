@@ -7,9 +7,9 @@ import tempfile
 from pathlib import Path, PurePosixPath
 
 import numpy as np
-from numpy.typing import NDArray
 from pxr import Sdf, Usd, UsdLux
 
+from omnisim.core.arrays import Floats, Floats32
 from omnisim.core.errors import OutputError
 from omnisim.core.files.image_files import read_image, read_radiance
 from omnisim.core.srgb import linear_from_srgb8
@@ -38,15 +38,13 @@ class Lights:
             texture.
     """
 
-    def __init__(
-        self, world_from_stage: NDArray[np.float64], time: Usd.TimeCode, notices: Omissions
-    ):
+    def __init__(self, world_from_stage: Floats, time: Usd.TimeCode, notices: Omissions):
         self.lights: list[Light] = []
         self.dome: tuple[float, float, float] | None = None
-        self.environment: NDArray[np.float32] | None = None
+        self.environment: Floats32 | None = None
         self._world_from_stage, self._time, self._notices = world_from_stage, time, notices
 
-    def add(self, prim: Usd.Prim, stage_from_prim: NDArray[np.float64]) -> None:
+    def add(self, prim: Usd.Prim, stage_from_prim: Floats) -> None:
         """Add a light of any type; unsupported attributes become notices."""
         kind = str(prim.GetTypeName()).removesuffix("_1")
         level, color = self._level(prim), self._color(prim)
@@ -111,7 +109,7 @@ class Lights:
             return 1.0
         return math.pi * math.sin(min(half_rad, 0.5 * math.pi)) ** 2
 
-    def _area_factor(self, prim: Usd.Prim, kind: str, scale: NDArray[np.float64]) -> float:
+    def _area_factor(self, prim: Usd.Prim, kind: str, scale: Floats) -> float:
         """Frontal luminous intensity per unit of luminance, in square stage units.
 
         Source: UsdLuxLightAPI: a normalized luminance is divided by the surface area.
@@ -146,9 +144,7 @@ class Lights:
         inner, outer = angle * (1.0 - softness), angle
         return math.cos(math.radians(inner)), math.cos(math.radians(outer))
 
-    def _add_dome(
-        self, prim: Usd.Prim, stage_from_prim: NDArray[np.float64], luminance: NDArray[np.float64]
-    ) -> None:
+    def _add_dome(self, prim: Usd.Prim, stage_from_prim: Floats, luminance: Floats) -> None:
         if self.dome is not None:
             self._notices.count("DomeLight beside another is not drawn")
             return
@@ -192,9 +188,7 @@ _LAT_LONG = ("", "automatic", "latlong")
 _DOME_FROM_MAP = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 
 
-def dome_map(
-    texture: Sdf.AssetPath, layout: str, world_from_dome: NDArray[np.float64]
-) -> NDArray[np.float32] | None:
+def dome_map(texture: Sdf.AssetPath, layout: str, world_from_dome: Floats) -> Floats32 | None:
     """Radiance (rows, 2 rows, 3) of a dome's texture in world axes; None: unreadable or
     unsupported.
 
@@ -219,13 +213,13 @@ def dome_map(
     return np.concatenate(parts).reshape(rows, 2 * rows, 3)
 
 
-def mean_radiance(pixels: NDArray[np.float32]) -> NDArray[np.float64]:
+def mean_radiance(pixels: Floats32) -> Floats:
     """Mean (3,) of a map over all directions."""
     _, solid_angles = map_directions(*pixels.shape[:2])
     return np.average(pixels.mean(axis=1), axis=0, weights=solid_angles)
 
 
-def _read(resolved: str) -> NDArray[np.float32] | None:
+def _read(resolved: str) -> Floats32 | None:
     """Linear RGB (height, width, 3) of a file or package member; None: unreadable."""
     try:
         data = content_of(resolved)

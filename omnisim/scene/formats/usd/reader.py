@@ -13,15 +13,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, TypeVar
 
-import numpy as np
-from numpy.typing import NDArray
-
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import OmnisimError, SceneError
 from omnisim.core.files.sources import Sources, note_sources, recorded_sources
 from omnisim.scene.formats.imported_scene import FileAxes, ImportedScene
 
 
-def read_usd(path: Path, axes: FileAxes) -> tuple[ImportedScene, NDArray[np.float64]]:
+def read_usd(path: Path, axes: FileAxes) -> tuple[ImportedScene, Floats]:
     """Read a stage in a separate process.
 
     Args:
@@ -39,7 +37,7 @@ def read_usd(path: Path, axes: FileAxes) -> tuple[ImportedScene, NDArray[np.floa
     return read, matrix
 
 
-def _read(path: Path, axes: FileAxes) -> tuple[ImportedScene, NDArray[np.float64], Sources]:
+def _read(path: Path, axes: FileAxes) -> tuple[ImportedScene, Floats, Sources]:
     from omnisim.scene.formats.usd.stage_reader import read_stage  # imports usd-core, slow
 
     with recorded_sources() as sources:

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from pxr import Ar, Kind, Tf, Usd, UsdGeom, UsdShade
 
 from omnisim.cameras import (
@@ -20,6 +19,7 @@ from omnisim.cameras import (
     KannalaBrandtCamera,
     RationalPolynomialCamera,
 )
+from omnisim.core.arrays import Floats, Ints
 from omnisim.core.errors import SceneError
 from omnisim.core.files.sources import note_file
 from omnisim.ground_truth.label_names import distinct_color
@@ -45,7 +45,7 @@ MAX_INSTANCES = 1_000_000
 MAX_NESTED = 16  # nesting depth of point instancers
 
 
-def read_stage(path: Path, axes: FileAxes) -> tuple[ImportedScene, NDArray[np.float64]]:
+def read_stage(path: Path, axes: FileAxes) -> tuple[ImportedScene, Floats]:
     """Read a stage; see `omnisim.scene.formats.usd.reader.read_usd`.
 
     Raises:
@@ -64,8 +64,8 @@ class _PlacedMesh(NamedTuple):
 
     name: str
     mesh: int
-    frame_from_mesh: NDArray[np.float64]
-    frame_from_object: NDArray[np.float64]
+    frame_from_mesh: Floats
+    frame_from_object: Floats
     class_name: str = ""
 
 
@@ -93,7 +93,7 @@ class _Reader:
         self._copies_of: dict[str, list[_PlacedMesh]] = {}
         self._names: Counter[str] = Counter()
 
-    def read(self) -> tuple[ImportedScene, NDArray[np.float64]]:
+    def read(self) -> tuple[ImportedScene, Floats]:
         """Read everything that is drawn, and the transform (4, 4) world_from_stage.
 
         Raises:
@@ -131,9 +131,7 @@ class _Reader:
                 note_file(Path(Ar.SplitPackageRelativePathOuter(layer.realPath)[0]))
         return read, self._world_from_stage
 
-    def _placed(
-        self, root: Usd.Prim, frame_from_parent: NDArray[np.float64], nested: int
-    ) -> list[_PlacedMesh]:
+    def _placed(self, root: Usd.Prim, frame_from_parent: Floats, nested: int) -> list[_PlacedMesh]:
         """Meshes of a prim and its descendants, in the frame of its parent."""
         placed: list[_PlacedMesh] = []
         owners: dict[str, str] = {}  # object names by path
@@ -173,7 +171,7 @@ class _Reader:
             for one in parts
         ]
 
-    def _object(self, site: Site, owners: dict[str, str]) -> tuple[str, NDArray[np.float64], str]:
+    def _object(self, site: Site, owners: dict[str, str]) -> tuple[str, Floats, str]:
         """Name, frame (4, 4) and class of the object that contains a prim.
 
         Without such an object: name and frame of the prim itself, and no class.
@@ -257,7 +255,7 @@ class ObjectFrame(NamedTuple):
 
     name: str
     path: str
-    stage_from_object: NDArray[np.float64]
+    stage_from_object: Floats
     class_name: str = ""
 
 
@@ -272,7 +270,7 @@ class Site(NamedTuple):
     """
 
     prim: Usd.Prim
-    stage_from_prim: NDArray[np.float64]
+    stage_from_prim: Floats
     purpose: str = UsdGeom.Tokens.default_
     owner: ObjectFrame | None = None
 
@@ -292,7 +290,7 @@ class Walk:
         roots = stage.GetPseudoRoot().GetChildren()
         self._whole = default or (roots[0] if len(roots) == 1 else None)
 
-    def sites(self, root: Usd.Prim, stage_from_parent: NDArray[np.float64]) -> Iterator[Site]:
+    def sites(self, root: Usd.Prim, stage_from_parent: Floats) -> Iterator[Site]:
         """Sites of a prim and its descendants, except those below a PointInstancer.
 
         Raises:
@@ -340,9 +338,7 @@ class Walk:
             owner,
         )
 
-    def _stage_from_prim(
-        self, prim: Usd.Prim, stage_from_parent: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def _stage_from_prim(self, prim: Usd.Prim, stage_from_parent: Floats) -> Floats:
         form = UsdGeom.Xformable(prim)
         if not form:
             return stage_from_parent
@@ -400,8 +396,8 @@ class Copies(NamedTuple):
     """
 
     prototype: Usd.Prim
-    numbers: NDArray[np.int64]
-    instancer_from_copies: NDArray[np.float64]
+    numbers: Ints
+    instancer_from_copies: Floats
 
 
 def read_copies(instancer: UsdGeom.PointInstancer, time: Usd.TimeCode) -> list[Copies]:
@@ -543,7 +539,7 @@ def _relative(text: str, path: Path) -> str:
 _LEVEL = 1e-6  # minimum horizontal part of a viewing direction that has a heading
 
 
-def start_of_camera(world_from_camera: NDArray[np.float64]) -> StartPose | None:
+def start_of_camera(world_from_camera: Floats) -> StartPose | None:
     """Start pose from a camera's position and heading; None: an invalid pose.
 
     Source: UsdGeomCamera looks along −z, with y up.

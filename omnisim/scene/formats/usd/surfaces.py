@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from PIL import Image
 from pxr import Ar, Sdf, Usd, UsdShade
 
+from omnisim.core.arrays import Bytes, Floats
 from omnisim.core.files.sources import note_file, read_source
 from omnisim.scene.formats.imported_scene import Omissions
 from omnisim.scene.formats.resources import AssetResolver
@@ -223,7 +224,7 @@ def _relative(target: Affine, applied: Affine) -> Affine:
     full = [np.vstack((np.array(one), (0.0, 0.0, 1.0))) for one in (target, applied)]
     if abs(np.linalg.det(full[1])) < 1e-12:
         return target
-    product: NDArray[np.float64] = full[0] @ np.linalg.inv(full[1])
+    product: Floats = full[0] @ np.linalg.inv(full[1])
     (a, b, c), (d, e, f) = product[:2].tolist()
     return (a, b, c), (d, e, f)
 
@@ -365,7 +366,7 @@ class Inputs:
             matrix, key = matrix @ self._transform(node), "in"
         return "st", IDENTITY
 
-    def _transform(self, node: UsdShade.Shader) -> NDArray[np.float64]:
+    def _transform(self, node: UsdShade.Shader) -> Floats:
         """Transform (3, 3) of a UsdTransform2d: scale, then rotation, then translation."""
         angle = math.radians(ShaderInput(self._value(node, "rotation")).number(0.0))
         scale = numbers(self._value(node, "scale"), (1.0, 1.0))
@@ -547,7 +548,7 @@ def content_of(resolved: str) -> bytes:
     return b"" if asset is None else bytes(asset.GetBuffer())
 
 
-def _plane(pixels: NDArray[np.uint8], source: TextureSource, channel: str) -> NDArray[np.uint8]:
+def _plane(pixels: Bytes, source: TextureSource, channel: str) -> Bytes:
     """Levels (height, width) of a channel, after its scale and bias."""
     index = CHANNELS.get(channel, 0)
     scale, bias = source.scale[index], source.bias[index]
@@ -556,13 +557,13 @@ def _plane(pixels: NDArray[np.uint8], source: TextureSource, channel: str) -> ND
     return _levels(scale, bias)[pixels[..., index]]
 
 
-def _levels(scale: float, bias: float) -> NDArray[np.uint8]:
+def _levels(scale: float, bias: float) -> Bytes:
     """Lookup table (256,) of levels after a scale and a bias."""
     values = np.rint(np.arange(256) * scale + 255.0 * bias)
     return np.clip(values, 0, 255).astype(np.uint8)
 
 
-def _resized(pixels: NDArray[np.uint8], shape: NDArray[np.integer]) -> NDArray[np.uint8]:
+def _resized(pixels: Bytes, shape: NDArray[np.integer]) -> Bytes:
     """Pixels (height, width, 4), resampled by nearest neighbor to another height and width."""
     if pixels.shape[:2] == tuple(shape):
         return pixels

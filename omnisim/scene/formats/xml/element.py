@@ -15,8 +15,8 @@ from xml.etree.ElementTree import Element, ParseError, iterparse
 from xml.parsers import expat
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import SceneError
 from omnisim.core.poses import (
     pose_from_rotation,
@@ -156,7 +156,7 @@ class XmlElement(NamedTuple):
             raise self.attribute_error(attribute, expected)
         return values
 
-    def origin(self) -> NDArray[np.float64]:
+    def origin(self) -> Floats:
         """Pose (4, 4) of URDF's `<origin>`; identity if missing."""
         element = self.find("origin")
         if element is None:
@@ -165,7 +165,7 @@ class XmlElement(NamedTuple):
         position = element.attribute_numbers("xyz", (0.0, 0.0, 0.0), 3)
         return pose_from_rotation(rotation_from_roll_pitch_yaw(*angles), position)
 
-    def pose(self) -> NDArray[np.float64]:
+    def pose(self) -> Floats:
         """Pose (4, 4) of SDF's `<pose>`, in the frame that it names; identity if missing."""
         element = self.find("pose")
         if element is None or not element.own_text:
