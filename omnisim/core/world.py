@@ -20,13 +20,9 @@ ObjectPart = tuple[int | None, str]
 
 
 class ObjectPoses(tuple[Pose, ...]):
-    """Poses (4, 4) of all objects at one time; deforming meshes take their shape at that time.
+    """Poses (4, 4) of all objects at one time; deforming meshes take their shape at that time."""
 
-    Attributes:
-        time_s: world time.
-    """
-
-    time_s: float
+    time_s: float  # world time
 
     def __new__(cls, poses: Iterable[Pose], time_s: float) -> Self:
         """Build the tuple from poses in the order of the objects."""

@@ -74,17 +74,11 @@ __all__ = [
 
 @dataclass(frozen=True, eq=False)
 class DynamicObject:
-    """Object whose pose is a function of world time.
+    """Object whose pose is a function of world time."""
 
-    Attributes:
-        name: name, unique within the scene.
-        shape: geometry in the object's own frame; its lights and background are ignored.
-        motion: pose of that frame in the world over time.
-    """
-
-    name: str
-    shape: Scene
-    motion: ObjectMotion
+    name: str  # name, unique within the scene
+    shape: Scene  # geometry in the object's own frame; its lights and background are ignored
+    motion: ObjectMotion  # pose of that frame in the world over time
 
     def __repr__(self) -> str:
         return short_repr(self, repr(self.name), type(self.motion).__name__)

@@ -47,40 +47,27 @@ class ShownSurface(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class MirrorPlane:
-    """Plane of one or more mirrors, in the world or in a dynamic object's frame.
+    """Plane of one or more mirrors, in the world or in a dynamic object's frame."""
 
-    Attributes:
-        object_index: index of its dynamic object; None: static.
-        normal: (3,) unit normal.
-        offset_m: distance of the plane from the origin, along the normal.
-        area_m2: area of its triangles.
-        sides: signs of the sides from which it is visible: 1 for that of the normal, −1.
-        parts: indices of the surfaces on it, each with the mask (triangles,) of its triangles.
-    """
-
-    object_index: int | None
-    normal: Floats
-    offset_m: float
-    area_m2: float
+    object_index: int | None  # index of its dynamic object; None: static
+    normal: Floats  # (3,) unit normal
+    offset_m: float  # distance of the plane from the origin, along the normal
+    area_m2: float  # area of its triangles
+    # signs of the sides from which it is visible: 1 for that of the normal, −1
     sides: frozenset[int]
+    # indices of the surfaces on it, each with the mask (triangles,) of its triangles
     parts: dict[int, Bools]
 
 
 class FlatPart(NamedTuple):
-    """Coplanar triangles of a mesh, in its frame.
+    """Coplanar triangles of a mesh, in its frame."""
 
-    Attributes:
-        normal, point: (3,) unit normal and a point of the plane.
-        area: area of the triangles.
-        sides: see `MirrorPlane`.
-        triangles: mask (triangles,) of the triangles.
-    """
-
+    # normal, point: (3,) unit normal and a point of the plane
     normal: Floats
     point: Floats
-    area: float
-    sides: frozenset[int]
-    triangles: Bools
+    area: float  # area of the triangles
+    sides: frozenset[int]  # see `MirrorPlane`
+    triangles: Bools  # mask (triangles,) of the triangles
 
 
 class _PlacedPart(NamedTuple):

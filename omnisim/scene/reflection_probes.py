@@ -29,24 +29,15 @@ _SHEET_LIFT, _MAX_SHEET_LIFT_M = 0.25, 1.0  # height of its probe, as a share of
 
 @dataclass(frozen=True, eq=False)
 class ProbePlace:
-    """Reflection probe, in the world or in a dynamic object's frame.
+    """Reflection probe, in the world or in a dynamic object's frame."""
 
-    Attributes:
-        object_index: index of its dynamic object; None: static.
-        center_m: (3,) viewpoint; of a deforming surface, at 0 s.
-        radius_m: radius of the bounds of its largest surface.
-        area_m2: area of that surface.
-        surfaces: indices of the surfaces that reflect it.
-        left_out: indices of the surfaces that it does not show.
-        deforming: index of the deforming surface whose bounds it follows; None: rigid.
-    """
-
-    object_index: int | None
-    center_m: Floats
-    radius_m: float
-    area_m2: float
-    surfaces: frozenset[int]
-    left_out: frozenset[int]
+    object_index: int | None  # index of its dynamic object; None: static
+    center_m: Floats  # (3,) viewpoint; of a deforming surface, at 0 s
+    radius_m: float  # radius of the bounds of its largest surface
+    area_m2: float  # area of that surface
+    surfaces: frozenset[int]  # indices of the surfaces that reflect it
+    left_out: frozenset[int]  # indices of the surfaces that it does not show
+    # index of the deforming surface whose bounds it follows; None: rigid
     deforming: int | None = None
 
 

@@ -23,53 +23,38 @@ Item = TypeVar("Item")
 
 @dataclass(frozen=True)
 class InstanceSummary:
-    """Summary of one instance: all parts with the same name.
+    """Summary of one instance: all parts with the same name."""
 
-    Attributes:
-        name, class_name: instance and class names.
-        parts, triangles: numbers of parts and triangles.
-        min_m, max_m: corners of its bounding box, world frame.
-        materials: material names.
-        textures_px: width and height of each texture.
-    """
-
+    # name, class_name: instance and class names
     name: str
     class_name: str
+    # parts, triangles: numbers of parts and triangles
     parts: int
     triangles: int
+    # min_m, max_m: corners of its bounding box, world frame
     min_m: Vector
     max_m: Vector
-    materials: tuple[str, ...]
-    textures_px: tuple[tuple[int, int], ...]
+    materials: tuple[str, ...]  # material names
+    textures_px: tuple[tuple[int, int], ...]  # width and height of each texture
 
 
 @dataclass(frozen=True)
 class Floor:
-    """Floor: flat, upward-facing surfaces at one height.
+    """Floor: flat, upward-facing surfaces at one height."""
 
-    Attributes:
-        height_m: mean height.
-        area_m2: total area.
-    """
-
-    height_m: float
-    area_m2: float
+    height_m: float  # mean height
+    area_m2: float  # total area
 
 
 @dataclass(frozen=True)
 class StartSummary:
-    """Start pose of the camera or of a vehicle.
+    """Start pose of the camera or of a vehicle."""
 
-    Attributes:
-        name: start name; empty: the camera's start.
-        position_m, yaw_deg: position and heading in the world.
-        floor_m: height of the floor below or next to it; None: no floor.
-    """
-
-    name: str
+    name: str  # start name; empty: the camera's start
+    # position_m, yaw_deg: position and heading in the world
     position_m: Vector
     yaw_deg: float
-    floor_m: float | None
+    floor_m: float | None  # height of the floor below or next to it; None: no floor
 
 
 def instance_summaries(scene: Scene) -> tuple[InstanceSummary, ...]:

@@ -16,20 +16,13 @@ from omnisim.core.arrays import Floats
 
 
 class MotionStates(NamedTuple):
-    """States of a body at given times.
+    """States of a body at given times."""
 
-    Attributes:
-        world_from_base: (n, 4, 4) poses.
-        velocity_mps: (n, 3) velocity of the base's origin, world.
-        acceleration_mps2: (n, 3) acceleration of the base's origin, world; one-sided where it
-            jumps.
-        angular_rate_radps: (n, 3) angular rate, base.
-    """
-
-    world_from_base: Floats
-    velocity_mps: Floats
+    world_from_base: Floats  # (n, 4, 4) poses
+    velocity_mps: Floats  # (n, 3) velocity of the base's origin, world
+    # (n, 3) acceleration of the base's origin, world; one-sided where it jumps
     acceleration_mps2: Floats
-    angular_rate_radps: Floats
+    angular_rate_radps: Floats  # (n, 3) angular rate, base
 
     def at_mount(self, base_from_mount: Floats) -> MotionStates:
         """States of a frame mounted on the body at `base_from_mount` (4, 4).
@@ -48,12 +41,9 @@ class MotionStates(NamedTuple):
 
 
 class BodyMotion(ABC):
-    """Motion of a body from start to end; before and after, the body rests.
+    """Motion of a body from start to end; before and after, the body rests."""
 
-    Attributes:
-        start_s, end_s: first and last time.
-    """
-
+    # start_s, end_s: first and last time
     start_s: float
     end_s: float
 

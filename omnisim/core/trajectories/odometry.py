@@ -71,19 +71,14 @@ class OdometryErrors(Parameters, name="odometry", error=TrajectoryError):
 class Odometry:
     """Wheel readings, and the pose at the first reading.
 
-    Attributes:
-        times_s: (n,) times of the readings.
-        distances_m: (n − 1,) arc lengths between successive readings, negative backwards.
-        turns_rad: (n − 1,) turns between successive readings; may exceed a full turn.
-        start: x and y in meters and yaw in radians at the first reading.
-
     Raises:
         TrajectoryError: shapes do not match, or values are not finite.
     """
 
-    times_s: Floats
-    distances_m: Floats
-    turns_rad: Floats
+    times_s: Floats  # (n,) times of the readings
+    distances_m: Floats  # (n − 1,) arc lengths between successive readings, negative backwards
+    turns_rad: Floats  # (n − 1,) turns between successive readings; may exceed a full turn
+    # x and y in meters and yaw in radians at the first reading
     start: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __repr__(self) -> str:

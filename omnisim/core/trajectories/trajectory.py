@@ -26,17 +26,13 @@ MAX_S = 1e12  # about 30 000 years: a larger timestamp is in another unit
 class Trajectory:
     """Poses in temporal order. The arrays are read-only copies.
 
-    Attributes:
-        times_s: (n,) times, n ≥ 1, strictly increasing.
-        world_from_base: (n, 4, 4) poses.
-
     Raises:
         TrajectoryError: shapes do not match, there is no pose, a value is not finite, times do not
             increase, or a pose scales or mirrors; names the first such pose.
     """
 
-    times_s: Floats
-    world_from_base: Floats
+    times_s: Floats  # (n,) times, n ≥ 1, strictly increasing
+    world_from_base: Floats  # (n, 4, 4) poses
 
     def __post_init__(self) -> None:
         times = np.array(self.times_s, dtype=np.float64)

@@ -163,11 +163,7 @@ _TABLES = {  # of features, by type of sensor
 def read_sensors(
     sensor: XmlElement, base_from_sensor: Floats, omissions: Omissions
 ) -> Iterator[ImportedSensor]:
-    """Convert a `<sensor>` to sensors; unsupported types, parts and lenses are omissions.
-
-    Raises:
-        RobotFileError: a value is invalid.
-    """
+    """Convert a `<sensor>` to sensors; unsupported types, parts and lenses are omissions."""
     kind, name = sensor.attribute("type"), sensor.name or "sensor"
     try:
         rate_hz = sensor.number("update_rate", 0.0)

@@ -77,17 +77,11 @@ def _check_no_name(path: Path, name: str | None) -> None:
 
 
 class LoadedModel(NamedTuple):
-    """Robot loaded from a model, without a robot file.
+    """Robot loaded from a model, without a robot file."""
 
-    Attributes:
-        robot: robot as parsed from the equivalent robot file.
-        vehicle: vehicle with its body and sensors.
-        notices: one line per omission or assumption.
-    """
-
-    robot: Robot
-    vehicle: Vehicle
-    notices: tuple[str, ...]
+    robot: Robot  # robot as parsed from the equivalent robot file
+    vehicle: Vehicle  # vehicle with its body and sensors
+    notices: tuple[str, ...]  # one line per omission or assumption
 
 
 def load_robot_model(path: Path, resources: Resources = ()) -> LoadedModel:

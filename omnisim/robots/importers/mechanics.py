@@ -18,23 +18,14 @@ CLEARANCE = 0.25  # ground clearance as a share of the wheel diameter
 
 
 class Mechanics(NamedTuple):
-    """Mechanics and sensors of a robot model in its rest pose, in the file's frame.
+    """Mechanics and sensors of a robot model in its rest pose, in the file's frame."""
 
-    Attributes:
-        name: name of the model.
-        wheels: wheels on joints about y.
-        mass_kg: total mass; 0: unknown.
-        center_m: (3,) center of mass.
-        sensors: sensors with unique names.
-        limits: limits that the model states, with the keys of `[kinematics]`.
-    """
-
-    name: str
-    wheels: Sequence[Wheel]
-    mass_kg: float
-    center_m: Floats
-    sensors: Sequence[ImportedSensor]
-    limits: dict[str, float]
+    name: str  # name of the model
+    wheels: Sequence[Wheel]  # wheels on joints about y
+    mass_kg: float  # total mass; 0: unknown
+    center_m: Floats  # (3,) center of mass
+    sensors: Sequence[ImportedSensor]  # sensors with unique names
+    limits: dict[str, float]  # limits that the model states, with the keys of `[kinematics]`
 
 
 def imported_robot(
@@ -98,19 +89,12 @@ GROUND_SHARE = 0.25  # maximum height of a wheel's lowest point above the ground
 
 
 class Wheel(NamedTuple):
-    """Wheel of a model in its rest pose.
+    """Wheel of a model in its rest pose."""
 
-    Attributes:
-        name: name of the wheel's joint.
-        middle_m: (3,) center of the tire, in the file's frame.
-        radius_m: radius of the tire.
-        speed_radps: maximum speed that the joint states; 0: unstated.
-    """
-
-    name: str
-    middle_m: Floats
-    radius_m: float
-    speed_radps: float = 0.0
+    name: str  # name of the wheel's joint
+    middle_m: Floats  # (3,) center of the tire, in the file's frame
+    radius_m: float  # radius of the tire
+    speed_radps: float = 0.0  # maximum speed that the joint states; 0: unstated
 
     @property
     def lowest_m(self) -> float:
@@ -119,17 +103,11 @@ class Wheel(NamedTuple):
 
 
 class WheelDrive(NamedTuple):
-    """Drive of a robot whose wheels turn in pairs.
+    """Drive of a robot whose wheels turn in pairs."""
 
-    Attributes:
-        base_m: (3,) point on the ground, centered between the wheels, in the file's frame.
-        table: keys of `[kinematics]` without the limits.
-        speed_mps: maximum speed from the joints' limits; 0: unstated.
-    """
-
-    base_m: Floats
-    table: dict[str, Any]
-    speed_mps: float
+    base_m: Floats  # (3,) point on the ground, centered between the wheels, in the file's frame
+    table: dict[str, Any]  # keys of `[kinematics]` without the limits
+    speed_mps: float  # maximum speed from the joints' limits; 0: unstated
 
 
 def is_across(axis: Floats) -> bool:

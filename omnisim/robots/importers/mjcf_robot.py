@@ -36,9 +36,6 @@ def import_mjcf(path: Path, resources: Sequence[str | Path] = ()) -> ImportedRob
     Args:
         path: model file.
         resources: unused; MuJoCo resolves its own paths.
-
-    Raises:
-        RobotFileError: MuJoCo cannot read the model, or it does not have exactly one robot.
     """
     notices: list[str] = []
     try:

@@ -38,9 +38,6 @@ def import_urdf(path: Path, resources: Sequence[str | Path] = ()) -> ImportedRob
     Args:
         path: URDF file.
         resources: folders of referenced packages.
-
-    Raises:
-        RobotFileError: the file is damaged; names the element, attribute and value.
     """
     notices: list[str] = []
     try:

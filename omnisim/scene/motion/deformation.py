@@ -16,15 +16,11 @@ from omnisim.scene.motion.node_motion import AnimatedNode, Keyframes, NodePoses
 
 @dataclass(frozen=True, eq=False)
 class Skeleton:
-    """Joints of a skin, shared by all meshes of the skin.
+    """Joints of a skin, shared by all meshes of the skin."""
 
-    Attributes:
-        nodes: animated nodes of the joints; None: a static joint.
-        node_from_bind: (joints, 4, 4) transforms from the bind pose of the mesh to each joint's
-            node; for a static joint, to the world.
-    """
-
-    nodes: Sequence[AnimatedNode | None]
+    nodes: Sequence[AnimatedNode | None]  # animated nodes of the joints; None: a static joint
+    # (joints, 4, 4) transforms from the bind pose of the mesh to each joint's node; for a static
+    # joint, to the world
     node_from_bind: Floats32
 
     @property
@@ -66,19 +62,12 @@ class Skeleton:
 
 @dataclass(frozen=True, eq=False)
 class MorphTargets:
-    """Morph targets of a mesh.
+    """Morph targets of a mesh."""
 
-    Attributes:
-        positions: (targets, n, 3) position offsets.
-        normals: (targets, n, 3) normal offsets; None: no offsets.
-        weights: (targets,) weights over time.
-        period_s: period after which the weights repeat.
-    """
-
-    positions: Floats32
-    normals: Floats32 | None
-    weights: Keyframes
-    period_s: float
+    positions: Floats32  # (targets, n, 3) position offsets
+    normals: Floats32 | None  # (targets, n, 3) normal offsets; None: no offsets
+    weights: Keyframes  # (targets,) weights over time
+    period_s: float  # period after which the weights repeat
 
     def weights_at(self, time_s: float) -> Floats32:
         """Weights (targets,) at a world time."""
@@ -105,25 +94,16 @@ class Deformation:
     Each vertex is morphed in the bind pose, then transformed by the weighted mean of its joints'
     transforms. A mesh without a skin has one static joint.
 
-    Attributes:
-        positions: (n, 3) in the bind pose.
-        normals: (n, 3) in the bind pose; None: flat shading.
-        joints: (n, k) joint indices.
-        shares: (n, k) weights, which sum to 1 per vertex.
-        mesh_from_world: (4, 4) transform applied after those of the skeleton.
-        skeleton: skeleton with the joints.
-        targets: morph targets; None: no morphing.
-
     Source: glTF 2.0, sections 3.7.2.2 and 3.7.3.3; normals use the cofactor matrix.
     """
 
-    positions: Floats32
-    normals: Floats32 | None
-    joints: NDArray[np.uint32]
-    shares: Floats32
-    mesh_from_world: Floats32
-    skeleton: Skeleton
-    targets: MorphTargets | None = None
+    positions: Floats32  # (n, 3) in the bind pose
+    normals: Floats32 | None  # (n, 3) in the bind pose; None: flat shading
+    joints: NDArray[np.uint32]  # (n, k) joint indices
+    shares: Floats32  # (n, k) weights, which sum to 1 per vertex
+    mesh_from_world: Floats32  # (4, 4) transform applied after those of the skeleton
+    skeleton: Skeleton  # skeleton with the joints
+    targets: MorphTargets | None = None  # morph targets; None: no morphing
 
     @property
     def arrays(self) -> list[NDArray[np.generic]]:

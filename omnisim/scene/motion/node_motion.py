@@ -20,22 +20,17 @@ SHEAR_TOLERANCE = 1e-4  # far above the rounding errors of float32 values in a f
 
 @dataclass(frozen=True, eq=False)
 class AnimatedNode:
-    """Animated node, with a moving or a static parent.
+    """Animated node, with a moving or a static parent."""
 
-    Attributes:
-        parent: nearest moving ancestor; None: no moving ancestor.
-        parent_from_node: (4, 4) constant part of the transform to the parent's frame, or to the
-            world's without a parent.
-        translation, rotation, scale: keyframes, or constants (3,), (4,) and (3,).
-        period_s: period of the animation; 0: static.
-    """
-
-    parent: AnimatedNode | None
+    parent: AnimatedNode | None  # nearest moving ancestor; None: no moving ancestor
+    # (4, 4) constant part of the transform to the parent's frame, or to the world's without a
+    # parent
     parent_from_node: Floats
+    # translation, rotation, scale: keyframes, or constants (3,), (4,) and (3,)
     translation: Keyframes | Floats
     rotation: Keyframes | Floats
     scale: Keyframes | Floats
-    period_s: float
+    period_s: float  # period of the animation; 0: static
 
     def transform_at(self, time_s: float) -> Floats:
         """Transform (4, 4) from the node to the world at a world time."""
@@ -64,15 +59,10 @@ class AnimatedNode:
 
 @dataclass(frozen=True, eq=False)
 class NodeMotion:
-    """Motion of an animated node's frame, without scale and shear.
+    """Motion of an animated node's frame, without scale and shear."""
 
-    Attributes:
-        node: animated node.
-        axes: (3, 3) axes of the frame at 0 s, in the world.
-    """
-
-    node: AnimatedNode
-    axes: Floats
+    node: AnimatedNode  # animated node
+    axes: Floats  # (3, 3) axes of the frame at 0 s, in the world
 
     def pose_at(self, time_s: float) -> Pose:
         """Pose (4, 4), with the rotation since 0 s that fits the node's axes best."""
@@ -217,21 +207,16 @@ class Interpolation(Enum):
 class Keyframes:
     """Values over time; the first and the last value hold outside the time range.
 
-    Attributes:
-        times_s: (n,) non-decreasing times.
-        values: (n, k), or (n, m, k) for m tracks; rotations are quaternions (x, y, z, w).
-        interpolation: interpolation mode between two times.
-        in_tangents, out_tangents: tangents of cubic splines, shaped like `values`, per second.
-        are_rotations: True for quaternions, which are interpolated along the shorter arc.
-
     Source: glTF 2.0, appendix C.
     """
 
-    times_s: Floats
-    values: Floats
-    interpolation: Interpolation = Interpolation.LINEAR
+    times_s: Floats  # (n,) non-decreasing times
+    values: Floats  # (n, k), or (n, m, k) for m tracks; rotations are quaternions (x, y, z, w)
+    interpolation: Interpolation = Interpolation.LINEAR  # interpolation mode between two times
+    # in_tangents, out_tangents: tangents of cubic splines, shaped like `values`, per second
     in_tangents: Floats | None = None
     out_tangents: Floats | None = None
+    # True for quaternions, which are interpolated along the shorter arc
     are_rotations: bool = False
 
     @property

@@ -34,15 +34,10 @@ class ObjectMotion(Protocol):
 
 @dataclass(frozen=True)
 class Rest:
-    """Static pose.
+    """Static pose."""
 
-    Attributes:
-        position_m: position of the object's origin.
-        yaw_deg: heading of the object.
-    """
-
-    position_m: Vector
-    yaw_deg: float = 0.0
+    position_m: Vector  # position of the object's origin
+    yaw_deg: float = 0.0  # heading of the object
 
     def pose_at(self, time_s: float) -> Pose:
         """Pose (4, 4), the same at all times."""
@@ -51,26 +46,17 @@ class Rest:
 
 @dataclass(frozen=True)
 class FreeBody(Rest):
-    """Static pose of a body that physics can push.
+    """Static pose of a body that physics can push."""
 
-    Attributes:
-        mass_kg: mass of the object.
-    """
-
-    mass_kg: float = 1.0
+    mass_kg: float = 1.0  # mass of the object
 
 
 @dataclass(frozen=True, eq=False)
 class Along:
-    """Motion along a trajectory, at rest before and after it.
+    """Motion along a trajectory, at rest before and after it."""
 
-    Attributes:
-        trajectory: poses of the object over time.
-        repeats: restart the motion at its end.
-    """
-
-    trajectory: Trajectory
-    repeats: bool = False
+    trajectory: Trajectory  # poses of the object over time
+    repeats: bool = False  # restart the motion at its end
 
     def pose_at(self, time_s: float) -> Pose:
         """Pose (4, 4), interpolated linearly in position and evenly in rotation."""
@@ -138,14 +124,10 @@ class Rolling:
     """Motion of a ball that rolls on level ground without slipping.
 
     The rotation axis is horizontal and perpendicular to the path, without spin about the vertical.
-
-    Attributes:
-        motion: motion of the ball's center.
-        radius_m: radius of the ball.
     """
 
-    motion: Along | Orbit | Shuttle
-    radius_m: float
+    motion: Along | Orbit | Shuttle  # motion of the ball's center
+    radius_m: float  # radius of the ball
 
     def pose_at(self, time_s: float) -> Pose:
         """Pose (4, 4) with the motion's position and the ball's rotation."""

@@ -86,17 +86,11 @@ MORTON_BITS = 16  # per axis
 
 @dataclass(frozen=True, eq=False)
 class Triangles:
-    """Triangles in the world frame.
+    """Triangles in the world frame."""
 
-    Attributes:
-        corners_m: (n, 3, 3), one corner per row.
-        instances: (n,) indices into `Scene.instances`.
-        seen_from_above: (n,) mask of the triangles that face up or are double-sided.
-    """
-
-    corners_m: Floats
-    instances: Indices
-    seen_from_above: Bools
+    corners_m: Floats  # (n, 3, 3), one corner per row
+    instances: Indices  # (n,) indices into `Scene.instances`
+    seen_from_above: Bools  # (n,) mask of the triangles that face up or are double-sided
 
     def __repr__(self) -> str:
         return short_repr(self, counted(len(self.corners_m), "triangle"))

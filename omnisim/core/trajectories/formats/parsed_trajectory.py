@@ -43,17 +43,11 @@ class Line:
 
 @dataclass(frozen=True)
 class TextTable:
-    """Lines of a file, without empty lines and comments.
+    """Lines of a file, without empty lines and comments."""
 
-    Attributes:
-        source: file name, for messages.
-        lines: lines with their cells; at least one.
-        separator: "," or None for blanks.
-    """
-
-    source: str
-    lines: list[Line]
-    separator: str | None
+    source: str  # file name, for messages
+    lines: list[Line]  # lines with their cells; at least one
+    separator: str | None  # "," or None for blanks
 
     def fault(self, line: Line, message: str) -> TrajectoryError:
         """Error at a line of this file."""
@@ -198,26 +192,16 @@ Axes = Literal["world", "kitti"]
 
 @dataclass(frozen=True, eq=False)
 class ParsedTrajectory:
-    """Poses in a file, with or without times.
+    """Poses in a file, with or without times."""
 
-    Attributes:
-        source: file name, for messages.
-        line_numbers: (n,) line of each pose in the file, counted from 1.
-        times_s: (n,) times, or None if the file has none.
-        world_from_base: (n, 4, 4) poses in world axes.
-        axes: axes of the poses in the file.
-        has_heights: False for poses on a floor plan: x, y and heading.
-        format: name of the file format.
-        names: (n,) image file of each pose, or None if the file has no names.
-    """
-
-    source: str
-    line_numbers: Indices
-    times_s: Floats | None
-    world_from_base: Floats
-    axes: Axes = "world"
-    has_heights: bool = True
-    format: str = ""
+    source: str  # file name, for messages
+    line_numbers: Indices  # (n,) line of each pose in the file, counted from 1
+    times_s: Floats | None  # (n,) times, or None if the file has none
+    world_from_base: Floats  # (n, 4, 4) poses in world axes
+    axes: Axes = "world"  # axes of the poses in the file
+    has_heights: bool = True  # False for poses on a floor plan: x, y and heading
+    format: str = ""  # name of the file format
+    # (n,) image file of each pose, or None if the file has no names
     names: tuple[str, ...] | None = None
 
     def trajectory(self, rate_hz: float | None = None) -> Trajectory:

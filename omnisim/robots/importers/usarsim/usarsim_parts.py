@@ -56,11 +56,7 @@ class Section:
 
 
 def read_ini(path: Path) -> dict[str, Section]:
-    """Read the sections of a file, keyed by lower-case name.
-
-    Raises:
-        RobotFileError: invalid syntax or value; names file, line, actual and expected text.
-    """
+    """Read the sections of a file, keyed by lower-case name."""
     sections: dict[str, tuple[str, int, list[Entry]]] = {}
     entries: list[Entry] | None = None
     for number, line in enumerate(_text(path).split("\n"), start=1):
@@ -84,11 +80,7 @@ def read_ini(path: Path) -> dict[str, Section]:
 
 
 def parse_struct(entry: Entry) -> Struct:
-    """Parse the parenthesized value of an entry.
-
-    Raises:
-        RobotFileError: invalid syntax or value; names file, line, actual and expected text.
-    """
+    """Parse the parenthesized value of an entry."""
     return _Reader(entry).whole()
 
 
@@ -199,17 +191,11 @@ ON_CHASSIS = {"", "hard", "none"}
 
 @dataclass(frozen=True)
 class Units:
-    """Units of the numbers in a file.
+    """Units of the numbers in a file."""
 
-    Attributes:
-        meters: unit of length, in meters.
-        radians: unit of angle, in radians.
-        are_unreal: True for the engine's own units, with z up.
-    """
-
-    meters: float
-    radians: float
-    are_unreal: bool
+    meters: float  # unit of length, in meters
+    radians: float  # unit of angle, in radians
+    are_unreal: bool  # True for the engine's own units, with z up
 
 
 SI_UNITS = Units(1.0, 1.0, are_unreal=False)
@@ -219,25 +205,16 @@ UNREAL_UNITS = Units(1.0 / 250.0, 2.0 * math.pi / 65536.0, are_unreal=True)
 
 @dataclass(frozen=True)
 class Part:
-    """Part mounted on a robot.
+    """Part mounted on a robot."""
 
-    Attributes:
-        entry: entry that describes the part.
-        class_name: class with its package, as in USARBot.SICKLMS.
-        name: name of the part.
-        position_m: position from USARSim's origin of the robot; x forward, y left, z up.
-        angles_deg: roll, pitch and yaw in the same frame.
-        parent: part on which it is mounted; None: the chassis.
-        unread: names of unsupported values.
-    """
-
-    entry: Entry
-    class_name: str
-    name: str
+    entry: Entry  # entry that describes the part
+    class_name: str  # class with its package, as in USARBot.SICKLMS
+    name: str  # name of the part
+    # position from USARSim's origin of the robot; x forward, y left, z up
     position_m: tuple[float, float, float]
-    angles_deg: tuple[float, float, float]
-    parent: str | None
-    unread: tuple[str, ...]
+    angles_deg: tuple[float, float, float]  # roll, pitch and yaw in the same frame
+    parent: str | None  # part on which it is mounted; None: the chassis
+    unread: tuple[str, ...]  # names of unsupported values
 
     @property
     def short_class(self) -> str:
@@ -262,11 +239,7 @@ class Part:
 
 
 def read_part(entry: Entry, units: Units) -> Part:
-    """Read the part of an entry.
-
-    Raises:
-        RobotFileError: invalid syntax or value; names file, line, actual and expected text.
-    """
+    """Read the part of an entry."""
     struct = parse_struct(entry)
     class_name = _word(entry, struct, "ItemClass")
     name = _word(entry, struct, "ItemName")
@@ -289,21 +262,13 @@ def read_part(entry: Entry, units: Units) -> Part:
 
 
 def check(entry: Entry, is_possible: bool, expected: str) -> None:
-    """Raise an error if a value of an entry is impossible.
-
-    Raises:
-        RobotFileError: the value is impossible; names file, line and the expected value.
-    """
+    """Raise an error if a value of an entry is impossible."""
     if not is_possible:
         raise entry.fault(f"{entry.key} = {quote(entry.value)}: expected {expected}")
 
 
 def number(entry: Entry, name: str, value: Value) -> float:
-    """Parse a finite number.
-
-    Raises:
-        RobotFileError: the value is not a number; names file, line and the actual text.
-    """
+    """Parse a finite number."""
     try:
         # a semicolon may follow, as in beamAngle=0.349;
         parsed = float(_bare(value.partition(";")[0])) if isinstance(value, str) else math.nan
@@ -316,20 +281,12 @@ def number(entry: Entry, name: str, value: Value) -> float:
 
 
 def length_m(entry: Entry, name: str, value: Value, units: Units) -> float:
-    """Parse a length and convert it to meters.
-
-    Raises:
-        RobotFileError: the value is not a number; names file, line and the actual text.
-    """
+    """Parse a length and convert it to meters."""
     return number(entry, name, value) * units.meters
 
 
 def angle_rad(entry: Entry, name: str, value: Value, units: Units) -> float:
-    """Parse an angle and convert it to radians.
-
-    Raises:
-        RobotFileError: not a number, or the value implies the other unit.
-    """
+    """Parse an angle and convert it to radians."""
     angle = number(entry, name, value)
     if units.are_unreal and angle != round(angle):
         raise entry.fault(

@@ -61,9 +61,6 @@ def import_robot(
         unreal_units: lengths are 250 per meter with z up, and angles 65536 per turn.
         origin_height_m: height of USARSim's origin of the robot above the ground; None: 0, with a
             notice.
-
-    Raises:
-        RobotFileError: invalid syntax or value; names file, line, actual and expected text.
     """
     if origin_height_m is not None and not abs(origin_height_m) <= 10.0:
         raise RobotFileError(f"origin height {origin_height_m:g} m: expected a number up to 10")
@@ -186,11 +183,7 @@ def _sensors(
 def _named(
     sensors: list[tuple[Entry, ImportedSensor]], notices: list[Notice]
 ) -> list[ImportedSensor]:
-    """Rename sensors to names that are valid in a robot file.
-
-    Raises:
-        RobotFileError: two sensors have the same name.
-    """
+    """Rename sensors to names that are valid in a robot file."""
     named: dict[str, ImportedSensor] = {}
     lines: dict[str, int] = {}
     for entry, sensor in sensors:

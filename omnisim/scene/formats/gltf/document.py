@@ -25,9 +25,6 @@ def read_container(data: bytes) -> tuple[JsonObject, memoryview]:
     """Top-level JSON object, and the binary chunk of a GLB file (otherwise empty).
 
     Source: glTF 2.0, section 4.4.
-
-    Raises:
-        SceneError: the data is damaged, or is not glTF 2.0.
     """
     chunk = memoryview(b"")
     try:
@@ -353,9 +350,6 @@ def decode_meshopt(entry: JsonObject, data: memoryview) -> memoryview:
     Args:
         entry: compression entry of the view.
         data: compressed bytes.
-
-    Raises:
-        SceneError: the decoder is not installed, or the data is damaged.
     """
     if not can_decode_meshopt():
         raise SceneError(f"is compressed with meshopt, which needs {install_hint('meshopt')}")

@@ -29,9 +29,6 @@ def scene_parents(root: JsonObject, nodes: list[JsonObject]) -> dict[int, int | 
     """Parent of each node of the file's scene, in drawing order.
 
     Without any scene, all root nodes are drawn.
-
-    Raises:
-        SceneError: a node has two parents, or is its own ancestor.
     """
     scenes = root.objects("scenes")
     if scenes:
@@ -104,11 +101,7 @@ _COMPONENTS = {"TRANSLATION": 3, "ROTATION": 4, "SCALE": 3}
 
 
 def read_copies(node: JsonObject, accessors: Accessors) -> Floats | None:
-    """Transforms (n, 4, 4) node_from_copies of a node's copies; None: no instancing.
-
-    Raises:
-        SceneError: attributes that are not vectors or differ in count, or too many copies.
-    """
+    """Transforms (n, 4, 4) node_from_copies of a node's copies; None: no instancing."""
     extension = node.extension("EXT_mesh_gpu_instancing")
     if extension is None:
         return None
@@ -198,14 +191,11 @@ Properties = dict[str, Keyframes]
 
 
 class AnimationChoice(NamedTuple):
-    """Choice of the animation to play.
+    """Choice of the animation to play."""
 
-    Attributes:
-        name: animation name; None: the first animation; `NO_ANIMATION`: no animation.
-        moves_objects: turn moving nodes into dynamic objects; False: deform their meshes only.
-    """
-
+    # animation name; None: the first animation; `NO_ANIMATION`: no animation
     name: str | None = None
+    # turn moving nodes into dynamic objects; False: deform their meshes only
     moves_objects: bool = True
 
 
@@ -214,21 +204,15 @@ FIRST_ANIMATION = AnimationChoice()
 
 @dataclass
 class Animation:
-    """Animation to play.
+    """Animation to play."""
 
-    Attributes:
-        nodes: keyframes of translation, rotation and scale, by node index.
-        weights: keyframes of the morph target weights, by node index.
-        period_s: period after which the animation repeats.
-        channels: JSON of the animation's channels.
-        others: animations that are not played, if none was chosen by name.
-    """
-
+    # keyframes of translation, rotation and scale, by node index
     nodes: dict[int, Properties] = field(default_factory=dict)
+    # keyframes of the morph target weights, by node index
     weights: dict[int, Keyframes] = field(default_factory=dict)
-    period_s: float = 0.0
-    channels: Sequence[JsonObject] = ()
-    others: Sequence[JsonObject] = ()
+    period_s: float = 0.0  # period after which the animation repeats
+    channels: Sequence[JsonObject] = ()  # JSON of the animation's channels
+    others: Sequence[JsonObject] = ()  # animations that are not played, if none was chosen by name
 
     @property
     def moving(self) -> list[int]:
@@ -243,11 +227,7 @@ class Animation:
 def read_animation(
     root: JsonObject, nodes: list[JsonObject], accessors: Accessors, name: str | None
 ) -> Animation:
-    """Read an animation by name; None: the first.
-
-    Raises:
-        SceneError: an unknown name or a damaged animation.
-    """
+    """Read an animation by name; None: the first."""
     entries = root.objects("animations")
     if name == NO_ANIMATION or (name is None and not entries):
         return Animation(others=entries)
@@ -326,17 +306,11 @@ def transforms_at_start(
 
 
 class MovingNode(NamedTuple):
-    """Node that moves with the animation, by its own keyframes or by an ancestor's.
+    """Node that moves with the animation, by its own keyframes or by an ancestor's."""
 
-    Attributes:
-        owner: index of the nearest node with keyframes: itself or an ancestor.
-        node: animated node of the owner.
-        owner_from_node: (4, 4) transform.
-    """
-
-    owner: int
-    node: AnimatedNode
-    owner_from_node: Floats
+    owner: int  # index of the nearest node with keyframes: itself or an ancestor
+    node: AnimatedNode  # animated node of the owner
+    owner_from_node: Floats  # (4, 4) transform
 
 
 def animated_nodes(

@@ -127,38 +127,23 @@ _CHECKS = 32  # samples of a mesh's extent over the animation
 
 
 class DeformedMesh(NamedTuple):
-    """Mesh of a node's primitive, with its pose.
+    """Mesh of a node's primitive, with its pose."""
 
-    Attributes:
-        mesh: mesh at 0 s.
-        file_from_mesh: (4, 4) transform.
-        owner: index of the node that moves the mesh; None: placed by its joints or static.
-    """
-
-    mesh: Mesh
-    file_from_mesh: Floats
-    owner: int | None
+    mesh: Mesh  # mesh at 0 s
+    file_from_mesh: Floats  # (4, 4) transform
+    owner: int | None  # index of the node that moves the mesh; None: placed by its joints or static
 
 
 @dataclass(frozen=True)
 class PlayedNodes:
-    """Nodes of the scene and their motion in the played animation.
+    """Nodes of the scene and their motion in the played animation."""
 
-    Attributes:
-        nodes: all nodes of the file.
-        poses: (4, 4) file_from_node of the scene's nodes at 0 s, by node index.
-        moved: moving nodes, by node index.
-        reshaped: indices of mesh nodes with non-rigid motion.
-        animation: animation to play.
-        world_from_file: (4, 4) transform.
-    """
-
-    nodes: list[JsonObject]
-    poses: Mapping[int, Floats]
-    moved: Mapping[int, MovingNode]
-    reshaped: set[int]
-    animation: Animation
-    world_from_file: Floats
+    nodes: list[JsonObject]  # all nodes of the file
+    poses: Mapping[int, Floats]  # (4, 4) file_from_node of the scene's nodes at 0 s, by node index
+    moved: Mapping[int, MovingNode]  # moving nodes, by node index
+    reshaped: set[int]  # indices of mesh nodes with non-rigid motion
+    animation: Animation  # animation to play
+    world_from_file: Floats  # (4, 4) transform
 
 
 class DeformingMeshes:
@@ -330,17 +315,11 @@ def _remade(plain: Mesh, positions: Floats, normals: Floats | None) -> tuple[Mes
 
 
 class MorphedVertices(NamedTuple):
-    """Vertices of a primitive before skinning.
+    """Vertices of a primitive before skinning."""
 
-    Attributes:
-        positions: (n, 3), morphed by static weights.
-        normals: (n, 3), morphed by static weights; None: no normals.
-        targets: targets with animated weights; None: no animated weights.
-    """
-
-    positions: Floats
-    normals: Floats | None
-    targets: MorphTargets | None
+    positions: Floats  # (n, 3), morphed by static weights
+    normals: Floats | None  # (n, 3), morphed by static weights; None: no normals
+    targets: MorphTargets | None  # targets with animated weights; None: no animated weights
 
 
 def resting_weights(node: JsonObject, mesh: JsonObject) -> tuple[float, ...]:
@@ -406,26 +385,17 @@ _SINGULAR = 1e-12  # minimum determinant of a bind matrix, relative to its cubed
 
 
 class JointWeights(NamedTuple):
-    """Joints of a primitive's vertices, up to eight per vertex.
+    """Joints of a primitive's vertices, up to eight per vertex."""
 
-    Attributes:
-        joints: (n, k) joint indices.
-        shares: (n, k) weights, which sum to 1; a vertex without weights follows its first joint.
-        mended: number of vertices whose weights in the file do not sum to 1.
-    """
-
-    joints: Ints
+    joints: Ints  # (n, k) joint indices
+    # (n, k) weights, which sum to 1; a vertex without weights follows its first joint
     shares: Floats
-    mended: int
+    mended: int  # number of vertices whose weights in the file do not sum to 1
 
 
 @np.errstate(all="ignore")  # a mesh with non-finite values is rejected later
 def joint_weights(primitive: Primitive, joint_count: int) -> JointWeights:
-    """Joints and weights of a primitive, for a skin with `joint_count` joints.
-
-    Raises:
-        SceneError: attributes differ in count, a joint does not exist, or a weight is not finite.
-    """
+    """Joints and weights of a primitive, for a skin with `joint_count` joints."""
     sets = ["0", "1"] if primitive.has("JOINTS_1") and primitive.has("WEIGHTS_1") else ["0"]
     count = len(primitive.required("POSITION", 3))
     joints, weights = (
@@ -464,11 +434,7 @@ def skin_vertices(
 
 
 def joints_of(skin: JsonObject, nodes: Mapping[int, Floats]) -> list[int]:
-    """Indices of a skin's joints, all of which must be in `nodes` of the scene.
-
-    Raises:
-        SceneError: a joint is not a node of the scene.
-    """
+    """Indices of a skin's joints, all of which must be in `nodes` of the scene."""
     joints = skin.indices("joints", range(1 + max(nodes)))
     if not nodes.keys() >= set(joints):
         raise skin.error("joints", "nodes of the scene")
@@ -480,9 +446,6 @@ def inverse_binds(skin: JsonObject, accessors: Accessors, count: int) -> Floats:
 
     Source: glTF 2.0, section 3.7.3.3: a joint's global transform times its inverse bind matrix; the
     node of the mesh is ignored.
-
-    Raises:
-        SceneError: the accessor does not have one matrix per joint.
     """
     if not skin.has("inverseBindMatrices"):
         return np.tile(np.eye(4), (count, 1, 1))

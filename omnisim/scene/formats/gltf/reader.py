@@ -272,25 +272,17 @@ _NEAREST = 9728  # OpenGL's constant
 
 @dataclass(frozen=True)
 class DrawnObjects:
-    """Objects of a file that its scene draws.
+    """Objects of a file that its scene draws."""
 
-    Attributes:
-        nodes: nodes of the scene.
-        primitives: primitives of the nodes' meshes.
-        materials: materials of the primitives, except unlit ones, which have a base color only.
-        samplers: texture samplers of the file.
-        animations: animations that are not played, if none was chosen by name.
-        channels: channels of the played animation.
-        shining: nodes with lights that the animation would move.
-    """
-
-    nodes: Sequence[JsonObject] = ()
-    primitives: Sequence[JsonObject] = ()
+    nodes: Sequence[JsonObject] = ()  # nodes of the scene
+    primitives: Sequence[JsonObject] = ()  # primitives of the nodes' meshes
+    # materials of the primitives, except unlit ones, which have a base color only
     materials: Sequence[JsonObject] = ()
-    samplers: Sequence[JsonObject] = ()
+    samplers: Sequence[JsonObject] = ()  # texture samplers of the file
+    # animations that are not played, if none was chosen by name
     animations: Sequence[JsonObject] = ()
-    channels: Sequence[JsonObject] = ()
-    shining: Sequence[JsonObject] = ()
+    channels: Sequence[JsonObject] = ()  # channels of the played animation
+    shining: Sequence[JsonObject] = ()  # nodes with lights that the animation would move
 
 
 def feature_notices(drawn: DrawnObjects, used_extensions: Sequence[str]) -> list[str]:

@@ -194,15 +194,10 @@ _UNIT = 5e-4  # tolerance for the length of normals in glTF's validator
 
 
 class NodeMesh(NamedTuple):
-    """Mesh of a glTF file: scene meshes that always occur together in a node.
+    """Mesh of a glTF file: scene meshes that always occur together in a node."""
 
-    Attributes:
-        meshes: indices of the scene meshes.
-        node_from_meshes: (4, 4) transforms to apply to each mesh's vertices.
-    """
-
-    meshes: tuple[int, ...]
-    node_from_meshes: tuple[Floats, ...]
+    meshes: tuple[int, ...]  # indices of the scene meshes
+    node_from_meshes: tuple[Floats, ...]  # (4, 4) transforms to apply to each mesh's vertices
 
 
 def node_meshes(scene: Scene) -> tuple[list[dict[str, Any]], list[NodeMesh]]:

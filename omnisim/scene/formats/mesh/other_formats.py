@@ -58,11 +58,7 @@ logging.getLogger("trimesh").addHandler(logging.NullHandler())
 
 
 def check_format(path: Path) -> None:
-    """Check that trimesh reads surfaces from files with the suffix of `path`.
-
-    Raises:
-        SceneError: trimesh does not read the format.
-    """
+    """Check that trimesh reads surfaces from files with the suffix of `path`."""
     if path.suffix.lower()[1:] not in set(trimesh.available_formats()) - _NOT_SCENES:
         if hint := conversion_hint(path):
             raise SceneError(f"{path}: {hint}")
@@ -440,21 +436,14 @@ SOURCE, TARGET = "{source}", "{target}"  # placeholders in a conversion's comman
 
 @dataclass(frozen=True)
 class Conversion:
-    """Conversion of a format to one that omnisim can read.
+    """Conversion of a format to one that omnisim can read."""
 
-    Attributes:
-        suffixes: suffixes of the format's files, lower case.
-        format: format name.
-        advice: sentence that explains the conversion.
-        command: shell command with `{source}` and `{target}` for the two files; empty: no command.
-        target_suffix: suffix of the file that the command writes.
-    """
-
-    suffixes: tuple[str, ...]
-    format: str
-    advice: str
+    suffixes: tuple[str, ...]  # suffixes of the format's files, lower case
+    format: str  # format name
+    advice: str  # sentence that explains the conversion
+    # shell command with `{source}` and `{target}` for the two files; empty: no command
     command: str = ""
-    target_suffix: str = ".glb"
+    target_suffix: str = ".glb"  # suffix of the file that the command writes
 
     def command_for(self, source: Path) -> str:
         """Command that converts a file and writes the result next to it."""

@@ -115,21 +115,13 @@ class Meshes:
 
 
 class Deformable(NamedTuple):
-    """Skin or flexible body.
+    """Skin or flexible body."""
 
-    Attributes:
-        name: name of the element.
-        mapped: surface, world frame.
-        material: material index in the model; −1: none.
-        rgba: effective color.
-        group: visibility group.
-    """
-
-    name: str
-    mapped: MappedSurface
-    material: int
-    rgba: Rgba
-    group: int
+    name: str  # name of the element
+    mapped: MappedSurface  # surface, world frame
+    material: int  # material index in the model; −1: none
+    rgba: Rgba  # effective color
+    group: int  # visibility group
 
 
 def visible_deformables(
@@ -230,26 +222,17 @@ MIN_REACH_M = 100.0
 
 
 class Shape(NamedTuple):
-    """Surface of a geom, with the inputs of texture mapping.
+    """Surface of a geom, with the inputs of texture mapping."""
 
-    Attributes:
-        surface: triangles, m.
-        texture_coordinates: (n, 2) from the mesh file; None: not in the file.
-        scaled: (n, 3) positions divided by the geom's sizes, as MuJoCo's renderer scales its
-            built-in shapes; they map textures without coordinates.
-    """
-
-    surface: Surface
-    texture_coordinates: Floats | None
+    surface: Surface  # triangles, m
+    texture_coordinates: Floats | None  # (n, 2) from the mesh file; None: not in the file
+    # (n, 3) positions divided by the geom's sizes, as MuJoCo's renderer scales its built-in shapes;
+    # they map textures without coordinates
     scaled: Floats
 
 
 def geom_shape(model: mujoco.MjModel, geom: int) -> Shape:
-    """Shape of a geom; a signed distance field takes the shape of its mesh.
-
-    Raises:
-        SceneError: a size that is not finite.
-    """
+    """Shape of a geom; a signed distance field takes the shape of its mesh."""
     kind, size = Geom(int(model.geom_type[geom])), model.geom_size[geom]
     if not np.isfinite(size).all():
         name = model.geom(geom).name or str(geom)
@@ -377,14 +360,10 @@ _EDGES = np.array([(1.0, -1, 0), (1, 1, 0), (1, 0, -1), (1, 0, 1), (0, 1, -1), (
 
 
 class MappedSurface(NamedTuple):
-    """Part of a surface with texture coordinates.
+    """Part of a surface with texture coordinates."""
 
-    Attributes:
-        face: face of the cube; None: a flat image.
-        surface, texture_coordinates: triangles and texture coordinates of the part.
-    """
-
-    face: int | None
+    face: int | None  # face of the cube; None: a flat image
+    # surface, texture_coordinates: triangles and texture coordinates of the part
     surface: Surface
     texture_coordinates: Floats | None
 

@@ -365,15 +365,10 @@ _OPENGL_FROM_BASE = (BASE_FROM_OPTICAL_LOOKING_AHEAD @ _OPTICAL_FROM_OPENGL).T
 
 
 class Mount(NamedTuple):
-    """Body, site or camera of a model.
+    """Body, site or camera of a model."""
 
-    Attributes:
-        kind: "body", "site" or "camera".
-        number: index in the model.
-    """
-
-    kind: str
-    number: int
+    kind: str  # "body", "site" or "camera"
+    number: int  # index in the model
 
     def pose(self, data: mujoco.MjData) -> Floats:
         """Pose (4, 4) world_from_mount, x forward, z up."""
@@ -454,19 +449,13 @@ _ORIGIN = StartPose((0.0, 0.0, 0.0))
 
 
 class MovingModel(NamedTuple):
-    """Model split into static geometry and moving bodies.
+    """Model split into static geometry and moving bodies."""
 
-    Attributes:
-        static: static geometry in the world, with lights and background.
-        objects: moving bodies by name, each with everything fixed to it, in the body's frame.
-        bodies: (n,) body indices in the model, in the order of `objects`.
-        geom_of_instance: geom indices by instance name.
-    """
-
-    static: Scene
+    static: Scene  # static geometry in the world, with lights and background
+    # moving bodies by name, each with everything fixed to it, in the body's frame
     objects: dict[str, Scene]
-    bodies: Ints
-    geom_of_instance: dict[str, int]
+    bodies: Ints  # (n,) body indices in the model, in the order of `objects`
+    geom_of_instance: dict[str, int]  # geom indices by instance name
 
     def poses(self, data: mujoco.MjData) -> Floats:
         """Poses (n, 4, 4) world_from_object of the bodies."""

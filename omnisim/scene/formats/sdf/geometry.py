@@ -33,19 +33,14 @@ _TEXTURE_FOLDERS = ("../materials/textures", "materials/textures", "../textures"
 
 
 class MeshFile(NamedTuple):
-    """Contents of a mesh file.
+    """Contents of a mesh file."""
 
-    Attributes:
-        instances: instances in the file's axes; `world_from_mesh` is still file_from_mesh, in
-            meters.
-        meshes, materials: meshes and materials of the file.
-        data: content of a COLLADA file, for Gazebo's submesh names; otherwise empty.
-    """
-
+    # instances in the file's axes; `world_from_mesh` is still file_from_mesh, in meters
     instances: tuple[Instance, ...]
+    # meshes, materials: meshes and materials of the file
     meshes: tuple[Mesh, ...]
     materials: tuple[Material, ...]
-    data: bytes = b""
+    data: bytes = b""  # content of a COLLADA file, for Gazebo's submesh names; otherwise empty
 
 
 class MeshLibrary:
@@ -159,17 +154,12 @@ _LOOP_TOLERANCE_M = 1e-4  # Gazebo's tolerance between the ends of a closed poly
 
 
 class Shape(NamedTuple):
-    """Surface in the frame of its visual.
+    """Surface in the frame of its visual."""
 
-    Attributes:
-        surface: triangles.
-        uv: texture coordinates (n, 2), (0, 0) at the top left; None: no texture coordinates.
-        is_closed: back faces are never visible.
-    """
-
-    surface: Surface
+    surface: Surface  # triangles
+    # texture coordinates (n, 2), (0, 0) at the top left; None: no texture coordinates
     uv: Floats | None = None
-    is_closed: bool = True
+    is_closed: bool = True  # back faces are never visible
 
 
 def box(size: XmlElement) -> Shape:
@@ -210,11 +200,7 @@ def capsule(element: XmlElement, max_segments: int) -> Shape:
 
 
 def plane(element: XmlElement) -> Shape:
-    """Rectangle perpendicular to its normal.
-
-    Raises:
-        SceneError: the normal is zero.
-    """
+    """Rectangle perpendicular to its normal."""
     normal = np.array(element.vector("normal", (0.0, 0.0, 1.0)))
     length = float(np.linalg.norm(normal))
     if length < 1e-9:
@@ -227,11 +213,7 @@ def plane(element: XmlElement) -> Shape:
 
 
 def polyline(elements: Sequence[XmlElement]) -> Shape:
-    """Extrusion of closed polylines along z, from z = 0 to the first one's height.
-
-    Raises:
-        SceneError: the polylines enclose no area.
-    """
+    """Extrusion of closed polylines along z, from z = 0 to the first one's height."""
     height = elements[0].positive("height", 1.0)
     loops = [_loop(element) for element in elements]
     points, triangles = triangulate(loops)
@@ -326,9 +308,6 @@ def make_shape(geometry: XmlElement, kind: XmlElement, max_segments: int) -> Sha
     Args:
         geometry, kind: geometry element and its child element.
         max_segments: maximum number of segments of a circle.
-
-    Raises:
-        SceneError: invalid sizes.
     """
     tag = kind.element.tag
     if tag == "polyline":
@@ -347,16 +326,11 @@ _BAKED_PX = (256, 2048)  # minimum and maximum side of a texture blended from se
 
 
 class Layer(NamedTuple):
-    """Texture layer of a terrain.
+    """Texture layer of a terrain."""
 
-    Attributes:
-        image: RGB image, which repeats.
-        size_m: side length of one repetition.
-        from_m, fade_m: height at which the layer starts, and height range over which it fades in.
-    """
-
-    image: Image.Image
-    size_m: float
+    image: Image.Image  # RGB image, which repeats
+    size_m: float  # side length of one repetition
+    # from_m, fade_m: height at which the layer starts, and height range over which it fades in
     from_m: float = 0.0
     fade_m: float = 0.0
 
@@ -387,9 +361,6 @@ def terrain(element: XmlElement, levels: Floats, tile_m: float) -> Shape:
         element: element with size and position.
         levels: (rows, columns) levels in [0, 1].
         tile_m: side length of one texture repetition; 0: the whole terrain.
-
-    Raises:
-        SceneError: a width or depth is not above 0.
     """
     size = terrain_size_m(element)
     rows, columns = levels.shape
@@ -411,11 +382,7 @@ def terrain(element: XmlElement, levels: Floats, tile_m: float) -> Shape:
 
 
 def terrain_size_m(element: XmlElement) -> tuple[float, ...]:
-    """Width, depth and height of a `<heightmap>`.
-
-    Raises:
-        SceneError: a width or depth is not above 0.
-    """
+    """Width, depth and height of a `<heightmap>`."""
     size = element.vector("size", (1.0, 1.0, 1.0))
     if min(size[:2]) <= 0.0:
         raise (element.find("size") or element).error("a width and depth > 0")

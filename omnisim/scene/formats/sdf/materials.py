@@ -279,21 +279,13 @@ Rgb = tuple[float, float, float]
 
 
 class ScriptMaterial(NamedTuple):
-    """First pass of a script material.
+    """First pass of a script material."""
 
-    Attributes:
-        diffuse: linear RGB; None: not stated.
-        alpha: opacity.
-        emissive: linear RGB.
-        texture: name of an image file; empty: no texture.
-        is_known: True if these values describe the material completely.
-    """
-
-    diffuse: Rgb | None = None
-    alpha: float = 1.0
-    emissive: Rgb = (0.0, 0.0, 0.0)
-    texture: str = ""
-    is_known: bool = True
+    diffuse: Rgb | None = None  # linear RGB; None: not stated
+    alpha: float = 1.0  # opacity
+    emissive: Rgb = (0.0, 0.0, 0.0)  # linear RGB
+    texture: str = ""  # name of an image file; empty: no texture
+    is_known: bool = True  # True if these values describe the material completely
 
 
 _GRAY: Rgb = (0.7, 0.7, 0.7)

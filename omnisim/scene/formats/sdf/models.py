@@ -27,18 +27,12 @@ _OWN = frozenset(("", "__model__", "world", "__root__"))
 
 
 class _Frame(NamedTuple):
-    """Frame in a scope.
+    """Frame in a scope."""
 
-    Attributes:
-        element: element with the frame's pose.
-        default: reference frame if the pose names none.
-        inner: scope of a nested model; None: not a model.
-        placement: frame of the inner scope to which the pose applies; empty: the model's own frame.
-    """
-
-    element: XmlElement
-    default: str
-    inner: Scope | None
+    element: XmlElement  # element with the frame's pose
+    default: str  # reference frame if the pose names none
+    inner: Scope | None  # scope of a nested model; None: not a model
+    # frame of the inner scope to which the pose applies; empty: the model's own frame
     placement: str
 
 
@@ -151,23 +145,15 @@ ENTITIES = ("model", "light", "actor")
 
 @dataclass
 class Model:
-    """World or model with its frames.
+    """World or model with its frames."""
 
-    Attributes:
-        name: name, unique within the enclosing model or world.
-        element: `<world>` or `<model>` element.
-        scope: frames of the world or model.
-        models: nested models.
-        others: lights and actors, including those of included files.
-        is_merged: its links belong to the including model.
-    """
-
-    name: str
-    element: XmlElement
-    scope: Scope = field(default_factory=Scope)
-    models: list[Model] = field(default_factory=list)
+    name: str  # name, unique within the enclosing model or world
+    element: XmlElement  # `<world>` or `<model>` element
+    scope: Scope = field(default_factory=Scope)  # frames of the world or model
+    models: list[Model] = field(default_factory=list)  # nested models
+    # lights and actors, including those of included files
     others: list[XmlElement] = field(default_factory=list)
-    is_merged: bool = False
+    is_merged: bool = False  # its links belong to the including model
 
 
 class ModelLibrary:
@@ -229,11 +215,7 @@ class ModelLibrary:
         (self._remote if uri.startswith(("http://", "https://")) else self._missing)[uri] += 1
 
     def tree(self, element: XmlElement, name: str, depth: int = 0) -> Model:
-        """Model or world with everything it includes.
-
-        Raises:
-            SceneError: a damaged file, endlessly nested models or invalid values.
-        """
+        """Model or world with everything it includes."""
         self._count += 1
         if depth > _MAX_DEPTH or self._count > _MAX_MODELS:
             raise element.error(f"at most {_MAX_DEPTH} models in each other", "more, or a circle")
@@ -370,17 +352,11 @@ def with_pose_of(entity: XmlElement, posed: XmlElement) -> XmlElement:
 
 
 class PlacedModel(NamedTuple):
-    """Model in the frame of an outer one.
+    """Model in the frame of an outer one."""
 
-    Attributes:
-        path: names of the enclosing models, each followed by a slash; merged models are omitted.
-        model: placed model.
-        outer_from_model: (4, 4) pose.
-    """
-
-    path: str
-    model: Model
-    outer_from_model: Floats
+    path: str  # names of the enclosing models, each followed by a slash; merged models are omitted
+    model: Model  # placed model
+    outer_from_model: Floats  # (4, 4) pose
 
     def pose_of(self, element: XmlElement, default: str = "") -> Floats:
         """Pose (4, 4) outer_from_element of an element in the model.
@@ -466,11 +442,7 @@ def model_file(folder: Path) -> Path | None:
 
 
 def read_xml(path: Path) -> Element:
-    """Root of an XML file.
-
-    Raises:
-        SceneError: the file is unreadable or invalid XML; names the file.
-    """
+    """Root of an XML file."""
     try:
         return parse_xml(read_source(path))
     except OSError as reason:

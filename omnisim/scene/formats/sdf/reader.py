@@ -95,11 +95,7 @@ class _Reader:
         self._cameras = Cameras()
 
     def read(self, root: XmlElement) -> ImportedScene:
-        """Read the first world of a file, or all of its models and lights.
-
-        Raises:
-            SceneError: the file has no world, model or light, or a value is invalid.
-        """
+        """Read the first world of a file, or all of its models and lights."""
         worlds = list(root.children("world"))
         for _ in worlds[1:]:
             self._omissions.count("only the first world is drawn", "further world")
@@ -281,11 +277,7 @@ _UNIT = (1.0, 1.0, 1.0)
 
 
 def apply_state(world: Model, omissions: Omissions) -> None:
-    """Move models, links and lights to their saved poses, which are in the world frame.
-
-    Raises:
-        SceneError: invalid values.
-    """
+    """Move models, links and lights to their saved poses, which are in the world frame."""
     state = world.element.find("state")
     if state is None:
         return
@@ -328,9 +320,6 @@ def read_light(element: XmlElement, world_from_light: Floats, omissions: Omissio
     """Light in the world; None: switched off or black.
 
     Intensities are relative: at intensity 1 a white surface appears white.
-
-    Raises:
-        SceneError: invalid values.
     """
     kind = _KINDS.get(element.attribute("type") or "point")
     if kind is None:

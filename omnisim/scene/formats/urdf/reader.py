@@ -81,11 +81,7 @@ class _Reader:
         self._names: set[str] = set()
 
     def read(self, robot: XmlElement) -> ImportedScene:
-        """Read all visuals of a robot.
-
-        Raises:
-            SceneError: no geometry is found, or a value is invalid.
-        """
+        """Read all visuals of a robot."""
         for material in robot.children("material"):
             self._named.setdefault(material.name, material)
         poses = link_poses(robot)

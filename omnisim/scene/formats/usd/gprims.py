@@ -47,11 +47,7 @@ class Gprims:
         self._material_rows: dict[tuple[object, ...], int] = {}
 
     def parts(self, prim: Usd.Prim) -> tuple[Part, ...]:
-        """Meshes of a prim, shared by all instance proxies of one prototype prim.
-
-        Raises:
-            SceneError: the mesh is damaged.
-        """
+        """Meshes of a prim, shared by all instance proxies of one prototype prim."""
         source = prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim
         subsets = UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets()
         bound = [_bound_material(one) for one in (prim, *(each.GetPrim() for each in subsets))]
@@ -174,27 +170,16 @@ _NO_SUBDIVISION = ("none", "")
 
 
 class Faces(NamedTuple):
-    """Triangles of a prim.
+    """Triangles of a prim."""
 
-    Attributes:
-        points: (n, 3) positions.
-        corners: corners of the triangles.
-        polygons: (m,) polygon index of each triangle.
-        normals: normals as a primvar; None: flat shading.
-    """
-
-    points: NDArray[np.floating]
-    corners: Corners
-    polygons: Ints
-    normals: PrimvarValues | None
+    points: NDArray[np.floating]  # (n, 3) positions
+    corners: Corners  # corners of the triangles
+    polygons: Ints  # (m,) polygon index of each triangle
+    normals: PrimvarValues | None  # normals as a primvar; None: flat shading
 
 
 def shape_faces(prim: Usd.Prim, time: Usd.TimeCode, meters_per_unit: float) -> Faces | None:
-    """Triangles of a parametric shape; None: no triangles.
-
-    Raises:
-        SceneError: an invalid size.
-    """
+    """Triangles of a parametric shape; None: no triangles."""
     surface = read_shape(prim, time, meters_per_unit)
     if not len(surface.triangles):
         return None
@@ -212,11 +197,7 @@ def shape_faces(prim: Usd.Prim, time: Usd.TimeCode, meters_per_unit: float) -> F
 
 
 def mesh_faces(prim: Usd.Prim, time: Usd.TimeCode, notices: Omissions) -> Faces | None:
-    """Triangles of a mesh; None: no triangles.
-
-    Raises:
-        SceneError: counts that do not match the corners, or invalid point indices.
-    """
+    """Triangles of a mesh; None: no triangles."""
     mesh = UsdGeom.Mesh(prim)
     points = rows(mesh.GetPointsAttr().Get(time), 3)
     counts = integers(mesh.GetFaceVertexCountsAttr().Get(time))
@@ -255,11 +236,7 @@ def _normals(mesh: UsdGeom.Mesh, time: Usd.TimeCode) -> PrimvarValues | None:
 
 
 def _check_topology(prim: Usd.Prim, points: int, counts: Ints, vertices: Ints) -> None:
-    """Check that the face counts match the corners, and that the corners index existing points.
-
-    Raises:
-        SceneError: the counts or indices are invalid; names the mesh.
-    """
+    """Check that the face counts match the corners, and that the corners index existing points."""
     if counts.min() < 0 or counts.sum() != len(vertices):
         raise SceneError(
             f"{prim.GetPath()}.faceVertexCounts: expected a sum of {len(vertices)}, as there are "
@@ -306,11 +283,7 @@ _FROM_Z = {
 
 
 def read_shape(prim: Usd.Prim, time: Usd.TimeCode, meters_per_unit: float) -> Surface:
-    """Triangles of a shape in stage units, with a resolution that suits its size in meters.
-
-    Raises:
-        SceneError: an invalid size.
-    """
+    """Triangles of a shape in stage units, with a resolution that suits its size in meters."""
     surface = _SHAPES[str(prim.GetTypeName())](prim, time, meters_per_unit)
     axis = prim.GetAttribute("axis")
     turn = _FROM_Z.get(str(axis.Get(time)) if axis else "Z", np.eye(3))
@@ -407,15 +380,10 @@ _MAX_KEY = 2**62
 
 
 class Corners(NamedTuple):
-    """Corners (c,) of triangles, with the elements that store their values.
+    """Corners (c,) of triangles, with the elements that store their values."""
 
-    Attributes:
-        sizes: number of elements, by interpolation.
-        rows: (c,) element indices, by interpolation.
-    """
-
-    sizes: dict[str, int]
-    rows: dict[str, Ints]
+    sizes: dict[str, int]  # number of elements, by interpolation
+    rows: dict[str, Ints]  # (c,) element indices, by interpolation
 
     @classmethod
     def of(
@@ -449,17 +417,11 @@ class Corners(NamedTuple):
 
 
 class PrimvarValues(NamedTuple):
-    """Values of a primvar.
+    """Values of a primvar."""
 
-    Attributes:
-        values: (k, width) distinct or per-element values.
-        interpolation: interpolation mode of UsdGeomPrimvar.
-        indices: (elements,) indices into `values`; None: one value per element.
-    """
-
-    values: Floats
-    interpolation: str
-    indices: Ints | None = None
+    values: Floats  # (k, width) distinct or per-element values
+    interpolation: str  # interpolation mode of UsdGeomPrimvar
+    indices: Ints | None = None  # (elements,) indices into `values`; None: one value per element
 
     @property
     def is_shared(self) -> bool:
@@ -481,16 +443,11 @@ class PrimvarValues(NamedTuple):
 
 
 class Vertices(NamedTuple):
-    """Vertices shared by triangles.
+    """Vertices shared by triangles."""
 
-    Attributes:
-        points: (n,) point indices in the mesh.
-        triangles: (m, 3) indices into `points`.
-        values: (n, width) values of each primvar; None for one that is missing or does not match.
-    """
-
-    points: Ints
-    triangles: Ints
+    points: Ints  # (n,) point indices in the mesh
+    triangles: Ints  # (m, 3) indices into `points`
+    # (n, width) values of each primvar; None for one that is missing or does not match
     values: list[Floats | None]
 
 

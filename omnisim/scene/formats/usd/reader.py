@@ -67,9 +67,6 @@ def call_isolated(function: Callable[..., Result], *arguments: object) -> Result
     Args:
         function: module-level function; it, its arguments and its result are pickled.
         arguments: arguments of the function.
-
-    Raises:
-        OmnisimError: raised by the function, or because the process ended early.
     """
     main = _MAIN.format(path=sys.path, module=__name__)
     # installed usd-core plug-ins could fetch files from the network

@@ -46,11 +46,7 @@ MAX_NESTED = 16  # nesting depth of point instancers
 
 
 def read_stage(path: Path, axes: FileAxes) -> tuple[ImportedScene, Floats]:
-    """Read a stage; see `omnisim.scene.formats.usd.reader.read_usd`.
-
-    Raises:
-        SceneError: the stage is damaged.
-    """
+    """Read a stage; see `omnisim.scene.formats.usd.reader.read_usd`."""
     try:
         with large_textures():
             return _Reader(path, axes).read()
@@ -94,11 +90,7 @@ class _Reader:
         self._names: Counter[str] = Counter()
 
     def read(self) -> tuple[ImportedScene, Floats]:
-        """Read everything that is drawn, and the transform (4, 4) world_from_stage.
-
-        Raises:
-            SceneError: the stage has no triangles, or is damaged.
-        """
+        """Read everything that is drawn, and the transform (4, 4) world_from_stage."""
         placed = self._placed(self._stage.GetPseudoRoot(), np.eye(4), 0)
         instances = tuple(
             Instance(one.name, one.mesh, one.frame_from_mesh, one.frame_from_object)
@@ -245,34 +237,22 @@ _DRAWN = (UsdGeom.Tokens.default_, UsdGeom.Tokens.render)
 
 
 class ObjectFrame(NamedTuple):
-    """Object that contains prims: a component, or a prim with a class.
+    """Object that contains prims: a component, or a prim with a class."""
 
-    Attributes:
-        name, path: name and path of the object's prim.
-        stage_from_object: (4, 4) transform.
-        class_name: semantic class; empty: none.
-    """
-
+    # name, path: name and path of the object's prim
     name: str
     path: str
-    stage_from_object: Floats
-    class_name: str = ""
+    stage_from_object: Floats  # (4, 4) transform
+    class_name: str = ""  # semantic class; empty: none
 
 
 class Site(NamedTuple):
-    """Prim with its inherited properties.
+    """Prim with its inherited properties."""
 
-    Attributes:
-        prim: the prim itself, or its proxy in an instance.
-        stage_from_prim: (4, 4) transform.
-        purpose: purpose of UsdGeomImageable.
-        owner: object that contains the prim; None: no object.
-    """
-
-    prim: Usd.Prim
-    stage_from_prim: Floats
-    purpose: str = UsdGeom.Tokens.default_
-    owner: ObjectFrame | None = None
+    prim: Usd.Prim  # the prim itself, or its proxy in an instance
+    stage_from_prim: Floats  # (4, 4) transform
+    purpose: str = UsdGeom.Tokens.default_  # purpose of UsdGeomImageable
+    owner: ObjectFrame | None = None  # object that contains the prim; None: no object
 
     @property
     def is_drawn(self) -> bool:
@@ -291,11 +271,7 @@ class Walk:
         self._whole = default or (roots[0] if len(roots) == 1 else None)
 
     def sites(self, root: Usd.Prim, stage_from_parent: Floats) -> Iterator[Site]:
-        """Sites of a prim and its descendants, except those below a PointInstancer.
-
-        Raises:
-            SceneError: prims nested too deeply.
-        """
+        """Sites of a prim and its descendants, except those below a PointInstancer."""
         stack = [(Site(root, stage_from_parent), 0)]
         while stack:
             parent, depth = stack.pop()
@@ -387,25 +363,15 @@ def semantic_class(prim: Usd.Prim, time: Usd.TimeCode) -> str | None:
 
 
 class Copies(NamedTuple):
-    """Copies of a prototype.
+    """Copies of a prototype."""
 
-    Attributes:
-        prototype: root prim of the prototype.
-        numbers: (n,) indices of the copies within the instancer.
-        instancer_from_copies: (n, 4, 4) transforms.
-    """
-
-    prototype: Usd.Prim
-    numbers: Ints
-    instancer_from_copies: Floats
+    prototype: Usd.Prim  # root prim of the prototype
+    numbers: Ints  # (n,) indices of the copies within the instancer
+    instancer_from_copies: Floats  # (n, 4, 4) transforms
 
 
 def read_copies(instancer: UsdGeom.PointInstancer, time: Usd.TimeCode) -> list[Copies]:
-    """Visible copies of each prototype of an instancer.
-
-    Raises:
-        SceneError: invalid prototype indices, or numbers of poses that do not match.
-    """
+    """Visible copies of each prototype of an instancer."""
     prim = instancer.GetPrim()
     targets = instancer.GetPrototypesRel().GetForwardedTargets()
     rows = integers(instancer.GetProtoIndicesAttr().Get(time))
@@ -445,11 +411,7 @@ _MAX_FAULT = 200  # characters of usd-core's message
 
 
 def open_stage(path: Path, notices: Omissions) -> Usd.Stage:
-    """Open a stage with all payloads; missing references become notices.
-
-    Raises:
-        SceneError: a damaged file, or one that is not a stage.
-    """
+    """Open a stage with all payloads; missing references become notices."""
     try:
         stage = Usd.Stage.Open(str(path.resolve()), Usd.Stage.LoadAll)
     except Tf.ErrorException as reason:
@@ -485,11 +447,7 @@ def _compare_axes(stage: Usd.Stage, notices: Omissions) -> None:
 
 
 def stage_axes(stage: Usd.Stage) -> FileAxes:
-    """Up axis and unit of a stage; the defaults are y and centimeters.
-
-    Raises:
-        SceneError: an invalid unit.
-    """
+    """Up axis and unit of a stage; the defaults are y and centimeters."""
     unit = UsdGeom.GetStageMetersPerUnit(stage)
     if not 0.0 < unit < 1e30:
         raise SceneError(f"metersPerUnit = {unit:g}: expected a number > 0")

@@ -26,16 +26,12 @@ _NOT_DRAWN = {"displacement": 0.0, "useSpecularWorkflow": 0.0}
 
 
 class Appearance(NamedTuple):
-    """Material and the vertex data that it requires.
+    """Material and the vertex data that it requires."""
 
-    Attributes:
-        material: scene material; its sides are set by each mesh.
-        uv: texture that determines the meshes' texture coordinates; None: no texture.
-        color_primvar, opacity_primvar: primvars of the base color and opacity; empty: none.
-    """
-
-    material: Material
+    material: Material  # scene material; its sides are set by each mesh
+    # texture that determines the meshes' texture coordinates; None: no texture
     uv: TextureSource | None = None
+    # color_primvar, opacity_primvar: primvars of the base color and opacity; empty: none
     color_primvar: str = ""
     opacity_primvar: str = ""
 
@@ -240,42 +236,27 @@ _MAX_CHAIN = 20  # limit on nodes for texture coordinates, in case of a loop
 
 
 class TextureSource(NamedTuple):
-    """Texture of a shader.
+    """Texture of a shader."""
 
-    Attributes:
-        path: path in the stage.
-        resolved: path of the file or package member; empty: not found.
-        primvar: primvar with the texture coordinates.
-        uv_transform: (2, 3) affine transform of the coordinates, with v down.
-        wraps: wrapping modes along s and t, named as in UsdUVTexture.
-        scale, bias: RGBA; the value is the texture's times scale, plus bias.
-        fallback: RGBA in place of an unreadable file.
-    """
-
-    path: str
-    resolved: str
-    primvar: str = "st"
-    uv_transform: Affine = IDENTITY
+    path: str  # path in the stage
+    resolved: str  # path of the file or package member; empty: not found
+    primvar: str = "st"  # primvar with the texture coordinates
+    uv_transform: Affine = IDENTITY  # (2, 3) affine transform of the coordinates, with v down
+    # wrapping modes along s and t, named as in UsdUVTexture
     wraps: tuple[str, str] = ("useMetadata", "useMetadata")
+    # scale, bias: RGBA; the value is the texture's times scale, plus bias
     scale: Rgba = (1.0, 1.0, 1.0, 1.0)
     bias: Rgba = (0.0, 0.0, 0.0, 0.0)
-    fallback: Rgba = (0.0, 0.0, 0.0, 1.0)
+    fallback: Rgba = (0.0, 0.0, 0.0, 1.0)  # RGBA in place of an unreadable file
 
 
 class ShaderInput(NamedTuple):
-    """Shader input: a value, a texture or a primvar.
+    """Shader input: a value, a texture or a primvar."""
 
-    Attributes:
-        value: usd-core value; None: no value.
-        texture: connected texture; None: no texture.
-        channel: channels of the texture: r, g, b, a or rgb.
-        primvar: name of a connected primvar; empty: no primvar.
-    """
-
-    value: object = None
-    texture: TextureSource | None = None
-    channel: str = "r"
-    primvar: str = ""
+    value: object = None  # usd-core value; None: no value
+    texture: TextureSource | None = None  # connected texture; None: no texture
+    channel: str = "r"  # channels of the texture: r, g, b, a or rgb
+    primvar: str = ""  # name of a connected primvar; empty: no primvar
 
     def number(self, default: float) -> float:
         """Value as a finite number, or the default."""

@@ -30,17 +30,11 @@ MAX_QUOTE = 80  # characters of a quoted value in a message
 
 
 class XmlElement(NamedTuple):
-    """Element with its location; its methods raise a SceneError for an invalid value.
+    """Element with its location; its methods raise a SceneError for an invalid value."""
 
-    Attributes:
-        element: element of the XML tree.
-        place: path to the element, for messages; starts with the file name in an included file.
-        file: file with the element; paths are relative to its folder.
-    """
-
-    element: Element
-    place: str
-    file: Path
+    element: Element  # element of the XML tree
+    place: str  # path to the element, for messages; starts with the file name in an included file
+    file: Path  # file with the element; paths are relative to its folder
 
     @property
     def tag(self) -> str:
