@@ -227,6 +227,12 @@ def nearest_rotation(matrix: Floats) -> Floats:
     return u @ vt
 
 
+def proper_rotation(matrix: Floats) -> Floats:
+    """Axes (3, 3) nearest to those of a matrix (3, 3), without its scale, shear and mirroring."""
+    axes = nearest_rotation(matrix)
+    return axes if np.linalg.det(axes) > 0.0 else -axes
+
+
 def is_rotation(matrices: Floats, tolerance: float) -> Bools:
     """Mask (...) of finite matrices (..., 3, 3) that neither scale, shear nor mirror."""
     errors = np.abs(matrices @ matrices.swapaxes(-1, -2) - _IDENTITY)

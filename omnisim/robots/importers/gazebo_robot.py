@@ -29,14 +29,14 @@ from omnisim.robots.importers.imported_robot import (
 )
 from omnisim.robots.importers.mechanics import drive_table, is_wheel_drive
 from omnisim.scene.formats.features import part_notices, xml_parts
-from omnisim.scene.formats.imported_scene import Omissions
+from omnisim.scene.formats.imported_scene import Omissions, unique_name
 from omnisim.scene.formats.resources import ResourcePath
 from omnisim.scene.formats.sdf.models import (
     Model,
     ModelLibrary,
+    PlacedModel,
     placed_models,
     read_root,
-    unique_name,
 )
 from omnisim.scene.formats.xml.element import XmlElement
 from omnisim.sensors.depth_camera.depth_camera import MAX_RANGE_M
@@ -70,9 +70,7 @@ def import_model(
         sensors = _sensors(whole, omissions)
         about_drive: list[str] = []
         kinematics = _kinematics(model, about_drive)
-    except SceneError as reason:
-        raise RobotFileError(f"{path}: {reason}") from None
-    except RobotFileError as reason:
+    except (SceneError, RobotFileError) as reason:
         raise RobotFileError(f"{path}: {reason}") from None
     notices = [*library.notices, *(notice for one in sensors for notice in one.notices)]
     notices += omissions.notices
@@ -106,34 +104,30 @@ def _choose(tree: Model, name: str | None) -> Model:
         if name not in models:
             raise RobotFileError(f"no model {name!r}; {did_you_mean(name, models, 'it has')}")
         return models[name]
-    candidates = [one for one in models.values() if _has_sensors(one)] or list(models.values())
+    with_sensors = [one for one in models.values() if any(True for _ in _elements(one))]
+    candidates = with_sensors or list(models.values())
     if len(candidates) != 1:
         names = ", ".join(one.name for one in candidates) or "no model"
         raise RobotFileError(f"expected --class with the name of one model, got {names}")
     return candidates[0]
 
 
-def _has_sensors(model: Model) -> bool:
-    return any(
-        True
-        for placed in placed_models(model)
-        for link in placed.model.element.children("link")
-        for _ in link.children("sensor")
-    )
+def _elements(model: Model) -> Iterator[tuple[PlacedModel, XmlElement, XmlElement]]:
+    """`<sensor>` elements of a model and of those in it, each with its model and its link."""
+    for placed in placed_models(model):
+        for link in placed.model.element.children("link"):
+            for sensor in link.children("sensor"):
+                yield placed, link, sensor
 
 
 def _sensors(model: Model, omissions: Omissions) -> list[ImportedSensor]:
     """Sensors with unique names and their poses in the base."""
-    sensors: list[ImportedSensor] = []
     used_names: set[str] = set()
-    for placed in placed_models(model):
-        for link in placed.model.element.children("link"):
-            for sensor in link.children("sensor"):
-                pose = placed.pose_of(sensor, link.name)
-                for one in read_sensors(sensor, pose, omissions):
-                    name = unique_name(folder_name(one.name), used_names)
-                    sensors.append(one._replace(name=name))
-    return sensors
+    return [
+        one._replace(name=unique_name(folder_name(one.name), used_names))
+        for placed, link, sensor in _elements(model)
+        for one in read_sensors(sensor, placed.pose_of(sensor, link.name), omissions)
+    ]
 
 
 def _kinematics(model: Model, notices: list[str]) -> dict[str, Any] | None:

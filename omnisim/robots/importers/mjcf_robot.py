@@ -13,6 +13,7 @@ from omnisim.core.errors import OmnisimError, RobotFileError
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.robots.importers.imported_robot import ImportedRobot, ImportedSensor, load_body
 from omnisim.robots.importers.mechanics import Mechanics, Wheel, imported_robot, is_across
+from omnisim.scene.formats.imported_scene import unique_name
 from omnisim.scene.formats.mjcf.reader import (
     VISIBLE_GROUPS,
     Mount,
@@ -22,7 +23,6 @@ from omnisim.scene.formats.mjcf.reader import (
     load_model,
     without_world,
 )
-from omnisim.scene.formats.sdf.models import unique_name
 from omnisim.sensors.sensor_names import folder_name
 
 _SHOWN = 4  # maximum number of names in a message

@@ -22,9 +22,8 @@ from omnisim.robots.importers.mechanics import (
 )
 from omnisim.scene import Scene
 from omnisim.scene.formats.features import part_notices, xml_parts
-from omnisim.scene.formats.imported_scene import Omissions
+from omnisim.scene.formats.imported_scene import Omissions, unique_name
 from omnisim.scene.formats.resources import ResourcePath
-from omnisim.scene.formats.sdf.models import unique_name
 from omnisim.scene.formats.urdf.reader import link_poses
 from omnisim.scene.formats.xml.element import XmlElement, parse_xml
 from omnisim.sensors.sensor_names import folder_name

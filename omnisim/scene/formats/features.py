@@ -46,7 +46,7 @@ class Feature:
     name: str  # name in the file, or several names with one purpose
     support: Support  # level of support in omnisim
     effect: str  # notice for an omitted feature, also used in the documentation
-    # noun of the counted parts in a notice. In glTF: field of `DrawnObjects` with the objects that
+    # noun of the counted parts in a notice. In glTF: key of `DrawnObjects` with the objects that
     # can have the feature; empty: an omitted extension is reported by name, and other features are
     # not reported
     group: str = ""

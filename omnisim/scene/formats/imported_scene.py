@@ -282,6 +282,15 @@ def _collada(data: bytes) -> tuple[str, float]:
 # Unsupported or approximated parts of a file, as notices.
 
 
+def unique_name(name: str, used_names: set[str], first: int = 0) -> str:
+    """Name, with a number from `first` on if it is in `used_names`, to which it is added."""
+    unique, number = name, first
+    while unique in used_names:
+        unique, number = f"{name}_{number}", number + 1
+    used_names.add(unique)
+    return unique
+
+
 class Omissions:
     """Omitted or approximated parts, in order of occurrence."""
 

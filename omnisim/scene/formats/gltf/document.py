@@ -155,6 +155,10 @@ class JsonObject:
         extensions = self.object("extensions")
         return extensions.object(name) if extensions.has(name) else None
 
+    def extension_or_empty(self, name: str) -> JsonObject:
+        """Object of an extension; empty if missing."""
+        return self.object("extensions").object(name)
+
     def _path(self, key: str) -> str:
         return f"{self.place}.{key}" if self.place else key
 
@@ -227,16 +231,13 @@ class Accessors:
         index = owner.index("bufferView", self._views)
         view = self._views[index]
         compressed = meshopt_compression(view)
-        if compressed is None or (not can_decode_meshopt() and self._has_plain(view)):
+        end = view.integer("byteOffset", 0) + view.integer("byteLength")
+        is_plain = end <= len(self._buffers[view.index("buffer", self._buffers)])
+        if compressed is None or (is_plain and not can_decode_meshopt()):
             return self._slice(view)
         if index not in self._decompressed:
             self._decompressed[index] = decode_meshopt(compressed, self._slice(compressed))
         return self._decompressed[index]
-
-    def _has_plain(self, view: JsonObject) -> bool:
-        """True if the file also contains the uncompressed data of a compressed view."""
-        end = view.integer("byteOffset", 0) + view.integer("byteLength")
-        return end <= len(self._buffers[view.index("buffer", self._buffers)])
 
     def _slice(self, view: JsonObject) -> memoryview:
         """Bytes of a slice of a buffer."""

@@ -211,7 +211,6 @@ def is_unlit(material: JsonObject) -> bool:
 
 
 def _base_color(material: JsonObject) -> tuple[tuple[float, ...] | None, JsonObject]:
-    """Factor and texture of a material's base color."""
     if glossy := material.extension("KHR_materials_pbrSpecularGlossiness"):
         return glossy.numbers("diffuseFactor", 4), glossy.object("diffuseTexture")
     metallic = material.object("pbrMetallicRoughness")
@@ -223,10 +222,8 @@ def _maps(material: JsonObject) -> tuple[tuple[JsonObject, bool], ...]:
 
     `Materials._packed` relies on their order.
     """
-    specular, coat = (
-        material.extension(f"KHR_materials_{name}") or JsonObject({}, material.place)
-        for name in ("specular", "clearcoat")
-    )
+    specular = material.extension_or_empty("KHR_materials_specular")
+    coat = material.extension_or_empty("KHR_materials_clearcoat")
     metallic = material.object("pbrMetallicRoughness")
     if material.extension("KHR_materials_pbrSpecularGlossiness") is not None:
         metallic = JsonObject({}, metallic.place)
@@ -401,18 +398,19 @@ def with_reflectance(
         occlusion_map=occlusion if strength else None,
         emissive_map=emissive if any(color) else None,
     )
-    glossy = entry.extension("KHR_materials_pbrSpecularGlossiness")
-    if glossy is not None:
-        return _specular_glossiness(common, glossy, factors)
-    coat = entry.extension("KHR_materials_clearcoat") or JsonObject({}, "")
-    specular = entry.extension("KHR_materials_specular") or JsonObject({}, "")
-    ior = entry.extension("KHR_materials_ior") or JsonObject({}, "")
-    volume = entry.extension("KHR_materials_volume") or JsonObject({}, "")
-    dispersion = entry.extension("KHR_materials_dispersion") or JsonObject({}, "")
-    strength, coating = (
-        factors.share(specular, "specularFactor", 1.0),
-        factors.share(coat, "clearcoatFactor", 0.0),
-    )
+    if glossy := entry.extension("KHR_materials_pbrSpecularGlossiness"):
+        # a dielectric whose reflectance at normal incidence is the specular factor
+        red, green, blue = factors.color(glossy, "specularFactor", 1.0, 1.0)
+        roughness = 1.0 - factors.share(glossy, "glossinessFactor", 1.0)
+        tint = _tint_of(red, green, blue)
+        return replace(common, roughness=roughness, specular=1.0, specular_color=tint)
+    coat = entry.extension_or_empty("KHR_materials_clearcoat")
+    specular = entry.extension_or_empty("KHR_materials_specular")
+    ior = entry.extension_or_empty("KHR_materials_ior")
+    volume = entry.extension_or_empty("KHR_materials_volume")
+    dispersion = entry.extension_or_empty("KHR_materials_dispersion")
+    strength = factors.share(specular, "specularFactor", 1.0)
+    coating = factors.share(coat, "clearcoatFactor", 0.0)
     coat_scale = _scale(coat.object("clearcoatNormalTexture"), factors)
     gives_reflectance = ior.number("ior", DEFAULT_IOR) == 0.0
     is_opaque = gives_reflectance or has_transmission_map(entry)
@@ -424,7 +422,11 @@ def with_reflectance(
         specular=strength,
         specular_color=_tint_of(red, green, blue) if gives_reflectance else (red, green, blue),
         ior=DEFAULT_IOR if gives_reflectance else factors.number(ior, "ior", DEFAULT_IOR, 1.0),
-        transmission=0.0 if is_opaque else _transmission(entry, factors),
+        transmission=0.0
+        if is_opaque
+        else factors.share(
+            entry.extension_or_empty("KHR_materials_transmission"), "transmissionFactor", 0.0
+        ),
         thickness_m=factors.number(volume, "thicknessFactor", 0.0, 0.0),
         attenuation_color=factors.color(volume, "attenuationColor", 1.0, 1.0),
         attenuation_distance_m=_attenuation_distance_m(volume, factors),
@@ -441,7 +443,7 @@ def with_reflectance(
 
 def has_transmission_map(entry: JsonObject) -> bool:
     """True for a material that transmits light by a map."""
-    transmission = entry.extension("KHR_materials_transmission") or JsonObject({}, "")
+    transmission = entry.extension_or_empty("KHR_materials_transmission")
     is_used = transmission.number("transmissionFactor", 0.0) > 0.0
     return is_used and transmission.has("transmissionTexture")
 
@@ -454,29 +456,13 @@ def _attenuation_distance_m(volume: JsonObject, factors: Factors) -> float:
     return factors.replaced("attenuationDistance", distance_m, used_m)
 
 
-def _transmission(entry: JsonObject, factors: Factors) -> float:
-    transmission = entry.extension("KHR_materials_transmission") or JsonObject({}, "")
-    return factors.share(transmission, "transmissionFactor", 0.0)
-
-
-def _specular_glossiness(material: Material, glossy: JsonObject, factors: Factors) -> Material:
-    """Dielectric whose reflectance at normal incidence is the specular factor."""
-    red, green, blue = factors.color(glossy, "specularFactor", 1.0, 1.0)
-    return replace(
-        material,
-        roughness=1.0 - factors.share(glossy, "glossinessFactor", 1.0),
-        specular=1.0,
-        specular_color=_tint_of(red, green, blue),
-    )
-
-
 def _tint_of(red: float, green: float, blue: float) -> Color:
     """Specular color of a dielectric of the default index, for a reflectance."""
     return _WHOLE * red, _WHOLE * green, _WHOLE * blue
 
 
 def _emissive(entry: JsonObject, factors: Factors) -> Color:
-    strength = entry.extension("KHR_materials_emissive_strength") or JsonObject({}, "")
+    strength = entry.extension_or_empty("KHR_materials_emissive_strength")
     factor = factors.number(strength, "emissiveStrength", 1.0, 0.0)
     bright = [factor * one for one in factors.color(entry, "emissiveFactor", 0.0)]
     peak = max(bright)

@@ -11,9 +11,9 @@ import numpy as np
 
 from omnisim.core.arrays import Floats
 from omnisim.core.errors import SceneError, did_you_mean
-from omnisim.core.poses import nearest_rotation, rotation_from_quaternion
+from omnisim.core.poses import proper_rotation, rotation_from_quaternion
 from omnisim.scene.formats.gltf.document import Accessors, JsonObject
-from omnisim.scene.formats.imported_scene import ImportedObject
+from omnisim.scene.formats.imported_scene import ImportedObject, unique_name
 from omnisim.scene.labels import BODY
 from omnisim.scene.model import Light, LightKind
 from omnisim.scene.motion.node_motion import (
@@ -52,12 +52,10 @@ def file_from_nodes(
     parents: Mapping[int, int | None], local: Mapping[int, Floats]
 ) -> dict[int, Floats]:
     """Global transforms (4, 4) of nodes, in drawing order, from their local ones."""
-    global_transforms: dict[int, Floats] = {}
+    poses: dict[int | None, Floats] = {None: np.eye(4)}
     for index, parent in parents.items():
-        global_transforms[index] = (
-            np.eye(4) if parent is None else global_transforms[parent]
-        ) @ local[index]
-    return global_transforms
+        poses[index] = poses[parent] @ local[index]
+    return {index: poses[index] for index in parents}
 
 
 def parent_from_node(node: JsonObject) -> Floats:
@@ -153,10 +151,8 @@ def read_lights(
         reference = nodes[index].extension(_EXTENSION)
         if reference is None:
             continue
-        entry, world_from_light = (
-            entries[reference.index("light", entries)],
-            world_from_nodes[index],
-        )
+        entry = entries[reference.index("light", entries)]
+        world_from_light = world_from_nodes[index]
         kind, axis = _KINDS.get(entry.text("type", "")), -world_from_light[:3, 2]
         length = np.linalg.norm(axis)
         if kind is None or length == 0.0:
@@ -235,11 +231,9 @@ def read_animation(
     if name is not None and name not in names:
         hint = did_you_mean(name, [*names, NO_ANIMATION], "the file has")
         raise SceneError(f"animation = {name!r}: unknown; {hint}")
-    chosen = 0 if name is None else names.index(name)
-    entry = entries[chosen]
-    animation = Animation(channels=entry.objects("channels"))
-    if name is None:
-        animation.others = entries[1:]
+    entry = entries[0 if name is None else names.index(name)]
+    others = entries[1:] if name is None else ()
+    animation = Animation(channels=entry.objects("channels"), others=others)
     samplers, meshes = entry.objects("samplers"), root.objects("meshes")
     for channel in animation.channels:
         target = channel.object("target")
@@ -247,7 +241,10 @@ def read_animation(
         if path not in (*_WIDTHS, _WEIGHTS) or not target.has("node"):
             continue
         index = target.index("node", nodes)
-        width = _WIDTHS.get(path) or _target_count(nodes[index], meshes)
+        width = _WIDTHS.get(path, 0)
+        if path == _WEIGHTS and nodes[index].has("mesh"):
+            primitives = meshes[nodes[index].index("mesh", meshes)].objects("primitives")
+            width = max((len(one.array("targets")) for one in primitives), default=0)
         if not width:  # weights of a mesh without morph targets
             continue
         sampler = samplers[channel.index("sampler", samplers)]
@@ -258,14 +255,6 @@ def read_animation(
         else:
             animation.nodes.setdefault(index, {})[path] = keyframes
     return animation
-
-
-def _target_count(node: JsonObject, meshes: list[JsonObject]) -> int:
-    """Number of morph targets of a node's mesh."""
-    if not node.has("mesh"):
-        return 0
-    primitives = meshes[node.index("mesh", meshes)].objects("primitives")
-    return max((len(one.array("targets")) for one in primitives), default=0)
 
 
 def _keyframes(sampler: JsonObject, accessors: Accessors, path: str, width: int) -> Keyframes:
@@ -382,7 +371,6 @@ def _start(node: JsonObject, properties: Properties) -> tuple[Floats, Floats, Fl
 # Dynamic objects of an animation, its non-rigid nodes, and its unplayed parts.
 
 
-_LIGHTS = "KHR_lights_punctual"
 _CHECKS = 32  # samples of a node's motion over the animation
 Moved = Mapping[int, MovingNode]
 
@@ -404,26 +392,12 @@ def moving_objects(
             instances.setdefault(moved[owner].owner, []).append(number)
     used_names, objects = {BODY}, []
     for index, numbers in instances.items():
-        name = _free_name(nodes[index].text("name", f"node {index}"), used_names)
-        used_names.add(name)
+        name = unique_name(nodes[index].text("name", f"node {index}"), used_names, first=1)
         node = moved[index].node
-        axes = _axes(node.transform_at(0.0)[:3, :3] @ np.linalg.inv(world_from_file[:3, :3]))
-        objects.append(ImportedObject(name, NodeMotion(node, axes), tuple(numbers)))
+        linear = node.transform_at(0.0)[:3, :3] @ np.linalg.inv(world_from_file[:3, :3])
+        motion = NodeMotion(node, proper_rotation(linear))
+        objects.append(ImportedObject(name, motion, tuple(numbers)))
     return tuple(objects)
-
-
-def _free_name(name: str, used_names: set[str]) -> str:
-    number, free = 0, name
-    while free in used_names:
-        number += 1
-        free = f"{name}_{number}"
-    return free
-
-
-def _axes(linear: Floats) -> Floats:
-    """Rotation (3, 3) of a node's frame, without scale, shear and mirroring."""
-    axes = nearest_rotation(linear)
-    return axes if np.linalg.det(axes) > 0.0 else -axes
 
 
 def reshaped_nodes(nodes: list[JsonObject], moved: Moved, animation: Animation) -> set[int]:
@@ -440,14 +414,3 @@ def reshaped_nodes(nodes: list[JsonObject], moved: Moved, animation: Animation) 
         if not is_rigid[owner]:
             reshaped.add(index)
     return reshaped
-
-
-def unplayed_parts(
-    nodes: list[JsonObject], animation: Animation, moved: Moved
-) -> dict[str, Sequence[JsonObject]]:
-    """Parts of an animation that are not played, by field name of `DrawnObjects`."""
-    return {
-        "animations": animation.others,
-        "channels": animation.channels,
-        "shining": [nodes[index] for index in moved if nodes[index].extension(_LIGHTS)],
-    }

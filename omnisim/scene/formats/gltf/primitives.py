@@ -26,11 +26,7 @@ POINTS_AND_LINES = {0, 1, 2, 3}
 
 
 class Primitive:
-    """Triangle primitive with its arrays. All methods raise SceneErrors.
-
-    Attributes:
-        entry: JSON of the primitive.
-    """
+    """Triangle primitive with its arrays; `entry` is its JSON."""
 
     def __init__(self, entry: JsonObject, accessors: Accessors):
         """Decompress the primitive if necessary."""
@@ -38,6 +34,13 @@ class Primitive:
         self._accessors, self._attributes = accessors, entry.object("attributes")
         if draco := entry.extension("KHR_draco_mesh_compression"):
             self._decode_draco(draco)
+
+    @property
+    def normals(self) -> Floats | None:
+        """Normals (n, 3) of the vertices; None: missing, or not one for each vertex."""
+        normals = self.attribute("NORMAL")
+        is_whole = normals is not None and normals.shape == self.required("POSITION", 3).shape
+        return normals if is_whole else None
 
     @property
     def targets(self) -> list[JsonObject]:
@@ -124,6 +127,8 @@ class Primitive:
 
 
 _CHECKS = 32  # samples of a mesh's extent over the animation
+_SUM_TOLERANCE = 0.01  # for sums of weights, above the rounding of four 8-bit weights
+_SINGULAR = 1e-12  # minimum determinant of a bind matrix, relative to its cubed scale
 
 
 class DeformedMesh(NamedTuple):
@@ -147,11 +152,7 @@ class PlayedNodes:
 
 
 class DeformingMeshes:
-    """Builder of deforming meshes; all methods raise SceneErrors.
-
-    Attributes:
-        notices: one line for each kind of repaired fault.
-    """
+    """Builder of deforming meshes."""
 
     def __init__(self, root: JsonObject, accessors: Accessors, played: PlayedNodes):
         self._skins, self._meshes = root.objects("skins"), root.objects("meshes")
@@ -192,7 +193,7 @@ class DeformingMeshes:
         else:
             return None
         if morphed is None:
-            morphed = MorphedVertices(primitive.required("POSITION", 3), _normals(primitive), None)
+            morphed = MorphedVertices(primitive.required("POSITION", 3), primitive.normals, None)
         if is_skinned and not skeleton.moves and morphed.targets is None:
             world_from_bind = skeleton.matrices_at(0.0)
             file_from_bind = np.linalg.inv(self._played.world_from_file) @ world_from_bind
@@ -201,14 +202,18 @@ class DeformingMeshes:
             return DeformedMesh(mesh, translate(np.eye(4), center), None)
         if not is_skinned and np.linalg.det(self._played.poses[index][:3, :3]) < 0.0:
             plain = replace(plain, triangles=plain.triangles[:, (0, 2, 1)])
-        return self._by_itself(plain, morphed, weights, skeleton)
+        file_from_world = np.linalg.inv(self._played.world_from_file).astype(np.float64)
+        mesh, center = _deforming(plain, morphed, weights, skeleton, file_from_world)
+        self._check(mesh)
+        return DeformedMesh(mesh, translate(np.eye(4), center), None)
 
     def _morph(self, index: int, primitive: Primitive) -> MorphedVertices | None:
         """Vertices with morph targets; None: no target has an effect."""
         if not primitive.targets:
             return None
         node, animation = self._played.nodes[index], self._played.animation
-        weights = resting_weights(node, self._meshes[node.index("mesh", self._meshes)])
+        holder = node if node.has("weights") else self._meshes[node.index("mesh", self._meshes)]
+        weights = holder.numbers("weights", len(holder.array("weights"))) or ()
         animated = animation.weights.get(index)
         if animated is None and not any(weights):
             return None
@@ -225,20 +230,10 @@ class DeformingMeshes:
         mesh, center = _deforming(plain, morphed, weights, rest, np.eye(4))
         return DeformedMesh(mesh, translate(pose, center), index)
 
-    def _by_itself(
-        self, plain: Mesh, morphed: MorphedVertices, weights: JointWeights, skeleton: Skeleton
-    ) -> DeformedMesh:
-        """Mesh posed by its joints in the file's frame."""
-        file_from_world = np.linalg.inv(self._played.world_from_file).astype(np.float64)
-        mesh, center = _deforming(plain, morphed, weights, skeleton, file_from_world)
-        self._check(mesh)
-        return DeformedMesh(mesh, translate(np.eye(4), center), None)
-
     def _check(self, mesh: Mesh) -> None:
         """Reject a mesh whose coordinates become too large during the animation."""
-        times_s = np.linspace(0.0, self._played.animation.period_s, _CHECKS).tolist()
         assert mesh.deformation is not None
-        for time_s in times_s:
+        for time_s in np.linspace(0.0, self._played.animation.period_s, _CHECKS).tolist():
             center, radius = mesh.deformation.sphere_at(time_s)
             if not np.abs(center).max() + radius < MAX_COORDINATE:  # false for NaN as well
                 raise SceneError(
@@ -248,28 +243,33 @@ class DeformingMeshes:
 
     @np.errstate(all="ignore")
     def _skeleton(self, number: int) -> Skeleton:
+        """Skeleton of a skin, whose joints must be nodes of the scene.
+
+        Source: glTF 2.0, section 3.7.3.3: a joint's global transform times its inverse bind matrix;
+        the node of the mesh is ignored.
+        """
         if number in self._skeletons:
             return self._skeletons[number]
         skin, played = self._skins[number], self._played
-        joints = joints_of(skin, played.poses)
-        binds = inverse_binds(skin, self._accessors, len(joints))
-        self._singular += singular_count(binds)
+        joints = skin.indices("joints", range(1 + max(played.poses)))
+        if not played.poses.keys() >= set(joints):
+            raise skin.error("joints", "nodes of the scene")
+        binds = np.tile(np.eye(4), (len(joints), 1, 1))
+        if skin.has("inverseBindMatrices"):  # stored in column-major order
+            binds = self._accessors.floats(skin, "inverseBindMatrices").swapaxes(1, -1)
+            if binds.shape != (len(joints), 4, 4):
+                raise skin.error("inverseBindMatrices", f"an accessor of {len(joints)} MAT4")
+        scales = np.abs(binds[:, :3, :3]).max(axis=(1, 2))
+        determinants = np.abs(np.linalg.det(binds[:, :3, :3]))
+        self._singular += int((~(determinants > _SINGULAR * scales**3)).sum())
         moved = [played.moved.get(joint) for joint in joints]
         offsets = [
             played.world_from_file @ played.poses[joint] if one is None else one.owner_from_node
             for joint, one in zip(joints, moved, strict=True)
         ]
         nodes = tuple(None if one is None else one.node for one in moved)
-        skeleton = Skeleton(nodes, np.array(offsets).reshape(-1, 4, 4) @ binds)
-        self._skeletons[number] = skeleton
-        return skeleton
-
-
-def _normals(primitive: Primitive) -> Floats | None:
-    normals = primitive.attribute("NORMAL")
-    if normals is None or normals.shape != primitive.required("POSITION", 3).shape:
-        return None
-    return normals
+        self._skeletons[number] = Skeleton(nodes, np.array(offsets).reshape(-1, 4, 4) @ binds)
+        return self._skeletons[number]
 
 
 def _one_joint(count: int) -> JointWeights:
@@ -311,9 +311,6 @@ def _remade(plain: Mesh, positions: Floats, normals: Floats | None) -> tuple[Mes
     )  # fmt: skip
 
 
-# Morph targets of a primitive, and their weights.
-
-
 class MorphedVertices(NamedTuple):
     """Vertices of a primitive before skinning."""
 
@@ -322,19 +319,11 @@ class MorphedVertices(NamedTuple):
     targets: MorphTargets | None  # targets with animated weights; None: no animated weights
 
 
-def resting_weights(node: JsonObject, mesh: JsonObject) -> tuple[float, ...]:
-    """Static weights of a node's morph targets: the node's, or else its mesh's."""
-    holder = node if node.has("weights") else mesh
-    return holder.numbers("weights", len(holder.array("weights"))) or ()
-
-
 def morph(
     primitive: Primitive, weights: tuple[float, ...], animated: Keyframes | None, period_s: float
 ) -> MorphedVertices:
     """Morph a primitive by static weights, or set up targets with animated ones."""
-    positions, normals = primitive.required("POSITION", 3), primitive.attribute("NORMAL")
-    if normals is not None and normals.shape != positions.shape:
-        normals = None
+    positions, normals = primitive.required("POSITION", 3), primitive.normals
     count = len(primitive.targets)
     if animated is not None and animated.is_constant:
         weights, animated = tuple(animated.values[0].tolist()), None
@@ -357,31 +346,16 @@ def morph(
         if normals is not None and normal_offsets is not None:
             normals = normals + np.einsum("t,tnc->nc", values[used], normal_offsets)
         return MorphedVertices(positions, normals, None)
-    targets = MorphTargets(
-        offsets.astype(np.float32),
-        None if normal_offsets is None else normal_offsets.astype(np.float32),
-        _columns(animated, used),
-        period_s,
+    before, after = animated.in_tangents, animated.out_tangents
+    keyframes = replace(
+        animated,
+        values=animated.values[:, used],
+        in_tangents=None if before is None else before[:, used],
+        out_tangents=None if after is None else after[:, used],
     )
+    small = None if normal_offsets is None else normal_offsets.astype(np.float32)
+    targets = MorphTargets(offsets.astype(np.float32), small, keyframes, period_s)
     return MorphedVertices(positions, normals, targets)
-
-
-def _columns(keyframes: Keyframes, columns: Indices) -> Keyframes:
-    """Keyframes with a subset of the value columns."""
-    before, after = keyframes.in_tangents, keyframes.out_tangents
-    return replace(
-        keyframes,
-        values=keyframes.values[:, columns],
-        in_tangents=None if before is None else before[:, columns],
-        out_tangents=None if after is None else after[:, columns],
-    )
-
-
-# Skins: joints and weights of vertices, and transforms of joints.
-
-
-_SUM_TOLERANCE = 0.01  # for sums of weights, above the rounding of four 8-bit weights
-_SINGULAR = 1e-12  # minimum determinant of a bind matrix, relative to its cubed scale
 
 
 class JointWeights(NamedTuple):
@@ -400,7 +374,7 @@ def joint_weights(primitive: Primitive, joint_count: int) -> JointWeights:
     count = len(primitive.required("POSITION", 3))
     joints, weights = (
         np.concatenate([primitive.required(f"{name}_{one}", 4) for one in sets], axis=1)
-        if _lengths(primitive, name, sets) == {count}
+        if {len(primitive.required(f"{name}_{one}", 4)) for one in sets} == {count}
         else None
         for name in ("JOINTS", "WEIGHTS")
     )
@@ -417,10 +391,6 @@ def joint_weights(primitive: Primitive, joint_count: int) -> JointWeights:
     return JointWeights(joints.astype(np.int64), shares, mended)
 
 
-def _lengths(primitive: Primitive, name: str, sets: list[str]) -> set[int]:
-    return {len(primitive.required(f"{name}_{one}", 4)) for one in sets}
-
-
 @np.errstate(all="ignore")
 def skin_vertices(
     positions: Floats, normals: Floats | None, weights: JointWeights, matrices: Floats
@@ -428,37 +398,6 @@ def skin_vertices(
     """Positions (n, 3) and normals (n, 3) of a static skin, from matrices (joints, 4, 4)."""
     blended = np.einsum("nj,njab->nab", weights.shares, matrices[weights.joints])
     skinned = np.einsum("nab,nb->na", blended[:, :3, :3], positions) + blended[:, :3, 3]
-    if normals is None or normals.shape != positions.shape:
+    if normals is None:
         return skinned, None
     return skinned, np.einsum("nab,nb->na", blended[:, :3, :3], normals)
-
-
-def joints_of(skin: JsonObject, nodes: Mapping[int, Floats]) -> list[int]:
-    """Indices of a skin's joints, all of which must be in `nodes` of the scene."""
-    joints = skin.indices("joints", range(1 + max(nodes)))
-    if not nodes.keys() >= set(joints):
-        raise skin.error("joints", "nodes of the scene")
-    return joints
-
-
-def inverse_binds(skin: JsonObject, accessors: Accessors, count: int) -> Floats:
-    """Inverse bind matrices (count, 4, 4) of a skin's joints.
-
-    Source: glTF 2.0, section 3.7.3.3: a joint's global transform times its inverse bind matrix; the
-    node of the mesh is ignored.
-    """
-    if not skin.has("inverseBindMatrices"):
-        return np.tile(np.eye(4), (count, 1, 1))
-    # stored in column-major order
-    matrices = accessors.floats(skin, "inverseBindMatrices").swapaxes(1, -1)
-    if matrices.shape != (count, 4, 4):
-        raise skin.error("inverseBindMatrices", f"an accessor of {count} MAT4")
-    return matrices
-
-
-@np.errstate(all="ignore")
-def singular_count(matrices: Floats) -> int:
-    """Number of singular matrices among matrices (n, 4, 4)."""
-    linear = matrices[:, :3, :3]
-    scales = np.abs(linear).max(axis=(1, 2))
-    return int((~(np.abs(np.linalg.det(linear)) > _SINGULAR * scales**3)).sum())

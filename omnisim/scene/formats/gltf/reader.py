@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
+
+import numpy as np
 
 from omnisim.cameras import CentralCamera
 from omnisim.core.arrays import Floats
@@ -29,7 +30,6 @@ from omnisim.scene.formats.gltf.nodes import (
     reshaped_nodes,
     scene_parents,
     transforms_at_start,
-    unplayed_parts,
 )
 from omnisim.scene.formats.gltf.primitives import (
     POINTS_AND_LINES,
@@ -51,6 +51,9 @@ from omnisim.scene.formats.imported_scene import (
 from omnisim.scene.formats.resources import AssetResolver
 from omnisim.scene.model import Instance, Mesh
 from omnisim.scene.textures import TextureStore
+
+# Objects of a file that its scene draws, by the group of the features that they may have.
+DrawnObjects = dict[str, Sequence[JsonObject]]
 
 
 def read_gltf(
@@ -86,14 +89,14 @@ def read_gltf(
     deforming = DeformingMeshes(root, accessors, played)
     meshes = _Meshes(root, accessors, materials)
     placed = list(meshes.instantiate(nodes, poses, deforming))
-    drawn = dataclasses.replace(
-        _drawn_objects(root, [nodes[index] for index in poses], materials.entries[:-1]),
-        **unplayed_parts(nodes, animation, moved),
-    )
+    drawn = _drawn_objects(root, [nodes[index] for index in poses], materials.entries[:-1]) | {
+        "animations": animation.others,
+        "channels": animation.channels,
+        "shining": [nodes[one] for one in moved if nodes[one].extension("KHR_lights_punctual")],
+    }
     in_world = {index: world_from_file @ pose for index, pose in poses.items()}
     extensions = [str(name) for name in root.array("extensionsUsed")]
     cameras = _read_cameras(root, nodes, in_world)
-    dropped = meshes.dropped.notices
     return ImportedScene(
         tuple(meshes.meshes),
         materials.read({mesh.material for mesh in meshes.meshes}),
@@ -102,7 +105,7 @@ def read_gltf(
             *materials.notices,
             *deforming.notices,
             *feature_notices(drawn, extensions),
-            *dropped,
+            *meshes.dropped.notices,
             *cameras.notices,
         ],
         read_lights(root, nodes, in_world),
@@ -114,7 +117,7 @@ def read_gltf(
 def _drawn_objects(
     root: JsonObject, nodes: list[JsonObject], materials: list[JsonObject]
 ) -> DrawnObjects:
-    """Objects drawn by the nodes of the scene."""
+    """Objects that the nodes of the scene draw; of the materials those that are lit."""
     meshes = root.objects("meshes")
     drawn = [(node, meshes[node.index("mesh", meshes)]) for node in nodes if node.has("mesh")]
     primitives = [
@@ -124,12 +127,12 @@ def _drawn_objects(
     ]
     used = {entry.index("material", materials) for entry in primitives if entry.has("material")}
     lit = [index for index in sorted(used) if not is_unlit(materials[index])]
-    return DrawnObjects(
-        nodes=nodes,
-        primitives=primitives,
-        materials=[materials[index] for index in lit],
-        samplers=root.objects("samplers"),
-    )
+    return {
+        "nodes": nodes,
+        "primitives": primitives,
+        "materials": [materials[index] for index in lit],
+        "samplers": root.objects("samplers"),
+    }
 
 
 def _read_cameras(
@@ -169,16 +172,11 @@ class _Part(NamedTuple):
 
 
 class _Meshes:
-    """Meshes of a file, one per primitive. All methods raise SceneErrors.
-
-    Attributes:
-        meshes: meshes of the file; `instantiate` appends skinned, morphed and non-rigid ones.
-        dropped: counts of vertex data that do not match their vertices.
-    """
+    """Meshes of a file, one per primitive; `instantiate` appends skinned, morphed and others."""
 
     def __init__(self, root: JsonObject, accessors: Accessors, materials: Materials):
         self.meshes: list[Mesh] = []
-        self.dropped = Omissions()
+        self.dropped = Omissions()  # vertex data that do not match their vertices
         self._accessors, self._materials = accessors, materials
         self._name_counts: dict[str, int] = {}
         self._parts = [
@@ -208,11 +206,10 @@ class _Meshes:
                     yield index, Instance(name, part.mesh, translate(pose, part.center), pose)
                     continue
                 self.meshes.append(deformed.mesh)
+                node_pose = np.eye(4) if deformed.owner is None else pose
                 number = len(self.meshes) - 1
-                if deformed.owner is None:
-                    yield None, Instance(name, number, deformed.file_from_mesh)
-                else:
-                    yield deformed.owner, Instance(name, number, deformed.file_from_mesh, pose)
+                placed = Instance(name, number, deformed.file_from_mesh, node_pose)
+                yield deformed.owner, placed
 
     def _copy(
         self, node: JsonObject, index: int, pose: Floats, copies: Floats
@@ -266,23 +263,7 @@ class _Meshes:
 # `FEATURES` is the source of the notices, of the table in the documentation and of its tests.
 
 
-_GROUPS_OF_NODES = ("shining",)
 _NEAREST = 9728  # OpenGL's constant
-
-
-@dataclass(frozen=True)
-class DrawnObjects:
-    """Objects of a file that its scene draws."""
-
-    nodes: Sequence[JsonObject] = ()  # nodes of the scene
-    primitives: Sequence[JsonObject] = ()  # primitives of the nodes' meshes
-    # materials of the primitives, except unlit ones, which have a base color only
-    materials: Sequence[JsonObject] = ()
-    samplers: Sequence[JsonObject] = ()  # texture samplers of the file
-    # animations that are not played, if none was chosen by name
-    animations: Sequence[JsonObject] = ()
-    channels: Sequence[JsonObject] = ()  # channels of the played animation
-    shining: Sequence[JsonObject] = ()  # nodes with lights that the animation would move
 
 
 def feature_notices(drawn: DrawnObjects, used_extensions: Sequence[str]) -> list[str]:
@@ -290,16 +271,13 @@ def feature_notices(drawn: DrawnObjects, used_extensions: Sequence[str]) -> list
     notices = []
     for feature in FEATURES:
         if feature.support is Support.LEFT_OUT and feature.group:
-            count = sum(_uses(entry, feature) for entry in getattr(drawn, feature.group))
+            count = sum(_uses(entry, feature) for entry in drawn[feature.group])
             if count:
-                noun = "node" if feature.group in _GROUPS_OF_NODES else feature.group[:-1]
+                noun = "node" if feature.group == "shining" else feature.group[:-1]
                 notices.append(f"{feature.effect} ({counted(count, noun)})")
-    known = {name for one in FEATURES if not _is_noted_by_name(one) for name in one.extensions}
+    noted = [one for one in FEATURES if one.support is Support.LEFT_OUT and not one.group]
+    known = {name for one in FEATURES if one not in noted for name in one.extensions}
     return notices + [f"{name} is not read" for name in used_extensions if name not in known]
-
-
-def _is_noted_by_name(feature: Feature) -> bool:
-    return feature.support is Support.LEFT_OUT and not feature.group
 
 
 def _uses(entry: JsonObject, feature: Feature) -> bool:
@@ -311,34 +289,17 @@ def _uses(entry: JsonObject, feature: Feature) -> bool:
 
 def _differs(name: str, key: str) -> Callable[[JsonObject], bool]:
     """Predicate for materials with an extension whose factor is not 0."""
-
-    def is_used(material: JsonObject) -> bool:
-        extension = material.extension(name)
-        return extension is not None and extension.number(key, 0.0) != 0.0
-
-    return is_used
-
-
-def _color(entry: JsonObject, key: str, default: float) -> tuple[float, ...]:
-    return entry.numbers(key, 3) or (default, default, default)
-
-
-def _has_map(extension: str, *names: str) -> Callable[[JsonObject], bool]:
-    def is_used(material: JsonObject) -> bool:
-        entry = material.extension(extension)
-        return entry is not None and any(entry.has(name) for name in names)
-
-    return is_used
+    return lambda material: material.extension_or_empty(name).number(key, 0.0) != 0.0
 
 
 def _has_sheen(material: JsonObject) -> bool:
-    sheen = material.extension("KHR_materials_sheen")
-    return sheen is not None and any(_color(sheen, "sheenColorFactor", 0.0))
+    color = material.extension_or_empty("KHR_materials_sheen").numbers("sheenColorFactor", 3)
+    return color is not None and any(color)
 
 
 def _is_hidden(node: JsonObject) -> bool:
-    visibility = node.extension("KHR_node_visibility")
-    return visibility is not None and visibility.has("visible") and not visibility.flag("visible")
+    visibility = node.extension_or_empty("KHR_node_visibility")
+    return visibility.has("visible") and not visibility.flag("visible")
 
 
 # Predicates for the objects of a feature's group; by default, all use it.
@@ -350,9 +311,9 @@ _USES: dict[str, Callable[[JsonObject], bool]] = {
     ),
     "magFilter: 9728": lambda sampler: sampler.integer("magFilter", 0) == _NEAREST,
     "KHR_node_visibility": _is_hidden,
-    "specularGlossinessTexture": _has_map(
-        "KHR_materials_pbrSpecularGlossiness", "specularGlossinessTexture"
-    ),
+    "specularGlossinessTexture": lambda material: material.extension_or_empty(
+        "KHR_materials_pbrSpecularGlossiness"
+    ).has("specularGlossinessTexture"),
     "KHR_materials_anisotropy": _differs("KHR_materials_anisotropy", "anisotropyStrength"),
     "KHR_materials_diffuse_transmission": _differs(
         "KHR_materials_diffuse_transmission", "diffuseTransmissionFactor"

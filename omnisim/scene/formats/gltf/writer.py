@@ -212,7 +212,16 @@ def node_meshes(scene: Scene) -> tuple[list[dict[str, Any]], list[NodeMesh]]:
     nodes: list[dict[str, Any]] = []
     rows: dict[tuple[int, ...], int] = {}
     meshes: list[NodeMesh] = []
-    for (name, _, _), group in itertools.groupby(enumerate(scene.instances), _node_key(frames)):
+
+    def node_of(numbered: tuple[int, Instance]) -> tuple[str, bytes, int]:
+        number, one = numbered
+        return (
+            one.name,
+            one.world_from_node.tobytes(),
+            -1 if frames[one.mesh] is not None else number,
+        )
+
+    for (name, _, _), group in itertools.groupby(enumerate(scene.instances), node_of):
         parts = [one for _, one in group]
         indices = tuple(one.mesh for one in parts)
         node_from_meshes = [frames[index] for index in indices]
@@ -221,11 +230,8 @@ def node_meshes(scene: Scene) -> tuple[list[dict[str, Any]], list[NodeMesh]]:
             matrix = file_from_world @ parts[0].world_from_node @ file_from_world.T
         if indices not in rows:
             rows[indices] = len(meshes)
-            meshes.append(
-                NodeMesh(
-                    indices, tuple(np.eye(4) if one is None else one for one in node_from_meshes)
-                )
-            )
+            matrices = tuple(np.eye(4) if one is None else one for one in node_from_meshes)
+            meshes.append(NodeMesh(indices, matrices))
         nodes.append({"name": name, "mesh": rows[indices], "matrix": matrix.T.ravel().tolist()})
     return nodes, meshes
 
@@ -249,23 +255,17 @@ def baked_mesh(mesh: Mesh, node_from_mesh: Floats) -> Mesh:
     )
 
 
-def _node_key(frames: list[Floats | None]) -> Any:
-    """Grouping key of the node of a numbered instance."""
-
-    def key(numbered: tuple[int, Instance]) -> tuple[str, bytes, int]:
-        number, one = numbered
-        alone = frames[one.mesh] is None
-        return one.name, one.world_from_node.tobytes(), number if alone else -1
-
-    return key
-
-
 def _node_from_meshes(scene: Scene) -> list[Floats | None]:
     """Transform (4, 4) of each mesh to its nodes' frames, y up; None: the mesh's own frame."""
     matrices: list[Floats | None] = [None] * len(scene.meshes)
     differs = [False] * len(scene.meshes)
+    file_from_world = world_from_axes("y", 1.0).T
     for one in scene.instances:
-        matrix = _node_from_mesh(one)
+        matrix = None
+        if np.isfinite(np.linalg.cond(one.world_from_node)):
+            matrix = file_from_world @ (np.linalg.inv(one.world_from_node) @ one.world_from_mesh)
+            if not abs(np.linalg.det(matrix[:3, :3])) > 0.0:
+                matrix = None
         first = matrices[one.mesh]
         if matrix is None or (first is not None and not np.allclose(matrix, first, _SAME, _SAME)):
             differs[one.mesh] = True
@@ -275,14 +275,6 @@ def _node_from_meshes(scene: Scene) -> list[Floats | None]:
         None if matrix is None or unlike or not _is_exact(mesh, matrix) else matrix
         for mesh, matrix, unlike in zip(scene.meshes, matrices, differs, strict=True)
     ]
-
-
-def _node_from_mesh(one: Instance) -> Floats | None:
-    if not np.isfinite(np.linalg.cond(one.world_from_node)):
-        return None
-    file_from_world = world_from_axes("y", 1.0).T
-    matrix: Floats = file_from_world @ (np.linalg.inv(one.world_from_node) @ one.world_from_mesh)
-    return matrix if abs(np.linalg.det(matrix[:3, :3])) > 0.0 else None
 
 
 def _is_exact(mesh: Mesh, node_from_mesh: Floats) -> bool:
@@ -315,13 +307,7 @@ _SHEAR = 1e-9
 
 
 class WrittenMaterials:
-    """Materials of a scene as JSON, with their textures, samplers and images.
-
-    Attributes:
-        entries, textures, samplers, images: JSON lists.
-        extensions: names of the used extensions.
-        notices: one line for each property that glTF cannot represent.
-    """
+    """Materials of a scene as JSON, with their textures, samplers and images."""
 
     def __init__(self, add_view: Callable[[bytes], int]):
         """Initialize with `add_view`, which stores an image and returns its view index."""
@@ -330,35 +316,30 @@ class WrittenMaterials:
         self.samplers: list[Entry] = []
         self.images: list[Entry] = []
         self.extensions: set[str] = set()
-        self.notices: list[str] = []
+        self.notices: list[str] = []  # one line for each property that glTF cannot represent
         self._add_view = add_view
         self._rows: dict[object, int] = {}
 
     def add(self, material: Material) -> None:
         """Append a material; its index follows the order of the calls."""
+        name = material.name
         surface: Entry = {
             "baseColorFactor": list(material.base_color),
             "metallicFactor": material.metallic,
             "roughnessFactor": material.roughness,
         }
-        entry: Entry = {"name": material.name, "pbrMetallicRoughness": surface}
+        entry: Entry = {"name": name, "pbrMetallicRoughness": surface}
         entry["doubleSided"] = material.double_sided
         if material.alpha_mode is not AlphaMode.OPAQUE:
             entry["alphaMode"] = material.alpha_mode.name
         if material.alpha_mode is AlphaMode.MASK:
             entry["alphaCutoff"] = material.alpha_cutoff
-        self._put(surface, "baseColorTexture", material.texture, material.name)
-        self._put(
-            surface, "metallicRoughnessTexture", material.metallic_roughness_map, material.name
-        )
-        self._put(
-            entry, "normalTexture", material.normal_map, material.name, scale=material.normal_scale
-        )
-        self._put(
-            entry, "occlusionTexture", material.occlusion_map, material.name,
-            strength=material.occlusion_strength,
-        )  # fmt: skip
-        self._put(entry, "emissiveTexture", material.emissive_map, material.name)
+        strength, scale = material.occlusion_strength, material.normal_scale
+        self._put(surface, "baseColorTexture", material.texture, name)
+        self._put(surface, "metallicRoughnessTexture", material.metallic_roughness_map, name)
+        self._put(entry, "normalTexture", material.normal_map, name, scale=scale)
+        self._put(entry, "occlusionTexture", material.occlusion_map, name, strength=strength)
+        self._put(entry, "emissiveTexture", material.emissive_map, name)
         brightest = max(material.emissive)
         if brightest > 0.0:
             entry["emissiveFactor"] = [one / max(brightest, 1.0) for one in material.emissive]
@@ -432,15 +413,12 @@ class WrittenMaterials:
         wraps = (texture.wrap_u, texture.wrap_v)
         key = ("texture", id(texture.pixels), wraps)
         if key not in self._rows:
-            entry = {"source": self._image(texture), "sampler": self._sampler(wraps)}
+            image = self._image(texture)
+            if ("sampler", wraps) not in self._rows:
+                sampler = {"wrapS": _WRAPS[wraps[0]], "wrapT": _WRAPS[wraps[1]]}
+                self._rows["sampler", wraps] = _append(self.samplers, sampler)
+            entry = {"source": image, "sampler": self._rows["sampler", wraps]}
             self._rows[key] = _append(self.textures, entry)
-        return self._rows[key]
-
-    def _sampler(self, wraps: tuple[Wrap, Wrap]) -> int:
-        key = ("sampler", wraps)
-        if key not in self._rows:
-            entry = {"wrapS": _WRAPS[wraps[0]], "wrapT": _WRAPS[wraps[1]]}
-            self._rows[key] = _append(self.samplers, entry)
         return self._rows[key]
 
     def _image(self, texture: Texture) -> int:

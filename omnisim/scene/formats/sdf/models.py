@@ -18,10 +18,10 @@ from omnisim.core.errors import SceneError, did_you_mean
 from omnisim.core.files.sources import read_source
 from omnisim.core.poses import inverse
 from omnisim.core.short_repr import counted
-from omnisim.scene.formats.imported_scene import Omissions
+from omnisim.scene.formats.imported_scene import Omissions, unique_name
 from omnisim.scene.formats.resources import ResourcePath
 from omnisim.scene.formats.sdf.geometry import ROUND
-from omnisim.scene.formats.xml.element import XmlElement, parse_xml
+from omnisim.scene.formats.xml.element import XmlElement, parse_xml, step_to
 
 _OWN = frozenset(("", "__model__", "world", "__root__"))
 
@@ -51,24 +51,11 @@ class Scope:
         self._active: list[str] = []
 
     def add(self, name: str, element: XmlElement, default: str = "") -> None:
-        """Add a link, frame or joint, unless the name exists.
-
-        Args:
-            name: name of the frame.
-            element: element with the frame's pose.
-            default: reference frame if the pose names none.
-        """
+        """Add a link, frame or joint with an element's pose, by default relative to `default`."""
         self._frames.setdefault(name, _Frame(element, default, None, ""))
 
     def add_model(self, name: str, element: XmlElement, inner: Scope, placement: str = "") -> None:
-        """Add a nested model.
-
-        Args:
-            name: name of the model.
-            element: `<include>` or `<model>` with the pose.
-            inner: frames of the model.
-            placement: frame of the model to which the pose applies; empty: the model's own frame.
-        """
+        """Add a nested model, to whose frame `placement`, or else own frame, the pose applies."""
         self._frames.setdefault(name, _Frame(element, "", inner, placement))
 
     def add_missing(self, name: str) -> None:
@@ -84,11 +71,7 @@ class Scope:
         self._poses[name] = scope_from_frame
 
     def pose_of(self, element: XmlElement, default: str = "") -> Floats:
-        """Pose (4, 4) scope_from_element.
-
-        Args:
-            element: element with the pose.
-            default: reference frame if the pose names none.
+        """Pose (4, 4) scope_from_element, relative to the frame `default` if it names none.
 
         Raises:
             UnplacedError: a pose relative to a missing model.
@@ -157,13 +140,7 @@ class Model:
 
 
 class ModelLibrary:
-    """Models by URI, each file read only once.
-
-    Attributes:
-        resources: search path.
-        omissions: counts of omitted parts of the models.
-        round_shapes: number of spheres, cylinders and other round shapes in all trees.
-    """
+    """Models by URI, each file read only once, and the parts of them that are left out."""
 
     def __init__(self, resources: ResourcePath, omissions: Omissions) -> None:
         self.resources, self.omissions = resources, omissions
@@ -171,7 +148,7 @@ class ModelLibrary:
         self._missing: Counter[str] = Counter()
         self._remote: Counter[str] = Counter()
         self._substitutes: set[str] = set()
-        self.round_shapes = 0
+        self.round_shapes = 0  # spheres, cylinders and other round shapes in all trees
         self._count = 0
 
     @property
@@ -188,10 +165,8 @@ class ModelLibrary:
                 f"{counted(self._remote.total(), 'object')} not fetched from the net, and not "
                 f"drawn: {_names(self._remote)}: `gz fuel download -u ADDRESS` gets them"
             )
-        notices += [
-            f"{_short(uri)} not found: omnisim's own is drawn" for uri in sorted(self._substitutes)
-        ]
-        return notices
+        substitutes = sorted(self._substitutes)
+        return notices + [f"{_short(uri)} not found: omnisim's own is drawn" for uri in substitutes]
 
     def drop_unplaced(self, model: Model) -> None:
         """Remove the nested models whose poses are relative to a missing one."""
@@ -232,7 +207,10 @@ class ModelLibrary:
                 )
         for link in element.children("link"):
             model.scope.add(link.name, link)
-            self.round_shapes += _round_shapes(link)
+            shapes = (visual.find("geometry") for visual in link.children("visual"))
+            self.round_shapes += sum(
+                one.tag in ROUND for shape in shapes if shape is not None for one in shape.element
+            )
         for frame in element.children("frame"):
             model.scope.add(frame.name, frame, frame.attribute("attached_to"))
         for joint in element.children("joint"):
@@ -274,29 +252,19 @@ class ModelLibrary:
         if path is not None and path.is_dir():
             path = model_file(path)
         if path is None:
-            return self._substitute(uri)
-        root = self._root(path)
-        entity = next((child for child in root if child.tag in ENTITIES), None)
-        if entity is None:
-            raise include.error(f"a model, light or actor in {path}", uri)
-        name = entity.get("name")
-        step = entity.tag if name is None else f"{entity.tag}[{name}]"
-        return XmlElement(entity, f"{path}: {step}", path)
-
-    def _substitute(self, uri: str) -> XmlElement | None:
-        """Substitute for a common Gazebo Classic model; None: no substitute, counted as missing."""
-        name = _last_part(uri).lower().replace(" ", "_")
-        if name not in BUILTIN_MODELS:
-            self.miss(uri)
-            return None
-        self._substitutes.add(uri)
-        entity = parse_xml(BUILTIN_MODELS[name].encode())
-        return XmlElement(entity, f"{uri}: {entity.tag}", Path(name))
-
-    def _root(self, path: Path) -> Element:
+            name = _last_part(uri).lower().replace(" ", "_")
+            if name not in BUILTIN_MODELS:
+                self.miss(uri)
+                return None
+            self._substitutes.add(uri)
+            substitute = parse_xml(BUILTIN_MODELS[name].encode())
+            return XmlElement(substitute, f"{uri}: {substitute.tag}", Path(name))
         if path not in self._files:
             self._files[path] = read_xml(path)
-        return self._files[path]
+        entity = next((child for child in self._files[path] if child.tag in ENTITIES), None)
+        if entity is None:
+            raise include.error(f"a model, light or actor in {path}", uri)
+        return XmlElement(entity, f"{path}: {step_to(entity)}", path)
 
 
 def _names(uris: Counter[str]) -> str:
@@ -311,16 +279,6 @@ def _names(uris: Counter[str]) -> str:
     return ", ".join([*shown, *([f"and {counted(more, 'other')}"] if more else [])])
 
 
-def _round_shapes(link: XmlElement) -> int:
-    visuals = (visual.find("geometry") for visual in link.children("visual"))
-    return sum(
-        child.tag in ROUND
-        for geometry in visuals
-        if geometry is not None
-        for child in geometry.element
-    )
-
-
 def _short(uri: str) -> str:
     """Owner and name of a Gazebo Fuel model; other URIs unchanged."""
     match = re.match(r"https?://[^/]+/[\d.]+/([^/]+)/models/([^/]+)", uri)
@@ -330,15 +288,6 @@ def _short(uri: str) -> str:
 def _last_part(uri: str) -> str:
     """Last path component of a URI: its folder or file name."""
     return unquote(uri.strip("/").rpartition("/")[2])
-
-
-def unique_name(name: str, used_names: set[str]) -> str:
-    """Name with a number appended if it already exists."""
-    unique, number = name, 0
-    while unique in used_names:
-        unique, number = f"{name}_{number}", number + 1
-    used_names.add(unique)
-    return unique
 
 
 def with_pose_of(entity: XmlElement, posed: XmlElement) -> XmlElement:
@@ -359,12 +308,7 @@ class PlacedModel(NamedTuple):
     outer_from_model: Floats  # (4, 4) pose
 
     def pose_of(self, element: XmlElement, default: str = "") -> Floats:
-        """Pose (4, 4) outer_from_element of an element in the model.
-
-        Args:
-            element: element with the pose.
-            default: reference frame if the pose names none.
-        """
+        """Pose (4, 4) outer_from_element, relative to the frame `default` if it names none."""
         return self.outer_from_model @ self.model.scope.pose_of(element, default)
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 from collections import Counter
-from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
 
@@ -26,6 +25,7 @@ from omnisim.scene.formats.imported_scene import (
     Omissions,
     make_mesh,
     translate,
+    unique_name,
 )
 from omnisim.scene.formats.resources import ResourcePath
 from omnisim.scene.formats.sdf.geometry import MeshLibrary
@@ -86,9 +86,10 @@ class _Reader:
             self._named.setdefault(material.name, material)
         poses = link_poses(robot)
         for link in robot.children("link"):
-            for material in _inner_materials(link):  # references may precede the definition
-                if material.find("color") is not None or material.find("texture") is not None:
-                    self._named.setdefault(material.name, material)
+            for visual in link.children("visual"):  # references may precede the definition
+                for material in visual.children("material"):
+                    if material.find("color") is not None or material.find("texture") is not None:
+                        self._named.setdefault(material.name, material)
         for link in robot.children("link"):
             for visual in link.children("visual"):
                 self._read_visual(link, visual, poses[link.name] @ visual.origin())
@@ -119,11 +120,12 @@ class _Reader:
             return
         shape = shapes[0]
         material = self._material(visual)
-        if shape.tag == "mesh":
-            name = self._name(link, visual, PurePosixPath(shape.attribute("filename")).stem)
+        is_mesh = shape.tag == "mesh"
+        kind = PurePosixPath(shape.attribute("filename")).stem if is_mesh else shape.tag
+        name = unique_name(f"{link.name}/{visual.name or kind}", self._names, first=2)
+        if is_mesh:
             self._read_mesh(shape, material, pose, name)
             return
-        name = self._name(link, visual, shape.tag)
         surface = _surface(shape)
         mesh, center = make_mesh(
             name, surface.positions, surface.triangles, material or 0, surface.normals
@@ -145,34 +147,23 @@ class _Reader:
         if isinstance(file, str):
             self._omissions.count(f"{path.name}: not drawn: {file}", "visual")
             return
-        has_own = [_has_own(file.meshes[one.mesh], file.materials) for one in file.instances]
+        meshes = [file.meshes[one.mesh] for one in file.instances]
+        has_own = [_has_own(mesh, file.materials[mesh.material]) for mesh in meshes]
         self._hidden += material is not None and any(has_own)
-        for one, is_colored in zip(file.instances, has_own, strict=True):
-            mesh = file.meshes[one.mesh]
+        for one, mesh, is_colored in zip(file.instances, meshes, has_own, strict=True):
             if is_colored and self._chosen == "mesh":
                 material = None
-            own = self._of_file(file.materials[mesh.material]) if material is None else material
+            own = material
+            if own is None:
+                stated = file.materials[mesh.material]
+                own = self._material_of.setdefault(id(stated), len(self._materials))
+                if own == len(self._materials):
+                    self._materials.append(stated)
             if (id(mesh), own) not in self._mesh_of:
                 self._mesh_of[id(mesh), own] = len(self._meshes)
                 self._meshes.append(replace(mesh, material=own))
             place = pose @ np.diag((*scale, 1.0)) @ one.world_from_mesh
             self._instances.append(Instance(name, self._mesh_of[id(mesh), own], place, pose))
-
-    def _name(self, link: XmlElement, visual: XmlElement, otherwise: str) -> str:
-        """Unique instance name: link/visual."""
-        name = first = f"{link.name}/{visual.name or otherwise}"
-        number = 1
-        while name in self._names:
-            number += 1
-            name = f"{first}_{number}"
-        self._names.add(name)
-        return name
-
-    def _of_file(self, material: Material) -> int:
-        if id(material) not in self._material_of:
-            self._material_of[id(material)] = len(self._materials)
-            self._materials.append(material)
-        return self._material_of[id(material)]
 
     def _material(self, visual: XmlElement) -> int | None:
         """Index of a visual's own material; None: no material."""
@@ -222,16 +213,10 @@ class _Reader:
         return self._textures.texture(image, element.name)
 
 
-def _has_own(mesh: Mesh, materials: Sequence[Material]) -> bool:
+def _has_own(mesh: Mesh, material: Material) -> bool:
     """True for a mesh with colors, a texture, or another material than that of plain files."""
-    material = materials[mesh.material]
     is_plain = material.base_color == _GRAY or not material.name
     return mesh.colors is not None or material.texture is not None or not is_plain
-
-
-def _inner_materials(link: XmlElement) -> Iterator[XmlElement]:
-    for visual in link.children("visual"):
-        yield from visual.children("material")
 
 
 def _surface(shape: XmlElement) -> Surface:

@@ -54,7 +54,8 @@ class XmlElement(NamedTuple):
         """Child elements with one of the given tags, in order."""
         for child in self.element:
             if child.tag in tags:
-                yield self._inner(child)
+                step = step_to(child)
+                yield XmlElement(child, f"{self.place}/{step}" if self.place else step, self.file)
 
     def find(self, path: str) -> XmlElement | None:
         """Descendant by tags separated with slashes; None: missing."""
@@ -185,10 +186,11 @@ class XmlElement(NamedTuple):
             return ""
         return element.attribute("relative_to") or element.attribute("frame")
 
-    def _inner(self, child: Element) -> XmlElement:
-        name = child.get("name")
-        step = child.tag if name is None else f"{child.tag}[{name}]"
-        return XmlElement(child, f"{self.place}/{step}" if self.place else step, self.file)
+
+def step_to(child: Element) -> str:
+    """Step of an element's place: its tag and its name, if it has one."""
+    name = child.get("name")
+    return child.tag if name is None else f"{child.tag}[{name}]"
 
 
 def _finite_numbers(text: str) -> tuple[float, ...]:
