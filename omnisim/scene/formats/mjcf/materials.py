@@ -5,7 +5,6 @@ Colors of a model are sRGB, as its own renderer displays them.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from dataclasses import replace
 
@@ -53,17 +52,11 @@ def _mirror(material: Material, reflectance: float) -> Material:
     the rest of the light. MuJoCo adds this share of the mirrored geoms to the plane's full color,
     and does not mirror the sky.
     """
-    return dataclasses.replace(
-        material, specular=reflectance, ior=_MIRROR_IOR, metallic=0.0, roughness=0.0
-    )
+    return replace(material, specular=reflectance, ior=_MIRROR_IOR, metallic=0.0, roughness=0.0)
 
 
 class Materials:
-    """Materials of a model, each created once per color and cube face.
-
-    Attributes:
-        entries: materials created so far.
-    """
+    """Materials of a model, each created once per color and cube face."""
 
     def __init__(self, model: mujoco.MjModel):
         self.entries: list[Material] = []
@@ -111,8 +104,12 @@ class Materials:
             return Material("", (red, green, blue, alpha), None, mode, double_sided=not is_solid)
         model = self._model
         name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_MATERIAL, material)
-        texture = self.color_texture(material)
-        if texture is not None and face is None and self.textures.is_cube(texture):
+        texture, image = self.color_texture(material), None
+        if texture is not None and not self.textures.is_cube(texture):
+            image = self.textures.image(texture)
+        elif texture is not None and face is not None:
+            image = self.textures.face(texture, face)
+        elif texture is not None:
             plain = self.textures.plain_color(texture) or (1.0, 1.0, 1.0)
             red, green, blue = (a * b for a, b in zip((red, green, blue), plain, strict=True))
         emission = max(float(model.mat_emission[material]), 0.0)
@@ -122,7 +119,7 @@ class Materials:
         return Material(
             name or f"material_{material}",
             (red, green, blue, alpha),
-            self._color_texture(material, face),
+            image,
             mode,
             double_sided=not is_solid,
             metallic=min(max(metallic, 0.0), 1.0),  # negative means unspecified
@@ -133,14 +130,6 @@ class Materials:
             metallic_roughness_map=self._map(material, _Role.mjTEXROLE_ORM),
             occlusion_map=self._map(material, _Role.mjTEXROLE_ORM),
         )
-
-    def _color_texture(self, material: int, face: int | None) -> Texture | None:
-        texture = self.color_texture(material)
-        if texture is None:
-            return None
-        if self.textures.is_cube(texture):
-            return None if face is None else self.textures.face(texture, face)
-        return self.textures.image(texture)
 
     def _map(self, material: int, role: int) -> Texture | None:
         texture = int(self._model.mat_texid[material, role])

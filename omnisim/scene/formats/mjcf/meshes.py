@@ -38,12 +38,7 @@ Parts = tuple[tuple[int, Floats], ...]
 
 
 class Meshes:
-    """Meshes of a model.
-
-    Attributes:
-        entries: meshes created so far.
-        materials: materials of the meshes.
-    """
+    """Meshes of a model, those created so far, and their materials."""
 
     def __init__(self, model: mujoco.MjModel):
         self.entries: list[Mesh] = []
@@ -68,13 +63,9 @@ class Meshes:
                 self._shapes[shape_key] = geom_shape(model, geom)
             mapped = self._map(self._shapes[shape_key], material, model.geom_size[geom])
             self._parts[key] = tuple(
-                self._add(name, part, material, self.rgba(geom), kind) for part in mapped
+                self.add(name, part, material, self.rgba(geom), kind) for part in mapped
             )
         return self._parts[key]
-
-    def add(self, name: str, mapped: MappedSurface, material: int, rgba: Rgba) -> Parts:
-        """Double-sided meshes of skins and flexible bodies."""
-        return (self._add(name, mapped, material, rgba, None),)
 
     def _map(self, shape: Shape, material: int, sizes: Floats) -> list[MappedSurface]:
         """Parts of a shape, with texture coordinates if the material has a texture."""
@@ -92,9 +83,10 @@ class Meshes:
             return [plain]
         return map_cube(shape, sizes, is_uniform)
 
-    def _add(
-        self, name: str, mapped: MappedSurface, material: int, rgba: Rgba, kind: int | None
+    def add(
+        self, name: str, mapped: MappedSurface, material: int, rgba: Rgba, kind: int | None = None
     ) -> tuple[int, Floats]:
+        """Mesh of a geom of a kind, or of a skin or flexible body, which is double-sided."""
         surface = mapped.surface
         index = self.materials.index(
             material, rgba, mapped.face, kind in _SOLIDS, kind == Geom.mjGEOM_PLANE
@@ -133,7 +125,6 @@ def visible_deformables(
 
 
 def _skins(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[Deformable]:
-    """Skins, deformed by their bones."""
     for skin in range(model.nskin):
         material = int(model.skin_matid[skin])
         first, count = int(model.skin_vertadr[skin]), int(model.skin_vertnum[skin])
@@ -240,24 +231,19 @@ def geom_shape(model: mujoco.MjModel, geom: int) -> Shape:
     data = int(model.geom_dataid[geom])
     if kind in (Geom.mjGEOM_MESH, Geom.mjGEOM_SDF):
         surface, coordinates = _mesh(model, data)
-        return Shape(surface, coordinates, _scaled(surface, size))
+        return _of_sizes(surface, size, coordinates)
     if kind == Geom.mjGEOM_HFIELD:
-        surface = _height_field(model, data)
-        return Shape(surface, None, _scaled(surface, model.hfield_size[data][:3]))
+        return _of_sizes(_height_field(model, data), model.hfield_size[data][:3])
     if kind == Geom.mjGEOM_PLANE:
         reach_m = max(float(model.vis.map.zfar * model.stat.extent), MIN_REACH_M)
-        surface = rectangle(*(float(half) if half > 0.0 else reach_m for half in size[:2]))
-        return Shape(surface, None, _scaled(surface, size))
+        half_sizes = (float(half) if half > 0.0 else reach_m for half in size[:2])
+        return _of_sizes(rectangle(*half_sizes), size)
     return _PRIMITIVES[kind](size)
 
 
-def _scaled(surface: Surface, sizes: Floats) -> Floats:
-    """Positions divided by sizes (3,); sizes of 0 count as 1."""
-    return surface.positions / np.where(sizes > 0.0, sizes, 1.0)
-
-
-def _of_sizes(surface: Surface, sizes: Floats) -> Shape:
-    return Shape(surface, None, _scaled(surface, sizes))
+def _of_sizes(surface: Surface, sizes: Floats, coordinates: Floats | None = None) -> Shape:
+    """Shape whose positions are divided by sizes (3,); those of 0 count as 1."""
+    return Shape(surface, coordinates, surface.positions / np.where(sizes > 0.0, sizes, 1.0))
 
 
 def _capsule(size: Floats) -> Shape:
@@ -324,19 +310,16 @@ def _height_field(model: mujoco.MjModel, field: int) -> Surface:
         np.broadcast_arrays(x, y[:, None], heights.astype(np.float64) * top), axis=-1
     )
     edges = (positions[0], positions[:, -1], positions[-1, ::-1], positions[::-1, 0])
+    sides = []
+    for edge in edges:
+        rim = np.concatenate((np.column_stack((edge[:, :2], np.full(len(edge), -base))), edge))
+        sides.append(Surface(rim, grid_triangles(2, len(edge)), None))
     bottom = rectangle(half_x, half_y)
     return join(
         Surface(positions.reshape(-1, 3), grid_triangles(rows, columns), None),
-        *(_side(edge, -base) for edge in edges),
+        *sides,
         Surface(bottom.positions - (0.0, 0.0, base), bottom.triangles[:, ::-1], None),
     )
-
-
-def _side(edge: Floats, base: float) -> Surface:
-    """Wall from an edge (n, 3) down to a height."""
-    below = edge.copy()
-    below[:, 2] = base
-    return Surface(np.concatenate((below, edge)), grid_triangles(2, len(edge)), None)
 
 
 # Texture coordinates for geoms without their own, matching MuJoCo's renderer.

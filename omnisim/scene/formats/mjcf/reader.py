@@ -159,8 +159,8 @@ class ModelReader:
         """Instances of the skins and flexible bodies, in the world."""
         instances = []
         for one in visible_deformables(self._model, self._data, self._groups):
-            parts = self.meshes.add(one.name, one.mapped, one.material, one.rgba)
-            instances += _place(one.name, parts, np.eye(4))
+            part = self.meshes.add(one.name, one.mapped, one.material, one.rgba)
+            instances += _place(one.name, (part,), np.eye(4))
         return instances
 
     def _notices(self) -> list[str]:
@@ -181,7 +181,6 @@ class ModelReader:
 
 
 def _place(name: str, parts: Parts, pose: Floats) -> list[Instance]:
-    """Instances of an element's meshes at its pose."""
     return [Instance(name, mesh, translate(pose, center), pose) for mesh, center in parts]
 
 
@@ -204,17 +203,6 @@ def _one_line(text: str) -> str:
 # Names of a MuJoCo model's elements, and of the instances made from its geoms.
 
 
-_TYPES = {
-    mujoco.mjtGeom.mjGEOM_PLANE: "plane",
-    mujoco.mjtGeom.mjGEOM_HFIELD: "hfield",
-    mujoco.mjtGeom.mjGEOM_SPHERE: "sphere",
-    mujoco.mjtGeom.mjGEOM_CAPSULE: "capsule",
-    mujoco.mjtGeom.mjGEOM_ELLIPSOID: "ellipsoid",
-    mujoco.mjtGeom.mjGEOM_CYLINDER: "cylinder",
-    mujoco.mjtGeom.mjGEOM_BOX: "box",
-    mujoco.mjtGeom.mjGEOM_MESH: "mesh",
-    mujoco.mjtGeom.mjGEOM_SDF: "sdf",
-}
 _WORLD = 0
 
 
@@ -231,8 +219,12 @@ def geom_names(model: mujoco.MjModel) -> tuple[str, ...]:
     counts: Counter[str] = Counter()
     names = []
     for geom in range(model.ngeom):
-        name = _own_name(model, geom)
-        body = int(model.geom_bodyid[geom])
+        name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_GEOM, geom)
+        kind, body = int(model.geom_type[geom]), int(model.geom_bodyid[geom])
+        if not name and kind == Geom.mjGEOM_MESH:
+            mesh = int(model.geom_dataid[geom])
+            name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_MESH, mesh)
+        name = name or Geom(kind).name[len("mjGEOM_") :].lower()
         if body != _WORLD:
             name = f"{body_name(model, body)}/{name}"
         while counts[name]:
@@ -241,15 +233,6 @@ def geom_names(model: mujoco.MjModel) -> tuple[str, ...]:
         counts[name] = 1
         names.append(name)
     return tuple(names)
-
-
-def _own_name(model: mujoco.MjModel, geom: int) -> str:
-    name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_GEOM, geom)
-    kind = int(model.geom_type[geom])
-    if not name and kind == mujoco.mjtGeom.mjGEOM_MESH:
-        mesh = int(model.geom_dataid[geom])
-        name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_MESH, mesh)
-    return name or _TYPES[mujoco.mjtGeom(kind)]
 
 
 # Files referenced by a MuJoCo model and read by MuJoCo itself, recorded as sources.
@@ -420,7 +403,8 @@ def find_viewpoint(
     model: mujoco.MjModel, data: mujoco.MjData, world_from_file: Floats
 ) -> StartPose:
     """Start pose for a model, in the world."""
-    position, ahead = _camera(model, data) or _overview(model)
+    offset = float(model.stat.extent) * _OFFSET_PER_EXTENT
+    position, ahead = _camera(model, data) or (model.stat.center + offset, -offset)
     rotation = world_from_file[:3, :3]
     x, y, z = (rotation @ position + world_from_file[:3, 3]).tolist()
     forward = rotation @ ahead
@@ -435,11 +419,6 @@ def _camera(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Floats, Floats]
             is_level = abs(axes[2, 2]) < 0.99  # otherwise its image top points ahead
             return data.cam_xpos[camera].copy(), -axes[:, 2] if is_level else axes[:, 1]
     return None
-
-
-def _overview(model: mujoco.MjModel) -> tuple[Floats, Floats]:
-    offset = float(model.stat.extent) * _OFFSET_PER_EXTENT
-    return model.stat.center + offset, -offset
 
 
 # MuJoCo models in motion: a static scene, and moving bodies as objects.

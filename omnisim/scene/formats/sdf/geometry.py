@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from PIL import Image
 
-from omnisim.core.arrays import Bytes, Floats, Indices
+from omnisim.core.arrays import Bytes, Floats
 from omnisim.core.errors import SceneError
 from omnisim.core.files.sources import read_source
 from omnisim.core.short_repr import counted
@@ -122,14 +122,9 @@ def submesh(file: MeshFile, name: str) -> tuple[Instance, ...]:
         return ()
     named = [(one, (one.name, file.meshes[one.mesh].name)) for one in file.instances]
     exact = tuple(one for one, names in named if name in names)
-    return exact or tuple(
-        one for one, names in named if any(_is_numbered(own, name) for own in names)
-    )
-
-
-def _is_numbered(own: str, name: str) -> bool:
-    """True for a name with a number appended, as readers do to make names unique."""
-    return own.startswith(name) and own[len(name) :].lstrip("._- ").isdigit()
+    # readers append numbers to make names unique
+    numbered = re.compile(re.escape(name) + r"[._\- ]*\d+")
+    return exact or tuple(one for one, names in named if any(map(numbered.fullmatch, names)))
 
 
 def centered(file: MeshFile, instances: tuple[Instance, ...]) -> tuple[Instance, ...]:
@@ -137,19 +132,20 @@ def centered(file: MeshFile, instances: tuple[Instance, ...]) -> tuple[Instance,
 
     Source: gz-rendering, Ogre2MeshFactory: each part of a submesh is centered separately.
     """
-    return tuple(_centered(one, file.meshes[one.mesh]) for one in instances)
-
-
-def _centered(instance: Instance, mesh: Mesh) -> Instance:
-    file_from_mesh = instance.world_from_mesh.copy()
-    points = mesh.positions @ file_from_mesh[:3, :3].T
-    file_from_mesh[:3, 3] = -0.5 * (points.min(axis=0) + points.max(axis=0))
-    return replace(instance, world_from_mesh=file_from_mesh)
+    moved = []
+    for one in instances:
+        file_from_mesh = one.world_from_mesh.copy()
+        points = file.meshes[one.mesh].positions @ file_from_mesh[:3, :3].T
+        file_from_mesh[:3, 3] = -0.5 * (points.min(axis=0) + points.max(axis=0))
+        moved.append(replace(one, world_from_mesh=file_from_mesh))
+    return tuple(moved)
 
 
 # Triangles of SDF geometries other than meshes.
 
 
+# Corners of a whole texture on a rectangle.
+_CORNER_UV = np.array([(0.0, 1.0), (1.0, 1.0), (1.0, 0.0), (0.0, 0.0)])
 _LOOP_TOLERANCE_M = 1e-4  # Gazebo's tolerance between the ends of a closed polyline
 
 
@@ -162,44 +158,7 @@ class Shape(NamedTuple):
     is_closed: bool = True  # back faces are never visible
 
 
-def box(size: XmlElement) -> Shape:
-    """Box with the whole texture on each side."""
-    x, y, z = _sizes(size, "size", (1.0, 1.0, 1.0))
-    uv = np.tile([(0.0, 1.0), (1.0, 1.0), (1.0, 0.0), (0.0, 0.0)], (6, 1))
-    return Shape(primitives.box((0.5 * x, 0.5 * y, 0.5 * z)), uv)
-
-
-def sphere(element: XmlElement, max_segments: int) -> Shape:
-    """Sphere with its texture wrapped around once."""
-    radius = element.positive("radius", 1.0)
-    return _round(primitives.ellipsoid((radius,) * 3, max_segments), radius, max_segments)
-
-
-def ellipsoid(element: XmlElement, max_segments: int) -> Shape:
-    """Ellipsoid with its texture wrapped around once."""
-    radii = _sizes(element, "radii", (1.0, 1.0, 1.0))
-    return _round(primitives.ellipsoid(radii, max_segments), max(radii), max_segments)
-
-
-def cylinder(element: XmlElement, max_segments: int) -> Shape:
-    """Cylinder with its texture wrapped around once."""
-    radius, length = element.positive("radius", 1.0), element.positive("length", 1.0)
-    return _round(primitives.cylinder(radius, 0.5 * length, max_segments), radius, max_segments)
-
-
-def cone(element: XmlElement, max_segments: int) -> Shape:
-    """Cone, tip up."""
-    radius, length = element.positive("radius", 0.5), element.positive("length", 1.0)
-    return _round(primitives.cone(radius, 0.5 * length, max_segments), radius, max_segments)
-
-
-def capsule(element: XmlElement, max_segments: int) -> Shape:
-    """Capsule; its length excludes the hemispheres."""
-    radius, length = element.positive("radius", 0.5), element.positive("length", 1.0)
-    return _round(primitives.capsule(radius, 0.5 * length, max_segments), radius, max_segments)
-
-
-def plane(element: XmlElement) -> Shape:
+def _plane(element: XmlElement) -> Shape:
     """Rectangle perpendicular to its normal."""
     normal = np.array(element.vector("normal", (0.0, 0.0, 1.0)))
     length = float(np.linalg.norm(normal))
@@ -208,11 +167,10 @@ def plane(element: XmlElement) -> Shape:
     x, y = _sizes(element, "size", (1.0, 1.0))
     surface = primitives.rectangle(0.5 * x, 0.5 * y)
     across = surface.positions @ _axes(normal / length).T
-    uv = np.array([(0.0, 1.0), (1.0, 1.0), (1.0, 0.0), (0.0, 0.0)])
-    return Shape(surface._replace(positions=across), uv, is_closed=False)
+    return Shape(surface._replace(positions=across), _CORNER_UV, is_closed=False)
 
 
-def polyline(elements: Sequence[XmlElement]) -> Shape:
+def _polyline(elements: Sequence[XmlElement]) -> Shape:
     """Extrusion of closed polylines along z, from z = 0 to the first one's height."""
     height = elements[0].positive("height", 1.0)
     loops = [_loop(element) for element in elements]
@@ -276,7 +234,6 @@ def _axes(normal: Floats) -> Floats:
 
 
 def _round(surface: Surface, radius_m: float, max_segments: int) -> Shape:
-    """Shape around z with its texture wrapped around once."""
     count = primitives.segments(radius_m, max_segments) + 1
     index = np.arange(len(surface.positions))
     z = surface.positions[:, 2]
@@ -285,13 +242,8 @@ def _round(surface: Surface, radius_m: float, max_segments: int) -> Shape:
     return Shape(surface, uv)
 
 
-_FLAT = {"box": box, "plane": plane}
-_ROUND = {
-    "sphere": sphere, "ellipsoid": ellipsoid, "cylinder": cylinder, "cone": cone,
-    "capsule": capsule,
-}  # fmt: skip
-SHAPES = frozenset((*_FLAT, *_ROUND, "polyline"))
-ROUND = frozenset(_ROUND)
+ROUND = frozenset(("sphere", "ellipsoid", "cylinder", "cone", "capsule"))
+SHAPES = frozenset((*ROUND, "box", "plane", "polyline"))
 GEOMETRIES = frozenset((*SHAPES, "mesh", "heightmap", "image"))
 _FEW = 20  # maximum number of round shapes at full resolution
 
@@ -305,14 +257,32 @@ def segment_limit(round_shapes: int) -> int:
 def make_shape(geometry: XmlElement, kind: XmlElement, max_segments: int) -> Shape:
     """Shape of a `<geometry>` from its child `kind`, or from all its polylines together.
 
+    A box has the whole texture on each side; on round shapes it is wrapped around once. The length
+    of a capsule excludes the hemispheres.
+
     Args:
         geometry, kind: geometry element and its child element.
         max_segments: maximum number of segments of a circle.
     """
-    tag = kind.element.tag
+    tag = kind.tag
     if tag == "polyline":
-        return polyline(list(geometry.children("polyline")))
-    return _ROUND[tag](kind, max_segments) if tag in _ROUND else _FLAT[tag](kind)
+        return _polyline(list(geometry.children("polyline")))
+    if tag == "plane":
+        return _plane(kind)
+    if tag == "box":
+        sizes = _sizes(kind, "size", (1.0, 1.0, 1.0))
+        return Shape(primitives.box([0.5 * size for size in sizes]), np.tile(_CORNER_UV, (6, 1)))
+    if tag == "ellipsoid":
+        radii = _sizes(kind, "radii", (1.0, 1.0, 1.0))
+        return _round(primitives.ellipsoid(radii, max_segments), max(radii), max_segments)
+    radius = kind.positive("radius", 0.5 if tag in ("cone", "capsule") else 1.0)
+    if tag == "sphere":
+        surface = primitives.ellipsoid((radius,) * 3, max_segments)
+    else:
+        make = {"cylinder": primitives.cylinder, "cone": primitives.cone}
+        half_length = 0.5 * kind.positive("length", 1.0)
+        surface = make.get(tag, primitives.capsule)(radius, half_length, max_segments)
+    return _round(surface, radius, max_segments)
 
 
 # Terrain from gray images, with textures that vary with height.
@@ -345,13 +315,8 @@ def read_levels(image: Image.Image) -> Floats | None:
         levels = np.asarray(image.convert("RGB"), dtype=np.float64)[..., 0] / 255.0
     if min(levels.shape) < 2:
         return None
-    rows, columns = (_evenly(count) for count in levels.shape)
-    return levels[np.ix_(rows, columns)]
-
-
-def _evenly(count: int) -> Indices:
-    """Indices (n,) of at most `MAX_POINTS` of `count` samples, first and last included."""
-    return np.linspace(0, count - 1, min(count, MAX_POINTS)).round().astype(np.intp)
+    kept = (np.linspace(0, count - 1, min(count, MAX_POINTS)) for count in levels.shape)
+    return levels[np.ix_(*(rows.round().astype(np.intp) for rows in kept))]
 
 
 def terrain(element: XmlElement, levels: Floats, tile_m: float) -> Shape:
@@ -397,9 +362,8 @@ def blend(layers: list[Layer], levels: Floats, size: tuple[float, ...]) -> Image
         levels: (rows, columns) levels in [0, 1].
         size: size of the terrain, m.
     """
-    finest = max(
-        max(layer.image.size) * max(size[:2]) / layer.size_m for layer in layers
-    )  # texels across the whole terrain
+    # texels across the whole terrain
+    finest = max(max(layer.image.size) * max(size[:2]) / layer.size_m for layer in layers)
     side = round(min(max(finest, _BAKED_PX[0]), _BAKED_PX[1]))
     gray = Image.fromarray((levels / max(float(levels.max()), 1e-9)).astype(np.float32))
     heights = np.asarray(gray.resize((side, side), Image.Resampling.BILINEAR)) * size[2]

@@ -27,11 +27,7 @@ _TEXTURE_FOLDERS = ("", "materials/textures", "../materials/textures", "../textu
 
 
 class MaterialReader:
-    """Reader of materials, which merges equal ones.
-
-    Attributes:
-        materials: all materials read so far.
-    """
+    """Reader of materials, which merges equal ones."""
 
     def __init__(
         self, resources: ResourcePath, textures: TextureStore, omissions: Omissions
@@ -104,9 +100,8 @@ class MaterialReader:
         element = visual.find("material")
         if element is None:
             return False
-        if any(True for _ in element.children("diffuse", "ambient", "emissive", "pbr")):
-            return True
-        return self._script(element) is not None
+        stated = element.children("diffuse", "ambient", "emissive", "pbr")
+        return any(True for _ in stated) or self._script(element) is not None
 
     def terrain(self, element: XmlElement, levels: Floats) -> tuple[int, float]:
         """Index of a heightmap's material, and its texture's side length, m; 0: the whole map."""
@@ -164,13 +159,8 @@ class MaterialReader:
 
     def _metal_map(self, metal: XmlElement) -> Texture | None:
         """Texture with roughness in green and metal in blue, from two gray images."""
-        images = []
-        for key in ("roughness_map", "metalness_map"):
-            map_element = metal.find(key)
-            name = "" if map_element is None else map_element.own_text
-            images.append(
-                self._image(map_element, name) if map_element is not None and name else None
-            )
+        maps = [metal.find(key) for key in ("roughness_map", "metalness_map")]
+        images = [self._image(one, one.own_text) if one and one.own_text else None for one in maps]
         given = [image for image in images if image is not None]
         if not given:
             return None
@@ -314,20 +304,15 @@ _TEXTURED: dict[str, Rgb] = {
     "Pedestrian": (0.35,) * 3, "Footway": (0.35,) * 3, "Steps": (0.35,) * 3,
     "Grass": (0.1, 0.22, 0.05), "PioneerBody": (0.6, 0.02, 0.02), "BuildingFrame": (0.5,) * 3,
 }  # fmt: skip
-
-
-def _gazebo_materials() -> dict[str, ScriptMaterial]:
-    materials = {name: ScriptMaterial(color) for name, color in _COLORS.items()}
-    for name in _GLOWS:
-        materials[f"{name}Glow"] = ScriptMaterial(_COLORS[name], emissive=_COLORS[name])
-    for name, color in _TRANSPARENT.items():
-        materials[f"{name}Transparent"] = ScriptMaterial(color, alpha=0.5)
-    for name, color in _TEXTURED.items():
-        materials[name] = ScriptMaterial(color, is_known=False)
-    return {f"Gazebo/{name}": one for name, one in materials.items()}
-
-
-GAZEBO_MATERIALS = _gazebo_materials()
+GAZEBO_MATERIALS = {f"Gazebo/{name}": ScriptMaterial(color) for name, color in _COLORS.items()}
+for _name in _GLOWS:
+    GAZEBO_MATERIALS[f"Gazebo/{_name}Glow"] = ScriptMaterial(
+        _COLORS[_name], emissive=_COLORS[_name]
+    )
+for _name, _color in _TRANSPARENT.items():
+    GAZEBO_MATERIALS[f"Gazebo/{_name}Transparent"] = ScriptMaterial(_color, alpha=0.5)
+for _name, _color in _TEXTURED.items():
+    GAZEBO_MATERIALS[f"Gazebo/{_name}"] = ScriptMaterial(_color, is_known=False)
 _HEAD = re.compile(r"^\s*material\s+([^\s:{]+)(?:\s*:\s*([^\s{]+))?", re.MULTILINE)
 _PASS = re.compile(r"\bpass\b[^{}]*\{")
 _LINE = re.compile(r"(?:^|\{)[ \t]*(diffuse|ambient|emissive|texture)[ \t]+([^\n}]+)", re.MULTILINE)

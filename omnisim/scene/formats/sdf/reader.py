@@ -70,8 +70,7 @@ def read_sdf(
     Raises:
         SceneError: a damaged file; naming element, value and the expected value.
     """
-    reader = _Reader(resources, textures, world_from_file)
-    return reader.read(read_root(path, data))
+    return _Reader(resources, textures, world_from_file).read(read_root(path, data))
 
 
 class _Reader:
@@ -105,8 +104,10 @@ class _Reader:
         world = self._library.tree(outer, "")
         apply_state(world, self._omissions)
         self._library.drop_unplaced(world)
-        scene = outer.find("scene")
-        background = None if scene is None else self._read_scene(scene)
+        scene, background = outer.find("scene"), None
+        if scene is not None:
+            has_sky = scene.find("sky") is not None
+            background = DEFAULT_BACKGROUND if has_sky else scene.color("background")
         parts: dict[int, list[tuple[str, str]]] = {}  # by id: files may be included repeatedly
         for placed in placed_models(world):
             self._read_model(placed)
@@ -129,10 +130,6 @@ class _Reader:
             background=background,
             cameras=self._cameras.poses,
         )
-
-    def _read_scene(self, scene: XmlElement) -> tuple[float, float, float] | None:
-        """Background color of the `<scene>`; None: not stated."""
-        return DEFAULT_BACKGROUND if scene.find("sky") is not None else scene.color("background")
 
     def _read_model(self, placed: PlacedModel) -> None:
         for other in placed.model.others:
@@ -211,9 +208,8 @@ class _Reader:
         """Shape of a geometry; equal geometries share one."""
         key = tuple((one.tag, (one.text or "").strip()) for one in geometry.element.iter())
         if key not in self._shapes:
-            self._shapes[key] = make_shape(
-                geometry, kind, segment_limit(self._library.round_shapes)
-            )
+            limit = segment_limit(self._library.round_shapes)
+            self._shapes[key] = make_shape(geometry, kind, limit)
         return self._shapes[key]
 
     def _place(self, shape: Shape, material: int, file_from_visual: Floats, name: str) -> None:
@@ -251,9 +247,8 @@ class _Reader:
                 return
             if element.flag("submesh/center"):
                 instances = centered(file, instances)
-        own = None
-        if self._materials.is_stated(visual):
-            own = self._materials.read(visual, double_sided=True)
+        is_stated = self._materials.is_stated(visual)
+        own = self._materials.read(visual, double_sided=True) if is_stated else None
         for one in instances:
             mesh = file.meshes[one.mesh]
             material = own
@@ -289,13 +284,7 @@ def apply_state(world: Model, omissions: Omissions) -> None:
 
 
 def _move(outer: Model, state: XmlElement, omissions: Omissions) -> None:
-    """Move the models and links of the world or of a model.
-
-    Args:
-        outer: the world, or a model that is already moved.
-        state: saved state of `outer`.
-        omissions: counts of saved values that are not applied.
-    """
+    """Move the models and links of the world, or of a model that is already moved."""
     world_from_outer = state.pose()
     models = {model.name: model for model in outer.models}
     for saved in state.children("model", "link"):
@@ -336,15 +325,20 @@ def read_light(element: XmlElement, world_from_light: Floats, omissions: Omissio
     if kind is LightKind.DIRECTIONAL:
         return Light(kind, color, intensity, direction=axis, casts_shadow=casts_shadow)
     range_m = element.positive("attenuation/range", 10.0)
+    candela, cones = intensity * _candela(element, range_m, omissions), (1.0, 0.0)
+    if kind is LightKind.SPOT:  # the file states full angles
+        outer = min(max(element.number("spot/outer_angle", 0.0), 1e-3), math.pi)
+        inner = min(max(element.number("spot/inner_angle", 0.0), 0.0), outer)
+        cones = math.cos(0.5 * inner), math.cos(0.5 * outer)
     return Light(
         kind,
         color,
-        intensity * _candela(element, range_m, omissions),
+        candela,
         position_m=world_from_light[:3, 3].copy(),
         direction=axis,
         range_m=range_m,
         casts_shadow=casts_shadow,
-        cone_cosines=_cone_cosines(element) if kind is LightKind.SPOT else (1.0, 0.0),
+        cone_cosines=cones,
     )
 
 
@@ -360,10 +354,3 @@ def _candela(element: XmlElement, range_m: float, omissions: Omissions) -> float
     distance = min(0.25 * range_m, _REFERENCE_M)
     falloff = constant + linear * distance + quadratic * distance**2
     return distance**2 / max(falloff, 1e-3)
-
-
-def _cone_cosines(element: XmlElement) -> tuple[float, float]:
-    """Cosines of the inner and outer half-angles; the file states full angles."""
-    outer = min(max(element.number("spot/outer_angle", 0.0), 1e-3), math.pi)
-    inner = min(max(element.number("spot/inner_angle", 0.0), 0.0), outer)
-    return math.cos(0.5 * inner), math.cos(0.5 * outer)

@@ -30,11 +30,7 @@ class Part(NamedTuple):
 
 
 class Gprims:
-    """Meshes of a stage.
-
-    Attributes:
-        meshes, materials: scene meshes and materials created so far.
-    """
+    """Scene meshes and materials of a stage, those created so far."""
 
     def __init__(
         self, surfaces: Surfaces, time: Usd.TimeCode, meters_per_unit: float, notices: Omissions
@@ -50,7 +46,8 @@ class Gprims:
         """Meshes of a prim, shared by all instance proxies of one prototype prim."""
         source = prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim
         subsets = UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets()
-        bound = [_bound_material(one) for one in (prim, *(each.GetPrim() for each in subsets))]
+        bindings = map(UsdShade.MaterialBindingAPI, (prim, *(one.GetPrim() for one in subsets)))
+        bound = [one.ComputeBoundMaterial(_PURPOSE)[0] or None for one in bindings]
         key = (str(source.GetPath()), *(str(one.GetPath()) if one else "" for one in bound))
         if key not in self._parts:
             self._parts[key] = tuple(self._read(prim, subsets, bound))
@@ -158,11 +155,6 @@ class Gprims:
         return self._material_rows[key]
 
 
-def _bound_material(prim: Usd.Prim) -> UsdShade.Material | None:
-    material = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial(_PURPOSE)[0]
-    return material if material else None
-
-
 # Triangles of meshes and shapes, with the elements that store their values.
 
 
@@ -204,7 +196,16 @@ def mesh_faces(prim: Usd.Prim, time: Usd.TimeCode, notices: Omissions) -> Faces 
     vertices = integers(mesh.GetFaceVertexIndicesAttr().Get(time))
     if points is None or not len(points) or not len(counts):
         return None
-    _check_topology(prim, len(points), counts, vertices)
+    if counts.min() < 0 or counts.sum() != len(vertices):
+        raise SceneError(
+            f"{prim.GetPath()}.faceVertexCounts: expected a sum of {len(vertices)}, as there are "
+            f"faceVertexIndices, got {counts.sum()}"
+        )
+    if len(vertices) and (vertices.min() < 0 or vertices.max() >= len(points)):
+        worst = vertices.min() if vertices.min() < 0 else vertices.max()
+        raise SceneError(
+            f"{prim.GetPath()}.faceVertexIndices: expected points below {len(points)}, got {worst}"
+        )
     if mesh.GetPointsAttr().ValueMightBeTimeVarying():
         notices.count("animation: rests at its first frame")
     if prim.HasAPI("SkelBindingAPI"):
@@ -218,35 +219,15 @@ def mesh_faces(prim: Usd.Prim, time: Usd.TimeCode, notices: Omissions) -> Faces 
         return None
     if _is_left_handed(prim, time):
         corners = corners[:, ::-1]
-    normals = _normals(mesh, time)
+    normals = find_primvar(prim, "normals", 3, time)
+    if normals is None and (values := rows(mesh.GetNormalsAttr().Get(time), 3)) is not None:
+        normals = PrimvarValues(values, str(mesh.GetNormalsInterpolation()))
     if normals is None and str(mesh.GetSubdivisionSchemeAttr().Get()) not in _NO_SUBDIVISION:
         notices.count("subdivision: the control mesh is drawn, with smooth normals", "mesh")
         normals = PrimvarValues(_smooth_normals(points, vertices[corners]), "vertex")
     return Faces(
         points, Corners.of(len(points), len(counts), vertices, corners, polygons), polygons, normals
     )
-
-
-def _normals(mesh: UsdGeom.Mesh, time: Usd.TimeCode) -> PrimvarValues | None:
-    primvar = find_primvar(mesh.GetPrim(), "normals", 3, time)
-    if primvar is not None:
-        return primvar
-    values = rows(mesh.GetNormalsAttr().Get(time), 3)
-    return None if values is None else PrimvarValues(values, str(mesh.GetNormalsInterpolation()))
-
-
-def _check_topology(prim: Usd.Prim, points: int, counts: Ints, vertices: Ints) -> None:
-    """Check that the face counts match the corners, and that the corners index existing points."""
-    if counts.min() < 0 or counts.sum() != len(vertices):
-        raise SceneError(
-            f"{prim.GetPath()}.faceVertexCounts: expected a sum of {len(vertices)}, as there are "
-            f"faceVertexIndices, got {counts.sum()}"
-        )
-    if len(vertices) and (vertices.min() < 0 or vertices.max() >= points):
-        worst = vertices.min() if vertices.min() < 0 else vertices.max()
-        raise SceneError(
-            f"{prim.GetPath()}.faceVertexIndices: expected points below {points}, got {worst}"
-        )
 
 
 def _is_left_handed(prim: Usd.Prim, time: Usd.TimeCode) -> bool:
@@ -358,7 +339,6 @@ def _frustum(bottom_m: float, top_m: float, half_length_m: float) -> Surface:
 
 
 def _radii(prim: Usd.Prim, time: Usd.TimeCode, unit: float) -> tuple[float, float]:
-    """Radii at the bottom and at the top."""
     if prim.GetAttribute("radiusBottom"):
         return _size(prim, "radiusBottom", time, unit), _size(prim, "radiusTop", time, unit)
     radius = _size(prim, "radius", time, unit)
@@ -366,7 +346,6 @@ def _radii(prim: Usd.Prim, time: Usd.TimeCode, unit: float) -> tuple[float, floa
 
 
 def _size(prim: Usd.Prim, key: str, time: Usd.TimeCode, unit: float) -> float:
-    """Size attribute converted to meters."""
     value = prim.GetAttribute(key).Get(time)
     if not isinstance(value, float) or not (math.isfinite(value) and 0.0 <= value < _MAX_SIZE):
         raise SceneError(f"{prim.GetPath()}.{key} = {value!r:.40}: expected a number ≥ 0")
@@ -522,7 +501,10 @@ def triangulate(
         corners.append(_fans(loops, first)[~is_concave].reshape(-1, 3))
         polygons.append(np.repeat(rows[~is_concave], count - 2))
         for row in np.flatnonzero(is_concave):
-            ears = clip_ears([_projected(positions[row], normals[row])])
+            axis = int(np.argmax(np.abs(normals[row])))  # projected along it, counter-clockwise
+            across = np.roll(np.arange(3), -axis)[1:]
+            plan = positions[row][:, across if normals[row][axis] >= 0.0 else across[::-1]]
+            ears = clip_ears([plan])
             corners.append(loops[row][ears])
             polygons.append(np.full(len(ears), rows[row]))
     every = np.concatenate(polygons)
@@ -551,13 +533,6 @@ def _turns(corners: Floats) -> tuple[Floats, Floats]:
     normals = np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0.0)
     crossed = np.cross(corners - before, after - corners)
     return np.einsum("nkd,nd->nk", crossed, normals), normals
-
-
-def _projected(corners: Floats, normal: Floats) -> Floats:
-    """Polygon (k, 2) projected along its normal's main axis, counter-clockwise."""
-    axis = int(np.argmax(np.abs(normal)))
-    u, v = (axis + 1) % 3, (axis + 2) % 3
-    return corners[:, [u, v] if normal[axis] >= 0.0 else [v, u]]
 
 
 # Primvars of prims as NumPy arrays.

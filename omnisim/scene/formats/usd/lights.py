@@ -29,17 +29,12 @@ def is_light(prim: Usd.Prim) -> bool:
 
 
 class Lights:
-    """Lights of a stage.
-
-    Attributes:
-        lights: lights in the world frame.
-        dome: linear RGB luminance of the first dome light, cd/m²; None: no dome light.
-        environment: luminance (rows, 2 rows, 3) of the dome's texture, in world axes; None: no
-            texture.
-    """
+    """Lights of a stage, in the world frame."""
 
     def __init__(self, world_from_stage: Floats, time: Usd.TimeCode, notices: Omissions):
         self.lights: list[Light] = []
+        # linear RGB luminance of the first dome light, cd/m², and that (rows, 2 rows, 3) of its
+        # texture, in world axes
         self.dome: tuple[float, float, float] | None = None
         self.environment: Floats32 | None = None
         self._world_from_stage, self._time, self._notices = world_from_stage, time, notices
@@ -59,8 +54,11 @@ class Lights:
         if not 0.0 < length < math.inf or not np.isfinite(world_from_light).all():
             return
         if kind == "DistantLight":
-            lux = level * self._distant_factor(prim)
-            self.lights.append(Light(LightKind.DIRECTIONAL, color, lux, direction=axis / length))
+            # Source: UsdLuxDistantLight: π sin² of its half angle, or 1 if normalized
+            half_rad = math.radians(0.5 * self._number(prim, "angle", 0.53))
+            if half_rad > 0.0 and not self._get(prim, "normalize"):
+                level *= math.pi * math.sin(min(half_rad, 0.5 * math.pi)) ** 2
+            self.lights.append(Light(LightKind.DIRECTIONAL, color, level, direction=axis / length))
             return
         # the area is in square stage units, even if normalized, so that meters enter only once
         scale = np.linalg.norm(stage_from_prim[:3, :3], axis=0)
@@ -98,16 +96,6 @@ class Lights:
             tint = UsdLux.BlackbodyTemperatureAsRgb(min(max(kelvin, 1000.0), 10000.0))
             red, green, blue = red * tint[0], green * tint[1], blue * tint[2]
         return max(red, 0.0), max(green, 0.0), max(blue, 0.0)
-
-    def _distant_factor(self, prim: Usd.Prim) -> float:
-        """Illuminance of a facing surface per unit of luminance.
-
-        Source: UsdLuxDistantLight: π sin² of its half angle, or 1 if normalized.
-        """
-        half_rad = math.radians(0.5 * self._number(prim, "angle", 0.53))
-        if half_rad <= 0.0 or self._get(prim, "normalize"):
-            return 1.0
-        return math.pi * math.sin(min(half_rad, 0.5 * math.pi)) ** 2
 
     def _area_factor(self, prim: Usd.Prim, kind: str, scale: Floats) -> float:
         """Frontal luminous intensity per unit of luminance, in square stage units.
@@ -154,11 +142,12 @@ class Lights:
             layout = str(self._get(prim, "texture:format") or "")
             pixels = dome_map(texture, layout, world_from_dome)
             if pixels is None:
-                effect = "texture of a dome light is not drawn: its color is"
-                self._notices.count(effect, "light")
+                self._notices.count("texture of a dome light is not drawn: its color is", "light")
             else:
                 self.environment = (luminance * pixels).astype(np.float32)
-                luminance = luminance * mean_radiance(pixels)
+                _, solid_angles = map_directions(*pixels.shape[:2])
+                mean = np.average(pixels.mean(axis=1), axis=0, weights=solid_angles)
+                luminance = luminance * mean
         red, green, blue = luminance.tolist()
         self.dome = red, green, blue
 
@@ -211,12 +200,6 @@ def dome_map(texture: Sdf.AssetPath, layout: str, world_from_dome: Floats) -> Fl
         part = directions[first : first + ROWS_AT_ONCE].reshape(-1, 3)
         parts.append(lookup(pixels, coordinates_of(part @ rotation @ _DOME_FROM_MAP)))
     return np.concatenate(parts).reshape(rows, 2 * rows, 3)
-
-
-def mean_radiance(pixels: Floats32) -> Floats:
-    """Mean (3,) of a map over all directions."""
-    _, solid_angles = map_directions(*pixels.shape[:2])
-    return np.average(pixels.mean(axis=1), axis=0, weights=solid_angles)
 
 
 def _read(resolved: str) -> Floats32 | None:

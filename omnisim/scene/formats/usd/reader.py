@@ -5,13 +5,14 @@ from __future__ import annotations
 import os
 import pickle
 import resource
+import signal
 import subprocess
 import sys
 import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO, TypeVar
+from typing import TypeVar
 
 from omnisim.core.arrays import Floats
 from omnisim.core.errors import OmnisimError, SceneError
@@ -87,7 +88,11 @@ def call_isolated(function: Callable[..., Result], *arguments: object) -> Result
             process.stdin.close()
             outcome = pickle.load(process.stdout)
         except (EOFError, BrokenPipeError, pickle.UnpicklingError):
-            raise SceneError(_reason(process.wait())) from None
+            reason = "cannot be read as USD: is damaged: usd-core ends without an answer"
+            if process.wait() in (-signal.SIGKILL, -signal.SIGXCPU):
+                limit = f"within {LIMIT_CPU_S} s of processor time"
+                reason = f"is not read {limit}, or takes too much memory"
+            raise SceneError(reason) from None
         except BaseException:
             process.kill()
             raise
@@ -106,25 +111,12 @@ def serve() -> None:
         resource.setrlimit(resource.RLIMIT_CPU, (limit_s, limit_s))
         bytes_of_machine = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
         resource.setrlimit(resource.RLIMIT_AS, (bytes_of_machine, bytes_of_machine))
-        _answer(function, arguments, output)
-
-
-def _answer(
-    function: Callable[..., object], arguments: tuple[object, ...], output: BinaryIO
-) -> None:
-    try:
-        outcome = function(*arguments)
-    except OmnisimError as reason:
-        outcome = reason
-    except MemoryError:
-        outcome = SceneError("asks for more memory than there is")
-    except Exception:
-        outcome = _Defect(traceback.format_exc())
-    pickle.dump(outcome, output, pickle.HIGHEST_PROTOCOL)
-
-
-def _reason(status: int) -> str:
-    """Reason why a process ended without a result."""
-    if status == -9 or -status == 24:  # SIGKILL, SIGXCPU
-        return f"is not read within {LIMIT_CPU_S} s of processor time, or takes too much memory"
-    return "cannot be read as USD: is damaged: usd-core ends without an answer"
+        try:
+            outcome = function(*arguments)
+        except OmnisimError as reason:
+            outcome = reason
+        except MemoryError:
+            outcome = SceneError("asks for more memory than there is")
+        except Exception:
+            outcome = _Defect(traceback.format_exc())
+        pickle.dump(outcome, output, pickle.HIGHEST_PROTOCOL)

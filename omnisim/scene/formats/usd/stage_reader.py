@@ -92,10 +92,7 @@ class _Reader:
     def read(self) -> tuple[ImportedScene, Floats]:
         """Read everything that is drawn, and the transform (4, 4) world_from_stage."""
         placed = self._placed(self._stage.GetPseudoRoot(), np.eye(4), 0)
-        instances = tuple(
-            Instance(one.name, one.mesh, one.frame_from_mesh, one.frame_from_object)
-            for one in placed
-        )
+        instances = tuple(Instance(*one[:4]) for one in placed)
         read = ImportedScene(
             tuple(self._gprims.meshes),
             tuple(self._gprims.materials),
@@ -108,13 +105,10 @@ class _Reader:
             cameras=self._cameras.poses,
             labels=_labels({one.name: one.class_name for one in placed if one.class_name}),
         )
-        read.notices.extend(
-            [
-                *self._assets.notices, *self._textures.notices, *self._notices.notices,
-                *part_notices("usd", stage_parts(self._stage, self._time)),
-                *self._cameras.notices,
-            ]
-        )  # fmt: skip
+        read.notices.extend((*self._assets.notices, *self._textures.notices))
+        read.notices.extend(self._notices.notices)
+        read.notices.extend(part_notices("usd", stage_parts(self._stage, self._time)))
+        read.notices.extend(self._cameras.notices)
         if not instances:
             reasons = "".join(f"; {notice}" for notice in read.notices[:1])
             raise SceneError(f"has no triangles to draw{reasons}")
@@ -148,7 +142,6 @@ class _Reader:
         return placed
 
     def _parts(self, site: Site, owners: dict[str, str]) -> list[_PlacedMesh]:
-        """Meshes of a single prim."""
         if not site.is_drawn:
             self._notices.count(f"geometry for the purpose {site.purpose} is not drawn")
             return []
@@ -176,7 +169,6 @@ class _Reader:
         return owners[owner.path], owner.stage_from_object, owner.class_name
 
     def _copies(self, site: Site, owners: dict[str, str], nested: int) -> list[_PlacedMesh]:
-        """Meshes of all copies of a point instancer."""
         if not site.is_drawn:
             self._notices.count(f"geometry for the purpose {site.purpose} is not drawn")
             return []
@@ -304,8 +296,9 @@ class Walk:
             return None
         purpose = imageable.GetPurposeAttr()
         matrix = self._stage_from_prim(prim, inherited.stage_from_prim)
-        class_name = semantic_class(prim, self._time)
-        if class_name or (owner is None and prim != self._whole and _is_component(prim)):
+        class_name, kind = semantic_class(prim, self._time), Usd.ModelAPI(prim).GetKind()
+        is_component = bool(kind) and Kind.Registry.IsA(kind, Kind.Tokens.component)
+        if class_name or (owner is None and prim != self._whole and is_component):
             owner = ObjectFrame(prim.GetName(), str(prim.GetPath()), matrix, class_name or "")
         return Site(
             prim,
@@ -326,11 +319,6 @@ class Walk:
             if form.GetResetXformStack():
                 return parent_from_prim
             return stage_from_parent @ parent_from_prim
-
-
-def _is_component(prim: Usd.Prim) -> bool:
-    kind = Usd.ModelAPI(prim).GetKind()
-    return bool(kind) and Kind.Registry.IsA(kind, Kind.Tokens.component)
 
 
 # Semantic classes of prims: UsdSemantics, and Omniverse's older schema.
@@ -415,7 +403,12 @@ def open_stage(path: Path, notices: Omissions) -> Usd.Stage:
     try:
         stage = Usd.Stage.Open(str(path.resolve()), Usd.Stage.LoadAll)
     except Tf.ErrorException as reason:
-        raise SceneError(f"cannot be read as USD: {_first_line(reason, path)}") from None
+        texts = [" ".join(str(error.commentary).split()) for error in reason.args]
+        text = next((text for text in texts if not text.startswith("Failed to open layer")), "")
+        text = re.sub(r"parse error matching .*?(?= at ')", "syntax error", text)  # parser's types
+        text = _relative(text, path)[:_MAX_FAULT]  # without the path, which is named already
+        text = text or "is damaged, or of another format than its name says"
+        raise SceneError(f"cannot be read as USD: {text}") from None
     for error in stage.GetCompositionErrors():
         text = _relative(str(error), path)
         if ".mtlx" in text:
@@ -474,16 +467,6 @@ def first_time(stage: Usd.Stage) -> Usd.TimeCode:
     if stage.HasAuthoredTimeCodeRange():
         return Usd.TimeCode(stage.GetStartTimeCode())
     return Usd.TimeCode.EarliestTime()
-
-
-def _first_line(reason: Tf.ErrorException, path: Path) -> str:
-    """Error on one line, without the stage's path, which the message names already."""
-    texts = [" ".join(str(error.commentary).split()) for error in reason.args]
-    text = next((text for text in texts if not text.startswith("Failed to open layer")), "")
-    text = re.sub(r"parse error matching .*?(?= at ')", "syntax error", text)  # types of its parser
-    return (
-        _relative(text, path)[:_MAX_FAULT] or "is damaged, or of another format than its name says"
-    )
 
 
 def _relative(text: str, path: Path) -> str:

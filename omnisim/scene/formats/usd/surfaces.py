@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -84,9 +85,27 @@ class _PreviewSurface:
                 self._notices.count(f"{key} is not drawn", "material")
         diffuse, opacity = self._inputs.get("diffuseColor"), self._inputs.get("opacity")
         material = self._base(Material(self._name, specular=1.0), diffuse, opacity)
-        material = self._with_normals(self._with_gloss(material))
-        material = self._with_emission(self._with_occlusion(material))
-        if self._is_pane(material, opacity):
+        material = self._with_gloss(material)
+        normal = self._inputs.get("normal").texture
+        if normal is not None and (levels := self._files.normals(normal, self._name)) is not None:
+            material = replace(material, normal_map=self._fitted(levels, normal))
+        occlusion = self._inputs.get("occlusion")
+        planes = {} if occlusion.texture is None else {0: (occlusion.texture, occlusion.channel)}
+        material = replace(material, occlusion_map=self._packed(planes))
+        emissive, texture = self._inputs.get("emissiveColor"), None
+        color = emissive.color((0.0, 0.0, 0.0))
+        if emissive.texture is not None:
+            texture = self._texture(emissive.texture)
+            source = emissive.texture
+            color = source.fallback[:3] if texture is None else source.scale[:3]
+        material = replace(material, emissive=color, emissive_map=texture)
+        # blended materials of one color that are smooth and clear are panes of glass
+        is_plain = material.texture is None and material.metallic_roughness_map is None
+        is_plain &= material.normal_map is None and not opacity.primvar and not opacity.texture
+        is_plain &= not diffuse.primvar
+        is_smooth = material.metallic == 0.0 and material.roughness <= MAX_PANE_ROUGHNESS
+        is_faded = str(self._inputs.get("opacityMode").value or "transparent") == "presence"
+        if material.is_blended and is_plain and is_smooth and not is_faded:
             material = _pane(material)
         return Appearance(material, self._uv, diffuse.primvar, opacity.primvar)
 
@@ -141,35 +160,6 @@ class _PreviewSurface:
             clearcoat_roughness=clearcoat_roughness, metallic_roughness_map=packed,
         )  # fmt: skip
 
-    def _is_pane(self, material: Material, opacity: ShaderInput) -> bool:
-        """True for blended materials of one color that are smooth and clear: panes of glass."""
-        is_plain = material.texture is None and material.metallic_roughness_map is None
-        is_plain &= material.normal_map is None and not opacity.primvar and not opacity.texture
-        is_plain &= not self._inputs.get("diffuseColor").primvar
-        is_smooth = material.metallic == 0.0 and material.roughness <= MAX_PANE_ROUGHNESS
-        is_faded = str(self._inputs.get("opacityMode").value or "transparent") == "presence"
-        return material.is_blended and is_plain and is_smooth and not is_faded
-
-    def _with_normals(self, material: Material) -> Material:
-        source = self._inputs.get("normal").texture
-        texture = None if source is None else self._files.normals(source, self._name)
-        if source is None or texture is None:
-            return material
-        return replace(material, normal_map=self._fitted(texture, source))
-
-    def _with_occlusion(self, material: Material) -> Material:
-        occlusion = self._inputs.get("occlusion")
-        planes = {} if occlusion.texture is None else {0: (occlusion.texture, occlusion.channel)}
-        return replace(material, occlusion_map=self._packed(planes))
-
-    def _with_emission(self, material: Material) -> Material:
-        emissive = self._inputs.get("emissiveColor")
-        if emissive.texture is None:
-            return replace(material, emissive=emissive.color((0.0, 0.0, 0.0)))
-        texture = self._texture(emissive.texture)
-        color = emissive.texture.fallback[:3] if texture is None else emissive.texture.scale[:3]
-        return replace(material, emissive=color, emissive_map=texture)
-
     def _packed(self, planes: dict[int, tuple[TextureSource, str]]) -> Texture | None:
         """Linear texture packed from channels of other textures."""
         if not planes:
@@ -216,7 +206,7 @@ def _pane(material: Material) -> Material:
 def _relative(target: Affine, applied: Affine) -> Affine:
     """Transform from coordinates transformed by `applied` to those transformed by `target`."""
     if target == applied:
-        return (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
+        return IDENTITY
     full = [np.vstack((np.array(one), (0.0, 0.0, 1.0))) for one in (target, applied)]
     if abs(np.linalg.det(full[1])) < 1e-12:
         return target
@@ -312,15 +302,15 @@ class Inputs:
         primvar, transform = self._coordinates(node)
         wraps = self._text(node, "wrapS"), self._text(node, "wrapT")
         # a mirrored texture is stored next to its mirror image
-        u, v = (
-            tuple(x * (0.5 if wrap == "mirror" else 1.0) for x in row)
+        (a, b, c), (d, e, f) = (
+            [x * (0.5 if wrap == "mirror" else 1.0) for x in row]
             for row, wrap in zip(transform, wraps, strict=True)
         )
         return TextureSource(
             path,
             resolved,
             primvar,
-            ((u[0], u[1], u[2]), (v[0], v[1], v[2])),
+            ((a, b, c), (d, e, f)),
             wraps,
             self._rgba(node, "scale", (1.0, 1.0, 1.0, 1.0)),
             self._rgba(node, "bias", (0.0, 0.0, 0.0, 0.0)),
@@ -464,55 +454,43 @@ class TextureFiles:
             Packed texture; None: no source is readable.
         """
         key = (tuple(sorted(planes.items())), base)
-        if key not in self._packed:
-            self._packed[key] = self._pack(planes, base, material)
-        return self._packed[key]
-
-    def _pack(
-        self,
-        planes: dict[int, tuple[TextureSource, str]],
-        base: TextureSource | None,
-        material: str,
-    ) -> Texture | None:
+        if key in self._packed:
+            return self._packed[key]
         read = {
             channel: (texture, _plane(texture.pixels, source, name))
             for channel, (source, name) in planes.items()
             if (texture := self.texture(source, material)) is not None
         }
-        first = None if base is None else self.texture(base, material)
-        if not read:
-            return first
-        like = first or next(iter(read.values()))[0]
-        shape = np.max(
-            [like.pixels.shape[:2], *(plane.shape for _, plane in read.values())], axis=0
-        )
-        pixels = np.full((*shape, 4), 255, dtype=np.uint8)
-        if first is not None:
-            pixels[:] = _resized(first.pixels, shape)
-        for channel, (_, plane) in read.items():
-            pixels[..., channel] = _resized(plane, shape)
-        return replace(like, pixels=pixels)
+        packed = first = None if base is None else self.texture(base, material)
+        if read:
+            like = first or next(iter(read.values()))[0]
+            shapes = [like.pixels.shape[:2], *(plane.shape for _, plane in read.values())]
+            shape = np.max(shapes, axis=0)
+            pixels = np.full((*shape, 4), 255, dtype=np.uint8)
+            if first is not None:
+                pixels[:] = _resized(first.pixels, shape)
+            for channel, (_, plane) in read.items():
+                pixels[..., channel] = _resized(plane, shape)
+            packed = replace(like, pixels=pixels)
+        self._packed[key] = packed
+        return packed
 
     def _image(self, source: TextureSource) -> Image.Image | None:
         """Image, not yet decoded; None: missing or in an unknown format."""
         key = source.resolved or source.path
-        if key not in self._images:
-            self._images[key] = self._open(source)
-        return self._images[key]
-
-    def _open(self, source: TextureSource) -> Image.Image | None:
+        if key in self._images:
+            return self._images[key]
+        self._images[key] = None
         if not source.path:
             self._notices.count("texture without a file is not drawn", "texture")
             return None
-        try:
+        with suppress(OSError):  # reported by the resolver
             data = content_of(source.resolved) or self._assets[source.path]
-        except OSError:  # reported by the resolver
-            return None
-        try:
-            return Image.open(io.BytesIO(data))
-        except Exception:  # Pillow's readers raise exceptions of any type
-            self._assets.faults[source.path] = unreadable_image(data)
-            return None
+            try:
+                self._images[key] = Image.open(io.BytesIO(data))
+            except Exception:  # Pillow's readers raise exceptions of any type
+                self._assets.faults[source.path] = unreadable_image(data)
+        return self._images[key]
 
 
 def content_of(resolved: str) -> bytes:
@@ -532,10 +510,7 @@ def content_of(resolved: str) -> bytes:
 def _plane(pixels: Bytes, source: TextureSource, channel: str) -> Bytes:
     """Levels (height, width) of a channel, after its scale and bias."""
     index = CHANNELS.get(channel, 0)
-    scale, bias = source.scale[index], source.bias[index]
-    if (scale, bias) == (1.0, 0.0):
-        return pixels[..., index]
-    return _levels(scale, bias)[pixels[..., index]]
+    return _levels(source.scale[index], source.bias[index])[pixels[..., index]]
 
 
 def _levels(scale: float, bias: float) -> Bytes:
@@ -584,9 +559,7 @@ def read_omni_pbr(
         for own, tint in zip(color, inputs.get("diffuse_tint").color((1.0, 1.0, 1.0)), strict=True)
     )
     normal_source = _asset_texture(inputs, "normalmap_texture")
-    normal: Texture | None = None
-    if normal_source is not None:
-        normal = files.normals(normal_source, name)
+    normal = None if normal_source is None else files.normals(normal_source, name)
     alpha, mode = 1.0, AlphaMode.OPAQUE
     threshold = inputs.get("opacity_threshold").number(0.0)
     if inputs.get("enable_opacity").value:
