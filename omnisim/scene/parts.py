@@ -62,7 +62,6 @@ class Texture:
     """Texture with sRGB-encoded colors or linear values."""
 
     pixels: Bytes  # (height, width, 4) uint8 RGBA, first row at texture coordinate v = 0
-    # wrap_u, wrap_v: wrapping modes along u and v
     wrap_u: Wrap = Wrap.REPEAT
     wrap_v: Wrap = Wrap.REPEAT
     is_linear: bool = False  # True for linear values, false for sRGB-encoded colors

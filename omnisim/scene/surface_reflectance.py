@@ -53,7 +53,10 @@ def environment_table() -> Floats32:
     cosines = np.maximum(cosines, 1e-3)
     roughness = np.maximum(np.linspace(0.0, 1.0, TABLE_SIZE[1]), MIN_ROUGHNESS)[:, None, None]
     view = np.concatenate((np.sqrt(1.0 - cosines**2), 0.0 * cosines, cosines), axis=-1)
-    first, second = _radical_inverse_pairs(_DIRECTIONS)
+    number, second = np.arange(_DIRECTIONS), np.zeros(_DIRECTIONS)  # Hammersley points
+    for bit in range(32):
+        second += ((number >> bit) & 1) * 0.5 ** (bit + 1)
+    first = (number + 0.5) / _DIRECTIONS
     gloss = _gloss(view[:, :, None], roughness, first, second)
     body = np.broadcast_to(_body(view[:, :, None], first, second), gloss.shape[:2])
     return np.concatenate((gloss, body[..., None]), axis=-1).astype(np.float32)
@@ -98,12 +101,3 @@ def smith_visibility(
     behind = light * np.sqrt(view * view * (1.0 - squared) + squared)
     before = view * np.sqrt(light * light * (1.0 - squared) + squared)
     return 0.5 / np.maximum(behind + before, 1e-7)
-
-
-def _radical_inverse_pairs(count: int) -> tuple[Floats, Floats]:
-    """Hammersley points in the unit square, (count,) per axis."""
-    number = np.arange(count)
-    inverse = np.zeros(count)
-    for bit in range(32):
-        inverse += ((number >> bit) & 1) * 0.5 ** (bit + 1)
-    return (number + 0.5) / count, inverse

@@ -52,7 +52,6 @@ class TextureStore:
     ) -> Texture | None:
         """Texture of an image, or None if it cannot be decoded.
 
-
         Args:
             image: opened image.
             used_by: name of the material, for notices.

@@ -103,23 +103,17 @@ def _wheels(model: mujoco.MjModel, data: mujoco.MjData, root: int) -> Iterator[W
             continue
         if parent != root or not is_across(data.xaxis[joint]):
             continue
-        tires = [tire for geom in _geoms(model, body) if (tire := _tire(model, data, geom))]
+        first = int(model.body_geomadr[body])
+        geoms = range(first, first + int(model.body_geomnum[body]))
+        tires = [tire for geom in geoms if (tire := _tire(model, data, geom))]
         if tires:
             middle_m, radius_m = max(tires, key=lambda tire: tire[1])
-            yield Wheel(
-                _name(model, _OBJECTS.mjOBJ_JOINT, joint) or body_name(model, body),
-                middle_m,
-                radius_m,
-            )
+            name = _name(model, _OBJECTS.mjOBJ_JOINT, joint) or body_name(model, body)
+            yield Wheel(name, middle_m, radius_m)
 
 
 def _name(model: mujoco.MjModel, kind: mujoco.mjtObj, number: int) -> str:
     return mujoco.mj_id2name(model, kind, number) or ""
-
-
-def _geoms(model: mujoco.MjModel, body: int) -> range:
-    first = int(model.body_geomadr[body])
-    return range(first, first + int(model.body_geomnum[body]))
 
 
 def _tire(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> tuple[Floats, float] | None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from xml.etree.ElementTree import Element
 
 import numpy as np
 
@@ -46,8 +45,13 @@ def import_urdf(path: Path, resources: Sequence[str | Path] = ()) -> ImportedRob
         body = load_body(path, resources, notices)
         wheels = list(_wheels(robot, poses, body))
         mass_kg, center_m = _mass(robot, poses)
-        sensors = list(_sensors(root, path, poses, notices))
-        limits = _plugin_limits(root, path, notices)
+        sensors = list(_sensors(robot, poses, notices))
+        extensions = robot.children("gazebo")
+        plugins = (plugin for one in extensions for plugin in one.children("plugin"))
+        plugin, limits = next(filter(is_wheel_drive, plugins), None), dict[str, float]()
+        if plugin is not None:
+            notices += part_notices("drive", xml_parts(plugin.element, "drive"))
+            limits = stated_limits(plugin)
     except OSError as reason:
         raise RobotFileError(f"{path}: cannot be read: {reason.strerror}") from None
     except (SceneError, RobotFileError) as reason:
@@ -65,7 +69,7 @@ def _wheels(robot: XmlElement, poses: Poses, body: Scene | None) -> Iterator[Whe
         for joint in robot.children("joint")
         if joint.attribute("type") == "fixed"
     }
-    base = {link for link in poses if not any(_ends_at(robot, link))}
+    base = poses.keys() - {_link(joint, "child") for joint in robot.children("joint")}
     links = {link.name: link for link in robot.children("link")}
     for joint in robot.children("joint"):
         parent, child = _link(joint, "parent"), _link(joint, "child")
@@ -73,10 +77,8 @@ def _wheels(robot: XmlElement, poses: Poses, body: Scene | None) -> Iterator[Whe
             parent = moved[parent]
         if joint.attribute("type") != "continuous" or parent not in base:
             continue
-        axis = joint.find("axis")
-        vector = np.array(
-            (1.0, 0.0, 0.0) if axis is None else axis.attribute_numbers("xyz", (1, 0, 0), 3)
-        )
+        axis, along_x = joint.find("axis"), (1.0, 0.0, 0.0)
+        vector = along_x if axis is None else axis.attribute_numbers("xyz", along_x, 3)
         if not is_across(poses[child][:3, :3] @ vector):
             continue
         tire = _tire(links[child], poses[child], body)
@@ -85,11 +87,6 @@ def _wheels(robot: XmlElement, poses: Poses, body: Scene | None) -> Iterator[Whe
         limit = joint.find("limit")
         speed = 0.0 if limit is None else limit.attribute_numbers("velocity", (0.0,), 1)[0]
         yield Wheel(joint.name, *tire, speed)
-
-
-def _ends_at(robot: XmlElement, link: str) -> Iterator[bool]:
-    """Yield True for each joint with the link as its child."""
-    return (True for joint in robot.children("joint") if _link(joint, "child") == link)
 
 
 def _link(joint: XmlElement, tag: str) -> str:
@@ -134,25 +131,13 @@ def _mass(robot: XmlElement, poses: Poses) -> tuple[float, Floats]:
     return total_kg, moment / total_kg if total_kg > 0.0 else moment
 
 
-def _sensors(
-    root: Element, path: Path, poses: Poses, notices: list[str]
-) -> Iterator[ImportedSensor]:
+def _sensors(robot: XmlElement, poses: Poses, notices: list[str]) -> Iterator[ImportedSensor]:
     """Sensors of the `<gazebo>` elements, placed on their links; notices count the others."""
     omissions = Omissions()
     used_names: set[str] = set()
-    for extension in XmlElement(root, "robot", path).children("gazebo"):
+    for extension in robot.children("gazebo"):
         link = extension.attribute("reference")
         for sensor in extension.children("sensor") if link in poses else ():
             for one in read_sensors(sensor, poses[link] @ sensor.pose(), omissions):
                 yield one._replace(name=unique_name(folder_name(one.name), used_names))
     notices += omissions.notices
-
-
-def _plugin_limits(root: Element, path: Path, notices: list[str]) -> dict[str, float]:
-    """Limits stated by Gazebo's drive plugin, whose other parts are noted; empty without one."""
-    for extension in XmlElement(root, "robot", path).children("gazebo"):
-        for plugin in extension.children("plugin"):
-            if is_wheel_drive(plugin):
-                notices += part_notices("drive", xml_parts(plugin.element, "drive"))
-                return stated_limits(plugin)
-    return {}

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from omnisim.core.arrays import Bools, Floats, Indices, Ints
+from omnisim.core.arrays import Bools, Floats, Indices, Ints, triangle_bounds
 from omnisim.core.short_repr import counted, short_repr
 from omnisim.scene.model import Instance, Scene
 
@@ -105,7 +105,7 @@ def triangles_within(scene: Scene, low_m: Floats, high_m: Floats) -> Triangles:
     corners, above, counts = [np.zeros((0, 3, 3))], [np.zeros(0, dtype=bool)], []
     for instance in scene.instances:
         triangles, up = _of_instance(scene, instance)
-        low, high = bounds_of(triangles[..., :axes])
+        low, high = triangle_bounds(triangles[..., :axes])
         near = np.all((low <= high_m) & (high >= low_m), axis=1)
         corners.append(triangles[near])
         above.append(up[near])
@@ -139,7 +139,7 @@ class TriangleBvh:
     """
 
     def __init__(self, corners_m: Floats):
-        low, high = bounds_of(corners_m)
+        low, high = triangle_bounds(corners_m)
         self._order = np.argsort(_morton_codes(0.5 * (low + high)[:, :2]), kind="stable")
         leaves = 1 << max(0, len(corners_m) - 1).bit_length()
         # empty bounds pad the leaves and overlap nothing
@@ -173,12 +173,6 @@ class TriangleBvh:
         triangles = self._order[nodes] if len(self._order) else nodes
         order = np.lexsort((triangles, boxes))
         return boxes[order], triangles[order]
-
-
-def bounds_of(corners_m: Floats) -> tuple[Floats, Floats]:
-    """Smallest and largest coordinates (n, axes) of triangles (n, 3, axes)."""
-    a, b, c = corners_m[:, 0], corners_m[:, 1], corners_m[:, 2]
-    return np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
 
 
 def _morton_codes(points_m: Floats) -> Ints:

@@ -164,10 +164,8 @@ def _sensors(
     sensors = [(members[0].entry, camera) for camera, members in cameras]
     for part in parts:
         if id(part) not in camera_parts:
-            class_section = sections.get(part.class_name.lower())
-            sensor = find_range_sensor(part, class_section, units, notices)
-            if sensor is None:
-                sensor = find_scanner(part, class_section, units, notices)
+            found = part, sections.get(part.class_name.lower()), units, notices
+            sensor = find_range_sensor(*found) or find_scanner(*found)
             if sensor is None:
                 continue
             sensors.append((part.entry, sensor))
@@ -243,10 +241,8 @@ def _groups(parts: list[Part]) -> list[list[Part]]:
 
 def _rank(part: Part) -> int | None:
     """Rank of a part: 0 whole camera, 1 mirror, 2 virtual camera, None any other part."""
-    for rank, pattern in ((1, _MIRROR), (2, _VIRTUAL), (0, _OMNI)):
-        if pattern.search(part.short_class):
-            return rank
-    return None
+    ranks = ((1, _MIRROR), (2, _VIRTUAL), (0, _OMNI))
+    return next((rank for rank, pattern in ranks if pattern.search(part.short_class)), None)
 
 
 def _find_lens(group: list[Part], parts: list[Part]) -> Part | None:
@@ -288,14 +284,7 @@ MAX_COUNT = 360
 def find_range_sensor(
     part: Part, section: Section | None, units: Units, notices: list[Notice]
 ) -> ImportedSensor | None:
-    """Read a sonar or an infrared sensor; None for any other part.
-
-    Args:
-        part: part of the robot.
-        section: section with the settings of the part's class; None: not in the file.
-        units: units of the file.
-        notices: list to which notices are appended.
-    """
+    """Read a sonar or an infrared sensor, with the section of its class; None: another part."""
     is_sonar = _SONAR.search(part.short_class)
     if not (is_sonar or _INFRARED.search(part.short_class)):
         return None
@@ -307,8 +296,7 @@ def find_range_sensor(
             values[name] = length_m(entry, entry.key, entry.value, units)
             check(entry, values[name] >= 0.0, "0 or more")
     if "noise" in entries:
-        values["noise_share"] = _number(entries["noise"])
-        check(entries["noise"], values["noise_share"] >= 0.0, "0 or more")
+        values["noise_share"] = _noise_share(entries["noise"])
     if is_sonar:
         values |= _cone(entries, units)
     _check_limits(entries, values, (0.1, 5.0) if is_sonar else (0.2, 1.5))
@@ -329,20 +317,21 @@ def _cone(entries: dict[str, Entry], units: Units) -> dict[str, float]:
     if "beamangle" in entries:
         entry = entries["beamangle"]
         values["beam_angle_rad"] = angle_rad(entry, entry.key, entry.value, units)
-        check(
-            entry, 0.0 < values["beam_angle_rad"] < math.pi, "more than 0 and less than half a turn"
-        )
+        is_cone = 0.0 < values["beam_angle_rad"] < math.pi
+        check(entry, is_cone, "more than 0 and less than half a turn")
     for key, name in _COUNTS.items():
         if key in entries:
-            count = _number(entries[key])
+            count = number(entries[key], entries[key].key, entries[key].value)
             is_count = count == round(count) and 1.0 <= count <= MAX_COUNT
             check(entries[key], is_count, f"a whole number from 1 to {MAX_COUNT}")
             values[name] = round(count)
     return values
 
 
-def _number(entry: Entry) -> float:
-    return number(entry, entry.key, entry.value)
+def _noise_share(entry: Entry) -> float:
+    share = number(entry, entry.key, entry.value)
+    check(entry, share >= 0.0, "0 or more")
+    return share
 
 
 def _check_limits(
@@ -370,14 +359,7 @@ TURN_RAD = 6.2832  # full turn as USARBot.ini rounds it
 def find_scanner(
     part: Part, section: Section | None, units: Units, notices: list[Notice]
 ) -> ImportedSensor | None:
-    """Read a laser scanner; for other parts or missing settings, add a notice and return None.
-
-    Args:
-        part: part of the robot.
-        section: section with the settings of the part's class; None: not in the file.
-        units: units of the file.
-        notices: list to which notices are appended.
-    """
+    """Read a laser scanner, with the section of its class; None, with a notice: another part."""
     settings = {} if section is None else {entry.key.lower(): entry for entry in section.entries}
     says_how = {"scanfov", "resolution", "maxrange"} <= settings.keys()
     is_sick = _SICK.search(part.short_class)
@@ -396,16 +378,12 @@ def find_scanner(
         if key in settings:
             entry = settings[key]
             values[name] = read(entry, entry.key, entry.value, units)
-            is_least = key == "minrange"
-            check(
-                entry,
-                values[name] > 0.0 or (is_least and values[name] == 0.0),
-                "0 or more" if is_least else "more than 0",
-            )
+            if key == "minrange":
+                check(entry, values[name] >= 0.0, "0 or more")
+            else:
+                check(entry, values[name] > 0.0, "more than 0")
     if "noise" in settings:
-        entry = settings["noise"]
-        values["noise_share"] = number(entry, entry.key, entry.value)
-        check(entry, values["noise_share"] >= 0.0, "0 or more")
+        values["noise_share"] = _noise_share(settings["noise"])
     elif not is_sick:
         values["noise_share"] = 0.0
     _check_scan(settings, values)

@@ -346,7 +346,6 @@ class MappedSurface(NamedTuple):
     """Part of a surface with texture coordinates."""
 
     face: int | None  # face of the cube; None: a flat image
-    # surface, texture_coordinates: triangles and texture coordinates of the part
     surface: Surface
     texture_coordinates: Floats | None
 

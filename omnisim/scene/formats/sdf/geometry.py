@@ -37,7 +37,6 @@ class MeshFile(NamedTuple):
 
     # instances in the file's axes; `world_from_mesh` is still file_from_mesh, in meters
     instances: tuple[Instance, ...]
-    # meshes, materials: meshes and materials of the file
     meshes: tuple[Mesh, ...]
     materials: tuple[Material, ...]
     data: bytes = b""  # content of a COLLADA file, for Gazebo's submesh names; otherwise empty

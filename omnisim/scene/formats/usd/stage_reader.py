@@ -231,7 +231,6 @@ _DRAWN = (UsdGeom.Tokens.default_, UsdGeom.Tokens.render)
 class ObjectFrame(NamedTuple):
     """Object that contains prims: a component, or a prim with a class."""
 
-    # name, path: name and path of the object's prim
     name: str
     path: str
     stage_from_object: Floats  # (4, 4) transform
