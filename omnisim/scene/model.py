@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -11,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from omnisim.core.arrays import Floats
 from omnisim.core.files.fingerprint import fingerprint
+from omnisim.core.poses import proper_rotation
 from omnisim.core.short_repr import counted, short_repr
 from omnisim.ground_truth.boxes_3d import OrientedBox
 from omnisim.scene import editing
@@ -43,7 +45,6 @@ from omnisim.scene.parts import (
     bounds_m,
 )
 from omnisim.scene.slabs import with_slabs
-from omnisim.scene.space.instance_boxes import instance_boxes
 from omnisim.scene.space.start_pose import find_start
 
 __all__ = [
@@ -156,7 +157,7 @@ class Scene:
     @cached_property
     def instance_boxes(self) -> dict[str, OrientedBox]:
         """Oriented boxes of the instances by name, aligned with their own frames, at 0 s."""
-        return instance_boxes(self.instances, self.meshes)
+        return _boxes(self.instances, self.meshes)
 
     @cached_property
     def deforms(self) -> bool:
@@ -171,7 +172,7 @@ class Scene:
             one.name for one in self.instances if self.meshes[one.mesh].deformation is not None
         }
         deforming = [one for one in self.instances if one.name in names]
-        return self.instance_boxes | instance_boxes(deforming, self.meshes, time_s)
+        return self.instance_boxes | _boxes(deforming, self.meshes, time_s)
 
     @property
     def instance_names(self) -> tuple[str, ...]:
@@ -380,3 +381,30 @@ class Scene:
         if self.given is None:
             return scene
         return scene.identified(self.given.edited(change) if change else self.given)
+
+
+def _boxes(
+    instances: Sequence[Instance], meshes: Sequence[Mesh], time_s: float = 0.0
+) -> dict[str, OrientedBox]:
+    """Boxes by instance name at a world time, in the frame in which the instances are placed.
+
+    All parts with one name share one box, which bounds them along the axes of the instance's frame,
+    see `Scene.pose_of`.
+    """
+    parts: dict[str, list[Floats]] = {}
+    axes: dict[str, Floats] = {}
+    for one in instances:
+        mesh, matrix = meshes[one.mesh], one.world_from_mesh
+        used = np.unique(mesh.triangles).astype(np.intp)
+        points = mesh.positions[used].astype(np.float64)
+        if mesh.deformation is not None:
+            points = mesh.deformation.positions_at(time_s, used)
+        points_m = points @ matrix[:3, :3].T + matrix[:3, 3]
+        parts.setdefault(one.name, []).append(points_m)
+        axes.setdefault(one.name, one.world_from_node[:3, :3])
+    boxes = {}
+    for name, of_name in parts.items():
+        points_m = np.concatenate(of_name)
+        if len(points_m):
+            boxes[name] = OrientedBox.of_points(points_m, proper_rotation(axes[name]))
+    return boxes

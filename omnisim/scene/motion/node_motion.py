@@ -39,7 +39,12 @@ class AnimatedNode:
             before = self.parent_from_node
             if self.parent is not None:
                 before = self.parent.transform_at(time_s) @ before
-            transform = before @ self._local_at(time_s % self.period_s if self.period_s else 0.0)
+            own_s = time_s % self.period_s if self.period_s else 0.0
+            parts = (
+                value.at(own_s) if isinstance(value, Keyframes) else value
+                for value in (self.translation, self.rotation, self.scale)
+            )
+            transform = before @ local_transform(*parts)
             # shared by all nodes of one parent in the same frame
             self._latest.clear()
             self._latest[time_s] = transform
@@ -48,13 +53,6 @@ class AnimatedNode:
     @cached_property
     def _latest(self) -> dict[float, Floats]:
         return {}
-
-    def _local_at(self, time_s: float) -> Floats:
-        translation, rotation, scale = (
-            value.at(time_s) if isinstance(value, Keyframes) else value
-            for value in (self.translation, self.rotation, self.scale)
-        )
-        return local_transform(translation, rotation, scale)
 
 
 @dataclass(frozen=True, eq=False)
@@ -241,9 +239,8 @@ class Keyframes:
             return self._along_spline(last, share, step_s)
         first, second = self.values[last], self.values[last + 1]
         if self.are_rotations:
-            return (
-                _slerp(first, second, share) if first.ndim == 1 else _slerps(first, second, share)
-            )
+            between = _slerp if first.ndim == 1 else _slerps
+            return between(first, second, share)
         return first + share * (second - first)
 
     def _along_spline(self, last: int, t: float, step_s: float) -> Floats:
@@ -264,14 +261,12 @@ def _slerp(first: Floats, second: Floats, share: float) -> Floats:
     cosine = float(first @ second)
     if cosine < 0.0:  # a quaternion and its negative are the same rotation
         second, cosine = -second, -cosine
-    angle = 2.0 * math.atan2(
-        float(np.linalg.norm(second - first)), float(np.linalg.norm(second + first))
-    )
+    lengths = float(np.linalg.norm(second - first)), float(np.linalg.norm(second + first))
+    angle = 2.0 * math.atan2(*lengths)
     if angle == 0.0:
         return first
-    return (math.sin((1.0 - share) * angle) * first + math.sin(share * angle) * second) / math.sin(
-        angle
-    )
+    turned: Floats = math.sin((1.0 - share) * angle) * first + math.sin(share * angle) * second
+    return turned / math.sin(angle)
 
 
 def _slerps(first: Floats, second: Floats, share: float) -> Floats:

@@ -73,8 +73,7 @@ def _numbered_objects(text: str) -> tuple[str, list[str]]:
 
 
 def _plain_corners(text: str) -> str:
-    """Make relative indices absolute, and give corners without texture coordinates a zero pair
-    if other corners have some."""  # fmt: skip
+    """Make indices absolute; corners without texture coordinates get (0, 0) if others have some."""
     counts = [0, 0, 0]
     columns = {"v": 0, "vt": 1, "vn": 2}
     lines = text.split("\n")
@@ -86,21 +85,18 @@ def _plain_corners(text: str) -> str:
         if words[0] in columns:
             counts[columns[words[0]]] += 1
         elif words[0] == "f":
-            corners = (_plain_corner(word, counts, total_coordinates) for word in words[1:])
-            lines[number] = "f " + " ".join(corners)
+            for corner, word in enumerate(words[1:], start=1):
+                parts = word.split("/")
+                for column, part in enumerate(parts[:3]):
+                    if part.startswith("-") and part[1:].isdigit():
+                        parts[column] = str(counts[column] + 1 + int(part))
+                if total_coordinates and (len(parts) < 2 or not parts[1]):
+                    parts[1:2] = [str(total_coordinates + 1)]
+                words[corner] = "/".join(parts)
+            lines[number] = " ".join(words)
     if total_coordinates:
         lines.append("vt 0 0")
     return "\n".join(lines)
-
-
-def _plain_corner(word: str, counts: list[int], total_coordinates: int) -> str:
-    parts = word.split("/")
-    for column, part in enumerate(parts[:3]):
-        if part.startswith("-") and part[1:].isdigit():
-            parts[column] = str(counts[column] + 1 + int(part))
-    if total_coordinates and (len(parts) < 2 or not parts[1]):
-        parts[1:2] = [str(total_coordinates + 1)]
-    return "/".join(parts)
 
 
 def undefined_materials(obj: bytes, mtl: bytes) -> list[str]:
@@ -159,11 +155,9 @@ _WORDS = re.compile(r"^[ \t]*([A-Za-z_]+\w*)(?:[ \t]+([^\n]*))?", re.MULTILINE)
 
 
 def mesh_notices(kind: str, data: bytes) -> list[str]:
-    """Notices for parts of a file that are left out or unknown.
+    """Notices for parts of a file that are left out or unknown; MTL is in its normal form.
 
-    Args:
-        kind: suffix without its dot, or "mtl".
-        data: content of the file; of MTL in its normalized form.
+    The kind of a file is its suffix without the dot, here and below.
     """
     if kind not in _PARTS or (kind == "mtl" and b"newmtl" not in data):
         return []
@@ -235,10 +229,7 @@ _PARTS: dict[str, Callable[[bytes], Parts]] = {
 }  # fmt: skip
 
 
-# Diagnosis of OBJ, PLY, STL, OFF and COLLADA files that trimesh cannot read.
-#
-# trimesh's readers fail somewhere inside NumPy. This module finds the faulty line or number, at a
-# cost that only damaged files incur.
+# Diagnosis of files that trimesh cannot read, at a cost that only damaged files incur.
 
 
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?|nan|[-+]?inf", re.IGNORECASE)
@@ -254,24 +245,14 @@ _STL_HEADER, _STL_TRIANGLE = 84, 50  # bytes
 
 
 def mesh_fault(kind: str, data: bytes) -> str:
-    """First fault of a file that is unreadable or has no geometry; empty: no fault found.
-
-    Args:
-        kind: suffix without its dot.
-        data: content of the file.
-    """
-    find = _FINDERS.get(kind)
-    return find(data) if find else ""
+    """First fault of a file that is unreadable or has no geometry; empty: no fault found."""
+    return _FINDERS[kind](data) if kind in _FINDERS else ""
 
 
 def early_end(kind: str, data: bytes) -> str:
-    """Fault of a truncated file, which trimesh would read as a smaller one; empty: no fault.
-
-    Args:
-        kind: suffix without its dot.
-        data: content of the file.
-    """
-    return {"ply": _ply_end, "off": _off_end}[kind](data) if kind in ("ply", "off") else ""
+    """Fault of a truncated file, which trimesh would read as a smaller one; empty: no fault."""
+    find = {"ply": _ply_end, "off": _off_end}.get(kind)
+    return find(data) if find else ""
 
 
 def points_fault(kind: str, data: bytes) -> str:

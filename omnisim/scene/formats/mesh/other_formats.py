@@ -155,7 +155,6 @@ def _material_files(names: list[str], assets: AssetResolver) -> bytes:
 
 
 _OPAQUE_FROM = 0.999
-_NO_FILES: Mapping[str, bytes] = {}
 _ALPHA_MODES = {"OPAQUE": AlphaMode.OPAQUE, "MASK": AlphaMode.MASK, "BLEND": AlphaMode.BLEND}
 _DEFAULT_DIFFUSE = (102, 102, 102, 255)  # diffuse color of a SimpleMaterial without one
 
@@ -179,20 +178,14 @@ def read_trimesh(source: object, name: str, smooth: bool | None) -> tuple[Import
     read = import_trimesh(scene, textures, None, smooth)
     if not read.instances:
         raise SceneError(f"{name}: has no triangles to draw")
-    notices = [
-        f"{name}: {notice}"
-        for notice in (*textures.notices, *material_notices(read), *read.notices)
-    ]
-    return read._replace(notices=list(dict.fromkeys(notices))), _meters_per_unit(source.units)
-
-
-def _meters_per_unit(units: str | None) -> float:
-    if units is None:
-        return 1.0
+    notices = dict.fromkeys((*textures.notices, *material_notices(read), *read.notices))
+    read = read._replace(notices=[f"{name}: {notice}" for notice in notices])
+    if source.units is None:
+        return read, 1.0
     try:
-        return float(trimesh.units.unit_conversion(units, "meters"))
+        return read, float(trimesh.units.unit_conversion(source.units, "meters"))
     except (KeyError, ValueError):
-        raise SceneError(f"units: expected those of a length, got {units!r}") from None
+        raise SceneError(f"units: expected those of a length, got {source.units!r}") from None
 
 
 def import_trimesh(
@@ -220,14 +213,17 @@ def import_trimesh(
         if not isinstance(geometry, trimesh.Trimesh):
             notices.append("points and lines are not drawn")
         elif len(geometry.faces):
-            mesh, center = _mesh(_object(name, objects), geometry, len(materials), smooth, dropped)
+            own, visual = _object(name, objects), geometry.visual
+            mesh, center = _mesh(own, geometry, len(materials), smooth, dropped)
             index_of[name] = (len(meshes), center)
             meshes.append(mesh)
-            if assets is None:
-                materials.append(_material_in_memory(name, geometry.visual, textures, notices))
+            if not isinstance(visual, trimesh.visual.TextureVisuals):
+                gray = 1.0 if visual.kind in ("vertex", "face") else PLAIN_GRAY
+                materials.append(Material(own, (gray, gray, gray, 1.0), double_sided=True))
+            elif assets is None:
+                materials.append(_material_in_memory(own, visual.material, textures, notices))
             else:
-                own = _object(name, objects)
-                materials.append(_material_of_file(own, geometry.visual, textures, assets))
+                materials.append(_material_of_file(own, visual.material, textures, assets))
     instances = []
     for node in loaded.graph.nodes_geometry:
         file_from_mesh, geometry_name = loaded.graph[node]
@@ -258,11 +254,8 @@ def _mesh(
         normals = np.array(geometry.vertex_normals) if smooth else None
     coordinates = colors = None
     if isinstance(visual, trimesh.visual.TextureVisuals):
-        if (
-            visual.uv is not None
-            and len(visual.uv) == len(positions)
-            and visual.uv.shape[1:] >= (2,)
-        ):
+        uv = visual.uv
+        if uv is not None and len(uv) == len(positions) and uv.shape[1:] >= (2,):
             coordinates = _texture_coordinates(visual)
     elif visual is not None and visual.kind == "vertex":
         colors = _linear_colors(visual.vertex_colors)
@@ -299,12 +292,9 @@ def _pair(extra: Mapping[str, Sequence[str]], option: str, default: float) -> li
 
 
 def _material_of_file(
-    mesh_name: str, visual: Any, textures: TextureStore, assets: Mapping[str, bytes]
+    mesh_name: str, source: Any, textures: TextureStore, assets: Mapping[str, bytes]
 ) -> Material:
     """Material of a mesh loaded from a file."""
-    if not isinstance(visual, trimesh.visual.TextureVisuals):
-        return _untextured(mesh_name, visual)
-    source = visual.material
     image, factor = getattr(source, "image", None), getattr(source, "diffuse", None)
     if isinstance(source, PBRMaterial):
         image, factor = source.baseColorTexture, source.baseColorFactor
@@ -316,12 +306,9 @@ def _material_of_file(
 
 
 def _material_in_memory(
-    mesh_name: str, visual: Any, textures: TextureStore, notices: list[str]
+    mesh_name: str, source: Any, textures: TextureStore, notices: list[str]
 ) -> Material:
     """Material of a mesh built in memory."""
-    if not isinstance(visual, trimesh.visual.TextureVisuals):
-        return _untextured(mesh_name, visual)
-    source = visual.material
     if isinstance(source, PBRMaterial):
         return _pbr_material(mesh_name, source, textures)
     image, factor = getattr(source, "image", None), getattr(source, "diffuse", None)
@@ -330,12 +317,7 @@ def _material_in_memory(
             notices.append(f"map_d of {source.name or mesh_name!r} is not there: drawn without it")
         if image is not None and tuple(source.diffuse) == _DEFAULT_DIFFUSE:
             factor = None
-    return _material(mesh_name, source, image, factor, textures, _NO_FILES)
-
-
-def _untextured(mesh_name: str, visual: Any) -> Material:
-    gray = 1.0 if visual.kind in ("vertex", "face") else PLAIN_GRAY
-    return Material(mesh_name, (gray, gray, gray, 1.0), double_sided=True)
+    return _material(mesh_name, source, image, factor, textures, {})
 
 
 def _pbr_material(mesh_name: str, source: PBRMaterial, textures: TextureStore) -> Material:
