@@ -33,9 +33,7 @@ _OBJECTS = mujoco.mjtObj
 def import_mjcf(path: Path, resources: Sequence[str | Path] = ()) -> ImportedRobot:
     """Import the robot of a model: its only top-level body.
 
-    Args:
-        path: model file.
-        resources: unused; MuJoCo resolves its own paths.
+    MuJoCo resolves its own paths, without the `resources`.
     """
     notices: list[str] = []
     try:

@@ -31,12 +31,7 @@ Poses = Mapping[str, Floats]  # poses (4, 4) by link name
 
 
 def import_urdf(path: Path, resources: Sequence[str | Path] = ()) -> ImportedRobot:
-    """Import the robot of a URDF file.
-
-    Args:
-        path: URDF file.
-        resources: folders of referenced packages.
-    """
+    """Import the robot of a URDF file, with folders of referenced packages."""
     notices: list[str] = []
     try:
         root = parse_xml(path.read_bytes())

@@ -37,53 +37,37 @@ MAX_COORDINATE = 1e15
 
 
 class ImportedObject(NamedTuple):
-    """Instances of a file that move together.
+    """Instances of a file that move together."""
 
-    Attributes:
-        name: name, unique within the file.
-        motion: motion in the world frame.
-        instances: indices of the instances, which are posed as at 0 s.
-    """
-
-    name: str
-    motion: ObjectMotion
-    instances: tuple[int, ...]
+    name: str  # name, unique within the file
+    motion: ObjectMotion  # motion in the world frame
+    instances: tuple[int, ...]  # indices of the instances, which are posed as at 0 s
 
 
 class ImportedScene(NamedTuple):
-    """Contents of a mesh file.
+    """Contents of a mesh file."""
 
-    Attributes:
-        meshes, materials: as in `Scene`.
-        instances: instances in the file's axes and unit: `world_from_mesh` is still file_from_mesh,
-            and `world_from_node` is file_from_node.
-        notices: one line for each feature that is not rendered.
-        lights: lights in the world frame.
-        lighting: lighting in place of `lights`, for files with brightness levels of their own;
-            None: no such levels.
-        background: linear RGB of rays without a hit; None: not in the file.
-        dome: linear RGB luminance of uniform light from all directions, cd/m²; None: no such light.
-        environment: (rows, 2 rows, 3) luminance of the dome by direction, in world axes; None:
-            uniform.
-        start: start pose from the file's camera; None: no camera.
-        cameras: camera poses in the world frame.
-        labels: class rules from the file.
-        objects: groups of instances that move over time.
-    """
-
+    # meshes, materials: as in `Scene`
     meshes: tuple[Mesh, ...]
     materials: tuple[Material, ...]
+    # instances in the file's axes and unit: `world_from_mesh` is still file_from_mesh, and
+    # `world_from_node` is file_from_node
     instances: tuple[Instance, ...]
-    notices: list[str]
-    lights: tuple[Light, ...] = ()
+    notices: list[str]  # one line for each feature that is not rendered
+    lights: tuple[Light, ...] = ()  # lights in the world frame
+    # lighting in place of `lights`, for files with brightness levels of their own; None: no such
+    # levels
     lighting: Lighting | None = None
+    # linear RGB of rays without a hit; None: not in the file
     background: tuple[float, float, float] | None = None
+    # linear RGB luminance of uniform light from all directions, cd/m²; None: no such light
     dome: tuple[float, float, float] | None = None
+    # (rows, 2 rows, 3) luminance of the dome by direction, in world axes; None: uniform
     environment: Floats32 | None = None
-    start: StartPose | None = None
-    cameras: tuple[CameraPose, ...] = ()
-    labels: tuple[LabelRule, ...] = ()
-    objects: tuple[ImportedObject, ...] = ()
+    start: StartPose | None = None  # start pose from the file's camera; None: no camera
+    cameras: tuple[CameraPose, ...] = ()  # camera poses in the world frame
+    labels: tuple[LabelRule, ...] = ()  # class rules from the file
+    objects: tuple[ImportedObject, ...] = ()  # groups of instances that move over time
 
 
 def material_notices(read: ImportedScene) -> list[str]:
@@ -303,12 +287,7 @@ class Omissions:
         self._plain[text] = None
 
     def count(self, effect: str, noun: str = "prim") -> None:
-        """Count one more part.
-
-        Args:
-            effect: text of the notice.
-            noun: singular noun for the counted parts.
-        """
+        """Count one more part with the effect; the noun of the counted parts is in the singular."""
         self._counts[effect, noun] += 1
 
     @property
@@ -328,11 +307,7 @@ HEIGHT_PX = 480  # of lenses whose files state no resolution
 
 
 class Cameras:
-    """Cameras of a file.
-
-    Attributes:
-        notices: one line for each lens that omnisim has no model for.
-    """
+    """Cameras of a file, with a notice for each lens that omnisim has no model for."""
 
     def __init__(self) -> None:
         self.notices: list[str] = []
@@ -377,10 +352,8 @@ def pinhole(
 ) -> CentralCamera:
     """Pinhole lens `HEIGHT_PX` high.
 
-    Args:
-        size: width and height of the image plane.
-        focal_length: in the unit of the size.
-        offset: of the image plane's middle from the axis, right and up.
+    Image plane and focal length are in one unit; `offset` is that of the plane's middle from the
+    axis, right and up.
     """
     from omnisim.cameras import PerspectiveCamera  # few files have cameras
 

@@ -346,12 +346,7 @@ def can_decode_meshopt() -> bool:
 
 
 def decode_meshopt(entry: JsonObject, data: memoryview) -> memoryview:
-    """Decoded bytes of a buffer view.
-
-    Args:
-        entry: compression entry of the view.
-        data: compressed bytes.
-    """
+    """Decoded bytes of a buffer view with a compression entry."""
     if not can_decode_meshopt():
         raise SceneError(f"is compressed with meshopt, which needs {install_hint('meshopt')}")
     mode, count = entry.choice("mode", MODES), entry.integer("count")

@@ -266,12 +266,7 @@ Color = tuple[float, float, float]
 
 
 class Factors:
-    """Limits factors of one material, and records the values outside their ranges.
-
-    Attributes:
-        material: name of the material.
-        changed: one text per value outside its range, with material, key, value and substitute.
-    """
+    """Limits factors of one material, and records the values outside their ranges as texts."""
 
     def __init__(self, material: str):
         self.changed: list[str] = []

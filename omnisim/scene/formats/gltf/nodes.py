@@ -311,12 +311,7 @@ def animated_nodes(
 ) -> dict[int, MovingNode]:
     """Nodes that move with the animation, by node index.
 
-    Args:
-        nodes: all nodes of the file.
-        parents: parents of the scene's nodes, see `scene_parents`.
-        local: local transforms (4, 4) of the scene's nodes at 0 s.
-        animation: animation to play.
-        world_from_file: (4, 4) transform.
+    `parents` are those of `scene_parents`, and `local` the transforms (4, 4) of the nodes at 0 s.
     """
     moving = set(animation.moving)
     moved: dict[int, MovingNode] = {}
@@ -380,11 +375,7 @@ def moving_objects(
 ) -> tuple[ImportedObject, ...]:
     """Dynamic objects, one for each moving node with instances.
 
-    Args:
-        nodes: all nodes of the file.
-        owners: index of each instance's moving node; None: a static instance.
-        moved: moving nodes, see `animated_nodes`.
-        world_from_file: (4, 4) transform.
+    `owners` are the indices of the instances' moving nodes; None: a static instance.
     """
     instances: dict[int, list[int]] = {}
     for number, owner in enumerate(owners):

@@ -74,14 +74,10 @@ class Materials:
     def index(
         self, material: int, rgba: Rgba, face: int | None, is_solid: bool, is_plane: bool = False
     ) -> int:
-        """Index of a material in `entries`.
+        """Index in `entries` of a material in the model, or of `NO_MATERIAL`, with a color.
 
-        Args:
-            material: material index in the model, or `NO_MATERIAL`.
-            rgba: effective color.
-            face: face of its cube texture; None: an image, or no texture.
-            is_solid: visible from outside only.
-            is_plane: of a plane, which mirrors the scene by the reflectance if it is opaque.
+        `face` is that of its cube texture. A solid is visible from outside only; a plane mirrors
+        the scene by the reflectance if it is opaque.
         """
         is_mirror = is_plane and rgba[3] >= _OPAQUE_FROM and self._reflectance(material) > 0.0
         key = (material, rgba, face, is_solid, is_mirror)

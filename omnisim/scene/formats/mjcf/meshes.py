@@ -353,11 +353,7 @@ class MappedSurface(NamedTuple):
 def map_plane(shape: Shape, repeat: Floats32, sizes: Floats, is_uniform: bool) -> MappedSurface:
     """Texture coordinates of an image projected along z.
 
-    Args:
-        shape: shape of the geom.
-        repeat: number of repetitions along x and y, across the geom or across 2 m.
-        sizes: sizes of the geom.
-        is_uniform: repeat across 2 m instead of across the geom.
+    The image repeats across the geom along x and y or, if it `is_uniform`, across 2 m.
     """
     scale = np.asarray(repeat, dtype=np.float64)
     if is_uniform:
@@ -368,10 +364,7 @@ def map_plane(shape: Shape, repeat: Floats32, sizes: Floats, is_uniform: bool) -
 def map_cube(shape: Shape, sizes: Floats, is_uniform: bool) -> list[MappedSurface]:
     """Texture coordinates of a cube projected from the center; triangles are cut at its edges.
 
-    Args:
-        shape: shape of the geom.
-        sizes: (3,) sizes of the geom.
-        is_uniform: True: project positions in meters; False: positions divided by the sizes.
+    It projects positions in meters if it `is_uniform`, else positions divided by the sizes (3,).
     """
     ray = shape.scaled * np.where(sizes > 0.0, sizes, 1.0) if is_uniform else shape.scaled
     surface = shape.surface

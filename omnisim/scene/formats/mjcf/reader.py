@@ -107,17 +107,7 @@ def update_poses(model: mujoco.MjModel, data: mujoco.MjData) -> None:
 
 
 class ModelReader:
-    """Importer of a model in the state of its data, with computed poses.
-
-    Args:
-        model, data: MuJoCo model and its data.
-        groups: visible groups of geoms, skins and flexible bodies.
-
-    Attributes:
-        geoms: indices of the visible geoms.
-        names: names of all geoms.
-        meshes: meshes of the geoms with instances.
-    """
+    """Importer of a model in the state of its data, with computed poses, and of visible groups."""
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, groups: Collection[int]):
         self._model, self._data, self._groups = model, data, groups
@@ -244,8 +234,7 @@ _FOLDERS = ("assetdir", "meshdir", "texturedir")
 def note_model_files(path: Path) -> list[Element]:
     """Record the files of a model: included files, meshes, textures and height fields.
 
-    Returns:
-        The roots of the model's XML files.
+    Returns the roots of its XML files.
     """
     roots = []
     names, folders = {""}, {""}
@@ -279,15 +268,7 @@ def note_model_files(path: Path) -> list[Element]:
 
 
 def without_world(scene: Scene, path: Path) -> Scene:
-    """Scene of a model without the world's own geoms, usually a floor, if bodies have any geoms.
-
-    Args:
-        scene: scene of the model.
-        path: path of the model file.
-
-    Raises:
-        SceneError: MuJoCo cannot read the file.
-    """
+    """Scene of a model without the world's own geoms, usually a floor, if bodies have any geoms."""
     model, _, _ = load_model(path)
     owners = dict(zip(geom_names(model), model.geom_bodyid.tolist(), strict=True))
     of_world = [name for name in scene.instance_names if owners.get(name) == _WORLD]
@@ -306,12 +287,9 @@ _DEFAULT_SIZE_PX = (640, 480)  # for cameras without a resolution
 def lens_of(
     model: mujoco.MjModel, camera: str | int, size_px: tuple[int, int] | None = None
 ) -> PerspectiveCamera | UnifiedCamera:
-    """Pinhole lens of a camera in the model; omnisim's images then match MuJoCo's.
+    """Pinhole lens of a camera by its name or index; omnisim's images then match MuJoCo's.
 
-    Args:
-        model: MuJoCo model.
-        camera: camera name or index.
-        size_px: (width, height); None: the camera's resolution, or 640 × 480 by default.
+    Without `size_px` (width, height) it has the camera's resolution, or else 640 × 480.
 
     Raises:
         SceneError: an unknown or an orthographic camera.
@@ -467,15 +445,10 @@ def deformed(
 def split_model(
     model: mujoco.MjModel, data: mujoco.MjData, groups: Collection[int], hidden: Collection[str]
 ) -> MovingModel:
-    """Split a model into its static geometry and its moving bodies.
-
-    Args:
-        model, data: MuJoCo model and its data, with computed poses.
-        groups: visible geom groups.
-        hidden: instance names of hidden geoms.
+    """Split a model, with computed poses, into its static geometry and its moving bodies.
 
     Raises:
-        SceneError: an unknown name in `hidden`.
+        SceneError: an unknown name in `hidden`, the instance names of hidden geoms.
     """
     reader = ModelReader(model, data, groups)
     for name in hidden:

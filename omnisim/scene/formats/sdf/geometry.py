@@ -256,12 +256,8 @@ def segment_limit(round_shapes: int) -> int:
 def make_shape(geometry: XmlElement, kind: XmlElement, max_segments: int) -> Shape:
     """Shape of a `<geometry>` from its child `kind`, or from all its polylines together.
 
-    A box has the whole texture on each side; on round shapes it is wrapped around once. The length
-    of a capsule excludes the hemispheres.
-
-    Args:
-        geometry, kind: geometry element and its child element.
-        max_segments: maximum number of segments of a circle.
+    A box has the whole texture on each side; on round shapes, of at most `max_segments`, it
+    is wrapped around once. The length of a capsule excludes the hemispheres.
     """
     tag = kind.tag
     if tag == "polyline":
@@ -319,12 +315,9 @@ def read_levels(image: Image.Image) -> Floats | None:
 
 
 def terrain(element: XmlElement, levels: Floats, tile_m: float) -> Shape:
-    """Surface of a `<heightmap>`.
+    """Surface of a `<heightmap>` with levels (rows, columns) in [0, 1].
 
-    Args:
-        element: element with size and position.
-        levels: (rows, columns) levels in [0, 1].
-        tile_m: side length of one texture repetition; 0: the whole terrain.
+    A side of a texture's repetition is `tile_m` long; 0: that of the whole terrain.
     """
     size = terrain_size_m(element)
     rows, columns = levels.shape
@@ -354,12 +347,9 @@ def terrain_size_m(element: XmlElement) -> tuple[float, ...]:
 
 
 def blend(layers: list[Layer], levels: Floats, size: tuple[float, ...]) -> Image.Image:
-    """Image of the whole terrain from above, blended from its layers.
+    """Image of a whole terrain from above, blended from its layers, low to high.
 
-    Args:
-        layers: layers from low to high.
-        levels: (rows, columns) levels in [0, 1].
-        size: size of the terrain, m.
+    Its levels (rows, columns) are in [0, 1]; its size is in m.
     """
     # texels across the whole terrain
     finest = max(max(layer.image.size) * max(size[:2]) / layer.size_m for layer in layers)

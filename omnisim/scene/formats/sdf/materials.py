@@ -321,9 +321,7 @@ _LINE = re.compile(r"(?:^|\{)[ \t]*(diffuse|ambient|emissive|texture)[ \t]+([^\n
 def parse_scripts(text: str, parents: dict[str, ScriptMaterial]) -> dict[str, ScriptMaterial]:
     """Materials of a script by name, with the first colors and texture of each, or its parent's.
 
-    Args:
-        text: content of a `.material` file.
-        parents: materials of other scripts, by name.
+    `parents` are materials of other scripts.
     """
     text = re.sub(r"//[^\n]*", "", text)
     heads = list(_HEAD.finditer(text))

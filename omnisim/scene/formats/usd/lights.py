@@ -178,13 +178,9 @@ _DOME_FROM_MAP = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 
 
 def dome_map(texture: Sdf.AssetPath, layout: str, world_from_dome: Floats) -> Floats32 | None:
-    """Radiance (rows, 2 rows, 3) of a dome's texture in world axes; None: unreadable or
-    unsupported.
+    """Radiance (rows, 2 rows, 3) of a dome's texture in world axes; None: not readable.
 
-    Args:
-        texture: texture file of the light.
-        layout: `texture:format` of the light.
-        world_from_dome: (3, 3) axes of the light, of any length.
+    `layout` is the light's `texture:format`, and `world_from_dome` (3, 3) its axes, of any length.
     """
     axes, _, turned = np.linalg.svd(world_from_dome)
     rotation = axes @ turned

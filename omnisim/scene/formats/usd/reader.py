@@ -21,11 +21,7 @@ from omnisim.scene.formats.imported_scene import FileAxes, ImportedScene
 
 
 def read_usd(path: Path, axes: FileAxes) -> tuple[ImportedScene, Floats]:
-    """Read a stage in a separate process.
-
-    Args:
-        path: path of the stage.
-        axes: overrides of the stage's up axis and unit.
+    """Read a stage in a separate process; `axes` override its up axis and unit.
 
     Returns:
         Scene contents, and the transform (4, 4) from the stage to the world frame.
@@ -63,12 +59,7 @@ class _Defect:
 
 
 def call_isolated(function: Callable[..., Result], *arguments: object) -> Result:
-    """Call a module-level function in another process and return its result.
-
-    Args:
-        function: module-level function; it, its arguments and its result are pickled.
-        arguments: arguments of the function.
-    """
+    """Result of a module-level function, called with pickled arguments in another process."""
     main = _MAIN.format(path=sys.path, module=__name__)
     # installed usd-core plug-ins could fetch files from the network
     environment = {

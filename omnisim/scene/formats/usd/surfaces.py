@@ -443,15 +443,10 @@ class TextureFiles:
         base: TextureSource | None,
         material: str,
     ) -> Texture | None:
-        """Texture with channels of other textures, after their scale and bias.
+        """Texture with channels of others, after their scale and bias; None: unreadable.
 
-        Args:
-            planes: source and its channel (r, g, b or a), by target channel (0 to 3).
-            base: source of the remaining channels; None: 255.
-            material: material name, for notices.
-
-        Returns:
-            Packed texture; None: no source is readable.
+        `planes` has a source and its channel (r, g, b or a) by target channel (0 to 3); the other
+        channels are those of `base`, or 255.
         """
         key = (tuple(sorted(planes.items())), base)
         if key in self._packed:

@@ -220,11 +220,7 @@ _LONE_AMPERSAND = re.compile(rb"&(?!(?:#\d{1,7}|#x[0-9a-fA-F]{1,6}|lt|gt|amp|quo
 
 
 class _Builder:
-    """Builder of an element tree; it rejects entity declarations, which could grow without bound.
-
-    Attributes:
-        root: root element; None: no element yet.
-    """
+    """Builder of an element tree; it rejects entities, which could grow without bound."""
 
     def __init__(self) -> None:
         self.root: Element | None = None
