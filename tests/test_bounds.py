@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from omnisim.core.bounds import bounds_of, triangle_bounds
+from omnisim.core.arrays import bounds_of, triangle_bounds
 
 POINTS = np.random.default_rng(0).normal(size=(60, 3))
 

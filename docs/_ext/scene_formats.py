@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from omnisim.scene.formats.conversions import CONVERSIONS
 from omnisim.scene.formats.features import ROBOT_TABLES, TABLES, feature_table
+from omnisim.scene.formats.mesh.other_formats import CONVERSIONS
 
 
 def features(table: str) -> str:

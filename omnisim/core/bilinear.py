@@ -7,10 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from omnisim.core.arrays import Bools, Floats, Floats32, Indices
+
 
 def corner_and_weights(
     positions_px: NDArray[np.floating[Any]], shape: tuple[int, int]
-) -> tuple[NDArray[np.intp], NDArray[np.float32], NDArray[np.bool_]]:
+) -> tuple[Indices, Floats32, Bools]:
     """Upper-left neighbor of each position, and the weights of its four neighbors.
 
     Args:
@@ -34,9 +36,7 @@ def corner_and_weights(
     return first[..., 1] * width + first[..., 0], weights.astype(np.float32), inside
 
 
-def interpolate(
-    image: NDArray[Any], corner: NDArray[np.intp], weights: NDArray[np.float32]
-) -> NDArray[np.float64]:
+def interpolate(image: NDArray[Any], corner: Indices, weights: Floats32) -> Floats:
     """Interpolate an image (height, width) to values (...), see `corner_and_weights`."""
     flat, width = image.reshape(-1), image.shape[1]
     values = np.zeros(corner.shape)
@@ -45,7 +45,7 @@ def interpolate(
     return values
 
 
-def sample(image: NDArray[Any], positions_px: ArrayLike) -> NDArray[np.float64]:
+def sample(image: NDArray[Any], positions_px: ArrayLike) -> Floats:
     """Sample an image (height, width) at positions (..., 2), u right and v down.
 
     Positions outside get the value of the nearest border pixel.

@@ -18,11 +18,12 @@ Kalibr).
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+
+from omnisim.core.arrays import Floats
 
 # The camera looks up at the mirror with the rig's front at the top of the image. Seen from below,
 # the left of the rig is on the right of the image: the view is from below, not flipped.
-RIG_FROM_OPTICAL_LOOKING_UP: NDArray[np.float64] = np.array(
+RIG_FROM_OPTICAL_LOOKING_UP: Floats = np.array(
     [
         [0.0, -1.0, 0.0],  # forward is up in the image
         [1.0, 0.0, 0.0],  # left is right in the image
@@ -30,22 +31,14 @@ RIG_FROM_OPTICAL_LOOKING_UP: NDArray[np.float64] = np.array(
     ]
 )
 # A camera that looks ahead: the vehicle's forward is into the image (REP 103, REP 105).
-BASE_FROM_OPTICAL_LOOKING_AHEAD: NDArray[np.float64] = np.array(
-    [
-        [0.0, 0.0, 1.0],
-        [-1.0, 0.0, 0.0],
-        [0.0, -1.0, 0.0],
-    ]
+BASE_FROM_OPTICAL_LOOKING_AHEAD: Floats = np.array(
+    [[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]
 )
 # A map of the ground: it looks straight down, forward is up in the image, left is left.
-BASE_FROM_OPTICAL_LOOKING_DOWN: NDArray[np.float64] = np.array(
-    [
-        [0.0, -1.0, 0.0],
-        [-1.0, 0.0, 0.0],
-        [0.0, 0.0, -1.0],
-    ]
+BASE_FROM_OPTICAL_LOOKING_DOWN: Floats = np.array(
+    [[0.0, -1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]
 )
 # Half a turn about x: the camera looks into the mirror, the mirror's axis points at the camera.
-MIRROR_FROM_OPTICAL: NDArray[np.float64] = np.diag([1.0, -1.0, -1.0])
+MIRROR_FROM_OPTICAL: Floats = np.diag([1.0, -1.0, -1.0])
 # Factors that reflect a ray in the image plane: from a mirror's optical frame to a lens's.
-FLIP_Z: NDArray[np.float64] = np.array([1.0, 1.0, -1.0])
+FLIP_Z: Floats = np.array([1.0, 1.0, -1.0])

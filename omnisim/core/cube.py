@@ -10,14 +10,15 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from omnisim.core.arrays import Bytes, Floats, Indices
 from omnisim.core.errors import GraphicsError
 
 FACE_NAMES = ("front", "left", "back", "right", "down", "up")
 
 # Rows: the face's right, down and forward in the rig frame.
-FACE_FROM_RIG: NDArray[np.float64] = np.array(
+FACE_FROM_RIG: Floats = np.array(
     [
         [[0, -1, 0], [0, 0, -1], [1, 0, 0]],
         [[1, 0, 0], [0, 0, -1], [0, 1, 0]],
@@ -36,14 +37,14 @@ LAYOUT_COLUMNS, LAYOUT_ROWS = 3, 2
 LAYOUT_CELLS = ((0, 0), (1, 0), (2, 0), (0, 1), (1, 1), (2, 1))
 
 
-def face_index(directions_rig: ArrayLike) -> NDArray[np.intp]:
+def face_index(directions_rig: ArrayLike) -> Indices:
     """Index (...,) into `FACE_NAMES` of the face that sees each direction (..., 3)."""
     directions = np.asarray(directions_rig, dtype=np.float64)
     forward = np.einsum("fj,...j->...f", FACE_FROM_RIG[:, 2], directions)
     return np.argmax(forward, axis=-1)
 
 
-def face_tangents(directions_rig: ArrayLike, faces: ArrayLike) -> NDArray[np.float64]:
+def face_tangents(directions_rig: ArrayLike, faces: ArrayLike) -> Floats:
     """Project directions (..., 3) onto faces (...,): tangents right and down (..., 2).
 
     Inside a face, both are in [−1, 1].
@@ -53,7 +54,7 @@ def face_tangents(directions_rig: ArrayLike, faces: ArrayLike) -> NDArray[np.flo
     return local[..., :2] / local[..., 2:]
 
 
-def unfolded_cube(faces: dict[str, NDArray[np.uint8]]) -> NDArray[np.uint8]:
+def unfolded_cube(faces: dict[str, Bytes]) -> Bytes:
     """Unfold faces (size, size, 3) into one image of two rows and three columns.
 
     The layout matches the texture coordinates of an exported mirror.

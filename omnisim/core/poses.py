@@ -11,8 +11,9 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from omnisim.core.arrays import Bools, Floats
 from omnisim.core.errors import OmnisimError
 
 if TYPE_CHECKING:
@@ -38,7 +39,7 @@ def pose(
     roll_deg: float = 0.0,
     pitch_deg: float = 0.0,
     yaw_deg: float = 0.0,
-) -> NDArray[np.float64]:
+) -> Floats:
     """Pose (4, 4) parent_from_child from a position in meters and angles in degrees.
 
     Raises:
@@ -55,7 +56,7 @@ def pose(
     return pose_from_rotation(rotation_from_roll_pitch_yaw(*np.radians(angles_deg)), position)
 
 
-def pose_from_rotation(rotation: ArrayLike, position_m: ArrayLike) -> NDArray[np.float64]:
+def pose_from_rotation(rotation: ArrayLike, position_m: ArrayLike) -> Floats:
     """Poses (..., 4, 4) from rotations (..., 3, 3) and positions (..., 3)."""
     rotation = np.asarray(rotation, dtype=np.float64)
     poses = np.zeros((*rotation.shape[:-2], 4, 4))
@@ -65,7 +66,7 @@ def pose_from_rotation(rotation: ArrayLike, position_m: ArrayLike) -> NDArray[np
     return poses
 
 
-def check_pose(matrix: ArrayLike) -> NDArray[np.float64]:
+def check_pose(matrix: ArrayLike) -> Floats:
     """Validate a pose and return it as float64 (4, 4).
 
     Raises:
@@ -81,7 +82,7 @@ def check_pose(matrix: ArrayLike) -> NDArray[np.float64]:
     return checked
 
 
-def check_poses(matrices: object) -> NDArray[np.float64]:
+def check_poses(matrices: object) -> Floats:
     """Validate poses and return them as float64 (n, 4, 4).
 
     Raises:
@@ -101,7 +102,7 @@ def check_poses(matrices: object) -> NDArray[np.float64]:
     return checked
 
 
-def _matrices(given: object, what: str) -> NDArray[np.float64]:
+def _matrices(given: object, what: str) -> Floats:
     try:
         return np.asarray(given, dtype=np.float64)
     except (TypeError, ValueError):
@@ -109,28 +110,26 @@ def _matrices(given: object, what: str) -> NDArray[np.float64]:
         raise OmnisimError(f"{what}: expected a finite 4 × 4 matrix, got {kind}") from None
 
 
-def _check_values(matrix: NDArray[np.float64], what: str) -> None:
+def _check_values(matrix: Floats, what: str) -> None:
     if not (np.abs(matrix) < MAX_M).all():
         raise OmnisimError(f"{what}: expected a finite 4 × 4 matrix")
     if not is_pose(matrix):
         raise OmnisimError(f"{what}: expected a rotation and a translation, no scale, no mirroring")
 
 
-def is_pose(matrices: NDArray[np.float64]) -> NDArray[np.bool_]:
+def is_pose(matrices: Floats) -> Bools:
     """Mask (...) of finite matrices (..., 4, 4) that are a rotation and a translation."""
-    affine: NDArray[np.bool_] = (matrices[..., 3, :] == _LAST_ROW).all(axis=-1)
+    affine: Bools = (matrices[..., 3, :] == _LAST_ROW).all(axis=-1)
     return affine & is_rotation(matrices[..., :3, :3], POSE_TOLERANCE)
 
 
-def inverse(pose: NDArray[np.float64]) -> NDArray[np.float64]:
+def inverse(pose: Floats) -> Floats:
     """Invert poses (..., 4, 4): source_from_target."""
     rotation = np.swapaxes(pose[..., :3, :3], -1, -2)
     return pose_from_rotation(rotation, -(rotation @ pose[..., :3, 3:])[..., 0])
 
 
-def interpolate_pose(
-    first: NDArray[np.float64], second: NDArray[np.float64], share: float
-) -> NDArray[np.float64]:
+def interpolate_pose(first: Floats, second: Floats, share: float) -> Floats:
     """Interpolate poses (4, 4) at a share in [0, 1]: positions linearly, rotations by slerp.
 
     Source: Shoemake, Animating rotation with quaternion curves (1985).
@@ -138,14 +137,11 @@ def interpolate_pose(
     rotations = rotation_type().from_matrix
     change = rotations(first[:3, :3].T @ second[:3, :3]) ** share
     return pose_from_rotation(
-        first[:3, :3] @ change.as_matrix(),
-        first[:3, 3] + share * (second[:3, 3] - first[:3, 3]),
+        first[:3, :3] @ change.as_matrix(), first[:3, 3] + share * (second[:3, 3] - first[:3, 3])
     )
 
 
-def rotation_from_roll_pitch_yaw(
-    roll_rad: float, pitch_rad: float, yaw_rad: float
-) -> NDArray[np.float64]:
+def rotation_from_roll_pitch_yaw(roll_rad: float, pitch_rad: float, yaw_rad: float) -> Floats:
     """Rotation (3, 3) parent_from_child: fixed-axis roll about x, pitch about y, yaw about z.
 
     Source: REP 103, fixed-axis roll, pitch, yaw.
@@ -162,7 +158,7 @@ def rotation_from_roll_pitch_yaw(
     )
 
 
-def roll_pitch_yaw_from_rotation(rotation: ArrayLike) -> NDArray[np.float64]:
+def roll_pitch_yaw_from_rotation(rotation: ArrayLike) -> Floats:
     """Fixed-axis roll, pitch and yaw (..., 3) of rotations (..., 3, 3), as in REP 103.
 
     If x points straight up or down (gimbal lock), roll and yaw turn about the same axis, and any
@@ -180,7 +176,7 @@ def roll_pitch_yaw_from_rotation(rotation: ArrayLike) -> NDArray[np.float64]:
     return np.stack((roll, pitch, yaw), axis=-1)
 
 
-def rotation_from_yaw(yaw_rad: ArrayLike) -> NDArray[np.float64]:
+def rotation_from_yaw(yaw_rad: ArrayLike) -> Floats:
     """Rotations (..., 3, 3) about z from headings (...)."""
     yaw = np.asarray(yaw_rad, dtype=np.float64)
     rotation = np.zeros((*yaw.shape, 3, 3))
@@ -191,7 +187,7 @@ def rotation_from_yaw(yaw_rad: ArrayLike) -> NDArray[np.float64]:
     return rotation
 
 
-def yaw_from_rotation(rotation: ArrayLike) -> NDArray[np.float64]:
+def yaw_from_rotation(rotation: ArrayLike) -> Floats:
     """Heading (...) of x on the ground in radians, within ±π; 0 if x points straight up or down.
 
     Args:
@@ -201,28 +197,28 @@ def yaw_from_rotation(rotation: ArrayLike) -> NDArray[np.float64]:
     return np.arctan2(r[..., 1, 0], r[..., 0, 0])
 
 
-def rotation_from_quaternion(quaternion: ArrayLike) -> NDArray[np.float64]:
+def rotation_from_quaternion(quaternion: ArrayLike) -> Floats:
     """Rotations (n, 3, 3) from non-zero quaternions (n, 4) of any length."""
     return rotation_type().from_quat(np.asarray(quaternion)).as_matrix()
 
 
-def quaternion_from_rotation(rotation: ArrayLike) -> NDArray[np.float64]:
+def quaternion_from_rotation(rotation: ArrayLike) -> Floats:
     """Unit quaternions (n, 4) from rotations (n, 3, 3)."""
     return rotation_type().from_matrix(np.asarray(rotation)).as_quat(canonical=True)
 
 
-def rotation_angles(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.float64]:
+def rotation_angles(first: Floats, second: Floats) -> Floats:
     """Angles (n,) in radians, within ±π, between rotations (n, 3, 3), about any axis.
 
     Positive if the axis points up from the vehicle, or is level.
     """
     change = np.swapaxes(first, -1, -2) @ second
     vectors = rotation_type().from_matrix(change).as_rotvec()
-    angles: NDArray[np.float64] = np.linalg.norm(vectors, axis=-1)
+    angles: Floats = np.linalg.norm(vectors, axis=-1)
     return np.where(vectors[..., 2] < 0.0, -angles, angles)
 
 
-def nearest_rotation(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+def nearest_rotation(matrix: Floats) -> Floats:
     """Rotations (..., 3, 3) nearest to matrices that deviate from rotations only by rounding.
 
     Source: Higham, Computing the polar decomposition (1986): its orthogonal factor.
@@ -231,11 +227,17 @@ def nearest_rotation(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
     return u @ vt
 
 
-def is_rotation(matrices: NDArray[np.float64], tolerance: float) -> NDArray[np.bool_]:
+def proper_rotation(matrix: Floats) -> Floats:
+    """Axes (3, 3) nearest to those of a matrix (3, 3), without its scale, shear and mirroring."""
+    axes = nearest_rotation(matrix)
+    return axes if np.linalg.det(axes) > 0.0 else -axes
+
+
+def is_rotation(matrices: Floats, tolerance: float) -> Bools:
     """Mask (...) of finite matrices (..., 3, 3) that neither scale, shear nor mirror."""
     errors = np.abs(matrices @ matrices.swapaxes(-1, -2) - _IDENTITY)
-    orthogonal: NDArray[np.bool_] = errors.max(axis=(-2, -1)) <= tolerance
-    handed: NDArray[np.bool_] = np.linalg.det(matrices) > 0.0
+    orthogonal: Bools = errors.max(axis=(-2, -1)) <= tolerance
+    handed: Bools = np.linalg.det(matrices) > 0.0
     return orthogonal & handed
 
 
@@ -244,6 +246,6 @@ def wrap_angle(angle_rad: float) -> float:
     return math.remainder(angle_rad, 2.0 * math.pi)
 
 
-def wrap_angles(angles_rad: NDArray[np.float64]) -> NDArray[np.float64]:
+def wrap_angles(angles_rad: Floats) -> Floats:
     """Wrap angles (...) to ±π."""
     return angles_rad - 2.0 * math.pi * np.rint(angles_rad / (2.0 * math.pi))

@@ -14,6 +14,8 @@ import hashlib
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from omnisim.core.arrays import Floats32
+
 
 def key_of(*parts: int | str) -> int:
     """32-bit key of one stream of numbers; different parts give different keys."""
@@ -38,12 +40,12 @@ def pcg4d(x: ArrayLike, y: ArrayLike, z: ArrayLike, w: ArrayLike) -> NDArray[np.
     return np.stack(v).reshape(4, *np.shape(parts[0]))
 
 
-def uniform(hashes: NDArray[np.uint32]) -> NDArray[np.float32]:
+def uniform(hashes: NDArray[np.uint32]) -> Floats32:
     """Numbers (...) in (0, 1), without the ends: 2²³ values, each exact in float32."""
     return ((hashes >> np.uint32(9)).astype(np.float32) + np.float32(0.5)) * np.float32(2.0**-23)
 
 
-def normal(first: NDArray[np.uint32], second: NDArray[np.uint32]) -> NDArray[np.float32]:
+def normal(first: NDArray[np.uint32], second: NDArray[np.uint32]) -> Floats32:
     """Normal numbers (...), mean 0 and variance 1, from two hashes each; magnitude ≤ 5.77."""
     radius = np.sqrt(np.float32(-2.0) * np.log(uniform(first)))
     return radius * np.cos(np.float32(2.0 * np.pi) * uniform(second))

@@ -7,26 +7,22 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Self
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import OmnisimError
 from omnisim.core.poses import check_pose
 from omnisim.core.short_repr import short_repr
 
-Pose = NDArray[np.float64]  # (4, 4)
+Pose = Floats  # (4, 4)
 # Index of a dynamic object, None for the static scene; and the name of its instance.
 ObjectPart = tuple[int | None, str]
 
 
 class ObjectPoses(tuple[Pose, ...]):
-    """Poses (4, 4) of all objects at one time; deforming meshes take their shape at that time.
+    """Poses (4, 4) of all objects at one time; deforming meshes take their shape at that time."""
 
-    Attributes:
-        time_s: world time.
-    """
-
-    time_s: float
+    time_s: float  # world time
 
     def __new__(cls, poses: Iterable[Pose], time_s: float) -> Self:
         """Build the tuple from poses in the order of the objects."""

@@ -18,7 +18,7 @@ import numpy as np
 import scipy  # its submodules load when first used
 from numpy.typing import NDArray
 
-from omnisim.core.bounds import triangle_bounds
+from omnisim.core.arrays import triangle_bounds
 from omnisim.core.errors import PlanError
 from omnisim.core.files.atomic_file import atomic_write
 from omnisim.core.short_repr import short_repr

@@ -9,6 +9,7 @@ import numpy as np
 
 from omnisim.core.array_types import Float64s
 from omnisim.core.bounds import bounds_of, triangle_bounds
+from omnisim.core.arrays import bounds_of, triangle_bounds
 from omnisim.core.short_repr import number_text, point_text
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.quality import scene_size_m

@@ -7,10 +7,11 @@ counter-clockwise as seen from above. This package depends on neither images nor
 from omnisim.core.trajectories.odometry import (
     Odometry,
     OdometryErrors,
+    read_odometry,
     simulate_odometry,
     with_errors,
+    write_odometry,
 )
-from omnisim.core.trajectories.odometry_files import read_odometry, write_odometry
 from omnisim.robots.kinematics import Kinematics, check_drivable, find_violation
 from omnisim.robots.motion_profile import plan_in_steps, plan_with_period
 from omnisim.robots.robot_file import Chassis, Footprint, Robot, load_robot, parse_robot, read_robot

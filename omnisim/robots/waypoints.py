@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from omnisim.core.errors import TrajectoryError
 from omnisim.core.poses import MAX_M
-from omnisim.core.trajectories.formats.text_table import read_text_table
+from omnisim.core.trajectories.formats.parsed_trajectory import read_text_table
 
 
 def check_waypoints(waypoints_m: ArrayLike) -> NDArray[np.float64]:

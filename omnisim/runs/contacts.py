@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core.arrays import triangle_bounds
 from omnisim.core.errors import TrajectoryError
 from omnisim.robots.body_boxes import BodyBoxes
 from omnisim.runs.pose_sweep import Sweep
 from omnisim.scene import Scene
-from omnisim.scene.space.floor import TriangleBvh, bounds_of, triangles_within
+from omnisim.scene.space.floor import TriangleBvh, triangles_within
 
 NO_SIZE = "the robot has neither a [footprint] nor a body: contacts are not looked for"
 POSES_AT_ONCE = 64  # batch size, which bounds the memory
@@ -121,7 +122,7 @@ def meet_box(corners_m: NDArray[np.float64], half_m: NDArray[np.float64]) -> NDA
     Source: Akenine-Möller, "Fast 3D Triangle-Box Overlap Testing", Journal of Graphics Tools 6
     (2001).
     """
-    low, high = bounds_of(corners_m)
+    low, high = triangle_bounds(corners_m)
     touching: NDArray[np.bool_] = np.all((low <= half_m) & (high >= -half_m), axis=1)
     near = np.flatnonzero(touching)
     if not len(near):

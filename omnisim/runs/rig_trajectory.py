@@ -29,8 +29,7 @@ from omnisim.core.coordinate_frames import BASE_FROM_OPTICAL_LOOKING_AHEAD
 from omnisim.core.errors import TrajectoryError, did_you_mean
 from omnisim.core.poses import inverse, pose_from_rotation
 from omnisim.core.trajectories import Trajectory, parse_trajectory
-from omnisim.core.trajectories.formats.parsed_trajectory import Axes
-from omnisim.core.trajectories.formats.text_table import check_printed_times
+from omnisim.core.trajectories.formats.parsed_trajectory import Axes, check_printed_times
 
 BODY, CAMERA = "body", "camera"
 NERFSTUDIO = "nerfstudio"

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from omnisim.core.arrays import Floats
 from omnisim.core.files.fingerprint import fingerprint
+from omnisim.core.poses import proper_rotation
 from omnisim.core.short_repr import counted, short_repr
 from omnisim.ground_truth.boxes import OrientedBox
 from omnisim.scene import editing
-from omnisim.scene.arrays import import_arrays
+from omnisim.scene.editing import import_arrays
 from omnisim.scene.files.source_digests import SourceDigests
 from omnisim.scene.formats.imported_scene import ImportedScene, place, world_from_axes
 from omnisim.scene.light.lighting import DEFAULT_BACKGROUND, expose, is_even
@@ -42,7 +45,6 @@ from omnisim.scene.parts import (
     bounds_m,
 )
 from omnisim.scene.slabs import with_slabs
-from omnisim.scene.space.instance_boxes import instance_boxes
 from omnisim.scene.space.start_pose import find_start
 
 __all__ = [
@@ -73,17 +75,11 @@ __all__ = [
 
 @dataclass(frozen=True, eq=False)
 class DynamicObject:
-    """Object whose pose is a function of world time.
+    """Object whose pose is a function of world time."""
 
-    Attributes:
-        name: name, unique within the scene.
-        shape: geometry in the object's own frame; its lights and background are ignored.
-        motion: pose of that frame in the world over time.
-    """
-
-    name: str
-    shape: Scene
-    motion: ObjectMotion
+    name: str  # name, unique within the scene
+    shape: Scene  # geometry in the object's own frame; its lights and background are ignored
+    motion: ObjectMotion  # pose of that frame in the world over time
 
     def __repr__(self) -> str:
         return short_repr(self, repr(self.name), type(self.motion).__name__)
@@ -161,7 +157,7 @@ class Scene:
     @cached_property
     def instance_boxes(self) -> dict[str, OrientedBox]:
         """Oriented boxes of the instances by name, aligned with their own frames, at 0 s."""
-        return instance_boxes(self.instances, self.meshes)
+        return _boxes(self.instances, self.meshes)
 
     @cached_property
     def deforms(self) -> bool:
@@ -176,14 +172,14 @@ class Scene:
             one.name for one in self.instances if self.meshes[one.mesh].deformation is not None
         }
         deforming = [one for one in self.instances if one.name in names]
-        return self.instance_boxes | instance_boxes(deforming, self.meshes, time_s)
+        return self.instance_boxes | _boxes(deforming, self.meshes, time_s)
 
     @property
     def instance_names(self) -> tuple[str, ...]:
         """Unique names of the instances; all parts with one name form one instance."""
         return tuple(dict.fromkeys(instance.name for instance in self.instances))
 
-    def bounds_m(self, name: str | None = None) -> NDArray[np.float64]:
+    def bounds_m(self, name: str | None = None) -> Floats:
         """Smallest and largest corner (2, 3) of all instances, or of one, world frame, m.
 
         Without instances: the bounds of the dynamic objects at 0 s.
@@ -196,7 +192,7 @@ class Scene:
         instances = self.instances if name is None else editing.find(self._content, name)
         return bounds_m(self.meshes, instances)
 
-    def pose_of(self, name: str) -> NDArray[np.float64]:
+    def pose_of(self, name: str) -> Floats:
         """Pose (4, 4) world_from_instance of an instance's frame.
 
         The frame is that of the instance's node, which is z up unless the node is rotated. An added
@@ -328,7 +324,7 @@ class Scene:
         Raises:
             SceneError: another type, no geometry, invalid numbers or an unknown unit.
         """
-        from omnisim.scene.formats.mesh.trimesh_import import read_trimesh  # slow to import
+        from omnisim.scene.formats.mesh.other_formats import read_trimesh  # slow to import
 
         imported, units = read_trimesh(source, name, smooth)
         axes = world_from_axes(up_axis, units if meters_per_unit is None else meters_per_unit)
@@ -385,3 +381,30 @@ class Scene:
         if self.given is None:
             return scene
         return scene.identified(self.given.edited(change) if change else self.given)
+
+
+def _boxes(
+    instances: Sequence[Instance], meshes: Sequence[Mesh], time_s: float = 0.0
+) -> dict[str, OrientedBox]:
+    """Boxes by instance name at a world time, in the frame in which the instances are placed.
+
+    All parts with one name share one box, which bounds them along the axes of the instance's frame,
+    see `Scene.pose_of`.
+    """
+    parts: dict[str, list[Floats]] = {}
+    axes: dict[str, Floats] = {}
+    for one in instances:
+        mesh, matrix = meshes[one.mesh], one.world_from_mesh
+        used = np.unique(mesh.triangles).astype(np.intp)
+        points = mesh.positions[used].astype(np.float64)
+        if mesh.deformation is not None:
+            points = mesh.deformation.positions_at(time_s, used)
+        points_m = points @ matrix[:3, :3].T + matrix[:3, 3]
+        parts.setdefault(one.name, []).append(points_m)
+        axes.setdefault(one.name, one.world_from_node[:3, :3])
+    boxes = {}
+    for name, of_name in parts.items():
+        points_m = np.concatenate(of_name)
+        if len(points_m):
+            boxes[name] = OrientedBox.of_points(points_m, proper_rotation(axes[name]))
+    return boxes

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from omnisim.cameras import CentralCamera
-from omnisim.core.bounds import bounds_of
+from omnisim.core.arrays import Bytes, Floats, Floats32, bounds_of
 from omnisim.core.files.parameters import (
     AboveZero,
     Fraction,
@@ -59,21 +59,15 @@ IDENTITY_UV = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
 
 @dataclass(frozen=True, eq=False)
 class Texture:
-    """Texture with sRGB-encoded colors or linear values.
+    """Texture with sRGB-encoded colors or linear values."""
 
-    Attributes:
-        pixels: (height, width, 4) uint8 RGBA, first row at texture coordinate v = 0.
-        wrap_u, wrap_v: wrapping modes along u and v.
-        is_linear: True for linear values, false for sRGB-encoded colors.
-        uv_set: 0: the mesh's first texture coordinates; 1: its second. Always 0 for a base color.
-        uv_transform: (2, 3) affine transform of those coordinates; identity for a base color.
-    """
-
-    pixels: NDArray[np.uint8]
+    pixels: Bytes  # (height, width, 4) uint8 RGBA, first row at texture coordinate v = 0
     wrap_u: Wrap = Wrap.REPEAT
     wrap_v: Wrap = Wrap.REPEAT
-    is_linear: bool = False
+    is_linear: bool = False  # True for linear values, false for sRGB-encoded colors
+    # 0: the mesh's first texture coordinates; 1: its second. Always 0 for a base color
     uv_set: int = 0
+    # (2, 3) affine transform of those coordinates; identity for a base color
     uv_transform: tuple[tuple[float, float, float], tuple[float, float, float]] = IDENTITY_UV
 
     def __repr__(self) -> str:
@@ -93,33 +87,18 @@ class Material:
     The default is matte: Lambertian, without gloss. Dielectric gloss requires `specular`, which is
     1 for a dielectric in glTF.
 
-    Attributes:
-        name: material name in the file.
-        base_color: linear RGBA, multiplied with the texture and the vertex colors.
-        texture: base color texture; None: no texture.
-        alpha_mode: opaque, mask or blend.
-        alpha_cutoff: smallest alpha of the surface in MASK mode; below it is a hole.
-        double_sided: render both sides.
-        unlit: render without lighting.
-        casts_shadow: cast shadows of the scene's lights.
-        normal_scale, occlusion_strength, clearcoat_normal_scale: strengths of the maps.
-        metallic_roughness_map, normal_map, occlusion_map: linear textures.
-        emissive_map: color texture.
-        specular_map: color texture whose color multiplies `specular_color` and whose alpha
-            multiplies `specular`.
-        clearcoat_map, clearcoat_normal_map: linear textures.
-
     Source: glTF 2.0, section 3.9 and appendix B; KHR_materials_specular, _ior, _clearcoat,
         _transmission, _volume, _dispersion.
     """
 
-    name: str = ""
+    name: str = ""  # material name in the file
+    # linear RGBA, multiplied with the texture and the vertex colors
     base_color: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
-    texture: Texture | None = None
-    alpha_mode: AlphaMode = AlphaMode.OPAQUE
-    alpha_cutoff: float = 0.5
-    double_sided: bool = False
-    unlit: bool = False
+    texture: Texture | None = None  # base color texture; None: no texture
+    alpha_mode: AlphaMode = AlphaMode.OPAQUE  # opaque, mask or blend
+    alpha_cutoff: float = 0.5  # smallest alpha of the surface in MASK mode; below it is a hole
+    double_sided: bool = False  # render both sides
+    unlit: bool = False  # render without lighting
     metallic: Fraction = 0.0
     """1: metal; 0: dielectric; a factor of blue of `metallic_roughness_map`."""
     roughness: Fraction = 1.0
@@ -137,15 +116,19 @@ class Material:
     """Roughness of the clear coat; a factor of green of `clearcoat_map`."""
     emissive: tuple[Emission, Emission, Emission] = (0.0, 0.0, 0.0)
     """Emitted light, linear RGB, a factor of `emissive_map`; 1 is white."""
+    # normal_scale, occlusion_strength, clearcoat_normal_scale: strengths of the maps
     normal_scale: float = 1.0
     occlusion_strength: float = 1.0
     clearcoat_normal_scale: float = 1.0
+    # metallic_roughness_map, normal_map, occlusion_map: linear textures
     metallic_roughness_map: Texture | None = None
     normal_map: Texture | None = None
     occlusion_map: Texture | None = None
-    emissive_map: Texture | None = None
-    casts_shadow: bool = True
+    emissive_map: Texture | None = None  # color texture
+    casts_shadow: bool = True  # cast shadows of the scene's lights
+    # color texture whose color multiplies `specular_color` and whose alpha multiplies `specular`
     specular_map: Texture | None = None
+    # clearcoat_map, clearcoat_normal_map: linear textures
     clearcoat_map: Texture | None = None
     clearcoat_normal_map: Texture | None = None
     transmission: Fraction = 0.0
@@ -261,13 +244,9 @@ class Material:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SlabMaterial(Material):
-    """Material of a slab of glass: a pane with two faces, which only traced images refract.
+    """Material of a slab of glass: a pane with two faces, which only traced images refract."""
 
-    Attributes:
-        slab_m: distance between its faces.
-    """
-
-    slab_m: float = 0.0
+    slab_m: float = 0.0  # distance between its faces
 
     @property
     def is_slab(self) -> bool:
@@ -283,34 +262,24 @@ class SlabMaterial(Material):
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """Triangles of one material, centered on their own origin for float32 precision.
+    """Triangles of one material, centered on their own origin for float32 precision."""
 
-    Attributes:
-        name: mesh name in the file.
-        positions: (n, 3) float32, file units.
-        triangles: (m, 3) uint32, counter-clockwise seen from the front.
-        material: index into `Scene.materials`.
-        normals: (n, 3) float32; None: flat shading.
-        texture_coordinates: (n, 2) float32, (0, 0) at the texture's top left; None: untextured.
-        colors: (n, 4) float32 linear RGBA; None: no vertex colors.
-        second_texture_coordinates: (n, 2) float32; None: only one set.
-        deformation: deformation over time, with positions and normals at 0 s; None: rigid.
-        light_coordinates: (n, 2) float32 lightmap coordinates in [0, 1], relative to
-            `Instance.light_rectangle`; None: no lightmap.
-    """
-
-    name: str
-    positions: NDArray[np.float32]
-    triangles: NDArray[np.uint32]
-    material: int
-    normals: NDArray[np.float32] | None = None
-    texture_coordinates: NDArray[np.float32] | None = None
-    colors: NDArray[np.float32] | None = None
-    second_texture_coordinates: NDArray[np.float32] | None = None
+    name: str  # mesh name in the file
+    positions: Floats32  # (n, 3) float32, file units
+    triangles: NDArray[np.uint32]  # (m, 3) uint32, counter-clockwise seen from the front
+    material: int  # index into `Scene.materials`
+    normals: Floats32 | None = None  # (n, 3) float32; None: flat shading
+    # (n, 2) float32, (0, 0) at the texture's top left; None: untextured
+    texture_coordinates: Floats32 | None = None
+    colors: Floats32 | None = None  # (n, 4) float32 linear RGBA; None: no vertex colors
+    second_texture_coordinates: Floats32 | None = None  # (n, 2) float32; None: only one set
+    # deformation over time, with positions and normals at 0 s; None: rigid
     deformation: Deformation | None = None
-    light_coordinates: NDArray[np.float32] | None = None
+    # (n, 2) float32 lightmap coordinates in [0, 1], relative to `Instance.light_rectangle`; None:
+    # no lightmap
+    light_coordinates: Floats32 | None = None
 
-    def coordinates_of(self, texture: Texture) -> NDArray[np.float32] | None:
+    def coordinates_of(self, texture: Texture) -> Floats32 | None:
         """Texture coordinates (n, 2) for a texture's `uv_set`, before its `uv_transform`."""
         return self.second_texture_coordinates if texture.uv_set else self.texture_coordinates
 
@@ -321,24 +290,17 @@ class Mesh:
 
 @dataclass(frozen=True, eq=False)
 class Instance:
-    """Occurrence of a mesh in the world.
+    """Occurrence of a mesh in the world."""
 
-    Attributes:
-        name: node name in the file, shared by all parts of one object.
-        mesh: index into `Scene.meshes`.
-        world_from_mesh: (4, 4) float64 transform, m.
-        world_from_node: (4, 4) float64 transform of the node, m; its axes are parallel to the
-            world's unless the node is rotated. Default: identity.
-        light_rectangle: lightmap region (left, top, width, height) in [0, 1]; None: lit by the
-            probes.
-        light_back_rectangle: lightmap region of the back faces; None: same light as the front.
-    """
-
-    name: str
-    mesh: int
-    world_from_mesh: NDArray[np.float64]
-    world_from_node: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
+    name: str  # node name in the file, shared by all parts of one object
+    mesh: int  # index into `Scene.meshes`
+    world_from_mesh: Floats  # (4, 4) float64 transform, m
+    # (4, 4) float64 transform of the node, m; its axes are parallel to the world's unless the node
+    # is rotated. Default: identity
+    world_from_node: Floats = field(default_factory=lambda: np.eye(4))
+    # lightmap region (left, top, width, height) in [0, 1]; None: lit by the probes
     light_rectangle: LightRectangle | None = None
+    # lightmap region of the back faces; None: same light as the front
     light_back_rectangle: LightRectangle | None = None
 
     def __repr__(self) -> str:
@@ -357,28 +319,20 @@ class LightKind(Enum):
 class Light:
     """Directional, point or spot light.
 
-    Attributes:
-        kind: light type.
-        color: linear RGB.
-        intensity: illuminance, lx (directional), or luminous intensity, cd (point and spot).
-        position_m: (3,) world frame; unused for a directional light.
-        direction: (3,) unit vector, world frame, along which the light travels; unused for a point
-            light.
-        range_m: distance at which the light of a point or spot light ends.
-        cone_cosines: cosines of a spot light's inner and outer half-angles.
-        casts_shadow: True: surfaces block the light, except those within `LAMP_NEAR_M`.
-
     Source: glTF extension KHR_lights_punctual.
     """
 
-    kind: LightKind
-    color: tuple[float, float, float]
-    intensity: float
-    position_m: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
-    direction: NDArray[np.float64] = field(default_factory=lambda: np.array([0.0, 0.0, -1.0]))
-    range_m: float = math.inf
+    kind: LightKind  # light type
+    color: tuple[float, float, float]  # linear RGB
+    intensity: float  # illuminance, lx (directional), or luminous intensity, cd (point and spot)
+    # (3,) world frame; unused for a directional light
+    position_m: Floats = field(default_factory=lambda: np.zeros(3))
+    # (3,) unit vector, world frame, along which the light travels; unused for a point light
+    direction: Floats = field(default_factory=lambda: np.array([0.0, 0.0, -1.0]))
+    range_m: float = math.inf  # distance at which the light of a point or spot light ends
+    # cosines of a spot light's inner and outer half-angles
     cone_cosines: tuple[float, float] = (1.0, 0.0)
-    casts_shadow: bool = True
+    casts_shadow: bool = True  # True: surfaces block the light, except those within `LAMP_NEAR_M`
 
     def __repr__(self) -> str:
         return short_repr(self, self.kind.value, f"intensity {self.intensity:g}")
@@ -394,14 +348,10 @@ class Fog:
     """Homogeneous fog or water: attenuates light along a ray and adds its own color.
 
     Over a distance of d meters, the fraction exp(−attenuation · d) of each channel remains.
-
-    Attributes:
-        color: linear RGB at infinite distance.
-        attenuation_per_m: attenuation coefficients of R, G and B.
     """
 
-    color: tuple[float, float, float]
-    attenuation_per_m: tuple[float, float, float]
+    color: tuple[float, float, float]  # linear RGB at infinite distance
+    attenuation_per_m: tuple[float, float, float]  # attenuation coefficients of R, G and B
 
 
 @dataclass(frozen=True, eq=False)
@@ -410,24 +360,17 @@ class Lighting:
 
     A white surface under ambient light (1, 1, 1) alone has the color (1, 1, 1). Each light adds its
     illuminance times `exposure`, weighted by Lambert's cosine.
-
-    Attributes:
-        ambient: linear RGB, equal from all directions.
-        lights: at most `MAX_LIGHTS` lights.
-        exposure: brightness of a white surface per lux.
-        environment: distant light, added to the ambient light; None: no environment.
-        fog: fog between the cameras and the surfaces; None: no fog.
-        is_matte: render all materials as matte, including those of dynamic objects.
-        baked: baked light, which replaces the ambient light and the diffuse light of all lamps;
-            None: computed at run time.
     """
 
-    ambient: tuple[float, float, float]
-    lights: tuple[Light, ...]
-    exposure: float = 1.0
+    ambient: tuple[float, float, float]  # linear RGB, equal from all directions
+    lights: tuple[Light, ...]  # at most `MAX_LIGHTS` lights
+    exposure: float = 1.0  # brightness of a white surface per lux
+    # distant light, added to the ambient light; None: no environment
     environment: Environment | None = None
-    fog: Fog | None = None
-    is_matte: bool = False
+    fog: Fog | None = None  # fog between the cameras and the surfaces; None: no fog
+    is_matte: bool = False  # render all materials as matte, including those of dynamic objects
+    # baked light, which replaces the ambient light and the diffuse light of all lamps; None:
+    # computed at run time
     baked: BakedLight | None = None
 
     def background(self, color: tuple[float, float, float]) -> tuple[float, float, float]:
@@ -471,17 +414,14 @@ class StartPose:
 
 @dataclass(frozen=True)
 class CameraPose:
-    """Camera from a scene file: viewpoint in the world frame and attitude, x forward.
-
-    Attributes:
-        lens: lens of the file; None: not stated, or of a model that omnisim does not have.
-    """
+    """Camera from a scene file: viewpoint in the world frame and attitude, x forward."""
 
     name: str
     position_m: tuple[float, float, float]
     yaw_deg: float = 0.0
     pitch_deg: float = 0.0
     roll_deg: float = 0.0
+    # lens of the file; None: not stated, or of a model that omnisim does not have
     lens: CentralCamera | None = None
 
 
@@ -560,25 +500,18 @@ class ScenePath(Parameters, name="path"):
 
 @dataclass(frozen=True)
 class LabelRule:
-    """Class of instances, assigned by patterns of their names.
+    """Class of instances, assigned by patterns of their names."""
 
-    Attributes:
-        id: class ID ≥ 1, unique.
-        name: class name, unique.
-        color: 8-bit sRGB, for images.
-        nodes: patterns of instance names, with the wildcards `*` and `?`.
-    """
-
-    id: int
-    name: str
-    color: tuple[int, int, int]
-    nodes: tuple[str, ...]
+    id: int  # class ID ≥ 1, unique
+    name: str  # class name, unique
+    color: tuple[int, int, int]  # 8-bit sRGB, for images
+    nodes: tuple[str, ...]  # patterns of instance names, with the wildcards `*` and `?`
 
     def __repr__(self) -> str:
         return short_repr(self, str(self.id), repr(self.name), " ".join(self.nodes))
 
 
-def bounds_m(meshes: tuple[Mesh, ...], instances: tuple[Instance, ...]) -> NDArray[np.float64]:
+def bounds_m(meshes: tuple[Mesh, ...], instances: tuple[Instance, ...]) -> Floats:
     """Smallest and largest corner (2, 3) of the instances' joint bounding box, world frame, m."""
     if not instances:
         return np.array([[np.inf] * 3, [-np.inf] * 3])
@@ -586,9 +519,7 @@ def bounds_m(meshes: tuple[Mesh, ...], instances: tuple[Instance, ...]) -> NDArr
     return np.stack((boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)))
 
 
-def instance_bounds_m(
-    meshes: tuple[Mesh, ...], instances: tuple[Instance, ...]
-) -> NDArray[np.float64]:
+def instance_bounds_m(meshes: tuple[Mesh, ...], instances: tuple[Instance, ...]) -> Floats:
     """Smallest and largest corner (n, 2, 3) of each instance's bounding box, world frame, m."""
     boxes = np.array([bounds_of(mesh.positions) for mesh in meshes], np.float64)[
         [instance.mesh for instance in instances]

@@ -6,13 +6,14 @@ A plane counts if it holds at least `MIN_PLANE_SHARE` of its mesh's area, and is
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Bools, Floats
+from omnisim.scene.model import Scene
 from omnisim.scene.parts import AlphaMode, Material, Mesh
 from omnisim.scene.surface_reflectance import MAX_MIRRORED_ROUGHNESS, MIN_ROUGHNESS
 
@@ -40,46 +41,33 @@ class ShownSurface(Protocol):
         """Index of its dynamic object; None: static."""
 
     @property
-    def object_from_mesh(self) -> NDArray[np.float64]:
+    def object_from_mesh(self) -> Floats:
         """(4, 4) transform to the world or the dynamic object's frame."""
 
 
 @dataclass(frozen=True, eq=False)
 class MirrorPlane:
-    """Plane of one or more mirrors, in the world or in a dynamic object's frame.
+    """Plane of one or more mirrors, in the world or in a dynamic object's frame."""
 
-    Attributes:
-        object_index: index of its dynamic object; None: static.
-        normal: (3,) unit normal.
-        offset_m: distance of the plane from the origin, along the normal.
-        area_m2: area of its triangles.
-        sides: signs of the sides from which it is visible: 1 for that of the normal, −1.
-        parts: indices of the surfaces on it, each with the mask (triangles,) of its triangles.
-    """
-
-    object_index: int | None
-    normal: NDArray[np.float64]
-    offset_m: float
-    area_m2: float
+    object_index: int | None  # index of its dynamic object; None: static
+    normal: Floats  # (3,) unit normal
+    offset_m: float  # distance of the plane from the origin, along the normal
+    area_m2: float  # area of its triangles
+    # signs of the sides from which it is visible: 1 for that of the normal, −1
     sides: frozenset[int]
-    parts: dict[int, NDArray[np.bool_]]
+    # indices of the surfaces on it, each with the mask (triangles,) of its triangles
+    parts: dict[int, Bools]
 
 
 class FlatPart(NamedTuple):
-    """Coplanar triangles of a mesh, in its frame.
+    """Coplanar triangles of a mesh, in its frame."""
 
-    Attributes:
-        normal, point: (3,) unit normal and a point of the plane.
-        area: area of the triangles.
-        sides: see `MirrorPlane`.
-        triangles: mask (triangles,) of the triangles.
-    """
-
-    normal: NDArray[np.float64]
-    point: NDArray[np.float64]
-    area: float
-    sides: frozenset[int]
-    triangles: NDArray[np.bool_]
+    # normal, point: (3,) unit normal and a point of the plane
+    normal: Floats
+    point: Floats
+    area: float  # area of the triangles
+    sides: frozenset[int]  # see `MirrorPlane`
+    triangles: Bools  # mask (triangles,) of the triangles
 
 
 class _PlacedPart(NamedTuple):
@@ -87,11 +75,11 @@ class _PlacedPart(NamedTuple):
 
     surface: int
     object_index: int
-    normal: NDArray[np.float64]
+    normal: Floats
     offset_m: float
     area_m2: float
     sides: frozenset[int]
-    triangles: NDArray[np.bool_]
+    triangles: Bools
 
 
 def is_smooth(material: Material, max_roughness: float) -> bool:
@@ -183,7 +171,7 @@ def _planes(parts: Sequence[_PlacedPart]) -> tuple[MirrorPlane, ...]:
         is_own &= (turned <= _SAME_NORMAL) & (beside_m <= _SAME_OFFSET_M)
         is_own[int(np.argmax(left))] = True
         left &= ~is_own
-        area_m2, sides, masks = 0.0, frozenset[int](), dict[int, NDArray[np.bool_]]()
+        area_m2, sides, masks = 0.0, frozenset[int](), dict[int, Bools]()
         for number in np.flatnonzero(is_own).tolist():
             part, sign = parts[number], int(signs[number])
             area_m2 += part.area_m2
@@ -227,7 +215,7 @@ def flat_parts(mesh: Mesh) -> list[FlatPart]:
     return parts
 
 
-def _has_flat_normals(mesh: Mesh, normals: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _has_flat_normals(mesh: Mesh, normals: Floats) -> Bools:
     """Mask of the triangles (n,) whose vertex normals are, up to sign, their own (n, 3)."""
     if mesh.normals is None:
         return np.ones(len(normals), dtype=np.bool_)
@@ -240,11 +228,7 @@ def _has_flat_normals(mesh: Mesh, normals: NDArray[np.float64]) -> NDArray[np.bo
 
 
 def _candidates(
-    normals: NDArray[np.float64],
-    corners: NDArray[np.float64],
-    size: float,
-    areas: NDArray[np.float64],
-    min_area: float,
+    normals: Floats, corners: Floats, size: float, areas: Floats, min_area: float
 ) -> list[int]:
     """Largest triangle of each coarse class of planes that holds at least an area, and some."""
     offsets = np.einsum("nc,nc->n", normals, corners[:, 0]) / size
@@ -255,3 +239,77 @@ def _candidates(
     kept = np.flatnonzero((sums > 0.0) & (sums >= min_area))
     largest = [int(np.argmax(np.where(inverse == one, areas, 0.0))) for one in kept.tolist()]
     return sorted(largest, key=lambda index: -areas[index])
+
+
+# Surfaces of a scene and its dynamic objects, and those of them that planar mirrors hold.
+
+
+class SceneSurface(NamedTuple):
+    """Instance of a mesh, see `ShownSurface`."""
+
+    mesh: Mesh
+    material: Material
+    object_from_mesh: Floats
+    object_index: int | None
+
+
+def scene_surfaces(scene: Scene, objects: Iterable[Scene]) -> dict[int, SceneSurface]:
+    """Surfaces of a scene, then those of dynamic objects, by their number.
+
+    Args:
+        scene: static scene.
+        objects: shapes of the dynamic objects.
+    """
+    shapes = [(None, scene), *enumerate(objects)]
+    surfaces = [
+        SceneSurface(
+            shape.meshes[one.mesh],
+            shape.materials[shape.meshes[one.mesh].material],
+            one.world_from_mesh,
+            index,
+        )
+        for index, shape in shapes
+        for one in shape.instances
+    ]
+    return dict(enumerate(surfaces))
+
+
+def is_surface_planar(number: int, planes: Sequence[MirrorPlane]) -> bool:
+    """True if planar mirrors hold all triangles of a surface."""
+    masks = [plane.parts[number] for plane in planes if number in plane.parts]
+    return bool(masks) and bool(np.any(masks, axis=0).all())
+
+
+# Specular materials: glass and mirrors, where light passes or is reflected in one direction.
+
+
+def is_specular(material: Material) -> bool:
+    """True for thin panes and for opaque, smooth gloss, metal or clear coats without normal maps.
+
+    Smooth is a roughness of at most `MIN_ROUGHNESS`, anywhere on the surface.
+    """
+    has_normal_map = material.normal_map or material.clearcoat_normal_map
+    if material.alpha_mode is not AlphaMode.OPAQUE or has_normal_map is not None:
+        return False
+    return material.pane_transmission > 0.0 or is_smooth(material, MIN_ROUGHNESS)
+
+
+def specular_mask(materials: Sequence[Material], is_matte: bool) -> Bools:
+    """Mask (n,) of specular materials; none is if the scene is shaded as matte."""
+    if is_matte:
+        return np.zeros(len(materials), dtype=np.bool_)
+    known: dict[int, bool] = {}
+    for one in materials:
+        if id(one) not in known:
+            known[id(one)] = is_specular(one)
+    return np.array([known[id(one)] for one in materials], dtype=np.bool_)
+
+
+def has_specular(scene: Scene, others: Iterable[Scene] = ()) -> bool:
+    """True if a scene, or one of its dynamic objects, has visible specular surfaces."""
+    materials = [
+        part.materials[part.meshes[instance.mesh].material]
+        for part in (scene, *others)
+        for instance in part.instances
+    ]
+    return bool(specular_mask(materials, scene.lighting.is_matte).any())

@@ -1,4 +1,4 @@
-"""Triangulated primitive solids, accurate enough for range measurements.
+"""Triangulated primitive solids, accurate enough for range measurements, and planar polygons.
 
 On round surfaces, the distance of a triangle's points from the true surface is at most
 `MAX_DEVIATION` times the radius, or at most `MIN_DEVIATION_M`. Corners lie slightly outside it and
@@ -9,10 +9,14 @@ a circle, for scenes with many solids.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from mapbox_earcut import triangulate_float64
+from numpy.typing import ArrayLike
+
+from omnisim.core.arrays import Floats, Ints
 
 MAX_DEVIATION = 5e-4
 MIN_DEVIATION_M = 5e-5
@@ -28,9 +32,9 @@ class Surface(NamedTuple):
         normals: (n, 3) unit; None: flat shading.
     """
 
-    positions: NDArray[np.float64]
-    triangles: NDArray[np.int64]
-    normals: NDArray[np.float64] | None
+    positions: Floats
+    triangles: Ints
+    normals: Floats | None
 
 
 def segments(radius_m: float, max_segments: int = MAX_SEGMENTS) -> int:
@@ -49,8 +53,8 @@ def rectangle(half_x: float, half_y: float) -> Surface:
 
 def box(half_sizes: ArrayLike) -> Surface:
     """Axis-aligned box at the origin, with half sizes (3,)."""
-    corners: list[NDArray[np.float64]] = []
-    triangles: list[NDArray[np.int64]] = []
+    corners: list[Floats] = []
+    triangles: list[Ints] = []
     for axis in range(3):
         for sign in (-1.0, 1.0):
             u, v = (axis + 1) % 3, (axis + 2) % 3
@@ -127,7 +131,7 @@ def join(*surfaces: Surface) -> Surface:
     )
 
 
-def grid_triangles(rows: int, columns: int) -> NDArray[np.int64]:
+def grid_triangles(rows: int, columns: int) -> Ints:
     """Triangles (m, 3) of a row-major grid of vertices, with diagonals from (0, 0) to (1, 1).
 
     With x along the columns and y along the rows, they face up.
@@ -143,7 +147,7 @@ def _outside(count: int) -> float:
     return 2.0 / (1.0 + math.cos(math.pi / count))
 
 
-def _circle(count: int) -> NDArray[np.float64]:
+def _circle(count: int) -> Floats:
     """Unit vectors (count + 1, 2) around a circle; the last repeats the first."""
     angles = np.arange(count + 1) % count * (2.0 * math.pi / count)
     return np.stack((np.cos(angles), np.sin(angles)), axis=1)
@@ -189,3 +193,60 @@ def _disc(count: int, radius_m: float, z_m: float) -> Surface:
         triangles if up > 0 else triangles[:, ::-1],
         np.tile((0.0, 0.0, up), (count + 1, 1)),
     )
+
+
+# Triangulation of planar polygons with holes.
+
+
+def triangulate(loops: Sequence[ArrayLike]) -> tuple[Floats, Ints]:
+    """Triangulate closed loops by the even-odd rule.
+
+    Args:
+        loops: points (n, 2) of each loop, in either direction. The first point is not repeated at
+            the end, and loops do not cross.
+
+    Returns:
+        Points (p, 2) of all loops, concatenated, and counter-clockwise triangles (m, 3).
+    """
+    rings = [np.asarray(loop, dtype=np.float64).reshape(-1, 2) for loop in loops]
+    points = np.concatenate(rings) if rings else np.zeros((0, 2))
+    indices = np.split(np.arange(len(points)), np.cumsum([len(ring) for ring in rings])[:-1])
+    depths = [sum(surrounds(other, ring[0]) for other in rings if other is not ring)
+              for ring in rings]  # fmt: skip
+    triangles = [np.zeros((0, 3), np.int64)]
+    for outline, ring in enumerate(rings):
+        if depths[outline] % 2:
+            continue
+        holes = [
+            k
+            for k, depth in enumerate(depths)
+            if depth == depths[outline] + 1 and surrounds(ring, rings[k][0])
+        ]
+        members = [outline, *holes]
+        ears = clip_ears([rings[k] for k in members])
+        triangles.append(np.concatenate([indices[k] for k in members])[ears])
+    return points, np.concatenate(triangles)
+
+
+def clip_ears(rings: Sequence[Floats]) -> Ints:
+    """Non-degenerate, counter-clockwise triangles (m, 3) of a simple polygon with holes.
+
+    Args:
+        rings: points (n, 2) of the polygon, then of each hole; triangles index their concatenation.
+    """
+    points = np.concatenate(rings)
+    ends = np.cumsum([len(ring) for ring in rings], dtype=np.uint32)
+    triangles: Ints = triangulate_float64(points, ends).reshape(-1, 3).astype(np.int64)
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    areas = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+    triangles[areas < 0.0] = triangles[areas < 0.0, ::-1]
+    return triangles[areas != 0.0]
+
+
+def surrounds(ring: Floats, point: Floats) -> bool:
+    """True if a ring encloses a point: a ray from the point crosses it an odd number of times."""
+    (x0, y0), (x1, y1) = ring.T, np.roll(ring, -1, axis=0).T
+    crosses = (y0 > point[1]) != (y1 > point[1])
+    rise = np.where(crosses, y1 - y0, 1.0)
+    right = x0 + (point[1] - y0) * (x1 - x0) / rise > point[0]
+    return bool(np.count_nonzero(crosses & right) % 2)

@@ -13,16 +13,11 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats
 from omnisim.scene.parts import Material
-from omnisim.scene.planar_mirrors import MirrorPlane, ShownSurface, is_smooth
-from omnisim.scene.scene_surfaces import is_surface_planar
-from omnisim.scene.surface_reflectance import (
-    COAT_F0,
-    MAX_TRACED_ROUGHNESS,
-    dielectric_f0,
-)
+from omnisim.scene.planar_mirrors import MirrorPlane, ShownSurface, is_smooth, is_surface_planar
+from omnisim.scene.surface_reflectance import COAT_F0, MAX_TRACED_ROUGHNESS, dielectric_f0
 
 # Mean cosine between outward directions and normals: 1 for a ball, −1 for a room.
 _COMPACT, _HOLLOW = 0.25, -0.1
@@ -34,35 +29,26 @@ _SHEET_LIFT, _MAX_SHEET_LIFT_M = 0.25, 1.0  # height of its probe, as a share of
 
 @dataclass(frozen=True, eq=False)
 class ProbePlace:
-    """Reflection probe, in the world or in a dynamic object's frame.
+    """Reflection probe, in the world or in a dynamic object's frame."""
 
-    Attributes:
-        object_index: index of its dynamic object; None: static.
-        center_m: (3,) viewpoint; of a deforming surface, at 0 s.
-        radius_m: radius of the bounds of its largest surface.
-        area_m2: area of that surface.
-        surfaces: indices of the surfaces that reflect it.
-        left_out: indices of the surfaces that it does not show.
-        deforming: index of the deforming surface whose bounds it follows; None: rigid.
-    """
-
-    object_index: int | None
-    center_m: NDArray[np.float64]
-    radius_m: float
-    area_m2: float
-    surfaces: frozenset[int]
-    left_out: frozenset[int]
+    object_index: int | None  # index of its dynamic object; None: static
+    center_m: Floats  # (3,) viewpoint; of a deforming surface, at 0 s
+    radius_m: float  # radius of the bounds of its largest surface
+    area_m2: float  # area of that surface
+    surfaces: frozenset[int]  # indices of the surfaces that reflect it
+    left_out: frozenset[int]  # indices of the surfaces that it does not show
+    # index of the deforming surface whose bounds it follows; None: rigid
     deforming: int | None = None
 
 
 class _Box(NamedTuple):
     """Bounds (3,) of a surface in its object's frame."""
 
-    low_m: NDArray[np.float64]
-    high_m: NDArray[np.float64]
+    low_m: Floats
+    high_m: Floats
 
     @property
-    def center_m(self) -> NDArray[np.float64]:
+    def center_m(self) -> Floats:
         """Center (3,)."""
         return 0.5 * (self.low_m + self.high_m)
 
@@ -207,7 +193,7 @@ def _place(index: int, surface: ShownSurface, box: _Box) -> tuple[ProbePlace, bo
     return place, is_small
 
 
-def _positions_m(surface: ShownSurface) -> NDArray[np.float64]:
+def _positions_m(surface: ShownSurface) -> Floats:
     """Vertices (n, 3) in the object's frame."""
     matrix = surface.object_from_mesh
     return surface.mesh.positions.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]

@@ -12,8 +12,8 @@ from dataclasses import fields, replace
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats
 from omnisim.scene.parts import AlphaMode, Instance, Material, Mesh, SlabMaterial
 
 _MAX_RIM_SHARE = 0.2  # of the area
@@ -21,7 +21,7 @@ _SAME_NORMAL = float(np.cos(np.radians(0.5)))
 _SAME_HEIGHT = 0.01  # distance of the corners of a face from its plane, as a share of the thickness
 _SAME_THICKNESS = 0.01  # relative difference of the slabs of one mesh
 
-_Faces = tuple[NDArray[np.float64], float]
+_Faces = tuple[Floats, float]
 # faces of the parts of meshes; an edited scene shares its other meshes
 _FACES: WeakKeyDictionary[Mesh, list[_Faces | None]] = WeakKeyDictionary()
 
@@ -30,7 +30,7 @@ def with_slabs(
     meshes: Sequence[Mesh], materials: Sequence[Material], instances: Sequence[Instance]
 ) -> tuple[tuple[Mesh, ...], tuple[Material, ...]]:
     """Meshes and materials of a scene, in which meshes that are slabs have a `SlabMaterial`."""
-    places: dict[int, list[NDArray[np.float64]]] = {}
+    places: dict[int, list[Floats]] = {}
     for one in instances:
         if _may_be_slab(materials[meshes[one.mesh].material]):
             places.setdefault(one.mesh, []).append(one.world_from_mesh)
@@ -60,7 +60,7 @@ def _may_be_slab(material: Material) -> bool:
     return is_opaque and material.glass_transmission > 0.0
 
 
-def _thickness_m(mesh: Mesh, places: Sequence[NDArray[np.float64]]) -> float | None:
+def _thickness_m(mesh: Mesh, places: Sequence[Floats]) -> float | None:
     """Thickness of a mesh's slabs in its places (4, 4) each; None: it is no slab."""
     if mesh.deformation is not None:
         return None
@@ -78,7 +78,7 @@ def _thickness_m(mesh: Mesh, places: Sequence[NDArray[np.float64]]) -> float | N
     return most_m if most_m - least_m <= _SAME_THICKNESS * most_m else None
 
 
-def normal_of_slabs(mesh: Mesh) -> NDArray[np.float64]:
+def normal_of_slabs(mesh: Mesh) -> Floats:
     """Unit normal (3,) of the faces of a mesh of slabs; 0 if its slabs are not parallel."""
     normals = [np.zeros(3) if one is None else one[0] for one in _faces_of(mesh)]
     is_same = np.abs(normals @ normals[0]) >= _SAME_NORMAL
@@ -92,7 +92,7 @@ def _faces_of(mesh: Mesh) -> list[_Faces | None]:
     return _FACES[mesh]
 
 
-def _parts(mesh: Mesh) -> list[NDArray[np.float64]]:
+def _parts(mesh: Mesh) -> list[Floats]:
     """Corners (n, 3, 3) of the triangles of each connected part; equal positions are connected."""
     import scipy  # few scenes have glass
 
@@ -106,7 +106,7 @@ def _parts(mesh: Mesh) -> list[NDArray[np.float64]]:
     return np.split(positions.astype(np.float64)[triangles[order]], starts)
 
 
-def _faces(corners: NDArray[np.float64]) -> _Faces | None:
+def _faces(corners: Floats) -> _Faces | None:
     """Normal (3,) and distance of the two faces of a slab with triangles (n, 3, 3)."""
     crosses = 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     areas = np.linalg.norm(crosses, axis=1)

@@ -23,53 +23,35 @@ Item = TypeVar("Item")
 
 @dataclass(frozen=True)
 class InstanceSummary:
-    """Summary of one instance: all parts with the same name.
-
-    Attributes:
-        name, class_name: instance and class names.
-        parts, triangles: numbers of parts and triangles.
-        min_m, max_m: corners of its bounding box, world frame.
-        materials: material names.
-        textures_px: width and height of each texture.
-    """
+    """Summary of one instance: all parts with the same name."""
 
     name: str
     class_name: str
-    parts: int
+    parts: int  # number of parts
     triangles: int
+    # min_m, max_m: corners of its bounding box, world frame
     min_m: Vector
     max_m: Vector
     materials: tuple[str, ...]
-    textures_px: tuple[tuple[int, int], ...]
+    textures_px: tuple[tuple[int, int], ...]  # width and height of each texture
 
 
 @dataclass(frozen=True)
 class Floor:
-    """Floor: flat, upward-facing surfaces at one height.
+    """Floor: flat, upward-facing surfaces at one height."""
 
-    Attributes:
-        height_m: mean height.
-        area_m2: total area.
-    """
-
-    height_m: float
-    area_m2: float
+    height_m: float  # mean height
+    area_m2: float  # total area
 
 
 @dataclass(frozen=True)
 class StartSummary:
-    """Start pose of the camera or of a vehicle.
+    """Start pose of the camera or of a vehicle."""
 
-    Attributes:
-        name: start name; empty: the camera's start.
-        position_m, yaw_deg: position and heading in the world.
-        floor_m: height of the floor below or next to it; None: no floor.
-    """
-
-    name: str
+    name: str  # start name; empty: the camera's start
     position_m: Vector
     yaw_deg: float
-    floor_m: float | None
+    floor_m: float | None  # height of the floor below or next to it; None: no floor
 
 
 def instance_summaries(scene: Scene) -> tuple[InstanceSummary, ...]:
@@ -130,10 +112,8 @@ def start_summaries(scene: Scene) -> tuple[StartSummary, ...]:
     starts = [("", scene.start.position_m, scene.start.yaw_deg)]
     starts += [(one.name, one.position_m, one.yaw_deg) for one in scene.starts]
     return tuple(
-        StartSummary(
-            name, position_m, yaw_deg, floor_height_m(scene, position_m[:2], position_m[2])
-        )
-        for name, position_m, yaw_deg in starts
+        StartSummary(name, place_m, yaw_deg, floor_height_m(scene, place_m[:2], place_m[2]))
+        for name, place_m, yaw_deg in starts
     )
 
 
@@ -142,10 +122,7 @@ def memory_bytes(scene: Scene) -> tuple[int, int]:
 
     Textures that differ only in their placement share their pixels.
     """
-    arrays: dict[int, NDArray[np.generic]] = {}
-    for mesh in scene.meshes:
-        for array in _arrays(mesh):
-            arrays[id(array)] = array
+    arrays = {id(array): array for mesh in scene.meshes for array in _arrays(mesh)}
     pixels = {id(texture.pixels): texture.pixels.nbytes for texture in scene_textures(scene)}
     return sum(array.nbytes for array in arrays.values()), sum(pixels.values())
 

@@ -10,6 +10,8 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats, Floats32
+
 # Smoother surfaces would act as mirrors, which do not reflect a lamp without extent.
 MIN_ROUGHNESS = 0.04
 # Rougher surfaces reflect the prefiltered sky and surroundings only, by rays; and rougher planar
@@ -40,7 +42,7 @@ def dielectric_f0(
 
 
 @cache
-def environment_table() -> NDArray[np.float32]:
+def environment_table() -> Floats32:
     """Reflectance table for a white environment (roughnesses, cosines, 3).
 
     The cosine between view and normal runs from 0 to 1 along the columns, the roughness along the
@@ -51,18 +53,16 @@ def environment_table() -> NDArray[np.float32]:
     cosines = np.maximum(cosines, 1e-3)
     roughness = np.maximum(np.linspace(0.0, 1.0, TABLE_SIZE[1]), MIN_ROUGHNESS)[:, None, None]
     view = np.concatenate((np.sqrt(1.0 - cosines**2), 0.0 * cosines, cosines), axis=-1)
-    first, second = _radical_inverse_pairs(_DIRECTIONS)
+    number, second = np.arange(_DIRECTIONS), np.zeros(_DIRECTIONS)  # Hammersley points
+    for bit in range(32):
+        second += ((number >> bit) & 1) * 0.5 ** (bit + 1)
+    first = (number + 0.5) / _DIRECTIONS
     gloss = _gloss(view[:, :, None], roughness, first, second)
     body = np.broadcast_to(_body(view[:, :, None], first, second), gloss.shape[:2])
     return np.concatenate((gloss, body[..., None]), axis=-1).astype(np.float32)
 
 
-def _gloss(
-    view: NDArray[np.float64],
-    roughness: NDArray[np.float64],
-    first: NDArray[np.float64],
-    second: NDArray[np.float64],
-) -> NDArray[np.float64]:
+def _gloss(view: Floats, roughness: Floats, first: Floats, second: Floats) -> Floats:
     """Weights (roughnesses, cosines, 2) of f0 and f90, sampled over GGX half vectors."""
     squared = roughness**4
     height = np.sqrt((1.0 - first) / (1.0 + (squared - 1.0) * first))
@@ -78,9 +78,7 @@ def _gloss(
     return np.stack(shares, axis=-1)
 
 
-def _body(
-    view: NDArray[np.float64], first: NDArray[np.float64], second: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _body(view: Floats, first: Floats, second: Floats) -> Floats:
     """Means (1, cosines) of Schlick's term over cosine-weighted light.
 
     Args:
@@ -103,12 +101,3 @@ def smith_visibility(
     behind = light * np.sqrt(view * view * (1.0 - squared) + squared)
     before = view * np.sqrt(light * light * (1.0 - squared) + squared)
     return 0.5 / np.maximum(behind + before, 1e-7)
-
-
-def _radical_inverse_pairs(count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Hammersley points in the unit square, (count,) per axis."""
-    number = np.arange(count)
-    inverse = np.zeros(count)
-    for bit in range(32):
-        inverse += ((number >> bit) & 1) * 0.5 ** (bit + 1)
-    return (number + 0.5) / count, inverse

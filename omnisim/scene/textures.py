@@ -8,8 +8,8 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Bytes
 from omnisim.scene.parts import AlphaMode, Texture, Wrap
 
 if TYPE_CHECKING:  # slow to import, and scenes need not have textures
@@ -40,7 +40,7 @@ class TextureStore:
         self.notices: list[str] = []
         self._textures: dict[tuple[object, ...], Texture | None] = {}
         # by id; holding the image keeps its id from being reused
-        self._pixels: dict[int, tuple[Image, NDArray[np.uint8] | None]] = {}
+        self._pixels: dict[int, tuple[Image, Bytes | None]] = {}
 
     def texture(
         self,
@@ -51,7 +51,6 @@ class TextureStore:
         is_linear: bool = False,
     ) -> Texture | None:
         """Texture of an image, or None if it cannot be decoded.
-
 
         Args:
             image: opened image.
@@ -69,7 +68,7 @@ class TextureStore:
             self._textures[key] = None if pixels is None else Texture(pixels, *wraps, is_linear)
         return self._textures[key]
 
-    def _decode(self, image: Image, used_by: str) -> NDArray[np.uint8] | None:
+    def _decode(self, image: Image, used_by: str) -> Bytes | None:
         if id(image) not in self._pixels:
             pixels = None
             try:
@@ -90,7 +89,7 @@ def large_textures() -> Iterator[None]:
         yield
 
 
-def rgba8(image: Image) -> NDArray[np.uint8]:
+def rgba8(image: Image) -> Bytes:
     """Pixels (height, width, 4) uint8 of an image in any mode; Pillow raises if it is damaged.
 
     Raises:

@@ -10,9 +10,13 @@ from omnisim.core.extras import install_hint, missing_packages
 from omnisim.core.short_repr import counted
 from omnisim.rendering.shared_scene import BackendName
 from omnisim.scene import Scene
-from omnisim.scene.planar_mirrors import find_mirrors
-from omnisim.scene.scene_surfaces import is_surface_planar, scene_surfaces
-from omnisim.scene.specular_materials import has_specular, is_specular
+from omnisim.scene.planar_mirrors import (
+    find_mirrors,
+    has_specular,
+    is_specular,
+    is_surface_planar,
+    scene_surfaces,
+)
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance

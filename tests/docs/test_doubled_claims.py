@@ -13,7 +13,7 @@ from omnisim.rendering.opengl.gl.memory import MAX_SLICE_BYTES
 from omnisim.runs.physics.convex_pieces import SLAB_M, SMALL_M
 from omnisim.runs.physics.simulation import LOST_M, OBJECT_REACH_M, PATH_REACH_M, TIPPED_COSINE
 from omnisim.runs.physics.world_model import STEP_S
-from omnisim.scene.formats.gltf.features import FEATURES
+from omnisim.scene.formats.gltf.reader import FEATURES
 from tests.docs.pages import HOW_TO, README, ROOT, WHY, half_unit, numbers_of, text_of, words_of
 
 ACCURACY, PERFORMANCE = WHY + "accuracy.md", WHY + "performance.md"

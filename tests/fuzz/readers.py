@@ -44,7 +44,7 @@ from omnisim.rendering.camera.degradations import preset
 from omnisim.rendering.camera.sensor_file import DEFAULT_SENSOR_FILE
 from omnisim.rendering.camera.sensor_toml import sensor_toml
 from omnisim.robots import read_odometry, simulate_odometry, write_odometry
-from omnisim.robots.importers.gazebo.gazebo_robot import import_model
+from omnisim.robots.importers.gazebo_robot import import_model
 from omnisim.robots.importers.importers import load_robot_model
 from omnisim.robots.importers.usarsim import import_robot
 from omnisim.robots.vehicle import Vehicle
@@ -56,7 +56,7 @@ from omnisim.runs.run_labels import RunLabels, landmark_colors
 from omnisim.runs.run_manifest import read_manifest
 from omnisim.runs.true_states import read_states, write_states
 from omnisim.scene import read_scene
-from omnisim.scene.formats.usd import process
+from omnisim.scene.formats.usd import reader as usd_reader
 from omnisim.scene.labels import find_labels, read_label_file
 from omnisim.sensors.calibration_file import calibration_json, read_mount
 from omnisim.sensors.laser_scanner.laser_scanner import LaserScanner, Scan
@@ -209,7 +209,7 @@ def _usd_stage(name: str, folder: Path) -> None:
 
 def _read_usd_scene(name: str, folder: Path) -> None:
     """Read a stage; usd-core has no end with some that are damaged."""
-    process.LIMIT_CPU_S = 5
+    usd_reader.LIMIT_CPU_S = 5
     _read_scene(name, folder)
 
 

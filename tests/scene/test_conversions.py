@@ -9,7 +9,7 @@ import trimesh
 
 from omnisim.core.errors import SceneError
 from omnisim.scene import load_scene
-from omnisim.scene.formats.conversions import CONVERSIONS
+from omnisim.scene.formats.mesh.other_formats import CONVERSIONS
 
 SUFFIXES = [suffix for conversion in CONVERSIONS for suffix in conversion.suffixes]
 

@@ -11,8 +11,8 @@ from omnisim.core.errors import SceneError
 from omnisim.core.files.fingerprint import fingerprint
 from omnisim.core.package_files import SCENES
 from omnisim.scene import load_scene
-from omnisim.scene.formats.gltf import accessors
-from omnisim.scene.formats.gltf.features import FEATURES, SUPPORTED_EXTENSIONS, Support
+from omnisim.scene.formats.gltf import document
+from omnisim.scene.formats.gltf.reader import FEATURES, SUPPORTED_EXTENSIONS, Support
 from omnisim.scene.formats.gltf.writer import write_glb
 from tests.scene.gltf_builder import GltfBuilder
 
@@ -354,9 +354,9 @@ def draco(monkeypatch):
 @pytest.fixture
 def decoded(monkeypatch):
     """A stand-in for the decoder of meshopt that gives one corner elsewhere."""
-    monkeypatch.setattr(accessors, "can_decode_meshopt", lambda: True)
+    monkeypatch.setattr(document, "can_decode_meshopt", lambda: True)
     monkeypatch.setattr(
-        accessors,
+        document,
         "decode_meshopt",
         lambda entry, data: memoryview((CORNERS * 2).astype("<f4").tobytes()),
     )

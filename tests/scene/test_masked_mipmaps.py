@@ -5,7 +5,7 @@ import pytest
 
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.stage import open_sensor
-from omnisim.scene.masked_mipmaps import masked_mipmaps
+from omnisim.scene.mipmaps import masked_mipmaps
 from omnisim.scene.model import AlphaMode, Material, Texture
 from tests.scenes import scene_of, square
 

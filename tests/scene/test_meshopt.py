@@ -5,7 +5,7 @@ import pytest
 
 from omnisim.core.errors import SceneError
 from omnisim.scene import load_scene
-from omnisim.scene.formats.gltf import accessors
+from omnisim.scene.formats.gltf import document
 from tests.scene.compressed_gltf import CORNERS, compress, compressed_tetrahedron
 
 
@@ -50,7 +50,7 @@ def test_filtered_normals(tmp_path):
 
 
 def test_without_the_decoder_plain_data_are_read_or_the_extra_is_named(tmp_path, monkeypatch):
-    monkeypatch.setattr(accessors, "can_decode_meshopt", lambda: False)
+    monkeypatch.setattr(document, "can_decode_meshopt", lambda: False)
     (mesh,) = _load(tmp_path, compressed_tetrahedron()).meshes
     np.testing.assert_allclose(mesh.positions, CORNERS - 0.5)
     with pytest.raises(SceneError, match=r"compressed with meshopt, which needs pip .*\[meshopt\]"):
@@ -69,7 +69,7 @@ def test_without_the_decoder_plain_data_are_read_or_the_extra_is_named(tmp_path,
     ],
 )
 def test_a_damaged_view_is_one_line(values, message, tmp_path, monkeypatch):
-    monkeypatch.setattr(accessors, "can_decode_meshopt", lambda: True)
+    monkeypatch.setattr(document, "can_decode_meshopt", lambda: True)
     with pytest.raises(SceneError, match=message) as error:
         _load(tmp_path, compressed_tetrahedron(**values))
     assert "\n" not in str(error.value)

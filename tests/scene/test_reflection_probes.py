@@ -9,9 +9,13 @@ import trimesh
 from omnisim.core.poses import pose
 from omnisim.scene.model import Material, Mesh, Texture
 from omnisim.scene.motion.deformation import Sphere
-from omnisim.scene.planar_mirrors import find_mirrors, is_planar_mirror
+from omnisim.scene.planar_mirrors import (
+    SceneSurface,
+    find_mirrors,
+    is_planar_mirror,
+    scene_surfaces,
+)
 from omnisim.scene.reflection_probes import find_probes, lobe_roughnesses
-from omnisim.scene.scene_surfaces import SceneSurface, scene_surfaces
 from omnisim.validation.material_chart import sphere
 from tests.scenes import room, scene_of, square
 

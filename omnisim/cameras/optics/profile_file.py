@@ -11,7 +11,7 @@ from omnisim.cameras.optics.shapes import Shape, TabulatedProfile
 from omnisim.cameras.optics.shapes.shape import Floats
 from omnisim.core.errors import OpticsError, SensorFileError, TrajectoryError
 from omnisim.core.files.atomic_file import write_text
-from omnisim.core.trajectories.formats.text_table import read_text_table
+from omnisim.core.trajectories.formats.parsed_trajectory import read_text_table
 
 _COLUMNS = ["r_m", "z_m"]
 _SAMPLES = 1 << 14  # number of samples along a profile

@@ -11,26 +11,20 @@ from abc import ABC, abstractmethod
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+
+from omnisim.core.arrays import Floats
 
 
 class MotionStates(NamedTuple):
-    """States of a body at given times.
+    """States of a body at given times."""
 
-    Attributes:
-        world_from_base: (n, 4, 4) poses.
-        velocity_mps: (n, 3) velocity of the base's origin, world.
-        acceleration_mps2: (n, 3) acceleration of the base's origin, world; one-sided where it
-            jumps.
-        angular_rate_radps: (n, 3) angular rate, base.
-    """
+    world_from_base: Floats  # (n, 4, 4) poses
+    velocity_mps: Floats  # (n, 3) velocity of the base's origin, world
+    # (n, 3) acceleration of the base's origin, world; one-sided where it jumps
+    acceleration_mps2: Floats
+    angular_rate_radps: Floats  # (n, 3) angular rate, base
 
-    world_from_base: NDArray[np.float64]
-    velocity_mps: NDArray[np.float64]
-    acceleration_mps2: NDArray[np.float64]
-    angular_rate_radps: NDArray[np.float64]
-
-    def at_mount(self, base_from_mount: NDArray[np.float64]) -> MotionStates:
+    def at_mount(self, base_from_mount: Floats) -> MotionStates:
         """States of a frame mounted on the body at `base_from_mount` (4, 4).
 
         The acceleration lacks the lever-arm part, which jumps with the angular acceleration.
@@ -47,16 +41,13 @@ class MotionStates(NamedTuple):
 
 
 class BodyMotion(ABC):
-    """Motion of a body from start to end; before and after, the body rests.
+    """Motion of a body from start to end; before and after, the body rests."""
 
-    Attributes:
-        start_s, end_s: first and last time.
-    """
-
+    # start_s, end_s: first and last time
     start_s: float
     end_s: float
 
-    def at(self, times_s: NDArray[np.float64]) -> MotionStates:
+    def at(self, times_s: Floats) -> MotionStates:
         """States at times (n,)."""
         times = np.asarray(times_s, dtype=np.float64)
         states = self._states(np.clip(times, self.start_s, self.end_s))
@@ -64,10 +55,10 @@ class BodyMotion(ABC):
         rates = (np.where(moves, rate, 0.0) for rate in states[1:])
         return MotionStates(states.world_from_base, *rates)
 
-    def pose_at(self, time_s: float) -> NDArray[np.float64]:
+    def pose_at(self, time_s: float) -> Floats:
         """Pose (4, 4) at a time."""
         return self.at(np.array([time_s])).world_from_base[0]
 
     @abstractmethod
-    def _states(self, times_s: NDArray[np.float64]) -> MotionStates:
+    def _states(self, times_s: Floats) -> MotionStates:
         """States at times (n,) between start and end."""

@@ -8,17 +8,25 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydantic import AfterValidator, Field
 
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import TrajectoryError
 from omnisim.core.files.parameters import Number, Parameters
-from omnisim.core.poses import MAX_M, wrap_angles
+from omnisim.core.poses import MAX_M, wrap_angle, wrap_angles
 from omnisim.core.short_repr import counted, short_repr
+from omnisim.core.trajectories.formats.parsed_trajectory import (
+    check_printed_times,
+    read_text_table,
+    read_times,
+)
 from omnisim.core.trajectories.trajectory import Trajectory
+from omnisim.core.trajectories.trajectory_files import write_lines
 
 Scale = Annotated[Number, Field(gt=0.0, le=1000.0)]
 Noise = Annotated[Number, Field(ge=0.0, le=1000.0)]
@@ -63,19 +71,14 @@ class OdometryErrors(Parameters, name="odometry", error=TrajectoryError):
 class Odometry:
     """Wheel readings, and the pose at the first reading.
 
-    Attributes:
-        times_s: (n,) times of the readings.
-        distances_m: (n − 1,) arc lengths between successive readings, negative backwards.
-        turns_rad: (n − 1,) turns between successive readings; may exceed a full turn.
-        start: x and y in meters and yaw in radians at the first reading.
-
     Raises:
         TrajectoryError: shapes do not match, or values are not finite.
     """
 
-    times_s: NDArray[np.float64]
-    distances_m: NDArray[np.float64]
-    turns_rad: NDArray[np.float64]
+    times_s: Floats  # (n,) times of the readings
+    distances_m: Floats  # (n − 1,) arc lengths between successive readings, negative backwards
+    turns_rad: Floats  # (n − 1,) turns between successive readings; may exceed a full turn
+    # x and y in meters and yaw in radians at the first reading
     start: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __repr__(self) -> str:
@@ -100,7 +103,7 @@ class Odometry:
             )
 
     @property
-    def planar_poses(self) -> NDArray[np.float64]:
+    def planar_poses(self) -> Floats:
         """x, y in meters and yaw in radians (n, 3) by dead reckoning; yaw is not wrapped."""
         x, y, yaw = self.start
         yaws = yaw + np.concatenate(((0.0,), np.cumsum(self.turns_rad)))
@@ -189,7 +192,7 @@ def with_errors(true: Odometry, errors: OdometryErrors, seed: int) -> Odometry:
     )
 
 
-def _counted(increments: NDArray[np.float64], tick: float) -> NDArray[np.float64]:
+def _counted(increments: Floats, tick: float) -> Floats:
     """Quantize increments (n,) as a counter does: the sum is rounded, so errors do not grow."""
     if tick == 0.0:
         return increments
@@ -197,6 +200,71 @@ def _counted(increments: NDArray[np.float64], tick: float) -> NDArray[np.float64
     return np.diff(counts, prepend=0.0) * tick
 
 
-def _chord_per_arc(turns_rad: ArrayLike) -> NDArray[np.float64]:
+def _chord_per_arc(turns_rad: ArrayLike) -> Floats:
     """Chord lengths (n,) per meter of arc, for turns (n,): sin(turn / 2) / (turn / 2)."""
     return np.sinc(np.asarray(turns_rad) / (2.0 * math.pi))
+
+
+# Odometry files: a CSV of readings, and of poses by dead reckoning.
+#
+# The columns are `t_s,distance_m,turn_rad,x_m,y_m,yaw_rad`. Distance and turn are counted from the
+# previous line, and are 0 in the first. Numbers have nine digits after the point.
+
+
+COLUMNS = ["t_s", "distance_m", "turn_rad", "x_m", "y_m", "yaw_rad"]
+# A pose must follow from the previous one by the reading, up to the rounding of printed numbers.
+AGREEMENT = 1e-8
+
+
+def write_odometry(path: Path, odometry: Odometry) -> None:
+    """Write readings and dead-reckoned poses atomically.
+
+    Raises:
+        TrajectoryError: times are equal when printed in nanoseconds.
+        OutputError: the file cannot be written.
+    """
+    check_printed_times(odometry.times_s)
+    readings = np.column_stack((odometry.distances_m, odometry.turns_rad))
+    readings = np.concatenate((np.zeros((1, 2)), readings))
+    rows = np.column_stack((odometry.times_s, readings, odometry.planar_poses))
+    lines = (",".join(f"{value:.9f}" for value in row) for row in rows)
+    write_lines(path, [",".join(COLUMNS), *lines])
+
+
+def read_odometry(path: Path) -> Odometry:
+    """Read a file written by `write_odometry`.
+
+    Raises:
+        TrajectoryError: the file is invalid, or its poses do not follow from its readings; names
+            file, line, actual and expected value.
+    """
+    table = read_text_table(path)
+    if table.lines[0].cells != COLUMNS:
+        columns = ",".join(table.lines[0].cells)
+        raise table.fault(table.lines[0], f"header {columns[:60]!r}: expected {','.join(COLUMNS)}")
+    table = table.without_header()
+    numbers = table.numbers(COLUMNS)
+    times_s = read_times(table, numbers[:, 0])
+    far = np.any(np.abs(numbers) >= MAX_M, axis=1)
+    if np.any(far):
+        raise table.fault(table.lines[int(np.argmax(far))], f"expected numbers below {MAX_M:g}")
+    readings, poses = numbers[:, 1:3], numbers[:, 3:]
+    if np.any(readings[0] != 0.0):
+        raise table.fault(
+            table.lines[0],
+            f"first line: expected distance and turn 0, got {readings[0, 0]:g} m, "
+            f"{readings[0, 1]:g} rad",
+        )
+    for k in range(1, len(poses)):
+        step = Odometry(
+            times_s[k - 1 : k + 1], readings[k, :1], readings[k, 1:], tuple(poses[k - 1])
+        )
+        off = poses[k] - step.planar_poses[1]
+        off[2] = wrap_angle(off[2])
+        if np.max(np.abs(off)) > AGREEMENT * (1.0 + np.max(np.abs((*poses[k], *readings[k])))):
+            raise table.fault(
+                table.lines[k],
+                f"pose {math.hypot(off[0], off[1]):.3g} m and {abs(off[2]):.3g} rad off what its "
+                "reading leads to: expected poses by dead reckoning along arcs",
+            )
+    return Odometry(times_s, readings[1:, 0], readings[1:, 1], tuple(poses[0].tolist()))

@@ -17,8 +17,8 @@ from collections.abc import Iterator
 
 import numpy as np
 import scipy  # its submodules load on first use
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Bools, Floats
 from omnisim.core.poses import pose_from_rotation
 from omnisim.core.trajectories.body_motion import BodyMotion, MotionStates
 from omnisim.core.trajectories.trajectory import Trajectory
@@ -49,7 +49,7 @@ class SplineMotion(BodyMotion):
         rates = _slopes(times, turned, from_rest)
         self._rotation = _rotation_vectors(times, vectors, rates)
 
-    def _states(self, times_s: NDArray[np.float64]) -> MotionStates:
+    def _states(self, times_s: Floats) -> MotionStates:
         times = times_s - self.start_s
         last = len(self._rotations) - 2
         step = np.clip(np.searchsorted(self._rotation.x, times, side="right") - 1, 0, last)
@@ -64,9 +64,7 @@ class SplineMotion(BodyMotion):
         )
 
 
-def _slopes(
-    times_s: NDArray[np.float64], values: NDArray[np.float64], from_rest: bool
-) -> NDArray[np.float64]:
+def _slopes(times_s: Floats, values: Floats, from_rest: bool) -> Floats:
     """Slopes (n, 3) of clamped splines through values (n, 3), 0 at both ends of each rest."""
     slopes = np.zeros_like(values)
     last = len(values) - 1
@@ -84,25 +82,23 @@ def _slopes(
     return slopes
 
 
-def _moving(moves: NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
+def _moving(moves: Bools) -> Iterator[tuple[int, int]]:
     """Index of the first and the last pose of each run of moving steps (n,)."""
     edges = np.flatnonzero(np.diff(np.concatenate(((False,), moves, (False,))).astype(np.int8)))
     yield from zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
 
 
-def _end_slope(times_s: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+def _end_slope(times_s: Floats, values: Floats) -> Floats:
     """Slope (3,) at the first of values (n, 3); 0 if it would point away from the next value."""
     chords = np.diff(values[:3], axis=0) / np.diff(times_s[:3])[:, None]
     if len(chords) == 1:
         return chords[0]
     first_s, both_s = times_s[1] - times_s[0], times_s[2] - times_s[0]
-    slope: NDArray[np.float64] = chords[0] - (chords[1] - chords[0]) * first_s / both_s
+    slope: Floats = chords[0] - (chords[1] - chords[0]) * first_s / both_s
     return slope if slope @ chords[0] > 0.0 else np.zeros(3)
 
 
-def _rotation_vectors(
-    times_s: NDArray[np.float64], vectors: NDArray[np.float64], rates: NDArray[np.float64]
-) -> scipy.interpolate.PPoly:
+def _rotation_vectors(times_s: Floats, vectors: Floats, rates: Floats) -> scipy.interpolate.PPoly:
     """Rotation vectors relative to the previous pose, as cubics of time.
 
     Args:
@@ -119,7 +115,7 @@ def _rotation_vectors(
     )
 
 
-def _body_rates(vectors: NDArray[np.float64], slopes: NDArray[np.float64]) -> NDArray[np.float64]:
+def _body_rates(vectors: Floats, slopes: Floats) -> Floats:
     """Angular rates (n, 3), body, of rotation vectors (n, 3) with slopes (n, 3)."""
     angle = np.linalg.norm(vectors, axis=1, keepdims=True)
     square = np.maximum(angle, SMALL_RAD) ** 2
@@ -129,7 +125,7 @@ def _body_rates(vectors: NDArray[np.float64], slopes: NDArray[np.float64]) -> ND
     return slopes - cosine * once + sine * np.cross(vectors, once)
 
 
-def _vector_rates(vectors: NDArray[np.float64], rates: NDArray[np.float64]) -> NDArray[np.float64]:
+def _vector_rates(vectors: Floats, rates: Floats) -> Floats:
     """Slopes (n, 3) of rotation vectors (n, 3) with angular rates (n, 3), body."""
     angle = np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), SMALL_RAD)
     twice = 1.0 / angle**2 - 1.0 / (2.0 * angle * np.tan(0.5 * angle))

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from omnisim.core.arrays import Floats, Indices
 from omnisim.core.errors import TrajectoryError
 from omnisim.core.poses import (
     MAX_M,
@@ -25,17 +26,13 @@ MAX_S = 1e12  # about 30 000 years: a larger timestamp is in another unit
 class Trajectory:
     """Poses in temporal order. The arrays are read-only copies.
 
-    Attributes:
-        times_s: (n,) times, n ≥ 1, strictly increasing.
-        world_from_base: (n, 4, 4) poses.
-
     Raises:
         TrajectoryError: shapes do not match, there is no pose, a value is not finite, times do not
             increase, or a pose scales or mirrors; names the first such pose.
     """
 
-    times_s: NDArray[np.float64]
-    world_from_base: NDArray[np.float64]
+    times_s: Floats  # (n,) times, n ≥ 1, strictly increasing
+    world_from_base: Floats  # (n, 4, 4) poses
 
     def __post_init__(self) -> None:
         times = np.array(self.times_s, dtype=np.float64)
@@ -77,16 +74,16 @@ class Trajectory:
         return len(self.times_s)
 
     @property
-    def positions_m(self) -> NDArray[np.float64]:
+    def positions_m(self) -> Floats:
         """Positions (n, 3) of the base in the world."""
         return self.world_from_base[:, :3, 3]
 
     @property
-    def yaw_rad(self) -> NDArray[np.float64]:
+    def yaw_rad(self) -> Floats:
         """Headings (n,) on the ground, within ±π; `np.unwrap` makes them continuous."""
         return yaw_from_rotation(self.world_from_base)
 
-    def pose_at(self, time_s: float) -> NDArray[np.float64]:
+    def pose_at(self, time_s: float) -> Floats:
         """Interpolate the pose (4, 4) at a time; constant before the first and after the last one.
 
         For straight legs and turns on the spot, linear interpolation is the true path.
@@ -101,7 +98,7 @@ class Trajectory:
         return interpolate_pose(poses[step], poses[step + 1], share)
 
     @property
-    def step_lengths_m(self) -> NDArray[np.float64]:
+    def step_lengths_m(self) -> Floats:
         """Straight distances (n − 1,) between successive poses."""
         return step_lengths_m(self.world_from_base)
 
@@ -115,7 +112,7 @@ class Trajectory:
         """Time from the first pose to the last."""
         return float(self.times_s[-1] - self.times_s[0])
 
-    def jumps(self, limit_m: float, max_speed_mps: float | None = None) -> NDArray[np.intp]:
+    def jumps(self, limit_m: float, max_speed_mps: float | None = None) -> Indices:
         """Indices k (jumps,) of steps, from pose k to k + 1, that are too long or too fast."""
         lengths = self.step_lengths_m
         far = lengths > limit_m
@@ -156,7 +153,7 @@ def check_continuous(
     )
 
 
-def poses_on_ground(positions_m: ArrayLike, yaw_rad: ArrayLike) -> NDArray[np.float64]:
+def poses_on_ground(positions_m: ArrayLike, yaw_rad: ArrayLike) -> Floats:
     """Level poses (n, 4, 4) world_from_base at z = 0, from positions (n, 2) and headings (n,).
 
     Raises:
@@ -175,13 +172,13 @@ def poses_on_ground(positions_m: ArrayLike, yaw_rad: ArrayLike) -> NDArray[np.fl
     return pose_from_rotation(rotation_from_yaw(yaw), level)
 
 
-def step_lengths_m(world_from_base: NDArray[np.float64]) -> NDArray[np.float64]:
+def step_lengths_m(world_from_base: Floats) -> Floats:
     """Straight distances (n − 1,) between the origins of successive poses (n, 4, 4)."""
     steps = np.diff(world_from_base[:, :3, 3], axis=0)
     return np.linalg.norm(steps, axis=-1)
 
 
-def check_poses(poses: NDArray[np.float64]) -> None:
+def check_poses(poses: Floats) -> None:
     """Reject poses (n, 4, 4) that are not rotations and translations.
 
     Raises:
@@ -198,7 +195,7 @@ def check_poses(poses: NDArray[np.float64]) -> None:
         )
 
 
-def _check_times(times: NDArray[np.float64]) -> None:
+def _check_times(times: Floats) -> None:
     finite = np.abs(times) < MAX_S
     if not np.all(finite):
         k = np.argmin(finite)

@@ -9,15 +9,16 @@ from pathlib import Path
 from typing import Protocol, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats
 from omnisim.core.coordinate_frames import BASE_FROM_OPTICAL_LOOKING_AHEAD
 from omnisim.core.errors import TrajectoryError
 from omnisim.core.files.atomic_file import check_target, write_text
 from omnisim.core.poses import inverse, pose_from_rotation
 from omnisim.core.trajectories.formats import euroc, kitti, pose_csv, tum
-from omnisim.core.trajectories.formats.parsed_trajectory import Axes, ParsedTrajectory
-from omnisim.core.trajectories.formats.text_table import (
+from omnisim.core.trajectories.formats.parsed_trajectory import (
+    Axes,
+    ParsedTrajectory,
     TextTable,
     is_file_name,
     is_number,
@@ -98,10 +99,7 @@ def read_trajectory(
 
 
 def write_trajectory(
-    path: Path,
-    trajectory: Trajectory,
-    format_name: str | None = None,
-    axes: Axes | None = None,
+    path: Path, trajectory: Trajectory, format_name: str | None = None, axes: Axes | None = None
 ) -> None:
     """Write a trajectory file atomically.
 
@@ -154,9 +152,7 @@ def _known_axes(axes: Axes | None, format_name: str) -> Axes:
     return axes
 
 
-def _change_axes(
-    poses: NDArray[np.float64], new_from_old: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _change_axes(poses: Floats, new_from_old: Floats) -> Floats:
     """Change the axes of poses (n, 4, 4) and of their frame, without rounding errors."""
     return new_from_old @ poses @ inverse(new_from_old)
 

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any, NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import SceneError
 from omnisim.core.files.atomic_file import write_text
 from omnisim.core.files.toml_file import Comment, toml_text
@@ -26,30 +26,20 @@ _MAX_M = 1e6
 
 
 class ImportedSensor(NamedTuple):
-    """Sensor of a model in its rest pose.
+    """Sensor of a model in its rest pose."""
 
-    Attributes:
-        name: unique name of the sensor.
-        type: sensor type in a robot file.
-        position_m: (3,) in the model's frame.
-        angles_deg: roll, pitch and yaw in the model's frame.
-        values: further keys of its table in a robot file.
-        camera: lens and quality of an omnicamera; None: the paper's camera, or not an omnicamera.
-        notices: one line for each omission.
-        comments: lines above its table in the robot file.
-    """
-
-    name: str
-    type: str
-    position_m: Sequence[float]
-    angles_deg: Sequence[float]
-    values: Mapping[str, Any] = {}
+    name: str  # unique name of the sensor
+    type: str  # sensor type in a robot file
+    position_m: Sequence[float]  # (3,) in the model's frame
+    angles_deg: Sequence[float]  # roll, pitch and yaw in the model's frame
+    values: Mapping[str, Any] = {}  # further keys of its table in a robot file
+    # lens and quality of an omnicamera; None: the paper's camera, or not an omnicamera
     camera: OmniCamera | None = None
-    notices: tuple[str, ...] = ()
-    comments: tuple[str, ...] = ()
+    notices: tuple[str, ...] = ()  # one line for each omission
+    comments: tuple[str, ...] = ()  # lines above its table in the robot file
 
     @classmethod
-    def at(cls, name: str, kind: str, pose: NDArray[np.float64], *rest: Any) -> Self:
+    def at(cls, name: str, kind: str, pose: Floats, *rest: Any) -> Self:
         """Sensor at a pose (4, 4) in the model's frame; `rest`: fields from `values` on."""
         angles_deg = np.degrees(roll_pitch_yaw_from_rotation(pose[:3, :3]))
         return cls(name, kind, pose[:3, 3].tolist(), angles_deg.tolist(), *rest)
@@ -57,30 +47,19 @@ class ImportedSensor(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ImportedRobot:
-    """Robot of a model in its rest pose; its tables have the keys of a robot file.
+    """Robot of a model in its rest pose; its tables have the keys of a robot file."""
 
-    Attributes:
-        name: name of the model.
-        source: file of the model.
-        section: description of the model's part of the file.
-        sensors: sensors in the file's order.
-        notices: one line per omission or assumption.
-        comments: comment lines at the head of the robot file, after the first.
-        body: geometry of the model, or None.
-        resources: folders of models and packages that the body references.
-        base_m: (3,) position of the base, which is on the ground, in the model's frame.
-        kinematics, footprint, physics: tables of the robot file; None: unknown.
-    """
-
-    name: str
-    source: Path
-    section: str
-    sensors: Sequence[ImportedSensor]
-    notices: tuple[str, ...]
-    comments: Sequence[str]
-    body: Scene | None = None
-    resources: Sequence[Path] = ()
-    base_m: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+    name: str  # name of the model
+    source: Path  # file of the model
+    section: str  # description of the model's part of the file
+    sensors: Sequence[ImportedSensor]  # sensors in the file's order
+    notices: tuple[str, ...]  # one line per omission or assumption
+    comments: Sequence[str]  # comment lines at the head of the robot file, after the first
+    body: Scene | None = None  # geometry of the model, or None
+    resources: Sequence[Path] = ()  # folders of models and packages that the body references
+    # (3,) position of the base, which is on the ground, in the model's frame
+    base_m: Floats = field(default_factory=lambda: np.zeros(3))
+    # kinematics, footprint, physics: tables of the robot file; None: unknown
     kinematics: Mapping[str, Any] | None = None
     footprint: Mapping[str, Any] | None = None
     physics: Mapping[str, Any] | None = None
@@ -91,11 +70,7 @@ class ImportedRobot:
         return {one.name: one.camera for one in self.sensors if one.camera is not None}
 
     def robot(self, file: Path) -> Robot:
-        """Robot as read from a robot file; its cameras are in `cameras`, not in sensor files.
-
-        Raises:
-            RobotFileError: a value is invalid in a robot file.
-        """
+        """Robot as read from a robot file; its cameras are in `cameras`, not in sensor files."""
         return parse_robot(self._table(file.parent), str(file), file.parent)
 
     def write(self, output: Path) -> None:
@@ -169,7 +144,7 @@ def load_body(path: Path, resources: Sequence[str | Path], notices: list[str]) -
         return None
 
 
-def footprint(body: Scene, base_m: NDArray[np.float64]) -> dict[str, float]:
+def footprint(body: Scene, base_m: Floats) -> dict[str, float]:
     """Footprint table of a body, centered at the base; `base_m` (3,) is in the body's frame."""
     low, high = body.bounds_m() - base_m
     length, width = (2.0 * float(max(-low[axis], high[axis])) for axis in (0, 1))

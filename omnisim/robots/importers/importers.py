@@ -20,7 +20,7 @@ Resources = Sequence[str | Path]
 
 
 def _import_gazebo(path: Path, name: str | None, resources: Resources) -> ImportedRobot:
-    from omnisim.robots.importers.gazebo.gazebo_robot import import_model
+    from omnisim.robots.importers.gazebo_robot import import_model
 
     return import_model(path, name, resources)
 
@@ -33,7 +33,7 @@ def _import_urdf(path: Path, name: str | None, resources: Resources) -> Imported
 
 
 def _import_mjcf(path: Path, name: str | None, resources: Resources) -> ImportedRobot:
-    from omnisim.scene.formats.urdf.kinematics import is_urdf
+    from omnisim.scene.formats.xml.element import is_urdf
 
     if is_urdf(path):
         return _import_urdf(path, name, resources)
@@ -77,17 +77,11 @@ def _check_no_name(path: Path, name: str | None) -> None:
 
 
 class LoadedModel(NamedTuple):
-    """Robot loaded from a model, without a robot file.
+    """Robot loaded from a model, without a robot file."""
 
-    Attributes:
-        robot: robot as parsed from the equivalent robot file.
-        vehicle: vehicle with its body and sensors.
-        notices: one line per omission or assumption.
-    """
-
-    robot: Robot
-    vehicle: Vehicle
-    notices: tuple[str, ...]
+    robot: Robot  # robot as parsed from the equivalent robot file
+    vehicle: Vehicle  # vehicle with its body and sensors
+    notices: tuple[str, ...]  # one line per omission or assumption
 
 
 def load_robot_model(path: Path, resources: Resources = ()) -> LoadedModel:

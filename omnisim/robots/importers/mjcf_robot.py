@@ -7,22 +7,22 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import OmnisimError, RobotFileError
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.robots.importers.imported_robot import ImportedRobot, ImportedSensor, load_body
-from omnisim.robots.importers.mechanics import Mechanics, imported_robot
-from omnisim.robots.importers.wheels import Wheel, is_across
-from omnisim.scene.formats.mjcf.cameras import Mount, lens_of
+from omnisim.robots.importers.mechanics import Mechanics, Wheel, imported_robot, is_across
+from omnisim.scene.formats.imported_scene import unique_name
 from omnisim.scene.formats.mjcf.reader import (
     VISIBLE_GROUPS,
+    Mount,
     body_name,
     geom_names,
+    lens_of,
     load_model,
     without_world,
 )
-from omnisim.scene.formats.sdf.models import unique_name
 from omnisim.sensors.sensor_names import folder_name
 
 _SHOWN = 4  # maximum number of names in a message
@@ -33,12 +33,7 @@ _OBJECTS = mujoco.mjtObj
 def import_mjcf(path: Path, resources: Sequence[str | Path] = ()) -> ImportedRobot:
     """Import the robot of a model: its only top-level body.
 
-    Args:
-        path: model file.
-        resources: unused; MuJoCo resolves its own paths.
-
-    Raises:
-        RobotFileError: MuJoCo cannot read the model, or it does not have exactly one robot.
+    MuJoCo resolves its own paths, without the `resources`.
     """
     notices: list[str] = []
     try:
@@ -106,28 +101,20 @@ def _wheels(model: mujoco.MjModel, data: mujoco.MjData, root: int) -> Iterator[W
             continue
         if parent != root or not is_across(data.xaxis[joint]):
             continue
-        tires = [tire for geom in _geoms(model, body) if (tire := _tire(model, data, geom))]
+        first = int(model.body_geomadr[body])
+        geoms = range(first, first + int(model.body_geomnum[body]))
+        tires = [tire for geom in geoms if (tire := _tire(model, data, geom))]
         if tires:
             middle_m, radius_m = max(tires, key=lambda tire: tire[1])
-            yield Wheel(
-                _name(model, _OBJECTS.mjOBJ_JOINT, joint) or body_name(model, body),
-                middle_m,
-                radius_m,
-            )
+            name = _name(model, _OBJECTS.mjOBJ_JOINT, joint) or body_name(model, body)
+            yield Wheel(name, middle_m, radius_m)
 
 
 def _name(model: mujoco.MjModel, kind: mujoco.mjtObj, number: int) -> str:
     return mujoco.mj_id2name(model, kind, number) or ""
 
 
-def _geoms(model: mujoco.MjModel, body: int) -> range:
-    first = int(model.body_geomadr[body])
-    return range(first, first + int(model.body_geomnum[body]))
-
-
-def _tire(
-    model: mujoco.MjModel, data: mujoco.MjData, geom: int
-) -> tuple[NDArray[np.float64], float] | None:
+def _tire(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> tuple[Floats, float] | None:
     """Center (3,) and radius of a round geom or a mesh; None for other shapes."""
     kinds, kind = mujoco.mjtGeom, int(model.geom_type[geom])
     middle_m = np.array(data.geom_xpos[geom])

@@ -4,39 +4,34 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from xml.etree.ElementTree import Element
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import RobotFileError, SceneError
-from omnisim.robots.importers.gazebo.drive_plugins import is_wheel_drive, stated_limits
-from omnisim.robots.importers.gazebo.sensor_tables import read_sensors
+from omnisim.robots.importers.gazebo_robot import read_sensors
 from omnisim.robots.importers.imported_robot import ImportedRobot, ImportedSensor, load_body
-from omnisim.robots.importers.mechanics import Mechanics, imported_robot
-from omnisim.robots.importers.wheels import Wheel, is_across
+from omnisim.robots.importers.mechanics import (
+    Mechanics,
+    Wheel,
+    imported_robot,
+    is_across,
+    is_wheel_drive,
+    stated_limits,
+)
 from omnisim.scene import Scene
 from omnisim.scene.formats.features import part_notices, xml_parts
-from omnisim.scene.formats.imported_scene import Omissions
+from omnisim.scene.formats.imported_scene import Omissions, unique_name
 from omnisim.scene.formats.resources import ResourcePath
-from omnisim.scene.formats.sdf.models import unique_name
-from omnisim.scene.formats.urdf.kinematics import link_poses
+from omnisim.scene.formats.urdf.reader import link_poses
 from omnisim.scene.formats.xml.element import XmlElement, parse_xml
 from omnisim.sensors.sensor_names import folder_name
 
-Poses = Mapping[str, NDArray[np.float64]]  # poses (4, 4) by link name
+Poses = Mapping[str, Floats]  # poses (4, 4) by link name
 
 
 def import_urdf(path: Path, resources: Sequence[str | Path] = ()) -> ImportedRobot:
-    """Import the robot of a URDF file.
-
-    Args:
-        path: URDF file.
-        resources: folders of referenced packages.
-
-    Raises:
-        RobotFileError: the file is damaged; names the element, attribute and value.
-    """
+    """Import the robot of a URDF file, with folders of referenced packages."""
     notices: list[str] = []
     try:
         root = parse_xml(path.read_bytes())
@@ -45,8 +40,13 @@ def import_urdf(path: Path, resources: Sequence[str | Path] = ()) -> ImportedRob
         body = load_body(path, resources, notices)
         wheels = list(_wheels(robot, poses, body))
         mass_kg, center_m = _mass(robot, poses)
-        sensors = list(_sensors(root, path, poses, notices))
-        limits = _plugin_limits(root, path, notices)
+        sensors = list(_sensors(robot, poses, notices))
+        extensions = robot.children("gazebo")
+        plugins = (plugin for one in extensions for plugin in one.children("plugin"))
+        plugin, limits = next(filter(is_wheel_drive, plugins), None), dict[str, float]()
+        if plugin is not None:
+            notices += part_notices("drive", xml_parts(plugin.element, "drive"))
+            limits = stated_limits(plugin)
     except OSError as reason:
         raise RobotFileError(f"{path}: cannot be read: {reason.strerror}") from None
     except (SceneError, RobotFileError) as reason:
@@ -64,7 +64,7 @@ def _wheels(robot: XmlElement, poses: Poses, body: Scene | None) -> Iterator[Whe
         for joint in robot.children("joint")
         if joint.attribute("type") == "fixed"
     }
-    base = {link for link in poses if not any(_ends_at(robot, link))}
+    base = poses.keys() - {_link(joint, "child") for joint in robot.children("joint")}
     links = {link.name: link for link in robot.children("link")}
     for joint in robot.children("joint"):
         parent, child = _link(joint, "parent"), _link(joint, "child")
@@ -72,10 +72,8 @@ def _wheels(robot: XmlElement, poses: Poses, body: Scene | None) -> Iterator[Whe
             parent = moved[parent]
         if joint.attribute("type") != "continuous" or parent not in base:
             continue
-        axis = joint.find("axis")
-        vector = np.array(
-            (1.0, 0.0, 0.0) if axis is None else axis.attribute_numbers("xyz", (1, 0, 0), 3)
-        )
+        axis, along_x = joint.find("axis"), (1.0, 0.0, 0.0)
+        vector = along_x if axis is None else axis.attribute_numbers("xyz", along_x, 3)
         if not is_across(poses[child][:3, :3] @ vector):
             continue
         tire = _tire(links[child], poses[child], body)
@@ -86,19 +84,12 @@ def _wheels(robot: XmlElement, poses: Poses, body: Scene | None) -> Iterator[Whe
         yield Wheel(joint.name, *tire, speed)
 
 
-def _ends_at(robot: XmlElement, link: str) -> Iterator[bool]:
-    """Yield True for each joint with the link as its child."""
-    return (True for joint in robot.children("joint") if _link(joint, "child") == link)
-
-
 def _link(joint: XmlElement, tag: str) -> str:
     element = joint.find(tag)
     return "" if element is None else element.attribute("link")
 
 
-def _tire(
-    link: XmlElement, pose: NDArray[np.float64], body: Scene | None
-) -> tuple[NDArray[np.float64], float] | None:
+def _tire(link: XmlElement, pose: Floats, body: Scene | None) -> tuple[Floats, float] | None:
     """Center (3,) and radius of a wheel: of its round shape, else of its geometry's bounds."""
     for tag in ("collision", "visual"):
         for part in link.children(tag):
@@ -121,7 +112,7 @@ def _tire(
     return 0.5 * (low + high), float(0.5 * (high[2] - low[2]))
 
 
-def _mass(robot: XmlElement, poses: Poses) -> tuple[float, NDArray[np.float64]]:
+def _mass(robot: XmlElement, poses: Poses) -> tuple[float, Floats]:
     """Total mass of all links, and the center of mass (3,)."""
     total_kg, moment = 0.0, np.zeros(3)
     for link in robot.children("link"):
@@ -135,25 +126,13 @@ def _mass(robot: XmlElement, poses: Poses) -> tuple[float, NDArray[np.float64]]:
     return total_kg, moment / total_kg if total_kg > 0.0 else moment
 
 
-def _sensors(
-    root: Element, path: Path, poses: Poses, notices: list[str]
-) -> Iterator[ImportedSensor]:
+def _sensors(robot: XmlElement, poses: Poses, notices: list[str]) -> Iterator[ImportedSensor]:
     """Sensors of the `<gazebo>` elements, placed on their links; notices count the others."""
     omissions = Omissions()
     used_names: set[str] = set()
-    for extension in XmlElement(root, "robot", path).children("gazebo"):
+    for extension in robot.children("gazebo"):
         link = extension.attribute("reference")
         for sensor in extension.children("sensor") if link in poses else ():
             for one in read_sensors(sensor, poses[link] @ sensor.pose(), omissions):
                 yield one._replace(name=unique_name(folder_name(one.name), used_names))
     notices += omissions.notices
-
-
-def _plugin_limits(root: Element, path: Path, notices: list[str]) -> dict[str, float]:
-    """Limits stated by Gazebo's drive plugin, whose other parts are noted; empty without one."""
-    for extension in XmlElement(root, "robot", path).children("gazebo"):
-        for plugin in extension.children("plugin"):
-            if is_wheel_drive(plugin):
-                notices += part_notices("drive", xml_parts(plugin.element, "drive"))
-                return stated_limits(plugin)
-    return {}

@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING
 from omnisim.runs.mujoco_camera.simulated_camera import NO_GEOM, VISIBLE_GROUPS, Camera
 
 if TYPE_CHECKING:
-    from omnisim.scene.formats.mjcf.cameras import lens_of
+    from omnisim.scene.formats.mjcf.reader import lens_of
 
 __all__ = ["NO_GEOM", "VISIBLE_GROUPS", "Camera", "lens_of"]
 
 
 def __getattr__(name: str) -> object:
     if name == "lens_of":
-        from omnisim.scene.formats.mjcf.cameras import lens_of  # needs the extra
+        from omnisim.scene.formats.mjcf.reader import lens_of  # needs the extra
 
         return lens_of
     raise AttributeError(f"module 'omnisim.runs.mujoco_camera' has no attribute {name!r}")

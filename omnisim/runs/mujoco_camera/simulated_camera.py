@@ -74,8 +74,7 @@ class Camera(Closeable):
         backend: BackendName = "cube",
     ):
         require_extra("mujoco", "omnisim.runs.mujoco_camera.Camera")
-        from omnisim.scene.formats.mjcf.cameras import find_mount, lens_of
-        from omnisim.scene.formats.mjcf.moving_model import split_model
+        from omnisim.scene.formats.mjcf.reader import find_mount, lens_of, split_model
 
         self._model, self._data, self._groups = model, data, tuple(groups)
         self._mount = find_mount(model, body=body, site=site, camera=camera)
@@ -169,7 +168,7 @@ class Camera(Closeable):
     def _deform(self) -> None:
         """Update the shapes of skins and flexible bodies."""
         if self._model.nskin or self._model.nflex:
-            from omnisim.scene.formats.mjcf.moving_model import deformed
+            from omnisim.scene.formats.mjcf.reader import deformed
 
             self._stage.scene = deformed(self._stage.scene, self._model, self._data, self._groups)
 

@@ -21,7 +21,7 @@ from omnisim.scene.files.readers import check_format, read_file
 from omnisim.scene.files.scene_file import SceneFile
 from omnisim.scene.files.source import NO_SKY, SceneSource, resolve_source, shining_sun, sky_table
 from omnisim.scene.files.source_digests import SourceDigests
-from omnisim.scene.formats.gltf.animations import NO_ANIMATION, AnimationChoice
+from omnisim.scene.formats.gltf.nodes import NO_ANIMATION, AnimationChoice
 from omnisim.scene.formats.imported_scene import FileAxes, ImportedScene, place
 from omnisim.scene.labels import label_rules
 from omnisim.scene.light.light_tables import SkyTable

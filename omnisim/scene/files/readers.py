@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from omnisim.core.errors import SceneError
 from omnisim.core.extras import require_extra
 from omnisim.core.files.sources import read_source
-from omnisim.scene.formats.gltf.animations import FIRST_ANIMATION, NO_ANIMATION, AnimationChoice
+from omnisim.scene.formats.gltf.nodes import FIRST_ANIMATION, NO_ANIMATION, AnimationChoice
 from omnisim.scene.formats.gltf.reader import read_gltf
 from omnisim.scene.formats.imported_scene import (
     FileAxes,
@@ -142,7 +142,7 @@ def _format_of(path: Path) -> SceneFormat | None:
     suffix = path.suffix.lower()
     scene_format = next((one for one in _FORMATS if suffix in one.suffixes), None)
     if scene_format is _MJCF:
-        from omnisim.scene.formats.urdf.kinematics import is_urdf  # imports an XML parser
+        from omnisim.scene.formats.xml.element import is_urdf  # imports an XML parser
 
         return _URDF if is_urdf(path) else _MJCF
     return scene_format

@@ -41,22 +41,16 @@ class Support(Enum):
 
 @dataclass(frozen=True)
 class Feature:
-    """Part of a format, such as an element, a key or an extension.
+    """Part of a format, such as an element, a key or an extension."""
 
-    Attributes:
-        name: name in the file, or several names with one purpose.
-        support: level of support in omnisim.
-        effect: notice for an omitted feature, also used in the documentation.
-        group: noun of the counted parts in a notice. In glTF: field of `DrawnObjects` with the
-            objects that can have the feature; empty: an omitted extension is reported by name, and
-            other features are not reported.
-        is_used: predicate for the values of parts that the feature would change.
-    """
-
-    name: str
-    support: Support
-    effect: str
+    name: str  # name in the file, or several names with one purpose
+    support: Support  # level of support in omnisim
+    effect: str  # notice for an omitted feature, also used in the documentation
+    # noun of the counted parts in a notice. In glTF: key of `DrawnObjects` with the objects that
+    # can have the feature; empty: an omitted extension is reported by name, and other features are
+    # not reported
     group: str = ""
+    # predicate for the values of parts that the feature would change
     is_used: Callable[[Any], bool] = lambda _: True
 
     @property

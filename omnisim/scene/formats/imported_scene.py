@@ -1,17 +1,21 @@
-"""Result of a format's reader: parts of a scene, axes and unit, and what is left out."""
+"""Result of a format's reader: parts of a scene, cameras, axes and unit, and what is left out."""
 
 from __future__ import annotations
 
 import math
 import re
 from collections import Counter
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omnisim.core.bounds import bounds_of
-from omnisim.core.errors import SceneError
+from omnisim.cameras import CentralCamera
+from omnisim.cameras.camera import without_prefix
+from omnisim.core.arrays import Floats, Floats32, bounds_of
+from omnisim.core.errors import OmnisimError, SceneError
+from omnisim.core.poses import roll_pitch_yaw_from_rotation
 from omnisim.core.short_repr import counted
 from omnisim.core.srgb import linear_from_srgb
 from omnisim.scene.motion.object_motion import ObjectMotion
@@ -33,53 +37,37 @@ MAX_COORDINATE = 1e15
 
 
 class ImportedObject(NamedTuple):
-    """Instances of a file that move together.
+    """Instances of a file that move together."""
 
-    Attributes:
-        name: name, unique within the file.
-        motion: motion in the world frame.
-        instances: indices of the instances, which are posed as at 0 s.
-    """
-
-    name: str
-    motion: ObjectMotion
-    instances: tuple[int, ...]
+    name: str  # name, unique within the file
+    motion: ObjectMotion  # motion in the world frame
+    instances: tuple[int, ...]  # indices of the instances, which are posed as at 0 s
 
 
 class ImportedScene(NamedTuple):
-    """Contents of a mesh file.
+    """Contents of a mesh file."""
 
-    Attributes:
-        meshes, materials: as in `Scene`.
-        instances: instances in the file's axes and unit: `world_from_mesh` is still file_from_mesh,
-            and `world_from_node` is file_from_node.
-        notices: one line for each feature that is not rendered.
-        lights: lights in the world frame.
-        lighting: lighting in place of `lights`, for files with brightness levels of their own;
-            None: no such levels.
-        background: linear RGB of rays without a hit; None: not in the file.
-        dome: linear RGB luminance of uniform light from all directions, cd/m²; None: no such light.
-        environment: (rows, 2 rows, 3) luminance of the dome by direction, in world axes; None:
-            uniform.
-        start: start pose from the file's camera; None: no camera.
-        cameras: camera poses in the world frame.
-        labels: class rules from the file.
-        objects: groups of instances that move over time.
-    """
-
+    # meshes, materials: as in `Scene`
     meshes: tuple[Mesh, ...]
     materials: tuple[Material, ...]
+    # instances in the file's axes and unit: `world_from_mesh` is still file_from_mesh, and
+    # `world_from_node` is file_from_node
     instances: tuple[Instance, ...]
-    notices: list[str]
-    lights: tuple[Light, ...] = ()
+    notices: list[str]  # one line for each feature that is not rendered
+    lights: tuple[Light, ...] = ()  # lights in the world frame
+    # lighting in place of `lights`, for files with brightness levels of their own; None: no such
+    # levels
     lighting: Lighting | None = None
+    # linear RGB of rays without a hit; None: not in the file
     background: tuple[float, float, float] | None = None
+    # linear RGB luminance of uniform light from all directions, cd/m²; None: no such light
     dome: tuple[float, float, float] | None = None
-    environment: NDArray[np.float32] | None = None
-    start: StartPose | None = None
-    cameras: tuple[CameraPose, ...] = ()
-    labels: tuple[LabelRule, ...] = ()
-    objects: tuple[ImportedObject, ...] = ()
+    # (rows, 2 rows, 3) luminance of the dome by direction, in world axes; None: uniform
+    environment: Floats32 | None = None
+    start: StartPose | None = None  # start pose from the file's camera; None: no camera
+    cameras: tuple[CameraPose, ...] = ()  # camera poses in the world frame
+    labels: tuple[LabelRule, ...] = ()  # class rules from the file
+    objects: tuple[ImportedObject, ...] = ()  # groups of instances that move over time
 
 
 def material_notices(read: ImportedScene) -> list[str]:
@@ -117,7 +105,7 @@ def make_mesh(
     colors: ArrayLike | None = None,
     second_texture_coordinates: ArrayLike | None = None,
     dropped: Omissions | None = None,
-) -> tuple[Mesh, NDArray[np.float64]]:
+) -> tuple[Mesh, Floats]:
     """Mesh centered on its bounding box, and the center (3,) of that box.
 
     Centering in float64 keeps micrometer precision in float32, even for a town in map coordinates.
@@ -143,7 +131,7 @@ def make_mesh(
         )
     center = 0.5 * bounds_of(points).sum(axis=0)
 
-    def per_vertex(values: ArrayLike | None, width: int, what: str) -> NDArray[np.float32] | None:
+    def per_vertex(values: ArrayLike | None, width: int, what: str) -> Floats32 | None:
         kept = _per_vertex(values, len(points), width)
         if values is not None and kept is None and dropped is not None:
             dropped.count(f"{what} not drawn: not finite, or not one for each vertex", "mesh")
@@ -164,7 +152,7 @@ def make_mesh(
     return mesh, center
 
 
-def place(read: ImportedScene, world_from_file: NDArray[np.float64]) -> tuple[Instance, ...]:
+def place(read: ImportedScene, world_from_file: Floats) -> tuple[Instance, ...]:
     """Instances of a file, placed in the world; node frames get the world's axes and unit.
 
     Raises:
@@ -184,7 +172,7 @@ def place(read: ImportedScene, world_from_file: NDArray[np.float64]) -> tuple[In
     return tuple(placed)
 
 
-def _per_vertex(values: ArrayLike | None, count: int, width: int) -> NDArray[np.float32] | None:
+def _per_vertex(values: ArrayLike | None, count: int, width: int) -> Floats32 | None:
     if values is None:
         return None
     with np.errstate(all="ignore"):
@@ -194,7 +182,7 @@ def _per_vertex(values: ArrayLike | None, count: int, width: int) -> NDArray[np.
     return array
 
 
-def colors_rgba(colors: NDArray[np.generic], scale: float) -> NDArray[np.float32]:
+def colors_rgba(colors: NDArray[np.generic], scale: float) -> Floats32:
     """Colors (n, 3 or 4) as RGBA float32, divided by `scale`."""
     values = np.asarray(colors, dtype=np.float32) / np.float32(scale)
     if values.shape[1] == 3:
@@ -202,7 +190,7 @@ def colors_rgba(colors: NDArray[np.generic], scale: float) -> NDArray[np.float32
     return np.ascontiguousarray(values[:, :4])
 
 
-def translate(matrix: NDArray[np.float64], offset: NDArray[np.float64]) -> NDArray[np.float64]:
+def translate(matrix: Floats, offset: Floats) -> Floats:
     """Pose (4, 4) times a translation by `offset` (3,)."""
     result = np.array(matrix, dtype=np.float64)
     result[:3, 3] += result[:3, :3] @ offset
@@ -229,7 +217,7 @@ class FileAxes(NamedTuple):
     meters_per_unit: float | None = None
 
 
-def world_from_file(suffix: str, data: bytes, axes: FileAxes) -> NDArray[np.float64]:
+def world_from_file(suffix: str, data: bytes, axes: FileAxes) -> Floats:
     """Transform (4, 4) from a file's axes and unit to the world frame.
 
     `axes` override the file's values, which override those of its format.
@@ -243,7 +231,7 @@ def world_from_file(suffix: str, data: bytes, axes: FileAxes) -> NDArray[np.floa
     )
 
 
-def world_from_axes(up_axis: str, meters_per_unit: float) -> NDArray[np.float64]:
+def world_from_axes(up_axis: str, meters_per_unit: float) -> Floats:
     """Transform (4, 4) to the world frame from a frame with the given up axis and unit.
 
     Raises:
@@ -278,6 +266,15 @@ def _collada(data: bytes) -> tuple[str, float]:
 # Unsupported or approximated parts of a file, as notices.
 
 
+def unique_name(name: str, used_names: set[str], first: int = 0) -> str:
+    """Name, with a number from `first` on if it is in `used_names`, to which it is added."""
+    unique, number = name, first
+    while unique in used_names:
+        unique, number = f"{name}_{number}", number + 1
+    used_names.add(unique)
+    return unique
+
+
 class Omissions:
     """Omitted or approximated parts, in order of occurrence."""
 
@@ -290,12 +287,7 @@ class Omissions:
         self._plain[text] = None
 
     def count(self, effect: str, noun: str = "prim") -> None:
-        """Count one more part.
-
-        Args:
-            effect: text of the notice.
-            noun: singular noun for the counted parts.
-        """
+        """Count one more part with the effect; the noun of the counted parts is in the singular."""
         self._counts[effect, noun] += 1
 
     @property
@@ -306,3 +298,88 @@ class Omissions:
             for (text, noun), n in self._counts.items()
         ]
         return [*self._plain, *uses]
+
+
+# Cameras of scene files as viewpoints, with their lenses where omnisim has the model.
+
+
+HEIGHT_PX = 480  # of lenses whose files state no resolution
+
+
+class Cameras:
+    """Cameras of a file, with a notice for each lens that omnisim has no model for."""
+
+    def __init__(self) -> None:
+        self.notices: list[str] = []
+        self._poses: dict[str, CameraPose] = {}
+
+    @property
+    def poses(self) -> tuple[CameraPose, ...]:
+        """Poses with distinct names, in the order of the file."""
+        return tuple(self._poses.values())
+
+    def add(self, name: str, world_from_camera: Floats, lens: CentralCamera | str) -> None:
+        """Add a camera that looks along −z, with y up; its scale is ignored.
+
+        Args:
+            name: name, to which a number is appended if it exists.
+            world_from_camera: (4, 4) pose; left out if its axes are degenerate.
+            lens: lens, or the reason why there is none.
+        """
+        free, number = name, 1
+        while free in self._poses:
+            free, number = f"{name}_{number}", number + 1
+        pose = _camera_pose(free, world_from_camera, None if isinstance(lens, str) else lens)
+        if pose is None:
+            return
+        self._poses[free] = pose
+        if isinstance(lens, str):
+            self.notices.append(
+                f"camera {free!r}: its pose is a viewpoint, its lens is not: {lens}"
+            )
+
+
+def read_lens(make: Callable[[], CentralCamera | str]) -> CentralCamera | str:
+    """Lens, or the reason why its values are none of a lens."""
+    try:
+        return make()
+    except (OmnisimError, ArithmeticError, ValueError) as reason:
+        return " ".join(without_prefix(reason).split())
+
+
+def pinhole(
+    size: tuple[float, float], focal_length: float, offset: tuple[float, float] = (0.0, 0.0)
+) -> CentralCamera:
+    """Pinhole lens `HEIGHT_PX` high.
+
+    Image plane and focal length are in one unit; `offset` is that of the plane's middle from the
+    axis, right and up.
+    """
+    from omnisim.cameras import PerspectiveCamera  # few files have cameras
+
+    per_unit = HEIGHT_PX / size[1]
+    width = max(round(size[0] * per_unit), 1)
+    middle = (0.5 * (width - 1), 0.5 * (HEIGHT_PX - 1))
+    axis = (middle[0] - offset[0] * per_unit, middle[1] + offset[1] * per_unit)
+    return PerspectiveCamera(width, HEIGHT_PX, focal_length * per_unit, axis)
+
+
+def _camera_pose(
+    name: str, world_from_camera: Floats, lens: CentralCamera | None
+) -> CameraPose | None:
+    """Pose of a camera; None: degenerate axes or coordinates that are too large."""
+    if not np.abs(world_from_camera).max() < MAX_COORDINATE:  # false for NaN as well
+        return None
+    ahead, up = -world_from_camera[:3, 2], world_from_camera[:3, 1]
+    left = np.cross(up, ahead)
+    lengths = np.linalg.norm(ahead), np.linalg.norm(left)
+    if not min(lengths) > 0.0:
+        return None
+    ahead, left = ahead / lengths[0], left / lengths[1]
+    rotation = np.stack((ahead, left, np.cross(ahead, left)), axis=1)
+    roll, pitch, yaw = (
+        round(angle, 6) + 0.0  # avoids -0.0
+        for angle in np.degrees(roll_pitch_yaw_from_rotation(rotation)).tolist()
+    )
+    x, y, z = world_from_camera[:3, 3].tolist()
+    return CameraPose(name, (x, y, z), yaw, pitch, roll, lens)

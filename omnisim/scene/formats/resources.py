@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import re
 import unicodedata
@@ -30,16 +31,19 @@ _PARENTS = 3  # number of searched folders above a scene file
 class ResourcePath:
     """Folders of models and packages, in search order.
 
-    Attributes:
-        folders: distinct existing folders: the given ones, those of the environment variables,
-            those in the home folder, then the scene file's own and those above it, each followed by
-            its `models`.
+    They are the given ones, those of the environment variables, those in the home folder, then the
+    scene file's own and those above it, each followed by its `models`.
     """
 
     def __init__(self, scene_file: Path, given: Sequence[str | Path] = ()):
-        stated = [*map(Path, given), *_environment(), *_homes(_HOME)]
-        self._stated = _distinct(stated)
-        self.folders = _distinct([*stated, *_around(scene_file)])
+        listed = [os.environ.get(name, "").split(os.pathsep) for name in (*VARIABLES, PREFIXES)]
+        *variables, prefixes = (map(Path, filter(None, paths)) for paths in listed)
+        stated = [*map(Path, given), *itertools.chain(*variables)]
+        stated += [*(prefix / "share" for prefix in prefixes), *_homes(_HOME)]
+        folder = scene_file.absolute().parent
+        above = (folder, *folder.parents[:_PARENTS])
+        around = (place for parent in above for place in (parent, parent / "models"))
+        self._stated, self.folders = _distinct(stated), _distinct([*stated, *around])
         self._packages: dict[str, Path] | None = None
 
     def find(self, uri: str, *beside: Path) -> Path | None:
@@ -132,23 +136,9 @@ class ResourcePath:
                 yield folder / same, inner
 
 
-def _environment() -> Iterator[Path]:
-    for variable in VARIABLES:
-        yield from map(Path, filter(None, os.environ.get(variable, "").split(os.pathsep)))
-    for prefix in filter(None, os.environ.get(PREFIXES, "").split(os.pathsep)):
-        yield Path(prefix, "share")
-
-
 def _homes(names: Sequence[str]) -> Iterator[Path]:
     home = os.environ.get("HOME", "")
     return (Path(home, name) for name in names if home)
-
-
-def _around(scene_file: Path) -> Iterator[Path]:
-    folder = scene_file.absolute().parent
-    for parent in (folder, *folder.parents[:_PARENTS]):
-        yield parent
-        yield parent / "models"
 
 
 def _distinct(folders: Sequence[Path]) -> tuple[Path, ...]:
@@ -171,20 +161,14 @@ class AssetResolver(Mapping[str, bytes]):
     Scene files from Windows reference `textures/wood.jpg` as `Textures\\Wood.JPG`, and names with
     spaces arrive percent-encoded. Both resolve. Files outside the scene's folder are read too,
     because references to `../textures` are common. (trimesh takes a mapping as its resolver.)
-
-    Attributes:
-        file_name: name of the scene file; trimesh derives the mesh names of an OBJ from it.
-        given: contents supplied in advance, by name.
-        read: names of the files that were requested and read.
-        faults: reasons for the files that were requested but cannot be read, by name.
     """
 
     def __init__(self, scene_file: Path, further_folders: Sequence[Path] = ()):
         """Resolve names in the scene file's folder, then in further folders."""
-        self.file_name = scene_file.name
-        self.given: dict[str, bytes] = {}
-        self.read: set[str] = set()
-        self.faults: dict[str, str] = {}
+        self.file_name = scene_file.name  # trimesh derives the mesh names of an OBJ from it
+        self.given: dict[str, bytes] = {}  # contents supplied in advance, by name
+        self.read: set[str] = set()  # names of the files that were requested and read
+        self.faults: dict[str, str] = {}  # reasons why others cannot be read, by name
         self._folders = (scene_file.parent, *further_folders)
 
     def __contains__(self, name: object) -> bool:
@@ -266,5 +250,4 @@ def find_ignoring_case(folder: Path, name: str) -> Path | None:
 
 
 def _folded(name: str) -> str:
-    """Case-folded name with composed accents."""
     return unicodedata.normalize("NFC", name).casefold()

@@ -10,31 +10,25 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats32, Indices
 from omnisim.scene.motion.node_motion import AnimatedNode, Keyframes, NodePoses
-
-Matrix = NDArray[np.float64]
-Floats = NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)
 class Skeleton:
-    """Joints of a skin, shared by all meshes of the skin.
+    """Joints of a skin, shared by all meshes of the skin."""
 
-    Attributes:
-        nodes: animated nodes of the joints; None: a static joint.
-        node_from_bind: (joints, 4, 4) transforms from the bind pose of the mesh to each joint's
-            node; for a static joint, to the world.
-    """
-
-    nodes: Sequence[AnimatedNode | None]
-    node_from_bind: Matrix
+    nodes: Sequence[AnimatedNode | None]  # animated nodes of the joints; None: a static joint
+    # (joints, 4, 4) transforms from the bind pose of the mesh to each joint's node; for a static
+    # joint, to the world
+    node_from_bind: Floats32
 
     @property
     def moves(self) -> bool:
         """True if any joint moves."""
         return any(node is not None for node in self.nodes)
 
-    def matrices_at(self, time_s: float) -> Matrix:
+    def matrices_at(self, time_s: float) -> Floats32:
         """Transforms (joints, 4, 4) from the mesh's bind pose to the world."""
         matrices = self._latest.get(time_s)
         if matrices is None:
@@ -44,7 +38,7 @@ class Skeleton:
             self._latest[time_s] = matrices
         return matrices
 
-    def scales_at(self, time_s: float) -> Matrix:
+    def scales_at(self, time_s: float) -> Floats32:
         """Largest scale factors (joints,) of the transforms."""
         scales = self._latest_scales.get(time_s)
         if scales is None:
@@ -54,7 +48,7 @@ class Skeleton:
         return scales
 
     @cached_property
-    def _latest_scales(self) -> dict[float, Matrix]:
+    def _latest_scales(self) -> dict[float, Floats32]:
         return {}
 
     @cached_property
@@ -62,41 +56,34 @@ class Skeleton:
         return NodePoses(self.nodes)
 
     @cached_property
-    def _latest(self) -> dict[float, Matrix]:
+    def _latest(self) -> dict[float, Floats32]:
         return {}
 
 
 @dataclass(frozen=True, eq=False)
 class MorphTargets:
-    """Morph targets of a mesh.
+    """Morph targets of a mesh."""
 
-    Attributes:
-        positions: (targets, n, 3) position offsets.
-        normals: (targets, n, 3) normal offsets; None: no offsets.
-        weights: (targets,) weights over time.
-        period_s: period after which the weights repeat.
-    """
+    positions: Floats32  # (targets, n, 3) position offsets
+    normals: Floats32 | None  # (targets, n, 3) normal offsets; None: no offsets
+    weights: Keyframes  # (targets,) weights over time
+    period_s: float  # period after which the weights repeat
 
-    positions: Floats
-    normals: Floats | None
-    weights: Keyframes
-    period_s: float
-
-    def weights_at(self, time_s: float) -> Matrix:
+    def weights_at(self, time_s: float) -> Floats32:
         """Weights (targets,) at a world time."""
         return self.weights.at(time_s % self.period_s if self.period_s else 0.0)
 
     @cached_property
-    def longest(self) -> Matrix:
+    def longest(self) -> Floats32:
         """Lengths (targets,) of the longest offset per target."""
-        lengths: Matrix = np.linalg.norm(self.positions.astype(np.float64), axis=2)
+        lengths: Floats32 = np.linalg.norm(self.positions.astype(np.float64), axis=2)
         return lengths.max(axis=1, initial=0.0)
 
 
 class Sphere(NamedTuple):
     """Bounding sphere of a mesh, in the mesh's frame."""
 
-    center: Matrix
+    center: Floats32
     radius: float
 
 
@@ -107,25 +94,16 @@ class Deformation:
     Each vertex is morphed in the bind pose, then transformed by the weighted mean of its joints'
     transforms. A mesh without a skin has one static joint.
 
-    Attributes:
-        positions: (n, 3) in the bind pose.
-        normals: (n, 3) in the bind pose; None: flat shading.
-        joints: (n, k) joint indices.
-        shares: (n, k) weights, which sum to 1 per vertex.
-        mesh_from_world: (4, 4) transform applied after those of the skeleton.
-        skeleton: skeleton with the joints.
-        targets: morph targets; None: no morphing.
-
     Source: glTF 2.0, sections 3.7.2.2 and 3.7.3.3; normals use the cofactor matrix.
     """
 
-    positions: Floats
-    normals: Floats | None
-    joints: NDArray[np.uint32]
-    shares: Floats
-    mesh_from_world: Matrix
-    skeleton: Skeleton
-    targets: MorphTargets | None = None
+    positions: Floats32  # (n, 3) in the bind pose
+    normals: Floats32 | None  # (n, 3) in the bind pose; None: flat shading
+    joints: NDArray[np.uint32]  # (n, k) joint indices
+    shares: Floats32  # (n, k) weights, which sum to 1 per vertex
+    mesh_from_world: Floats32  # (4, 4) transform applied after those of the skeleton
+    skeleton: Skeleton  # skeleton with the joints
+    targets: MorphTargets | None = None  # morph targets; None: no morphing
 
     @property
     def arrays(self) -> list[NDArray[np.generic]]:
@@ -137,15 +115,15 @@ class Deformation:
             arrays += [self.targets.positions, self.targets.normals]
         return [one for one in arrays if one is not None]
 
-    def matrices_at(self, time_s: float) -> Matrix:
+    def matrices_at(self, time_s: float) -> Floats32:
         """Transforms (joints, 4, 4) from the bind pose to the mesh's frame."""
         return self.mesh_from_world @ self.skeleton.matrices_at(time_s)
 
-    def weights_at(self, time_s: float) -> Matrix:
+    def weights_at(self, time_s: float) -> Floats32:
         """Weights (targets,) of the morph targets at a world time."""
         return np.zeros(0) if self.targets is None else self.targets.weights_at(time_s)
 
-    def positions_at(self, time_s: float, vertices: NDArray[np.intp] | None = None) -> Matrix:
+    def positions_at(self, time_s: float, vertices: Indices | None = None) -> Floats32:
         """Positions (n, 3) of all vertices, or of a subset, at a world time."""
         subset = slice(None) if vertices is None else vertices
         positions = self.positions[subset].astype(np.float64)
@@ -155,7 +133,7 @@ class Deformation:
         blended = self._blended(time_s, subset)
         return np.einsum("nab,nb->na", blended[:, :, :3], positions) + blended[:, :, 3]
 
-    def normals_at(self, time_s: float) -> Matrix | None:
+    def normals_at(self, time_s: float) -> Floats32 | None:
         """Unit normals (n, 3) of all vertices at a world time; None: flat shading."""
         if self.normals is None:
             return None
@@ -184,7 +162,7 @@ class Deformation:
         center = 0.5 * (low + high)
         return Sphere(center, float((np.linalg.norm(at - center, axis=1) + reach).max()))
 
-    def joint_boxes(self) -> tuple[NDArray[np.intp], Matrix]:
+    def joint_boxes(self) -> tuple[Indices, Floats32]:
         """Joints (k,) with vertices, and the box corners (k, 8, 3) of these in the bind pose."""
         low, high = self._joint_bounds
         used = np.flatnonzero((low <= high).all(axis=1))
@@ -198,7 +176,7 @@ class Deformation:
         return float(np.linalg.norm(self.mesh_from_world[:3, :3], 2))
 
     @cached_property
-    def _joint_bounds(self) -> tuple[Matrix, Matrix]:
+    def _joint_bounds(self) -> tuple[Floats32, Floats32]:
         """Smallest and largest coordinates (joints, 3) of each joint's vertices."""
         count = len(self.skeleton.node_from_bind)
         low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
@@ -209,7 +187,7 @@ class Deformation:
         return low, high
 
     @cached_property
-    def _joint_spheres(self) -> tuple[Matrix, Matrix]:
+    def _joint_spheres(self) -> tuple[Floats32, Floats32]:
         """Centers (joints, 3) and radii (joints,) of each joint's vertices; −1: no vertices."""
         low, high = self._joint_bounds
         centers = np.zeros(low.shape)
@@ -221,7 +199,7 @@ class Deformation:
         np.maximum.at(radii, joints, np.linalg.norm(self.positions[rows] - centers[joints], axis=1))
         return centers, radii
 
-    def _blended(self, time_s: float, subset: slice | NDArray[np.intp]) -> Matrix:
+    def _blended(self, time_s: float, subset: slice | Indices) -> Floats32:
         """Weighted mean of the joints' transforms (n, 3, 4) per vertex."""
         matrices = self.matrices_at(time_s)[:, :3]
         return np.einsum(

@@ -9,71 +9,58 @@ from enum import Enum
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats
 from omnisim.core.poses import nearest_rotation, pose_from_rotation, rotation_from_quaternion
 from omnisim.core.world import Pose
 
-Matrix = NDArray[np.float64]
 NO_TURN = 1e-7  # largest length of a quaternion that counts as no rotation
 SHEAR_TOLERANCE = 1e-4  # far above the rounding errors of float32 values in a file
 
 
 @dataclass(frozen=True, eq=False)
 class AnimatedNode:
-    """Animated node, with a moving or a static parent.
+    """Animated node, with a moving or a static parent."""
 
-    Attributes:
-        parent: nearest moving ancestor; None: no moving ancestor.
-        parent_from_node: (4, 4) constant part of the transform to the parent's frame, or to the
-            world's without a parent.
-        translation, rotation, scale: keyframes, or constants (3,), (4,) and (3,).
-        period_s: period of the animation; 0: static.
-    """
+    parent: AnimatedNode | None  # nearest moving ancestor; None: no moving ancestor
+    # (4, 4) constant part of the transform to the parent's frame, or to the world's without a
+    # parent
+    parent_from_node: Floats
+    # translation, rotation, scale: keyframes, or constants (3,), (4,) and (3,)
+    translation: Keyframes | Floats
+    rotation: Keyframes | Floats
+    scale: Keyframes | Floats
+    period_s: float  # period of the animation; 0: static
 
-    parent: AnimatedNode | None
-    parent_from_node: Matrix
-    translation: Keyframes | Matrix
-    rotation: Keyframes | Matrix
-    scale: Keyframes | Matrix
-    period_s: float
-
-    def transform_at(self, time_s: float) -> Matrix:
+    def transform_at(self, time_s: float) -> Floats:
         """Transform (4, 4) from the node to the world at a world time."""
         transform = self._latest.get(time_s)
         if transform is None:
             before = self.parent_from_node
             if self.parent is not None:
                 before = self.parent.transform_at(time_s) @ before
-            transform = before @ self._local_at(time_s % self.period_s if self.period_s else 0.0)
+            own_s = time_s % self.period_s if self.period_s else 0.0
+            parts = (
+                value.at(own_s) if isinstance(value, Keyframes) else value
+                for value in (self.translation, self.rotation, self.scale)
+            )
+            transform = before @ local_transform(*parts)
             # shared by all nodes of one parent in the same frame
             self._latest.clear()
             self._latest[time_s] = transform
         return transform
 
     @cached_property
-    def _latest(self) -> dict[float, Matrix]:
+    def _latest(self) -> dict[float, Floats]:
         return {}
-
-    def _local_at(self, time_s: float) -> Matrix:
-        translation, rotation, scale = (
-            value.at(time_s) if isinstance(value, Keyframes) else value
-            for value in (self.translation, self.rotation, self.scale)
-        )
-        return local_transform(translation, rotation, scale)
 
 
 @dataclass(frozen=True, eq=False)
 class NodeMotion:
-    """Motion of an animated node's frame, without scale and shear.
+    """Motion of an animated node's frame, without scale and shear."""
 
-    Attributes:
-        node: animated node.
-        axes: (3, 3) axes of the frame at 0 s, in the world.
-    """
-
-    node: AnimatedNode
-    axes: Matrix
+    node: AnimatedNode  # animated node
+    axes: Floats  # (3, 3) axes of the frame at 0 s, in the world
 
     def pose_at(self, time_s: float) -> Pose:
         """Pose (4, 4), with the rotation since 0 s that fits the node's axes best."""
@@ -88,10 +75,10 @@ class NodeMotion:
         return bool(error <= SHEAR_TOLERANCE * np.abs(self._start).max())
 
     @cached_property
-    def _start(self) -> Matrix:
+    def _start(self) -> Floats:
         return self.node.transform_at(0.0)[:3, :3]
 
-    def _rotation(self, linear: Matrix) -> Matrix:
+    def _rotation(self, linear: Floats) -> Floats:
         """Best-fit rotation (3, 3) since 0 s.
 
         Source: Kabsch, "A solution for the best rotation to relate two sets of vectors", 1976.
@@ -102,7 +89,7 @@ class NodeMotion:
         return nearest_rotation(u @ vt)
 
 
-def local_transform(translation: Matrix, quaternion: Matrix, scale: Matrix) -> Matrix:
+def local_transform(translation: Floats, quaternion: Floats, scale: Floats) -> Floats:
     """Transform (4, 4): translation (3,) · rotation · scale (3,); a zero quaternion is identity."""
     result = np.eye(4)
     if np.linalg.norm(quaternion) > NO_TURN:
@@ -145,7 +132,7 @@ class NodePoses:
         # the last transform is the identity of the world
         self._index = np.array([len(every) if one is None else every[one] for one in nodes])
 
-    def at(self, time_s: float) -> Matrix:
+    def at(self, time_s: float) -> Floats:
         """Transforms (n, 4, 4) from the nodes to the world at a world time."""
         time_s = time_s % self._period_s if self._period_s else 0.0
         quaternions = self._rotations.at(time_s)
@@ -164,7 +151,7 @@ class NodePoses:
 class _Tracks:
     """Values of one property for many nodes; nodes with equal times share one lookup."""
 
-    def __init__(self, values: Sequence[Keyframes | Matrix], width: int):
+    def __init__(self, values: Sequence[Keyframes | Floats], width: int):
         self._rest = np.zeros((len(values), width))
         groups: dict[tuple[bytes, str], list[int]] = {}
         for index, value in enumerate(values):
@@ -178,7 +165,7 @@ class _Tracks:
             for indices in groups.values()
         ]
 
-    def at(self, time_s: float) -> Matrix:
+    def at(self, time_s: float) -> Floats:
         """Values (nodes, width) at a world time."""
         values = self._rest.copy()
         for indices, keyframes in self._groups:
@@ -186,7 +173,7 @@ class _Tracks:
         return values
 
 
-def _stacked(tracks: Sequence[Keyframes | Matrix]) -> Keyframes:
+def _stacked(tracks: Sequence[Keyframes | Floats]) -> Keyframes:
     """Keyframes of several tracks merged into one, with values (times, tracks, width)."""
     every = [one for one in tracks if isinstance(one, Keyframes)]
     before = [one.in_tangents for one in every if one.in_tangents is not None]
@@ -202,7 +189,6 @@ def _stacked(tracks: Sequence[Keyframes | Matrix]) -> Keyframes:
 # Keyframe interpolation: stepwise, linear, or along cubic splines.
 
 
-Values = NDArray[np.float64]
 # Exporters write constant values with float32 noise.
 _NOISE = 1e-6
 
@@ -219,21 +205,16 @@ class Interpolation(Enum):
 class Keyframes:
     """Values over time; the first and the last value hold outside the time range.
 
-    Attributes:
-        times_s: (n,) non-decreasing times.
-        values: (n, k), or (n, m, k) for m tracks; rotations are quaternions (x, y, z, w).
-        interpolation: interpolation mode between two times.
-        in_tangents, out_tangents: tangents of cubic splines, shaped like `values`, per second.
-        are_rotations: True for quaternions, which are interpolated along the shorter arc.
-
     Source: glTF 2.0, appendix C.
     """
 
-    times_s: Values
-    values: Values
-    interpolation: Interpolation = Interpolation.LINEAR
-    in_tangents: Values | None = None
-    out_tangents: Values | None = None
+    times_s: Floats  # (n,) non-decreasing times
+    values: Floats  # (n, k), or (n, m, k) for m tracks; rotations are quaternions (x, y, z, w)
+    interpolation: Interpolation = Interpolation.LINEAR  # interpolation mode between two times
+    # in_tangents, out_tangents: tangents of cubic splines, shaped like `values`, per second
+    in_tangents: Floats | None = None
+    out_tangents: Floats | None = None
+    # True for quaternions, which are interpolated along the shorter arc
     are_rotations: bool = False
 
     @property
@@ -246,7 +227,7 @@ class Keyframes:
             float(np.abs(one).max()) * duration_s <= noise for one in tangents
         )
 
-    def at(self, time_s: float) -> Values:
+    def at(self, time_s: float) -> Floats:
         """Value (k,) or values (m, k) at a time; quaternions may be unnormalized."""
         times_s = self.times_s
         last = int(np.searchsorted(times_s, time_s, side="right")) - 1
@@ -258,12 +239,11 @@ class Keyframes:
             return self._along_spline(last, share, step_s)
         first, second = self.values[last], self.values[last + 1]
         if self.are_rotations:
-            return (
-                _slerp(first, second, share) if first.ndim == 1 else _slerps(first, second, share)
-            )
+            between = _slerp if first.ndim == 1 else _slerps
+            return between(first, second, share)
         return first + share * (second - first)
 
-    def _along_spline(self, last: int, t: float, step_s: float) -> Values:
+    def _along_spline(self, last: int, t: float, step_s: float) -> Floats:
         assert self.in_tangents is not None
         assert self.out_tangents is not None
         t2, t3 = t * t, t * t * t
@@ -275,30 +255,28 @@ class Keyframes:
         )
 
 
-def _slerp(first: Values, second: Values, share: float) -> Values:
+def _slerp(first: Floats, second: Floats, share: float) -> Floats:
     """Unit quaternion (4,) interpolated by a share of the shorter arc between two."""
     first, second = first / np.linalg.norm(first), second / np.linalg.norm(second)
     cosine = float(first @ second)
     if cosine < 0.0:  # a quaternion and its negative are the same rotation
         second, cosine = -second, -cosine
-    angle = 2.0 * math.atan2(
-        float(np.linalg.norm(second - first)), float(np.linalg.norm(second + first))
-    )
+    lengths = float(np.linalg.norm(second - first)), float(np.linalg.norm(second + first))
+    angle = 2.0 * math.atan2(*lengths)
     if angle == 0.0:
         return first
-    return (math.sin((1.0 - share) * angle) * first + math.sin(share * angle) * second) / math.sin(
-        angle
-    )
+    turned: Floats = math.sin((1.0 - share) * angle) * first + math.sin(share * angle) * second
+    return turned / math.sin(angle)
 
 
-def _slerps(first: Values, second: Values, share: float) -> Values:
+def _slerps(first: Floats, second: Floats, share: float) -> Floats:
     """Unit quaternions (m, 4) interpolated by a share of the shorter arc between each pair."""
     first, second = (one / np.linalg.norm(one, axis=1, keepdims=True) for one in (first, second))
     second = np.where(np.einsum("mk,mk->m", first, second)[:, None] < 0.0, -second, second)
     lengths = np.linalg.norm(second - first, axis=1), np.linalg.norm(second + first, axis=1)
     angles = 2.0 * np.arctan2(*lengths)[:, None]
     sines = np.where(angles == 0.0, 1.0, np.sin(angles))
-    turned: Values = (
+    turned: Floats = (
         np.sin((1.0 - share) * angles) * first + np.sin(share * angles) * second
     ) / sines
     return np.where(angles == 0.0, first, turned)

@@ -11,9 +11,9 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import AfterValidator
 
+from omnisim.core.arrays import Floats
 from omnisim.core.files.parameters import AboveZero, Number, Parameters, Point
 from omnisim.core.poses import pose_from_rotation, rotation_from_yaw, rotation_type
 from omnisim.core.world import Pose
@@ -34,15 +34,10 @@ class ObjectMotion(Protocol):
 
 @dataclass(frozen=True)
 class Rest:
-    """Static pose.
+    """Static pose."""
 
-    Attributes:
-        position_m: position of the object's origin.
-        yaw_deg: heading of the object.
-    """
-
-    position_m: Vector
-    yaw_deg: float = 0.0
+    position_m: Vector  # position of the object's origin
+    yaw_deg: float = 0.0  # heading of the object
 
     def pose_at(self, time_s: float) -> Pose:
         """Pose (4, 4), the same at all times."""
@@ -51,26 +46,17 @@ class Rest:
 
 @dataclass(frozen=True)
 class FreeBody(Rest):
-    """Static pose of a body that physics can push.
+    """Static pose of a body that physics can push."""
 
-    Attributes:
-        mass_kg: mass of the object.
-    """
-
-    mass_kg: float = 1.0
+    mass_kg: float = 1.0  # mass of the object
 
 
 @dataclass(frozen=True, eq=False)
 class Along:
-    """Motion along a trajectory, at rest before and after it.
+    """Motion along a trajectory, at rest before and after it."""
 
-    Attributes:
-        trajectory: poses of the object over time.
-        repeats: restart the motion at its end.
-    """
-
-    trajectory: Trajectory
-    repeats: bool = False
+    trajectory: Trajectory  # poses of the object over time
+    repeats: bool = False  # restart the motion at its end
 
     def pose_at(self, time_s: float) -> Pose:
         """Pose (4, 4), interpolated linearly in position and evenly in rotation."""
@@ -138,14 +124,10 @@ class Rolling:
     """Motion of a ball that rolls on level ground without slipping.
 
     The rotation axis is horizontal and perpendicular to the path, without spin about the vertical.
-
-    Attributes:
-        motion: motion of the ball's center.
-        radius_m: radius of the ball.
     """
 
-    motion: Along | Orbit | Shuttle
-    radius_m: float
+    motion: Along | Orbit | Shuttle  # motion of the ball's center
+    radius_m: float  # radius of the ball
 
     def pose_at(self, time_s: float) -> Pose:
         """Pose (4, 4) with the motion's position and the ball's rotation."""
@@ -153,7 +135,7 @@ class Rolling:
         rolled[:3, :3] = self._rotation_at(time_s)
         return rolled
 
-    def _rotation_at(self, time_s: float) -> NDArray[np.float64]:
+    def _rotation_at(self, time_s: float) -> Floats:
         motion = self.motion
         if isinstance(motion, Shuttle):
             way = np.subtract(motion.to_m, motion.from_m)
@@ -167,7 +149,7 @@ class Rolling:
             return rotation_from_yaw(motion.angle_at(time_s)) @ in_turning @ start.T
         return self._along_at(motion, time_s)
 
-    def _along_at(self, motion: Along, time_s: float) -> NDArray[np.float64]:
+    def _along_at(self, motion: Along, time_s: float) -> Floats:
         trajectory, laps = motion.trajectory, 0
         times_s, positions_m = trajectory.times_s, trajectory.positions_m
         if motion.repeats and len(times_s) > 1:
@@ -175,14 +157,14 @@ class Rolling:
             time_s += times_s[0]
         step = int(np.clip(np.searchsorted(times_s, time_s, side="right") - 1, 0, len(times_s) - 1))
         part_m = motion.trajectory.pose_at(time_s)[:3, 3] - positions_m[step]
-        rotation: NDArray[np.float64] = _rotation(_axis(part_m, self.radius_m)) @ self._legs[step]
+        rotation: Floats = _rotation(_axis(part_m, self.radius_m)) @ self._legs[step]
         if laps:
             lap = rotation_type().from_matrix(self._legs[-1])
             rotation = rotation @ _rotation(laps * lap.as_rotvec())
         return rotation
 
     @cached_property
-    def _legs(self) -> list[NDArray[np.float64]]:
+    def _legs(self) -> list[Floats]:
         """Rotations (3, 3) of the ball at the trajectory's poses."""
         assert isinstance(self.motion, Along)
         rotations = [np.eye(3)]
@@ -191,11 +173,11 @@ class Rolling:
         return rotations
 
 
-def _axis(way_m: NDArray[np.float64], radius_m: float) -> NDArray[np.float64]:
+def _axis(way_m: Floats, radius_m: float) -> Floats:
     """Rotation vector (3,) of a ball that rolls along a horizontal displacement (3,)."""
     return np.array([-way_m[1], way_m[0], 0.0]) / radius_m
 
 
-def _rotation(vector: NDArray[np.float64]) -> NDArray[np.float64]:
+def _rotation(vector: Floats) -> Floats:
     """Rotation (3, 3) of a rotation vector (3,)."""
     return rotation_type().from_rotvec(vector).as_matrix()

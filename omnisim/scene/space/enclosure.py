@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from omnisim.core.arrays import Floats
 from omnisim.scene.model import AlphaMode, Scene
 
 # The winding number of a closed surface is 1 inside and 0 outside; that of an infinite wall is ½.
@@ -29,7 +30,7 @@ def enclosing_nodes(
         ignored: names of nodes that do not count.
     """
     point = np.asarray(point_m, dtype=np.float64)
-    windings: dict[str, NDArray[np.float64]] = {}  # for all triangles, and for the rendered ones
+    windings: dict[str, Floats] = {}  # for all triangles, and for the rendered ones
     for instance in scene.instances:
         if instance.name in ignored:
             continue
@@ -47,11 +48,11 @@ def enclosing_nodes(
     return enclosing
 
 
-def _encloses(windings: NDArray[np.float64]) -> bool:
+def _encloses(windings: Floats) -> bool:
     return bool(np.all(np.abs(windings) > MIN_WINDING_NUMBER))  # an inverted surface counts, too
 
 
-def _winding_numbers(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
+def _winding_numbers(triangles: Floats) -> Floats:
     """Signed solid angles (n,) of triangles (n, 3, xyz) at the origin, as fractions of the sphere.
 
     Negative if the front faces the origin; 0 for degenerate triangles.
@@ -63,5 +64,5 @@ def _winding_numbers(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
     la, lb, lc = np.linalg.norm(triangles, axis=2).T
     volume = np.einsum("ij,ij->i", a, np.cross(b, c))
     ab, bc, ca = (np.einsum("ij,ij->i", p, q) for p, q in ((a, b), (b, c), (c, a)))
-    angles: NDArray[np.float64] = np.arctan2(volume, la * lb * lc + ab * lc + bc * la + ca * lb)
+    angles: Floats = np.arctan2(volume, la * lb * lc + ab * lc + bc * la + ca * lb)
     return angles / (2.0 * math.pi)

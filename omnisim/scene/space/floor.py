@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from omnisim.core.arrays import Bools, Floats, Indices, Ints, triangle_bounds
 from omnisim.core.short_repr import counted, short_repr
 from omnisim.scene.model import Instance, Scene
 
@@ -21,12 +22,12 @@ class HeightField:
     Glass is included; ceilings, undersides of slabs and other downward-facing surfaces are not.
     """
 
-    def __init__(self, scene: Scene, low_m: NDArray[np.float64], high_m: NDArray[np.float64]):
+    def __init__(self, scene: Scene, low_m: Floats, high_m: Floats):
         triangles = triangles_within(scene, low_m, high_m)
         self._triangles: Triangles = triangles[triangles.seen_from_above]
         self._bvh = TriangleBvh(self._triangles.corners_m)
 
-    def heights_m(self, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    def heights_m(self, points_m: Floats) -> Floats:
         """Heights (n, k, surfaces) at n groups of nearby points (n, k, 2).
 
         Heights are ascending; −inf pads short rows.
@@ -58,9 +59,7 @@ def floor_height_m(scene: Scene, point_m: ArrayLike, near_m: float = 0.0) -> flo
     return float(heights[np.argmin(np.abs(heights - near_m))])
 
 
-def _heights_at(
-    corners_m: NDArray[np.float64], points_m: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _heights_at(corners_m: Floats, points_m: Floats) -> Floats:
     """Heights (n, k) of triangles (n, 3, 3) at points (n, k, 2); NaN outside a triangle."""
     a, b, c = corners_m[:, None, 0], corners_m[:, None, 1], corners_m[:, None, 2]
     total = _areas(a - c, b - c)
@@ -74,7 +73,7 @@ def _heights_at(
     return np.where(inside, heights, np.nan)
 
 
-def _areas(first_m: NDArray[np.float64], second_m: NDArray[np.float64]) -> NDArray[np.float64]:
+def _areas(first_m: Floats, second_m: Floats) -> Floats:
     """Twice the signed areas (...) spanned by vectors (..., 2 or 3), seen from above."""
     return first_m[..., 0] * second_m[..., 1] - first_m[..., 1] * second_m[..., 0]
 
@@ -87,46 +86,36 @@ MORTON_BITS = 16  # per axis
 
 @dataclass(frozen=True, eq=False)
 class Triangles:
-    """Triangles in the world frame.
+    """Triangles in the world frame."""
 
-    Attributes:
-        corners_m: (n, 3, 3), one corner per row.
-        instances: (n,) indices into `Scene.instances`.
-        seen_from_above: (n,) mask of the triangles that face up or are double-sided.
-    """
-
-    corners_m: NDArray[np.float64]
-    instances: NDArray[np.intp]
-    seen_from_above: NDArray[np.bool_]
+    corners_m: Floats  # (n, 3, 3), one corner per row
+    instances: Indices  # (n,) indices into `Scene.instances`
+    seen_from_above: Bools  # (n,) mask of the triangles that face up or are double-sided
 
     def __repr__(self) -> str:
         return short_repr(self, counted(len(self.corners_m), "triangle"))
 
-    def __getitem__(self, rows: NDArray[np.intp] | NDArray[np.bool_]) -> Triangles:
+    def __getitem__(self, rows: Indices | Bools) -> Triangles:
         return Triangles(self.corners_m[rows], self.instances[rows], self.seen_from_above[rows])
 
 
-def triangles_within(
-    scene: Scene, low_m: NDArray[np.float64], high_m: NDArray[np.float64]
-) -> Triangles:
+def triangles_within(scene: Scene, low_m: Floats, high_m: Floats) -> Triangles:
     """Triangles whose bounds overlap a box with two corners (3,), or (2,) on the floor plan."""
     axes = len(low_m)
     corners, above, counts = [np.zeros((0, 3, 3))], [np.zeros(0, dtype=bool)], []
     for instance in scene.instances:
         triangles, up = _of_instance(scene, instance)
-        low, high = bounds_of(triangles[..., :axes])
+        low, high = triangle_bounds(triangles[..., :axes])
         near = np.all((low <= high_m) & (high >= low_m), axis=1)
         corners.append(triangles[near])
         above.append(up[near])
         counts.append(int(near.sum()))
     return Triangles(
-        np.concatenate(corners),
-        np.repeat(np.arange(len(counts)), counts),
-        np.concatenate(above),
+        np.concatenate(corners), np.repeat(np.arange(len(counts)), counts), np.concatenate(above)
     )
 
 
-def _of_instance(scene: Scene, instance: Instance) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+def _of_instance(scene: Scene, instance: Instance) -> tuple[Floats, Bools]:
     """World corners (n, 3, 3), and a mask (n,) of the triangles visible from above."""
     mesh, matrix = scene.meshes[instance.mesh], instance.world_from_mesh
     positions = mesh.positions.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
@@ -149,8 +138,8 @@ class TriangleBvh:
         corners_m: (n, 3, 3) corners of the triangles.
     """
 
-    def __init__(self, corners_m: NDArray[np.float64]):
-        low, high = bounds_of(corners_m)
+    def __init__(self, corners_m: Floats):
+        low, high = triangle_bounds(corners_m)
         self._order = np.argsort(_morton_codes(0.5 * (low + high)[:, :2]), kind="stable")
         leaves = 1 << max(0, len(corners_m) - 1).bit_length()
         # empty bounds pad the leaves and overlap nothing
@@ -163,9 +152,7 @@ class TriangleBvh:
             rows = np.stack((np.minimum(first[0], second[0]), np.maximum(first[1], second[1])))
             self._levels.append(rows)
 
-    def overlaps(
-        self, low_m: NDArray[np.float64], high_m: NDArray[np.float64]
-    ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    def overlaps(self, low_m: Floats, high_m: Floats) -> tuple[Indices, Indices]:
         """Pairs of a box and a triangle whose bounds overlap; boxes may be infinite.
 
         Args:
@@ -188,15 +175,7 @@ class TriangleBvh:
         return boxes[order], triangles[order]
 
 
-def bounds_of(
-    corners_m: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Smallest and largest coordinates (n, axes) of triangles (n, 3, axes)."""
-    a, b, c = corners_m[:, 0], corners_m[:, 1], corners_m[:, 2]
-    return np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
-
-
-def _morton_codes(points_m: NDArray[np.float64]) -> NDArray[np.int64]:
+def _morton_codes(points_m: Floats) -> Ints:
     """Morton codes (n,) of points (n, 2) along a Z-order curve."""
     if not len(points_m):
         return np.zeros(0, dtype=np.int64)

@@ -10,9 +10,8 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from omnisim.core.bounds import triangle_bounds
+from omnisim.core.arrays import Bools, Floats, Indices, triangle_bounds
 from omnisim.scene.parts import Instance, Mesh, StartPose, bounds_m, instance_bounds_m
 
 # Default height of the effective viewpoint above the floor: that of a small robot.
@@ -40,7 +39,7 @@ class _Sight(NamedTuple):
     has_floor: bool
 
 
-def default_start(bounds: NDArray[np.float64]) -> StartPose:
+def default_start(bounds: Floats) -> StartPose:
     """Pose at the middle of bounds (2, 3), at most 1 m above their floor."""
     low, high = bounds
     x, y = 0.5 * (low[:2] + high[:2])
@@ -48,7 +47,7 @@ def default_start(bounds: NDArray[np.float64]) -> StartPose:
     return StartPose((float(x), float(y), float(z)))
 
 
-def outside_start(bounds: NDArray[np.float64]) -> StartPose:
+def outside_start(bounds: Floats) -> StartPose:
     """Pose in front of and above bounds (2, 3), one diagonal away from their middle.
 
     The front is −y, as in glTF and Blender.
@@ -90,12 +89,8 @@ def find_start(meshes: tuple[Mesh, ...], instances: tuple[Instance, ...]) -> Sta
 
 
 def _search(
-    surroundings: _Surroundings,
-    bounds: NDArray[np.float64],
-    middle: NDArray[np.float64],
-    scale: float,
-    clearance: float,
-) -> tuple[bool, NDArray[np.float64]] | None:
+    surroundings: _Surroundings, bounds: Floats, middle: Floats, scale: float, clearance: float
+) -> tuple[bool, Floats] | None:
     """Best clear point (3,), if any, after a flag: True if it is not inside an object."""
     radius = min(surroundings.half_m, 0.5 * float(np.linalg.norm(bounds[1, :2] - bounds[0, :2])))
     plan = _rings(middle[:2], 2.0 * clearance, radius, 0.01 * clearance)
@@ -119,8 +114,8 @@ def _search(
 
 
 def _clear_points(
-    surroundings: _Surroundings, plan: NDArray[np.float64], z: float, clearance: float
-) -> Iterator[NDArray[np.float64]]:
+    surroundings: _Surroundings, plan: Floats, z: float, clearance: float
+) -> Iterator[Floats]:
     """Clear points (3,) at a height, with growing gaps between the chosen ones."""
     count = wanted = 0
     for first in range(0, len(plan), RING_POINTS):
@@ -133,7 +128,7 @@ def _clear_points(
             count += 1
 
 
-def _heights(bounds: NDArray[np.float64], default: float, scale: float) -> Iterator[float]:
+def _heights(bounds: Floats, default: float, scale: float) -> Iterator[float]:
     if default > bounds[0, 2]:
         yield default
     for level in LEVELS:
@@ -142,9 +137,7 @@ def _heights(bounds: NDArray[np.float64], default: float, scale: float) -> Itera
             yield z
 
 
-def _rings(
-    middle: NDArray[np.float64], step: float, radius: float, grid: float
-) -> NDArray[np.float64]:
+def _rings(middle: Floats, step: float, radius: float, grid: float) -> Floats:
     """Points (n, 2) on rings around the middle, center first, at multiples of `grid` from it."""
     count = max(0, int(np.log(max(radius / step, 1.0)) / np.log(RING_GROWTH))) + 1
     radii = step * RING_GROWTH ** np.arange(count)
@@ -165,7 +158,7 @@ class _Surroundings:
         self,
         meshes: tuple[Mesh, ...],
         instances: tuple[Instance, ...],
-        middle: NDArray[np.float64],
+        middle: Floats,
         half_m: float,
     ):
         self.half_m = half_m
@@ -192,9 +185,9 @@ class _Surroundings:
         count = COMPARISONS // max(1, len(self._triangles))
         return min(max(count, MIN_SIGHTS), MAX_SIGHTS)
 
-    def _within(self, low: NDArray[np.float64], high: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _within(self, low: Floats, high: Floats) -> Floats:
         """Corners (n, 3, 3) of the triangles whose bounds overlap a box with two corners (3,)."""
-        near: NDArray[np.intp] | slice = slice(None)
+        near: Indices | slice = slice(None)
         rows = np.arange(len(self._triangles))
         for axis in (2, 0, 1):
             if np.isfinite(low[axis]):
@@ -203,7 +196,7 @@ class _Surroundings:
                 near = rows = rows[meets]
         return self._points[self._triangles[near]]
 
-    def is_clear(self, points: NDArray[np.float64], clearance: float) -> NDArray[np.bool_]:
+    def is_clear(self, points: Floats, clearance: float) -> Bools:
         """Mask (n,) of the points (n, 3) without a surface within the clearance."""
         clear = np.ones(len(points), dtype=bool)
         if not len(points):
@@ -221,7 +214,7 @@ class _Surroundings:
         clear[rows[distances < clearance]] = False
         return clear
 
-    def sight(self, point: NDArray[np.float64]) -> _Sight:
+    def sight(self, point: Floats) -> _Sight:
         """Look along the axes: a point is inside an object if most hits are back faces."""
         hits = backs = 0
         has_floor = False
@@ -242,9 +235,7 @@ class _Surroundings:
         return _Sight(2 * backs > hits, has_floor)
 
 
-def _crossings(
-    corners: NDArray[np.float64], axis: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _crossings(corners: Floats, axis: int) -> tuple[Floats, Floats]:
     """Offsets (n,) at which an axis through the origin crosses triangles (m, 3, 3), and the signs
     (n,) of their normals' components along it."""
     u, v = (axis + 1) % 3, (axis + 2) % 3
@@ -258,14 +249,12 @@ def _crossings(
     return np.einsum("nk,nk->n", shares, along), np.sign(total[crossed])
 
 
-def triangle_distances(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+def triangle_distances(corners: Floats) -> Floats:
     """Distances (n,) from the origin to triangles (n, 3, 3)."""
     return nearest_points(corners)[1]
 
 
-def nearest_points(
-    corners: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def nearest_points(corners: Floats) -> tuple[Floats, Floats]:
     """Points (n, 3) of triangles (n, 3, 3) nearest to the origin, and their distances (n,)."""
     edges = corners[:, [1, 2, 0]] - corners
     squares = np.maximum(np.einsum("nij,nij->ni", edges, edges), np.finfo(np.float64).tiny)
@@ -284,6 +273,6 @@ def nearest_points(
     return points, np.where(above, np.abs(heights), lengths.min(axis=1))
 
 
-def _plain(point: NDArray[np.float64]) -> tuple[float, float, float]:
+def _plain(point: Floats) -> tuple[float, float, float]:
     x, y, z = map(float, point)
     return x, y, z

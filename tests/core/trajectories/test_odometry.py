@@ -8,10 +8,11 @@ from omnisim.core.errors import TrajectoryError
 from omnisim.core.trajectories.odometry import (
     Odometry,
     OdometryErrors,
+    read_odometry,
     simulate_odometry,
     wheel_readings,
+    write_odometry,
 )
-from omnisim.core.trajectories.odometry_files import read_odometry, write_odometry
 from omnisim.core.trajectories.trajectory import Trajectory
 from omnisim.robots.motion_profile import plan_in_steps, plan_with_period
 from tests.robots.test_motion_profile import PIONEER_2_AT, SUPER_SCOUT, paper_lap

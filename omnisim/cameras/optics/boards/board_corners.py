@@ -15,7 +15,7 @@ import numpy as np
 from omnisim.cameras.optics.shapes.shape import Floats
 from omnisim.core.errors import OpticsError, TrajectoryError
 from omnisim.core.files.atomic_file import write_text
-from omnisim.core.trajectories.formats.text_table import read_text_table
+from omnisim.core.trajectories.formats.parsed_trajectory import read_text_table
 
 COLUMNS = ("image", "x_m", "y_m", "u_px", "v_px")
 MIN_CORNERS = 6  # per board, to determine its pose

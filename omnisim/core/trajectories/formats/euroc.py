@@ -11,20 +11,18 @@ import re
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats
 from omnisim.core.poses import quaternion_from_rotation
 from omnisim.core.trajectories.formats.parsed_trajectory import (
-    ParsedTrajectory,
-    parsed_trajectory,
-    read_quaternions,
-)
-from omnisim.core.trajectories.formats.text_table import (
     Line,
+    ParsedTrajectory,
     TextTable,
     check_printed_times,
     is_number,
+    parsed_trajectory,
     quote,
+    read_quaternions,
 )
 from omnisim.core.trajectories.spline_motion import SplineMotion
 from omnisim.core.trajectories.trajectory import Trajectory
@@ -70,10 +68,7 @@ def lines(trajectory: Trajectory) -> Iterator[str]:
 
 
 def state_lines(
-    stamps_ns: Sequence[int],
-    poses: NDArray[np.float64],
-    velocities_mps: NDArray[np.float64],
-    biases: NDArray[np.float64] | None = None,
+    stamps_ns: Sequence[int], poses: Floats, velocities_mps: Floats, biases: Floats | None = None
 ) -> Iterator[str]:
     """Lines of a file with states: poses (n, 4, 4), velocities (n, 3), biases (n, 6) or 0."""
     names = (f"{name} [{unit}]" for name, unit in zip(COLUMNS, UNITS, strict=True))

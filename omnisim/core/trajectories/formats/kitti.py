@@ -11,10 +11,10 @@ from collections.abc import Iterator
 
 from omnisim.core.trajectories.formats.parsed_trajectory import (
     ParsedTrajectory,
+    TextTable,
     parsed_trajectory,
     read_rotations,
 )
-from omnisim.core.trajectories.formats.text_table import TextTable
 from omnisim.core.trajectories.trajectory import Trajectory
 
 COLUMNS = [f"{name}{row}" for row in "012" for name in ("x", "y", "z", "t")]

@@ -1,16 +1,22 @@
-"""Poses parsed from a trajectory file, with times if the file has them."""
+"""Tables of numbers in text files, and the poses parsed from a trajectory file.
+
+Errors name file, line, the actual and the expected value.
+"""
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Bools, Floats, Indices
 from omnisim.core.errors import TrajectoryError
+from omnisim.core.files.sources import read_source
 from omnisim.core.poses import (
     MAX_M,
     is_rotation,
@@ -18,8 +24,164 @@ from omnisim.core.poses import (
     pose_from_rotation,
     rotation_from_quaternion,
 )
-from omnisim.core.trajectories.formats.text_table import TextTable
 from omnisim.core.trajectories.trajectory import MAX_S, Trajectory
+
+NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+NOT_FINITE = re.compile(r"[+-]?(nan|inf|infinity)", re.IGNORECASE)
+MAX_NUMBER = 1e20  # above any timestamp in nanoseconds; squares do not overflow
+MAX_QUOTE = 40
+_FILE_NAME = re.compile(r".+\.[A-Za-z]\w*")
+
+
+@dataclass(frozen=True)
+class Line:
+    """Line of a file: its number, counted from 1, and its cells."""
+
+    number: int
+    cells: list[str]
+
+
+@dataclass(frozen=True)
+class TextTable:
+    """Lines of a file, without empty lines and comments."""
+
+    source: str  # file name, for messages
+    lines: list[Line]  # lines with their cells; at least one
+    separator: str | None  # "," or None for blanks
+
+    def fault(self, line: Line, message: str) -> TrajectoryError:
+        """Error at a line of this file."""
+        return TrajectoryError(f"{self.source}:{line.number}: {message}")
+
+    def without_header(self) -> TextTable:
+        """Table without its first line.
+
+        Raises:
+            TrajectoryError: no line is left.
+        """
+        if len(self.lines) == 1:
+            raise TrajectoryError(
+                f"{self.source}: only a header: expected at least one line of numbers"
+            )
+        return replace(self, lines=self.lines[1:])
+
+    def without_column(self, index: int) -> tuple[TextTable, tuple[str, ...]]:
+        """Table without a column, and the column's cells; lines that lack it are left as they are.
+
+        Args:
+            index: number of the column, from 0.
+        """
+        cells = tuple(line.cells[index] if index < len(line.cells) else "" for line in self.lines)
+        lines = [
+            Line(line.number, line.cells[:index] + line.cells[index + 1 :]) for line in self.lines
+        ]
+        return replace(self, lines=lines), cells
+
+    def numbers(self, names: list[str]) -> Floats:
+        """All cells (lines, columns) as finite numbers.
+
+        Args:
+            names: column names; each line must have one cell per name.
+
+        Raises:
+            TrajectoryError: a line has another number of columns, or a cell is not a number.
+        """
+        return np.array([self._row(line, names) for line in self.lines], dtype=np.float64)
+
+    def _row(self, line: Line, names: list[str]) -> list[float]:
+        self._check_width(line, names)
+        return [self._number(line, *pair) for pair in zip(names, line.cells, strict=True)]
+
+    def _check_width(self, line: Line, names: list[str]) -> None:
+        if len(line.cells) != len(names):
+            raise self.fault(
+                line,
+                f"{len(line.cells)} column{'s' if len(line.cells) > 1 else ''}: "
+                f"expected {len(names)}: {' '.join(names)}",
+            )
+
+    def _number(self, line: Line, name: str, cell: str) -> float:
+        if NUMBER.fullmatch(cell):
+            value = float(cell)
+            if abs(value) < MAX_NUMBER:
+                return value
+            raise self.fault(line, f"{name} = {quote(cell)}: expected less than {MAX_NUMBER:g}")
+        if NOT_FINITE.fullmatch(cell):
+            raise self.fault(line, f"{name} = {cell}: expected a finite number")
+        raise self.fault(line, f"{name} = {quote(cell)!r}: expected a number")
+
+    def check_times(self, times_s: Floats, printed: list[str]) -> None:
+        """Reject times (lines,) that do not increase; `printed` holds their text in the file.
+
+        Raises:
+            TrajectoryError: two successive times do not increase; names the line and both times.
+        """
+        later = np.diff(times_s) > 0.0
+        if not np.all(later):
+            k = int(np.argmin(later))
+            relation = "repeats" if times_s[k + 1] == times_s[k] else "is before"
+            raise self.fault(
+                self.lines[k + 1],
+                f"time {printed[k + 1]} {relation} {printed[k]} of line {self.lines[k].number}: "
+                "expected times that increase",
+            )
+
+
+def read_text_table(path: Path) -> TextTable:
+    """Read a text file with cells separated by commas or blanks; `#` starts a comment line.
+
+    Raises:
+        TrajectoryError: the file cannot be read, is not text, or has only comments.
+    """
+    try:
+        text = read_source(path).decode("utf-8-sig")
+    except OSError as reason:
+        raise TrajectoryError(f"{path}: cannot be read: {reason.strerror}") from None
+    except UnicodeDecodeError:
+        text = "\0"
+    if "\0" in text:
+        raise TrajectoryError(f"{path}: not a text file: expected lines of numbers")
+    numbered = [(k, line.strip()) for k, line in enumerate(text.split("\n"), start=1)]
+    kept = [(k, line) for k, line in numbered if line and not line.startswith("#")]
+    if not kept:
+        raise TrajectoryError(f"{path}: empty: expected at least one line of numbers")
+    separator = "," if "," in kept[0][1] else None
+    lines = [Line(k, [cell.strip() for cell in line.split(separator)]) for k, line in kept]
+    return TextTable(str(path), lines, separator)
+
+
+def is_number(cell: str) -> bool:
+    """True if a cell is a number, finite or not."""
+    return bool(NUMBER.fullmatch(cell) or NOT_FINITE.fullmatch(cell))
+
+
+def is_file_name(cell: str) -> bool:
+    """True if a cell is the name of a file with a suffix, such as 0001.png."""
+    return bool(_FILE_NAME.fullmatch(cell)) and not is_number(cell)
+
+
+def quote(text: str) -> str:
+    """Quote text for a one-line message."""
+    return text if len(text) <= MAX_QUOTE else text[:MAX_QUOTE] + "…"
+
+
+def check_printed_times(times_s: Floats) -> None:
+    """Reject times (n,) that become equal when printed to the nanosecond.
+
+    Raises:
+        TrajectoryError: two times become equal; names the first two.
+    """
+    same = np.diff(np.rint(times_s * 1e9)) <= 0.0
+    if np.any(same):
+        k = int(np.argmax(same))
+        raise TrajectoryError(
+            f"trajectory: times {k} and {k + 1} are less than a nanosecond apart: "
+            "a file cannot tell them from each other"
+        )
+
+
+# Poses parsed from a trajectory file, with times if the file has them.
+
 
 # A quaternion or matrix printed with a few digits, or rounded to float32, is well within this.
 ROUNDING = 1e-3
@@ -30,26 +192,16 @@ Axes = Literal["world", "kitti"]
 
 @dataclass(frozen=True, eq=False)
 class ParsedTrajectory:
-    """Poses in a file, with or without times.
+    """Poses in a file, with or without times."""
 
-    Attributes:
-        source: file name, for messages.
-        line_numbers: (n,) line of each pose in the file, counted from 1.
-        times_s: (n,) times, or None if the file has none.
-        world_from_base: (n, 4, 4) poses in world axes.
-        axes: axes of the poses in the file.
-        has_heights: False for poses on a floor plan: x, y and heading.
-        format: name of the file format.
-        names: (n,) image file of each pose, or None if the file has no names.
-    """
-
-    source: str
-    line_numbers: NDArray[np.intp]
-    times_s: NDArray[np.float64] | None
-    world_from_base: NDArray[np.float64]
-    axes: Axes = "world"
-    has_heights: bool = True
-    format: str = ""
+    source: str  # file name, for messages
+    line_numbers: Indices  # (n,) line of each pose in the file, counted from 1
+    times_s: Floats | None  # (n,) times, or None if the file has none
+    world_from_base: Floats  # (n, 4, 4) poses in world axes
+    axes: Axes = "world"  # axes of the poses in the file
+    has_heights: bool = True  # False for poses on a floor plan: x, y and heading
+    format: str = ""  # name of the file format
+    # (n,) image file of each pose, or None if the file has no names
     names: tuple[str, ...] | None = None
 
     def trajectory(self, rate_hz: float | None = None) -> Trajectory:
@@ -73,10 +225,7 @@ class ParsedTrajectory:
 
 
 def parsed_trajectory(
-    table: TextTable,
-    times_s: NDArray[np.float64] | None,
-    positions_m: NDArray[np.float64],
-    rotations: NDArray[np.float64],
+    table: TextTable, times_s: Floats | None, positions_m: Floats, rotations: Floats
 ) -> ParsedTrajectory:
     """Assemble poses that a format module has read from a table, one per line.
 
@@ -100,7 +249,7 @@ def parsed_trajectory(
     )
 
 
-def read_times(table: TextTable, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
+def read_times(table: TextTable, times_s: Floats) -> Floats:
     """Validated times (n,) from a table's first column.
 
     Raises:
@@ -113,7 +262,7 @@ def read_times(table: TextTable, times_s: NDArray[np.float64]) -> NDArray[np.flo
     return times_s
 
 
-def read_quaternions(table: TextTable, xyzw: NDArray[np.float64]) -> NDArray[np.float64]:
+def read_quaternions(table: TextTable, xyzw: Floats) -> Floats:
     """Rotations (n, 3, 3) from a table's quaternions (n, 4).
 
     Raises:
@@ -128,7 +277,7 @@ def read_quaternions(table: TextTable, xyzw: NDArray[np.float64]) -> NDArray[np.
     return rotation_from_quaternion(xyzw)
 
 
-def read_rotations(table: TextTable, matrices: NDArray[np.float64]) -> NDArray[np.float64]:
+def read_rotations(table: TextTable, matrices: Floats) -> Floats:
     """Rotations (n, 3, 3) from a table's matrices, with rounding errors removed.
 
     Raises:
@@ -144,7 +293,7 @@ def read_rotations(table: TextTable, matrices: NDArray[np.float64]) -> NDArray[n
     return nearest_rotation(matrices)
 
 
-def _refuse(table: TextTable, good: NDArray[np.bool_], message: Callable[[int], str]) -> None:
+def _refuse(table: TextTable, good: Bools, message: Callable[[int], str]) -> None:
     if not np.all(good):
         k = int(np.argmin(good))
         raise table.fault(table.lines[k], message(k))

@@ -12,16 +12,18 @@ import dataclasses
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import did_you_mean
 from omnisim.core.poses import roll_pitch_yaw_from_rotation, rotation_from_roll_pitch_yaw
 from omnisim.core.trajectories.formats.parsed_trajectory import (
     ParsedTrajectory,
+    TextTable,
+    check_printed_times,
     parsed_trajectory,
+    quote,
     read_times,
 )
-from omnisim.core.trajectories.formats.text_table import TextTable, check_printed_times, quote
 from omnisim.core.trajectories.trajectory import Trajectory
 
 COLUMNS = ["t_s", "x_m", "y_m", "z_m", "yaw_deg", "roll_deg", "pitch_deg"]
@@ -68,7 +70,7 @@ def _header(table: TextTable) -> list[str]:
     return line.cells
 
 
-def heading_along(positions_m: NDArray[np.float64]) -> NDArray[np.float64]:
+def heading_along(positions_m: Floats) -> Floats:
     """Headings (n,) in radians along a path (n, 2), toward the next distinct position.
 
     The last positions keep the previous heading; it is 0 if all positions are equal.
@@ -77,7 +79,7 @@ def heading_along(positions_m: NDArray[np.float64]) -> NDArray[np.float64]:
     moving = np.flatnonzero(np.any(steps != 0.0, axis=1))
     if not len(moving):
         return np.zeros(len(positions_m))
-    headings: NDArray[np.float64] = np.arctan2(steps[moving, 1], steps[moving, 0])
+    headings: Floats = np.arctan2(steps[moving, 1], steps[moving, 0])
     following = np.searchsorted(moving, np.arange(len(positions_m)))
     return headings[np.minimum(following, len(moving) - 1)]
 

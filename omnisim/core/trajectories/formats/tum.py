@@ -15,14 +15,12 @@ import numpy as np
 from omnisim.core.poses import quaternion_from_rotation
 from omnisim.core.trajectories.formats.parsed_trajectory import (
     ParsedTrajectory,
-    parsed_trajectory,
-    read_quaternions,
-    read_times,
-)
-from omnisim.core.trajectories.formats.text_table import (
     TextTable,
     check_printed_times,
     is_file_name,
+    parsed_trajectory,
+    read_quaternions,
+    read_times,
 )
 from omnisim.core.trajectories.trajectory import Trajectory
 

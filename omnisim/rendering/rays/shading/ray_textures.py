@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from omnisim.core.array_types import Float32s, Float64s, Indices, Mask
 from omnisim.core.srgb import LINEAR_FROM_SRGB8
 from omnisim.rendering.rays.geometry import Surface
-from omnisim.scene.masked_mipmaps import masked_mipmaps
-from omnisim.scene.mipmaps import mipmaps
+from omnisim.scene.mipmaps import masked_mipmaps, mipmaps
 from omnisim.scene.model import AlphaMode, Material, Texture, Wrap
 
 _LINEAR = LINEAR_FROM_SRGB8.astype(np.float32)

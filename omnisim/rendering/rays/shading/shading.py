@@ -58,7 +58,7 @@ from omnisim.rendering.rays.shading.surface_table import (
 )
 from omnisim.scene.light.baked_light import BakedLight
 from omnisim.scene.model import AlphaMode, Lighting
-from omnisim.scene.specular_materials import specular_mask
+from omnisim.scene.planar_mirrors import specular_mask
 from omnisim.scene.surface_reflectance import MIN_ROUGHNESS
 
 # Mip level bias, as in `sensor_tiles`: averaging within the pixel removes slight oversharpness.

@@ -7,29 +7,30 @@ all unsupported parts.
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 
 import numpy as np
 
 from omnisim.core.errors import RobotFileError, did_you_mean
+from omnisim.core.trajectories.formats.parsed_trajectory import quote
 from omnisim.robots.importers.imported_robot import ImportedRobot, ImportedSensor
-from omnisim.robots.importers.usarsim.camera_parts import find_cameras
-from omnisim.robots.importers.usarsim.ini import (
-    Entry,
-    Notice,
-    Section,
-    parse_struct,
-    printable,
-    read_ini,
-)
-from omnisim.robots.importers.usarsim.range_parts import find_range_sensor
-from omnisim.robots.importers.usarsim.scanner_parts import find_scanner
 from omnisim.robots.importers.usarsim.usarsim_parts import (
     SI_UNITS,
     UNREAL_UNITS,
+    Entry,
+    Notice,
     Part,
+    Section,
     Units,
+    angle_rad,
+    check,
+    length_m,
+    number,
+    parse_struct,
+    printable,
+    read_ini,
     read_part,
 )
 from omnisim.sensors.sensor_names import folder_name
@@ -60,9 +61,6 @@ def import_robot(
         unreal_units: lengths are 250 per meter with z up, and angles 65536 per turn.
         origin_height_m: height of USARSim's origin of the robot above the ground; None: 0, with a
             notice.
-
-    Raises:
-        RobotFileError: invalid syntax or value; names file, line, actual and expected text.
     """
     if origin_height_m is not None and not abs(origin_height_m) <= 10.0:
         raise RobotFileError(f"origin height {origin_height_m:g} m: expected a number up to 10")
@@ -166,10 +164,8 @@ def _sensors(
     sensors = [(members[0].entry, camera) for camera, members in cameras]
     for part in parts:
         if id(part) not in camera_parts:
-            class_section = sections.get(part.class_name.lower())
-            sensor = find_range_sensor(part, class_section, units, notices)
-            if sensor is None:
-                sensor = find_scanner(part, class_section, units, notices)
+            found = part, sections.get(part.class_name.lower()), units, notices
+            sensor = find_range_sensor(*found) or find_scanner(*found)
             if sensor is None:
                 continue
             sensors.append((part.entry, sensor))
@@ -185,11 +181,7 @@ def _sensors(
 def _named(
     sensors: list[tuple[Entry, ImportedSensor]], notices: list[Notice]
 ) -> list[ImportedSensor]:
-    """Rename sensors to names that are valid in a robot file.
-
-    Raises:
-        RobotFileError: two sensors have the same name.
-    """
+    """Rename sensors to names that are valid in a robot file."""
     named: dict[str, ImportedSensor] = {}
     lines: dict[str, int] = {}
     for entry, sensor in sensors:
@@ -202,3 +194,219 @@ def _named(
             )
         named[name], lines[name] = sensor._replace(name=name), entry.line
     return list(named.values())
+
+
+# Omnidirectional cameras in USARBot.ini: one part, or the paper's three groups (section 2.4).
+#
+# The groups are the mirror, the virtual cameras at the effective viewpoint, and the camera that
+# looks up at the mirror from below. The Position of a whole camera or a mirror is assumed to be the
+# effective viewpoint as well.
+
+
+_MIRROR = re.compile(r"mirror")
+_VIRTUAL = re.compile(r"cameratexture|virtualcam")
+_OMNI = re.compile(r"omni.*cam|omnidirectional|catadioptric")
+# The parts of a camera coincide; the lens is below, within the length of any mirror's mount.
+SAME_PLACE_M = 1e-3
+BESIDE_AXIS_M = 0.01
+LENS_BELOW_M = 0.5
+_FILE = 'file = "omnicam.toml"  # a sensor file; without one: the paper\'s camera'
+LOOKS_UP = 0.9998  # cosine of 1°
+
+
+def find_cameras(parts: list[Part]) -> list[tuple[ImportedSensor, list[Part]]]:
+    """Find the omnidirectional cameras of a robot, and the parts of each camera."""
+    cameras = []
+    for group in _groups(parts):
+        lens = _find_lens(group, parts)
+        members = [*group, *([lens] if lens else [])]
+        cameras.append((_camera(group[0], members), members))
+    return cameras
+
+
+def _groups(parts: list[Part]) -> list[list[Part]]:
+    """Group omnidirectional cameras' parts by position; each group starts with its lead part."""
+    groups: list[list[Part]] = []
+    for part in parts:
+        if _rank(part) is None:
+            continue
+        near = (g for g in groups if math.dist(g[0].position_m, part.position_m) <= SAME_PLACE_M)
+        group = next(near, None)
+        if group is None:
+            groups.append([part])
+        else:
+            group.append(part)
+    return [sorted(group, key=lambda part: _rank(part) or 0) for group in groups]
+
+
+def _rank(part: Part) -> int | None:
+    """Rank of a part: 0 whole camera, 1 mirror, 2 virtual camera, None any other part."""
+    ranks = ((1, _MIRROR), (2, _VIRTUAL), (0, _OMNI))
+    return next((rank for rank, pattern in ranks if pattern.search(part.short_class)), None)
+
+
+def _find_lens(group: list[Part], parts: list[Part]) -> Part | None:
+    """Find the camera that looks up at the mirror from below."""
+    x, y, z = group[0].position_m
+    for part in parts:
+        px, py, pz = part.position_m
+        if (
+            _rank(part) is None
+            and "camera" in part.short_class
+            and math.hypot(px - x, py - y) <= BESIDE_AXIS_M
+            and 0.0 <= z - pz <= LENS_BELOW_M
+            and part.forward[2] >= LOOKS_UP
+        ):
+            return part
+    return None
+
+
+def _camera(lead: Part, members: list[Part]) -> ImportedSensor:
+    return ImportedSensor(
+        name=lead.name,
+        type="omnicamera",
+        position_m=lead.position_m,
+        # virtual cameras look in all directions
+        angles_deg=(0.0, 0.0, 0.0) if _rank(lead) == 2 else lead.angles_deg,
+        comments=(*(f"line {part.entry.line}: {part}" for part in members), _FILE),
+    )
+
+
+# Sonars and infrared sensors in USARBot.ini: a part, with settings in its class's section.
+
+
+_SONAR, _INFRARED = re.compile(r"sonar(?!array)"), re.compile(r"^ir\d*(sensor)?$|infrared")
+_LENGTHS = {"maxrange": "range_max_m", "minrange": "range_min_m"}
+_COUNTS = {"numberofcones": "cones", "tracespercone": "rays_per_cone"}
+MAX_COUNT = 360
+
+
+def find_range_sensor(
+    part: Part, section: Section | None, units: Units, notices: list[Notice]
+) -> ImportedSensor | None:
+    """Read a sonar or an infrared sensor, with the section of its class; None: another part."""
+    is_sonar = _SONAR.search(part.short_class)
+    if not (is_sonar or _INFRARED.search(part.short_class)):
+        return None
+    entries = {} if section is None else {entry.key.lower(): entry for entry in section.entries}
+    values: dict[str, float] = {}
+    for key, name in _LENGTHS.items():
+        if key in entries:
+            entry = entries[key]
+            values[name] = length_m(entry, entry.key, entry.value, units)
+            check(entry, values[name] >= 0.0, "0 or more")
+    if "noise" in entries:
+        values["noise_share"] = _noise_share(entries["noise"])
+    if is_sonar:
+        values |= _cone(entries, units)
+    _check_limits(entries, values, (0.1, 5.0) if is_sonar else (0.2, 1.5))
+    used = {*_LENGTHS, "noise", *({"beamangle", *_COUNTS} if is_sonar else ())}
+    unread = [entry.key for key, entry in entries.items() if key not in used]
+    kind = "sonar" if is_sonar else "infrared sensor"
+    if section is None:
+        notice = f"{part}: no [{part.class_name}]: assumed to be USARSim's {kind}"
+        notices.append((part.entry.line, notice))
+    elif unread:
+        notices.append((section.line, f"[{section.name}] {', '.join(unread)}: left out"))
+    return part.sensor("usarsim_sonar" if is_sonar else "usarsim_ir_sensor", values)
+
+
+def _cone(entries: dict[str, Entry], units: Units) -> dict[str, float]:
+    """Read the beam angle and the ray counts of a sonar."""
+    values: dict[str, float] = {}
+    if "beamangle" in entries:
+        entry = entries["beamangle"]
+        values["beam_angle_rad"] = angle_rad(entry, entry.key, entry.value, units)
+        is_cone = 0.0 < values["beam_angle_rad"] < math.pi
+        check(entry, is_cone, "more than 0 and less than half a turn")
+    for key, name in _COUNTS.items():
+        if key in entries:
+            count = number(entries[key], entries[key].key, entries[key].value)
+            is_count = count == round(count) and 1.0 <= count <= MAX_COUNT
+            check(entries[key], is_count, f"a whole number from 1 to {MAX_COUNT}")
+            values[name] = round(count)
+    return values
+
+
+def _noise_share(entry: Entry) -> float:
+    share = number(entry, entry.key, entry.value)
+    check(entry, share >= 0.0, "0 or more")
+    return share
+
+
+def _check_limits(
+    entries: dict[str, Entry], values: dict[str, float], defaults: tuple[float, float]
+) -> None:
+    """Raise an error that names the line if the minimum range is not below the maximum."""
+    least, most = values.get("range_min_m", defaults[0]), values.get("range_max_m", defaults[1])
+    if not least < most:
+        entry = entries.get("minrange") or entries["maxrange"]
+        raise entry.fault(
+            f"{entry.key} = {quote(entry.value)}: expected MinRange, {least:g} m, less than "
+            f"MaxRange, {most:g} m"
+        )
+
+
+# Laser scanners in USARBot.ini: a part, with settings in its class's section.
+
+
+_SICK = re.compile(r"sick|lms\d|lms$")
+_SCANNER = re.compile(r"rangescanner|hokuyo|urg")
+_USED = {"scanfov", "resolution", "maxrange", "minrange", "noise"}
+TURN_RAD = 6.2832  # full turn as USARBot.ini rounds it
+
+
+def find_scanner(
+    part: Part, section: Section | None, units: Units, notices: list[Notice]
+) -> ImportedSensor | None:
+    """Read a laser scanner, with the section of its class; None, with a notice: another part."""
+    settings = {} if section is None else {entry.key.lower(): entry for entry in section.entries}
+    says_how = {"scanfov", "resolution", "maxrange"} <= settings.keys()
+    is_sick = _SICK.search(part.short_class)
+    known = _SCANNER.search(part.short_class)
+    if not (says_how or is_sick):
+        why = f"no [{part.class_name}] with ScanFov, Resolution and MaxRange: " if known else ""
+        notices.append((part.entry.line, f"{part}: {why}left out"))
+        return None
+    values: dict[str, float] = {}
+    for key, name, read in (
+        ("scanfov", "scan_fov_rad", angle_rad),
+        ("resolution", "resolution_rad", angle_rad),
+        ("maxrange", "max_range_m", length_m),
+        ("minrange", "min_range_m", length_m),
+    ):
+        if key in settings:
+            entry = settings[key]
+            values[name] = read(entry, entry.key, entry.value, units)
+            if key == "minrange":
+                check(entry, values[name] >= 0.0, "0 or more")
+            else:
+                check(entry, values[name] > 0.0, "more than 0")
+    if "noise" in settings:
+        values["noise_share"] = _noise_share(settings["noise"])
+    elif not is_sick:
+        values["noise_share"] = 0.0
+    _check_scan(settings, values)
+    if section is None:
+        notice = f"{part}: no [{part.class_name}]: assumed to be USARSim's SICK LMS200"
+        notices.append((part.entry.line, notice))
+    else:
+        unread = [entry.key for key, entry in settings.items() if key not in _USED]
+        if unread:
+            notices.append((section.line, f"[{section.name}] {', '.join(unread)}: left out"))
+    return part.sensor("usarsim_range_scanner", values)
+
+
+def _check_scan(settings: dict[str, Entry], values: dict[str, float]) -> None:
+    """Raise an error that names the line if the scan settings are impossible."""
+    fov, resolution = values.get("scan_fov_rad", math.pi), values.get("resolution_rad", 0.01745)
+    if fov > TURN_RAD or fov / resolution >= 100_000.0:
+        entry = settings["scanfov" if fov > TURN_RAD else "resolution"]
+        raise entry.fault(
+            f"{entry.key} = {quote(entry.value)}: expected at most a turn and "
+            "fewer than 100000 beams"
+        )
+    least, most = values.get("min_range_m", 0.0), values.get("max_range_m", 20.0)
+    if not least < most:
+        entry = settings["minrange"]
+        raise entry.fault(f"{entry.key} = {least:g} m: expected less than MaxRange, {most:g} m")

@@ -1,13 +1,22 @@
-"""The JSON of a glTF file: its container, and type-checked properties."""
+"""Content of a glTF file: its container, type-checked properties of its JSON, and its arrays."""
 
 from __future__ import annotations
 
+import base64
 import json
+import math
 import struct
-from collections.abc import Iterator, Mapping, Sequence
-from typing import TypeVar
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any, TypeVar
+from urllib.parse import unquote_to_bytes
 
-from omnisim.core.errors import SceneError
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.arrays import Bytes, Floats, Ints
+from omnisim.core.errors import SceneError, printable
+from omnisim.core.extras import install_hint, is_installed
+from omnisim.scene.formats.resources import AssetResolver
 
 _JSON, _BIN = 0x4E4F534A, 0x004E4942
 
@@ -16,9 +25,6 @@ def read_container(data: bytes) -> tuple[JsonObject, memoryview]:
     """Top-level JSON object, and the binary chunk of a GLB file (otherwise empty).
 
     Source: glTF 2.0, section 4.4.
-
-    Raises:
-        SceneError: the data is damaged, or is not glTF 2.0.
     """
     chunk = memoryview(b"")
     try:
@@ -149,6 +155,10 @@ class JsonObject:
         extensions = self.object("extensions")
         return extensions.object(name) if extensions.has(name) else None
 
+    def extension_or_empty(self, name: str) -> JsonObject:
+        """Object of an extension; empty if missing."""
+        return self.object("extensions").object(name)
+
     def _path(self, key: str) -> str:
         return f"{self.place}.{key}" if self.place else key
 
@@ -168,3 +178,217 @@ def _number(value: object, place: str) -> float:
 def _error(place: str, expected: str, value: object) -> SceneError:
     got = "nothing" if value is None else repr(value)[:80]
     return SceneError(f"{place}: expected {expected}, got {got}")
+
+
+# Buffers, buffer views and accessors, decoded to arrays.
+
+
+_INDEX_TYPES: dict[int | str, str] = {5121: "<u1", 5123: "<u2", 5125: "<u4"}
+_COMPONENT_TYPES = {5120: "<i1", 5122: "<i2", 5126: "<f4"} | _INDEX_TYPES
+_SHAPES: dict[int | str, tuple[int, ...]] = {
+    "SCALAR": (1,), "VEC2": (2,), "VEC3": (3,), "VEC4": (4,),
+    "MAT2": (2, 2), "MAT3": (3, 3), "MAT4": (4, 4),
+}  # fmt: skip
+# Element limit of an accessor without a bufferView: a short file must not exhaust the memory.
+MAX_UNBACKED_ELEMENTS = 1 << 22
+
+
+def read_uri(uri: str, assets: AssetResolver) -> bytes:
+    """Bytes of a data URI, or of a file referenced by the scene.
+
+    Raises:
+        OSError, ValueError: a missing file or a damaged data URI.
+    """
+    if not uri.startswith("data:"):
+        return assets[uri]
+    media_type, _, payload = uri.partition(",")
+    return base64.b64decode(payload) if ";base64" in media_type else unquote_to_bytes(payload)
+
+
+class Accessors:
+    """Arrays of a file, read on demand. All methods raise SceneErrors."""
+
+    def __init__(self, root: JsonObject, chunk: memoryview, assets: AssetResolver):
+        """Read all buffers; the first buffer, if it has no URI, is the GLB file's `chunk`."""
+        self._accessors, self._views = root.objects("accessors"), root.objects("bufferViews")
+        self._decoded: dict[int, NDArray[Any]] = {}
+        self._decompressed: dict[int, memoryview] = {}
+        self._buffers: list[memoryview] = []
+        for index, buffer in enumerate(root.objects("buffers")):
+            # the chunk is the first buffer; other buffers without a URI are empty
+            data, uri = chunk if index == 0 else memoryview(b""), buffer.text("uri", "")
+            if uri:
+                try:
+                    data = memoryview(read_uri(uri, assets))
+                except OSError as reason:
+                    raise SceneError(f"{buffer.place}.uri: {printable(uri, 80)} {reason}") from None
+                except ValueError as reason:
+                    raise SceneError(f"{buffer.place}: cannot be read: {reason!s:.80}") from None
+            self._buffers.append(data[: buffer.integer("byteLength")])
+
+    def view(self, owner: JsonObject) -> memoryview:
+        """Bytes of the bufferView that an object references."""
+        index = owner.index("bufferView", self._views)
+        view = self._views[index]
+        compressed = meshopt_compression(view)
+        end = view.integer("byteOffset", 0) + view.integer("byteLength")
+        is_plain = end <= len(self._buffers[view.index("buffer", self._buffers)])
+        if compressed is None or (is_plain and not can_decode_meshopt()):
+            return self._slice(view)
+        if index not in self._decompressed:
+            self._decompressed[index] = decode_meshopt(compressed, self._slice(compressed))
+        return self._decompressed[index]
+
+    def _slice(self, view: JsonObject) -> memoryview:
+        """Bytes of a slice of a buffer."""
+        buffer = self._buffers[view.index("buffer", self._buffers)]
+        start = view.integer("byteOffset", 0)
+        end = start + view.integer("byteLength")
+        if end > len(buffer):
+            raise SceneError(f"{view.place}: expected {end} bytes in its buffer, got {len(buffer)}")
+        return buffer[start:end]
+
+    def replace(self, owner: JsonObject, key: str, values: NDArray[Any]) -> None:
+        """Store decompressed values for the accessor that a property references."""
+        self._decoded[owner.index(key, self._accessors)] = values
+
+    def floats(self, owner: JsonObject, key: str) -> Floats:
+        """Values (count, …) of the accessor that a property references.
+
+        Source: glTF 2.0, section 3.6.2.2: normalized integers represent fractions.
+        """
+        values = self._values(owner, key)
+        with np.errstate(invalid="ignore"):  # signaling NaNs
+            floats = values.astype(np.float64)
+        accessor = self._accessors[owner.index(key, self._accessors)]
+        if accessor.flag("normalized") and values.dtype.kind in "iu":
+            # use the accessor's component type, since Draco's decoder widens 16 bits to 32
+            stored = np.dtype(accessor.choice("componentType", _COMPONENT_TYPES))
+            if stored.kind in "iu":
+                return np.maximum(floats / np.iinfo(stored).max, -1.0)
+        return floats
+
+    def integers(self, owner: JsonObject, key: str) -> Ints:
+        """Values (count, …) of the integer accessor that a property references."""
+        values = self._values(owner, key)
+        if values.dtype.kind == "f":
+            raise owner.error(key, "an accessor of integers")
+        return values.astype(np.int64)
+
+    def _values(self, owner: JsonObject, key: str) -> NDArray[Any]:
+        index = owner.index(key, self._accessors)
+        if index in self._decoded:
+            return self._decoded[index]
+        accessor = self._accessors[index]
+        count, shape = accessor.integer("count"), accessor.choice("type", _SHAPES)
+        dtype = accessor.choice("componentType", _COMPONENT_TYPES)
+        if accessor.has("bufferView"):
+            values = self._elements(accessor, count, dtype, shape)
+        elif count <= MAX_UNBACKED_ELEMENTS:
+            values = np.zeros((count, *shape), dtype)
+        else:
+            raise accessor.error("bufferView", f"one for {count} elements")
+        if not accessor.has("sparse"):
+            return values
+        sparse = accessor.object("sparse")
+        where, replaced = sparse.object("indices"), sparse.integer("count")
+        index_type = where.choice("componentType", _INDEX_TYPES)
+        indices = self._elements(where, replaced, index_type, ())
+        if replaced and indices.max() >= count:
+            raise SceneError(f"{where.place}: expected indices below {count}, got {indices.max()}")
+        values = values.copy()
+        values[indices] = self._elements(sparse.object("values"), replaced, dtype, shape)
+        return values
+
+    def _elements(
+        self, owner: JsonObject, count: int, component: str, shape: tuple[int, ...]
+    ) -> NDArray[Any]:
+        """Elements (count, *shape) of an object's bufferView, without a copy."""
+        data, offset, dtype = self.view(owner), owner.integer("byteOffset", 0), np.dtype(component)
+        size = dtype.itemsize * math.prod(shape)
+        view = self._views[owner.index("bufferView", self._views)]
+        stride = view.integer("byteStride", size)
+        if count == 0:
+            return np.zeros((0, *shape), dtype)
+        end = offset + (count - 1) * stride + size
+        if end > len(data) or stride == 0:
+            raise SceneError(f"{owner.place}: expected {end} bytes in a view of {len(data)}")
+        strides = (stride, *np.empty(shape, dtype).strides)
+        return np.ndarray((count, *shape), dtype, data, offset, strides)
+
+
+# Decompression of buffer views with meshoptimizer.
+#
+# Source: EXT_meshopt_compression, succeeded by KHR_meshopt_compression.
+
+
+EXTENSIONS = ("KHR_meshopt_compression", "EXT_meshopt_compression")
+MODES: dict[int | str, str] = {mode: mode for mode in ("ATTRIBUTES", "TRIANGLES", "INDICES")}
+# Valid strides in bytes per attribute filter; without a filter: multiples of 4.
+STRIDES = {
+    "NONE": range(4, 257, 4),
+    "OCTAHEDRAL": (4, 8),
+    "QUATERNION": (8,),
+    "EXPONENTIAL": range(4, 257, 4),
+}
+_INDEX_STRIDES = (2, 4)
+MAX_RATIO = 4096  # compression ratio: a short file must not exhaust the memory
+
+
+def meshopt_compression(view: JsonObject) -> JsonObject | None:
+    """Compression of a buffer view; None: uncompressed."""
+    return next((each for name in EXTENSIONS if (each := view.extension(name))), None)
+
+
+def can_decode_meshopt() -> bool:
+    """True if the decoder is installed."""
+    return is_installed("meshoptimizer")
+
+
+def decode_meshopt(entry: JsonObject, data: memoryview) -> memoryview:
+    """Decoded bytes of a buffer view with a compression entry."""
+    if not can_decode_meshopt():
+        raise SceneError(f"is compressed with meshopt, which needs {install_hint('meshopt')}")
+    mode, count = entry.choice("mode", MODES), entry.integer("count")
+    stride, filtered = entry.integer("byteStride"), entry.text("filter", "NONE")
+    if filtered not in STRIDES or (mode != "ATTRIBUTES" and filtered != "NONE"):
+        raise entry.error("filter", f"one of {', '.join(STRIDES)}, of attributes")
+    strides = STRIDES[filtered] if mode == "ATTRIBUTES" else _INDEX_STRIDES
+    if stride not in strides:
+        allowed = " or ".join(map(str, strides))
+        raise entry.error(
+            "byteStride", allowed if len(strides) < 3 else "a multiple of 4 up to 256"
+        )
+    if count * stride > MAX_RATIO * len(data) or (mode == "TRIANGLES" and count % 3):
+        raise entry.error("count", f"that of {len(data)} compressed bytes")
+    if not count:
+        return memoryview(b"")
+    try:
+        if mode == "ATTRIBUTES":
+            values = _attributes(bytes(data), count, stride, filtered)
+        else:
+            values = _indices(bytes(data), count, stride, mode)
+    except (RuntimeError, ValueError) as reason:
+        raise SceneError(f"{entry.place}: cannot be decoded: {reason!s:.80}") from None
+    return memoryview(values.tobytes())
+
+
+def _attributes(data: bytes, count: int, stride: int, filtered: str) -> Bytes:
+    import meshoptimizer
+
+    values = meshoptimizer.decode_vertex_buffer(count, stride, data).view(np.uint8)
+    filters: dict[str, Callable[[Bytes, int, int], Bytes]] = {
+        "OCTAHEDRAL": meshoptimizer.decode_filter_oct,
+        "QUATERNION": meshoptimizer.decode_filter_quat,
+        "EXPONENTIAL": meshoptimizer.decode_filter_exp,
+    }
+    return filters[filtered](values, count, stride) if filtered in filters else values
+
+
+def _indices(data: bytes, count: int, stride: int, mode: str) -> NDArray[np.unsignedinteger]:
+    import meshoptimizer
+
+    triangles = mode == "TRIANGLES"
+    read = meshoptimizer.decode_index_buffer if triangles else meshoptimizer.decode_index_sequence
+    # decoded to 32 bits for any stride: the package's array is 32-bit
+    return read(count, 4, data).astype("<u2" if stride == 2 else "<u4")

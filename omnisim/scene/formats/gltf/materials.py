@@ -10,10 +10,9 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from omnisim.scene.formats.gltf.accessors import Accessors, read_uri
-from omnisim.scene.formats.gltf.document import JsonObject
+from omnisim.core.arrays import Bytes, Floats
+from omnisim.scene.formats.gltf.document import Accessors, JsonObject, read_uri
 from omnisim.scene.formats.gltf.primitives import Primitive
 from omnisim.scene.formats.imported_scene import MAX_COORDINATE
 from omnisim.scene.formats.resources import AssetResolver
@@ -32,7 +31,7 @@ class _Place(NamedTuple):
     """Placement of a texture: set of texture coordinates, and affine transform (2, 3)."""
 
     channel: int
-    transform: NDArray[np.float64]
+    transform: Floats
 
 
 class Materials:
@@ -57,13 +56,13 @@ class Materials:
         self._reasons: dict[str, str] = {}
         self._images = [self._open(entry, accessors) for entry in self._image_entries]
 
-    def uv(self, primitive: Primitive, material: int) -> NDArray[np.float64] | None:
+    def uv(self, primitive: Primitive, material: int) -> Floats | None:
         """Texture coordinates (n, 2) of a primitive for the base color texture; None: missing."""
         place = self._place(_base_color(self.entries[material])[1])
         uv = _coordinates(primitive, place.channel)
         return None if uv is None else uv @ place.transform[:, :2].T + place.transform[:, 2]
 
-    def second_uv(self, primitive: Primitive, material: int) -> NDArray[np.float64] | None:
+    def second_uv(self, primitive: Primitive, material: int) -> Floats | None:
         """Texture coordinates (n, 2) for maps that use a second set; None: no such map."""
         channel = self._second_channel(self.entries[material])
         return None if channel is None else _coordinates(primitive, channel)
@@ -212,7 +211,6 @@ def is_unlit(material: JsonObject) -> bool:
 
 
 def _base_color(material: JsonObject) -> tuple[tuple[float, ...] | None, JsonObject]:
-    """Factor and texture of a material's base color."""
     if glossy := material.extension("KHR_materials_pbrSpecularGlossiness"):
         return glossy.numbers("diffuseFactor", 4), glossy.object("diffuseTexture")
     metallic = material.object("pbrMetallicRoughness")
@@ -224,10 +222,8 @@ def _maps(material: JsonObject) -> tuple[tuple[JsonObject, bool], ...]:
 
     `Materials._packed` relies on their order.
     """
-    specular, coat = (
-        material.extension(f"KHR_materials_{name}") or JsonObject({}, material.place)
-        for name in ("specular", "clearcoat")
-    )
+    specular = material.extension_or_empty("KHR_materials_specular")
+    coat = material.extension_or_empty("KHR_materials_clearcoat")
     metallic = material.object("pbrMetallicRoughness")
     if material.extension("KHR_materials_pbrSpecularGlossiness") is not None:
         metallic = JsonObject({}, metallic.place)
@@ -244,16 +240,16 @@ def _maps(material: JsonObject) -> tuple[tuple[JsonObject, bool], ...]:
     )
 
 
-def _coordinates(primitive: Primitive, channel: int) -> NDArray[np.float64] | None:
+def _coordinates(primitive: Primitive, channel: int) -> Floats | None:
     uv = primitive.attribute(f"TEXCOORD_{channel}")
     return None if uv is None or uv.shape[1] != 2 else uv
 
 
 @np.errstate(all="ignore")
-def _relative(own: NDArray[np.float64], base: NDArray[np.float64]) -> NDArray[np.float64]:
+def _relative(own: Floats, base: Floats) -> Floats:
     """Affine map (2, 3) from coordinates placed by `base` to those placed by `own`."""
     a, b, c, d = base[:, :2].ravel()
-    linear: NDArray[np.float64] = own[:, :2] @ np.array([[d, -b], [-c, a]]) / (a * d - b * c)
+    linear: Floats = own[:, :2] @ np.array([[d, -b], [-c, a]]) / (a * d - b * c)
     return np.column_stack((linear, own[:, 2] - linear @ base[:, 2]))
 
 
@@ -270,12 +266,7 @@ Color = tuple[float, float, float]
 
 
 class Factors:
-    """Limits factors of one material, and records the values outside their ranges.
-
-    Attributes:
-        material: name of the material.
-        changed: one text per value outside its range, with material, key, value and substitute.
-    """
+    """Limits factors of one material, and records the values outside their ranges as texts."""
 
     def __init__(self, material: str):
         self.changed: list[str] = []
@@ -356,7 +347,7 @@ class PackedMaps:
         return self._found[key][0]
 
 
-def _packed(parts: Sequence[Part], given: Sequence[Texture]) -> NDArray[np.uint8]:
+def _packed(parts: Sequence[Part], given: Sequence[Texture]) -> Bytes:
     from PIL import Image  # slow to import
 
     height, width = np.max([one.pixels.shape[:2] for one in given], axis=0).tolist()
@@ -402,18 +393,19 @@ def with_reflectance(
         occlusion_map=occlusion if strength else None,
         emissive_map=emissive if any(color) else None,
     )
-    glossy = entry.extension("KHR_materials_pbrSpecularGlossiness")
-    if glossy is not None:
-        return _specular_glossiness(common, glossy, factors)
-    coat = entry.extension("KHR_materials_clearcoat") or JsonObject({}, "")
-    specular = entry.extension("KHR_materials_specular") or JsonObject({}, "")
-    ior = entry.extension("KHR_materials_ior") or JsonObject({}, "")
-    volume = entry.extension("KHR_materials_volume") or JsonObject({}, "")
-    dispersion = entry.extension("KHR_materials_dispersion") or JsonObject({}, "")
-    strength, coating = (
-        factors.share(specular, "specularFactor", 1.0),
-        factors.share(coat, "clearcoatFactor", 0.0),
-    )
+    if glossy := entry.extension("KHR_materials_pbrSpecularGlossiness"):
+        # a dielectric whose reflectance at normal incidence is the specular factor
+        red, green, blue = factors.color(glossy, "specularFactor", 1.0, 1.0)
+        roughness = 1.0 - factors.share(glossy, "glossinessFactor", 1.0)
+        tint = _tint_of(red, green, blue)
+        return replace(common, roughness=roughness, specular=1.0, specular_color=tint)
+    coat = entry.extension_or_empty("KHR_materials_clearcoat")
+    specular = entry.extension_or_empty("KHR_materials_specular")
+    ior = entry.extension_or_empty("KHR_materials_ior")
+    volume = entry.extension_or_empty("KHR_materials_volume")
+    dispersion = entry.extension_or_empty("KHR_materials_dispersion")
+    strength = factors.share(specular, "specularFactor", 1.0)
+    coating = factors.share(coat, "clearcoatFactor", 0.0)
     coat_scale = _scale(coat.object("clearcoatNormalTexture"), factors)
     gives_reflectance = ior.number("ior", DEFAULT_IOR) == 0.0
     is_opaque = gives_reflectance or has_transmission_map(entry)
@@ -425,7 +417,11 @@ def with_reflectance(
         specular=strength,
         specular_color=_tint_of(red, green, blue) if gives_reflectance else (red, green, blue),
         ior=DEFAULT_IOR if gives_reflectance else factors.number(ior, "ior", DEFAULT_IOR, 1.0),
-        transmission=0.0 if is_opaque else _transmission(entry, factors),
+        transmission=0.0
+        if is_opaque
+        else factors.share(
+            entry.extension_or_empty("KHR_materials_transmission"), "transmissionFactor", 0.0
+        ),
         thickness_m=factors.number(volume, "thicknessFactor", 0.0, 0.0),
         attenuation_color=factors.color(volume, "attenuationColor", 1.0, 1.0),
         attenuation_distance_m=_attenuation_distance_m(volume, factors),
@@ -442,7 +438,7 @@ def with_reflectance(
 
 def has_transmission_map(entry: JsonObject) -> bool:
     """True for a material that transmits light by a map."""
-    transmission = entry.extension("KHR_materials_transmission") or JsonObject({}, "")
+    transmission = entry.extension_or_empty("KHR_materials_transmission")
     is_used = transmission.number("transmissionFactor", 0.0) > 0.0
     return is_used and transmission.has("transmissionTexture")
 
@@ -455,29 +451,13 @@ def _attenuation_distance_m(volume: JsonObject, factors: Factors) -> float:
     return factors.replaced("attenuationDistance", distance_m, used_m)
 
 
-def _transmission(entry: JsonObject, factors: Factors) -> float:
-    transmission = entry.extension("KHR_materials_transmission") or JsonObject({}, "")
-    return factors.share(transmission, "transmissionFactor", 0.0)
-
-
-def _specular_glossiness(material: Material, glossy: JsonObject, factors: Factors) -> Material:
-    """Dielectric whose reflectance at normal incidence is the specular factor."""
-    red, green, blue = factors.color(glossy, "specularFactor", 1.0, 1.0)
-    return replace(
-        material,
-        roughness=1.0 - factors.share(glossy, "glossinessFactor", 1.0),
-        specular=1.0,
-        specular_color=_tint_of(red, green, blue),
-    )
-
-
 def _tint_of(red: float, green: float, blue: float) -> Color:
     """Specular color of a dielectric of the default index, for a reflectance."""
     return _WHOLE * red, _WHOLE * green, _WHOLE * blue
 
 
 def _emissive(entry: JsonObject, factors: Factors) -> Color:
-    strength = entry.extension("KHR_materials_emissive_strength") or JsonObject({}, "")
+    strength = entry.extension_or_empty("KHR_materials_emissive_strength")
     factor = factors.number(strength, "emissiveStrength", 1.0, 0.0)
     bright = [factor * one for one in factors.color(entry, "emissiveFactor", 0.0)]
     peak = max(bright)

@@ -2,57 +2,65 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
-from collections.abc import Iterator, Mapping
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import SceneError, printable
-from omnisim.scene.formats.cameras import Cameras, pinhole, read_lens
-from omnisim.scene.formats.gltf.accessors import Accessors
-from omnisim.scene.formats.gltf.animations import (
+from omnisim.core.short_repr import counted
+from omnisim.scene.formats.features import Feature, Support, feature_table
+from omnisim.scene.formats.gltf.document import Accessors, JsonObject, read_container
+from omnisim.scene.formats.gltf.materials import Materials, has_transmission_map, is_unlit
+from omnisim.scene.formats.gltf.nodes import (
     FIRST_ANIMATION,
     AnimationChoice,
     animated_nodes,
+    file_from_nodes,
     moving_objects,
     read_animation,
-    reshaped_nodes,
-    transforms_at_start,
-    unplayed_parts,
-)
-from omnisim.scene.formats.gltf.deforming_meshes import DeformingMeshes, PlayedNodes
-from omnisim.scene.formats.gltf.document import JsonObject, read_container
-from omnisim.scene.formats.gltf.features import SUPPORTED_EXTENSIONS, DrawnObjects, feature_notices
-from omnisim.scene.formats.gltf.materials import Materials, is_unlit
-from omnisim.scene.formats.gltf.nodes import (
-    file_from_nodes,
     read_copies,
     read_lights,
+    reshaped_nodes,
     scene_parents,
+    transforms_at_start,
 )
-from omnisim.scene.formats.gltf.primitives import POINTS_AND_LINES, TRIANGLES, Primitive
+from omnisim.scene.formats.gltf.primitives import (
+    POINTS_AND_LINES,
+    TRIANGLES,
+    DeformingMeshes,
+    PlayedNodes,
+    Primitive,
+)
 from omnisim.scene.formats.imported_scene import (
+    Cameras,
     ImportedScene,
     Omissions,
     colors_rgba,
     make_mesh,
+    pinhole,
+    read_lens,
     translate,
 )
 from omnisim.scene.formats.resources import AssetResolver
 from omnisim.scene.model import Instance, Mesh
 from omnisim.scene.textures import TextureStore
 
+# Objects of a file that its scene draws, by the group of the features that they may have.
+DrawnObjects = dict[str, Sequence[JsonObject]]
+
 
 def read_gltf(
     data: bytes,
     textures: TextureStore,
     assets: AssetResolver,
-    world_from_file: NDArray[np.float64],
+    world_from_file: Floats,
     choice: AnimationChoice = FIRST_ANIMATION,
 ) -> ImportedScene:
     """Read a glTF or GLB file with the chosen animation.
@@ -81,14 +89,14 @@ def read_gltf(
     deforming = DeformingMeshes(root, accessors, played)
     meshes = _Meshes(root, accessors, materials)
     placed = list(meshes.instantiate(nodes, poses, deforming))
-    drawn = dataclasses.replace(
-        _drawn_objects(root, [nodes[index] for index in poses], materials.entries[:-1]),
-        **unplayed_parts(nodes, animation, moved),
-    )
+    drawn = _drawn_objects(root, [nodes[index] for index in poses], materials.entries[:-1]) | {
+        "animations": animation.others,
+        "channels": animation.channels,
+        "shining": [nodes[one] for one in moved if nodes[one].extension("KHR_lights_punctual")],
+    }
     in_world = {index: world_from_file @ pose for index, pose in poses.items()}
     extensions = [str(name) for name in root.array("extensionsUsed")]
     cameras = _read_cameras(root, nodes, in_world)
-    dropped = meshes.dropped.notices
     return ImportedScene(
         tuple(meshes.meshes),
         materials.read({mesh.material for mesh in meshes.meshes}),
@@ -97,7 +105,7 @@ def read_gltf(
             *materials.notices,
             *deforming.notices,
             *feature_notices(drawn, extensions),
-            *dropped,
+            *meshes.dropped.notices,
             *cameras.notices,
         ],
         read_lights(root, nodes, in_world),
@@ -109,7 +117,7 @@ def read_gltf(
 def _drawn_objects(
     root: JsonObject, nodes: list[JsonObject], materials: list[JsonObject]
 ) -> DrawnObjects:
-    """Objects drawn by the nodes of the scene."""
+    """Objects that the nodes of the scene draw; of the materials those that are lit."""
     meshes = root.objects("meshes")
     drawn = [(node, meshes[node.index("mesh", meshes)]) for node in nodes if node.has("mesh")]
     primitives = [
@@ -119,16 +127,16 @@ def _drawn_objects(
     ]
     used = {entry.index("material", materials) for entry in primitives if entry.has("material")}
     lit = [index for index in sorted(used) if not is_unlit(materials[index])]
-    return DrawnObjects(
-        nodes=nodes,
-        primitives=primitives,
-        materials=[materials[index] for index in lit],
-        samplers=root.objects("samplers"),
-    )
+    return {
+        "nodes": nodes,
+        "primitives": primitives,
+        "materials": [materials[index] for index in lit],
+        "samplers": root.objects("samplers"),
+    }
 
 
 def _read_cameras(
-    root: JsonObject, nodes: list[JsonObject], world_from_node: Mapping[int, NDArray[np.float64]]
+    root: JsonObject, nodes: list[JsonObject], world_from_node: Mapping[int, Floats]
 ) -> Cameras:
     """Cameras of the nodes, named after the nodes, or else after the cameras.
 
@@ -160,20 +168,15 @@ class _Part(NamedTuple):
 
     primitive: Primitive
     mesh: int
-    center: NDArray[np.float64]
+    center: Floats
 
 
 class _Meshes:
-    """Meshes of a file, one per primitive. All methods raise SceneErrors.
-
-    Attributes:
-        meshes: meshes of the file; `instantiate` appends skinned, morphed and non-rigid ones.
-        dropped: counts of vertex data that do not match their vertices.
-    """
+    """Meshes of a file, one per primitive; `instantiate` appends skinned, morphed and others."""
 
     def __init__(self, root: JsonObject, accessors: Accessors, materials: Materials):
         self.meshes: list[Mesh] = []
-        self.dropped = Omissions()
+        self.dropped = Omissions()  # vertex data that do not match their vertices
         self._accessors, self._materials = accessors, materials
         self._name_counts: dict[str, int] = {}
         self._parts = [
@@ -182,10 +185,7 @@ class _Meshes:
         ]
 
     def instantiate(
-        self,
-        nodes: list[JsonObject],
-        poses: dict[int, NDArray[np.float64]],
-        deforming: DeformingMeshes,
+        self, nodes: list[JsonObject], poses: dict[int, Floats], deforming: DeformingMeshes
     ) -> Iterator[tuple[int | None, Instance]]:
         """Instances of the nodes at their poses, each with the index of the node that moves it.
 
@@ -206,14 +206,13 @@ class _Meshes:
                     yield index, Instance(name, part.mesh, translate(pose, part.center), pose)
                     continue
                 self.meshes.append(deformed.mesh)
+                node_pose = np.eye(4) if deformed.owner is None else pose
                 number = len(self.meshes) - 1
-                if deformed.owner is None:
-                    yield None, Instance(name, number, deformed.file_from_mesh)
-                else:
-                    yield deformed.owner, Instance(name, number, deformed.file_from_mesh, pose)
+                placed = Instance(name, number, deformed.file_from_mesh, node_pose)
+                yield deformed.owner, placed
 
     def _copy(
-        self, node: JsonObject, index: int, pose: NDArray[np.float64], copies: NDArray[np.float64]
+        self, node: JsonObject, index: int, pose: Floats, copies: Floats
     ) -> Iterator[tuple[int | None, Instance]]:
         """Instances of a node's copies, numbered, without deformation."""
         name = node.text("name", f"node {index}")
@@ -257,3 +256,81 @@ class _Meshes:
             unique = f"{name}_{number}"
         self._name_counts |= {unique: 0, name: number}
         return unique
+
+
+# Features of glTF: applied, omitted with a notice, ignored or refused.
+#
+# `FEATURES` is the source of the notices, of the table in the documentation and of its tests.
+
+
+_NEAREST = 9728  # OpenGL's constant
+
+
+def feature_notices(drawn: DrawnObjects, used_extensions: Sequence[str]) -> list[str]:
+    """Notices for used features that are not drawn, one line each."""
+    notices = []
+    for feature in FEATURES:
+        if feature.support is Support.LEFT_OUT and feature.group:
+            count = sum(_uses(entry, feature) for entry in drawn[feature.group])
+            if count:
+                noun = "node" if feature.group == "shining" else feature.group[:-1]
+                notices.append(f"{feature.effect} ({counted(count, noun)})")
+    noted = [one for one in FEATURES if one.support is Support.LEFT_OUT and not one.group]
+    known = {name for one in FEATURES if one not in noted for name in one.extensions}
+    return notices + [f"{name} is not read" for name in used_extensions if name not in known]
+
+
+def _uses(entry: JsonObject, feature: Feature) -> bool:
+    try:
+        return feature.is_used(entry)
+    except SceneError:  # a damaged value of a feature that is not read
+        return True
+
+
+def _differs(name: str, key: str) -> Callable[[JsonObject], bool]:
+    """Predicate for materials with an extension whose factor is not 0."""
+    return lambda material: material.extension_or_empty(name).number(key, 0.0) != 0.0
+
+
+def _has_sheen(material: JsonObject) -> bool:
+    color = material.extension_or_empty("KHR_materials_sheen").numbers("sheenColorFactor", 3)
+    return color is not None and any(color)
+
+
+def _is_hidden(node: JsonObject) -> bool:
+    visibility = node.extension_or_empty("KHR_node_visibility")
+    return visibility.has("visible") and not visibility.flag("visible")
+
+
+# Predicates for the objects of a feature's group; by default, all use it.
+_USES: dict[str, Callable[[JsonObject], bool]] = {
+    "mode: 0, 1, 2, 3": lambda one: one.integer("mode", TRIANGLES) in POINTS_AND_LINES,
+    "JOINTS_2": lambda primitive: primitive.object("attributes").has("JOINTS_2"),
+    "KHR_animation_pointer": (
+        lambda channel: channel.object("target").text("path", "") == "pointer"
+    ),
+    "magFilter: 9728": lambda sampler: sampler.integer("magFilter", 0) == _NEAREST,
+    "KHR_node_visibility": _is_hidden,
+    "specularGlossinessTexture": lambda material: material.extension_or_empty(
+        "KHR_materials_pbrSpecularGlossiness"
+    ).has("specularGlossinessTexture"),
+    "KHR_materials_anisotropy": _differs("KHR_materials_anisotropy", "anisotropyStrength"),
+    "KHR_materials_diffuse_transmission": _differs(
+        "KHR_materials_diffuse_transmission", "diffuseTransmissionFactor"
+    ),
+    "KHR_materials_iridescence": _differs("KHR_materials_iridescence", "iridescenceFactor"),
+    "KHR_materials_sheen": _has_sheen,
+    "transmissionTexture": has_transmission_map,
+    "KHR_materials_variants": lambda one: one.extension("KHR_materials_variants") is not None,
+}
+FEATURES = tuple(
+    replace(one, is_used=_USES.get(one.name, one.is_used)) for one in feature_table("gltf")
+)
+# Extensions that a file may require: applied ones, and those that only change the appearance.
+SUPPORTED_EXTENSIONS = frozenset(
+    name
+    for feature in FEATURES
+    for name in feature.extensions
+    if feature.support in (Support.APPLIED, Support.IGNORED)
+    or (feature.support is Support.LEFT_OUT and re.match(r"[A-Z]+_(materials|lights)_", name))
+)

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from omnisim.core.arrays import Floats, Floats32
 from omnisim.core.errors import OutputError
 from omnisim.core.version import __version__
 from omnisim.scene.formats.gltf.materials import DEFAULT_IOR
@@ -193,15 +194,10 @@ _UNIT = 5e-4  # tolerance for the length of normals in glTF's validator
 
 
 class NodeMesh(NamedTuple):
-    """Mesh of a glTF file: scene meshes that always occur together in a node.
+    """Mesh of a glTF file: scene meshes that always occur together in a node."""
 
-    Attributes:
-        meshes: indices of the scene meshes.
-        node_from_meshes: (4, 4) transforms to apply to each mesh's vertices.
-    """
-
-    meshes: tuple[int, ...]
-    node_from_meshes: tuple[NDArray[np.float64], ...]
+    meshes: tuple[int, ...]  # indices of the scene meshes
+    node_from_meshes: tuple[Floats, ...]  # (4, 4) transforms to apply to each mesh's vertices
 
 
 def node_meshes(scene: Scene) -> tuple[list[dict[str, Any]], list[NodeMesh]]:
@@ -216,7 +212,16 @@ def node_meshes(scene: Scene) -> tuple[list[dict[str, Any]], list[NodeMesh]]:
     nodes: list[dict[str, Any]] = []
     rows: dict[tuple[int, ...], int] = {}
     meshes: list[NodeMesh] = []
-    for (name, _, _), group in itertools.groupby(enumerate(scene.instances), _node_key(frames)):
+
+    def node_of(numbered: tuple[int, Instance]) -> tuple[str, bytes, int]:
+        number, one = numbered
+        return (
+            one.name,
+            one.world_from_node.tobytes(),
+            -1 if frames[one.mesh] is not None else number,
+        )
+
+    for (name, _, _), group in itertools.groupby(enumerate(scene.instances), node_of):
         parts = [one for _, one in group]
         indices = tuple(one.mesh for one in parts)
         node_from_meshes = [frames[index] for index in indices]
@@ -225,16 +230,13 @@ def node_meshes(scene: Scene) -> tuple[list[dict[str, Any]], list[NodeMesh]]:
             matrix = file_from_world @ parts[0].world_from_node @ file_from_world.T
         if indices not in rows:
             rows[indices] = len(meshes)
-            meshes.append(
-                NodeMesh(
-                    indices, tuple(np.eye(4) if one is None else one for one in node_from_meshes)
-                )
-            )
+            matrices = tuple(np.eye(4) if one is None else one for one in node_from_meshes)
+            meshes.append(NodeMesh(indices, matrices))
         nodes.append({"name": name, "mesh": rows[indices], "matrix": matrix.T.ravel().tolist()})
     return nodes, meshes
 
 
-def baked_mesh(mesh: Mesh, node_from_mesh: NDArray[np.float64]) -> Mesh:
+def baked_mesh(mesh: Mesh, node_from_mesh: Floats) -> Mesh:
     """Mesh with vertices in the frame of its node, and unit normals."""
     linear = node_from_mesh[:3, :3]
     points = mesh.positions.astype(np.float64) @ linear.T + node_from_mesh[:3, 3]
@@ -253,25 +255,17 @@ def baked_mesh(mesh: Mesh, node_from_mesh: NDArray[np.float64]) -> Mesh:
     )
 
 
-def _node_key(
-    frames: list[NDArray[np.float64] | None],
-) -> Any:
-    """Grouping key of the node of a numbered instance."""
-
-    def key(numbered: tuple[int, Instance]) -> tuple[str, bytes, int]:
-        number, one = numbered
-        alone = frames[one.mesh] is None
-        return one.name, one.world_from_node.tobytes(), number if alone else -1
-
-    return key
-
-
-def _node_from_meshes(scene: Scene) -> list[NDArray[np.float64] | None]:
+def _node_from_meshes(scene: Scene) -> list[Floats | None]:
     """Transform (4, 4) of each mesh to its nodes' frames, y up; None: the mesh's own frame."""
-    matrices: list[NDArray[np.float64] | None] = [None] * len(scene.meshes)
+    matrices: list[Floats | None] = [None] * len(scene.meshes)
     differs = [False] * len(scene.meshes)
+    file_from_world = world_from_axes("y", 1.0).T
     for one in scene.instances:
-        matrix = _node_from_mesh(one)
+        matrix = None
+        if np.isfinite(np.linalg.cond(one.world_from_node)):
+            matrix = file_from_world @ (np.linalg.inv(one.world_from_node) @ one.world_from_mesh)
+            if not abs(np.linalg.det(matrix[:3, :3])) > 0.0:
+                matrix = None
         first = matrices[one.mesh]
         if matrix is None or (first is not None and not np.allclose(matrix, first, _SAME, _SAME)):
             differs[one.mesh] = True
@@ -283,17 +277,7 @@ def _node_from_meshes(scene: Scene) -> list[NDArray[np.float64] | None]:
     ]
 
 
-def _node_from_mesh(one: Instance) -> NDArray[np.float64] | None:
-    if not np.isfinite(np.linalg.cond(one.world_from_node)):
-        return None
-    file_from_world = world_from_axes("y", 1.0).T
-    matrix: NDArray[np.float64] = file_from_world @ (
-        np.linalg.inv(one.world_from_node) @ one.world_from_mesh
-    )
-    return matrix if abs(np.linalg.det(matrix[:3, :3])) > 0.0 else None
-
-
-def _is_exact(mesh: Mesh, node_from_mesh: NDArray[np.float64]) -> bool:
+def _is_exact(mesh: Mesh, node_from_mesh: Floats) -> bool:
     """True if the shape survives the float32 round trip in the node's frame."""
     baked = baked_mesh(replace(mesh, normals=None), node_from_mesh)
     read, center = make_mesh(mesh.name, baked.positions, mesh.triangles, 0)
@@ -303,7 +287,7 @@ def _is_exact(mesh: Mesh, node_from_mesh: NDArray[np.float64]) -> bool:
     return bool(error <= _MAX_ERROR * np.abs(expected).max())
 
 
-def _unit(normals: NDArray[np.float32]) -> NDArray[np.float32]:
+def _unit(normals: Floats32) -> Floats32:
     """Unit normals (n, 3); zero-length ones become +y."""
     lengths = np.linalg.norm(normals, axis=1)
     off = np.abs(lengths - 1.0) > _UNIT
@@ -323,13 +307,7 @@ _SHEAR = 1e-9
 
 
 class WrittenMaterials:
-    """Materials of a scene as JSON, with their textures, samplers and images.
-
-    Attributes:
-        entries, textures, samplers, images: JSON lists.
-        extensions: names of the used extensions.
-        notices: one line for each property that glTF cannot represent.
-    """
+    """Materials of a scene as JSON, with their textures, samplers and images."""
 
     def __init__(self, add_view: Callable[[bytes], int]):
         """Initialize with `add_view`, which stores an image and returns its view index."""
@@ -338,35 +316,30 @@ class WrittenMaterials:
         self.samplers: list[Entry] = []
         self.images: list[Entry] = []
         self.extensions: set[str] = set()
-        self.notices: list[str] = []
+        self.notices: list[str] = []  # one line for each property that glTF cannot represent
         self._add_view = add_view
         self._rows: dict[object, int] = {}
 
     def add(self, material: Material) -> None:
         """Append a material; its index follows the order of the calls."""
+        name = material.name
         surface: Entry = {
             "baseColorFactor": list(material.base_color),
             "metallicFactor": material.metallic,
             "roughnessFactor": material.roughness,
         }
-        entry: Entry = {"name": material.name, "pbrMetallicRoughness": surface}
+        entry: Entry = {"name": name, "pbrMetallicRoughness": surface}
         entry["doubleSided"] = material.double_sided
         if material.alpha_mode is not AlphaMode.OPAQUE:
             entry["alphaMode"] = material.alpha_mode.name
         if material.alpha_mode is AlphaMode.MASK:
             entry["alphaCutoff"] = material.alpha_cutoff
-        self._put(surface, "baseColorTexture", material.texture, material.name)
-        self._put(
-            surface, "metallicRoughnessTexture", material.metallic_roughness_map, material.name
-        )
-        self._put(
-            entry, "normalTexture", material.normal_map, material.name, scale=material.normal_scale
-        )
-        self._put(
-            entry, "occlusionTexture", material.occlusion_map, material.name,
-            strength=material.occlusion_strength,
-        )  # fmt: skip
-        self._put(entry, "emissiveTexture", material.emissive_map, material.name)
+        strength, scale = material.occlusion_strength, material.normal_scale
+        self._put(surface, "baseColorTexture", material.texture, name)
+        self._put(surface, "metallicRoughnessTexture", material.metallic_roughness_map, name)
+        self._put(entry, "normalTexture", material.normal_map, name, scale=scale)
+        self._put(entry, "occlusionTexture", material.occlusion_map, name, strength=strength)
+        self._put(entry, "emissiveTexture", material.emissive_map, name)
         brightest = max(material.emissive)
         if brightest > 0.0:
             entry["emissiveFactor"] = [one / max(brightest, 1.0) for one in material.emissive]
@@ -440,15 +413,12 @@ class WrittenMaterials:
         wraps = (texture.wrap_u, texture.wrap_v)
         key = ("texture", id(texture.pixels), wraps)
         if key not in self._rows:
-            entry = {"source": self._image(texture), "sampler": self._sampler(wraps)}
+            image = self._image(texture)
+            if ("sampler", wraps) not in self._rows:
+                sampler = {"wrapS": _WRAPS[wraps[0]], "wrapT": _WRAPS[wraps[1]]}
+                self._rows["sampler", wraps] = _append(self.samplers, sampler)
+            entry = {"source": image, "sampler": self._rows["sampler", wraps]}
             self._rows[key] = _append(self.textures, entry)
-        return self._rows[key]
-
-    def _sampler(self, wraps: tuple[Wrap, Wrap]) -> int:
-        key = ("sampler", wraps)
-        if key not in self._rows:
-            entry = {"wrapS": _WRAPS[wraps[0]], "wrapT": _WRAPS[wraps[1]]}
-            self._rows[key] = _append(self.samplers, entry)
         return self._rows[key]
 
     def _image(self, texture: Texture) -> int:
@@ -498,9 +468,7 @@ def _texture_transform(texture: Texture) -> Entry | None:
 _NARROWEST_RAD = 1e-4  # gap between a spot's cones, which glTF requires to differ
 
 
-def written_lights(
-    lights: Sequence[Light],
-) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+def written_lights(lights: Sequence[Light]) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """Entries of KHR_lights_punctual, and the nodes that reference them."""
     nodes = [
         {
@@ -531,7 +499,7 @@ def _entry(light: Light) -> dict[str, Any]:
     return entry
 
 
-def _file_from_light(light: Light) -> NDArray[np.float64]:
+def _file_from_light(light: Light) -> Floats:
     """Pose (4, 4) of a light that shines along its −z, in the y-up file."""
     matrix = np.eye(4)
     if light.kind is not LightKind.POINT:
@@ -541,5 +509,5 @@ def _file_from_light(light: Light) -> NDArray[np.float64]:
         matrix[:3, 1] = np.cross(matrix[:3, 2], matrix[:3, 0])
     if light.kind is not LightKind.DIRECTIONAL:
         matrix[:3, 3] = light.position_m
-    file_from_world: NDArray[np.float64] = world_from_axes("y", 1.0).T
+    file_from_world: Floats = world_from_axes("y", 1.0).T
     return file_from_world @ matrix

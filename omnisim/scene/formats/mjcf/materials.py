@@ -5,14 +5,13 @@ Colors of a model are sRGB, as its own renderer displays them.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from dataclasses import replace
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Bytes, Floats, Floats32
 from omnisim.core.short_repr import counted
 from omnisim.core.srgb import linear_from_srgb, linear_from_srgb8
 from omnisim.scene.light.lighting import DEFAULT_BACKGROUND, DEFAULT_LIGHTING
@@ -37,7 +36,7 @@ _COLORS = (_Role.mjTEXROLE_RGB, _Role.mjTEXROLE_RGBA)
 Rgba = tuple[float, float, float, float]
 
 
-def own_or_material_rgba(model: mujoco.MjModel, rgba: NDArray[np.float32], material: int) -> Rgba:
+def own_or_material_rgba(model: mujoco.MjModel, rgba: Floats32, material: int) -> Rgba:
     """Effective color (4,): the material's, unless the geom or skin states another."""
     own = tuple(rgba.tolist())
     if material != NO_MATERIAL and own == _GEOM_GRAY:
@@ -53,17 +52,11 @@ def _mirror(material: Material, reflectance: float) -> Material:
     the rest of the light. MuJoCo adds this share of the mirrored geoms to the plane's full color,
     and does not mirror the sky.
     """
-    return dataclasses.replace(
-        material, specular=reflectance, ior=_MIRROR_IOR, metallic=0.0, roughness=0.0
-    )
+    return replace(material, specular=reflectance, ior=_MIRROR_IOR, metallic=0.0, roughness=0.0)
 
 
 class Materials:
-    """Materials of a model, each created once per color and cube face.
-
-    Attributes:
-        entries: materials created so far.
-    """
+    """Materials of a model, each created once per color and cube face."""
 
     def __init__(self, model: mujoco.MjModel):
         self.entries: list[Material] = []
@@ -79,21 +72,12 @@ class Materials:
         return next((texture for texture in textures if texture >= 0), None)
 
     def index(
-        self,
-        material: int,
-        rgba: Rgba,
-        face: int | None,
-        is_solid: bool,
-        is_plane: bool = False,
+        self, material: int, rgba: Rgba, face: int | None, is_solid: bool, is_plane: bool = False
     ) -> int:
-        """Index of a material in `entries`.
+        """Index in `entries` of a material in the model, or of `NO_MATERIAL`, with a color.
 
-        Args:
-            material: material index in the model, or `NO_MATERIAL`.
-            rgba: effective color.
-            face: face of its cube texture; None: an image, or no texture.
-            is_solid: visible from outside only.
-            is_plane: of a plane, which mirrors the scene by the reflectance if it is opaque.
+        `face` is that of its cube texture. A solid is visible from outside only; a plane mirrors
+        the scene by the reflectance if it is opaque.
         """
         is_mirror = is_plane and rgba[3] >= _OPAQUE_FROM and self._reflectance(material) > 0.0
         key = (material, rgba, face, is_solid, is_mirror)
@@ -116,8 +100,12 @@ class Materials:
             return Material("", (red, green, blue, alpha), None, mode, double_sided=not is_solid)
         model = self._model
         name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_MATERIAL, material)
-        texture = self.color_texture(material)
-        if texture is not None and face is None and self.textures.is_cube(texture):
+        texture, image = self.color_texture(material), None
+        if texture is not None and not self.textures.is_cube(texture):
+            image = self.textures.image(texture)
+        elif texture is not None and face is not None:
+            image = self.textures.face(texture, face)
+        elif texture is not None:
             plain = self.textures.plain_color(texture) or (1.0, 1.0, 1.0)
             red, green, blue = (a * b for a, b in zip((red, green, blue), plain, strict=True))
         emission = max(float(model.mat_emission[material]), 0.0)
@@ -127,7 +115,7 @@ class Materials:
         return Material(
             name or f"material_{material}",
             (red, green, blue, alpha),
-            self._color_texture(material, face),
+            image,
             mode,
             double_sided=not is_solid,
             metallic=min(max(metallic, 0.0), 1.0),  # negative means unspecified
@@ -138,14 +126,6 @@ class Materials:
             metallic_roughness_map=self._map(material, _Role.mjTEXROLE_ORM),
             occlusion_map=self._map(material, _Role.mjTEXROLE_ORM),
         )
-
-    def _color_texture(self, material: int, face: int | None) -> Texture | None:
-        texture = self.color_texture(material)
-        if texture is None:
-            return None
-        if self.textures.is_cube(texture):
-            return None if face is None else self.textures.face(texture, face)
-        return self.textures.image(texture)
 
     def _map(self, material: int, role: int) -> Texture | None:
         texture = int(self._model.mat_texid[material, role])
@@ -235,7 +215,7 @@ class Textures:
         return self._made[key]
 
 
-def texture_pixels(model: mujoco.MjModel, texture: int) -> NDArray[np.uint8]:
+def texture_pixels(model: mujoco.MjModel, texture: int) -> Bytes:
     """Pixels (height, width, 4) of a texture; the faces of a cube are stacked vertically."""
     height, width = int(model.tex_height[texture]), int(model.tex_width[texture])
     channels, start = int(model.tex_nchannel[texture]), int(model.tex_adr[texture])
@@ -299,7 +279,7 @@ def read_background(
     return DEFAULT_BACKGROUND, []
 
 
-def transformed(lighting: Lighting, world_from_file: NDArray[np.float64]) -> Lighting:
+def transformed(lighting: Lighting, world_from_file: Floats) -> Lighting:
     """Lighting transformed to the world, equally bright in any unit; daylight stays unchanged."""
     if lighting is DEFAULT_LIGHTING:
         return lighting
@@ -341,10 +321,7 @@ def _light(model: mujoco.MjModel, data: mujoco.MjData, light: int) -> Light:
 
 
 def _distance_m(
-    model: mujoco.MjModel,
-    data: mujoco.MjData,
-    position: NDArray[np.float64],
-    direction: NDArray[np.float64],
+    model: mujoco.MjModel, data: mujoco.MjData, position: Floats, direction: Floats
 ) -> float:
     """Distance at which a lamp's axis meets the model, or else that of the model's center."""
     geom = np.array([-1], dtype=np.int32)
@@ -366,6 +343,6 @@ def _cone_cosines(cutoff_deg: float, exponent: float) -> tuple[float, float]:
     return min(max(inner, outer + 1e-3), 1.0), outer
 
 
-def _unit(vector: NDArray[np.float64]) -> NDArray[np.float64]:
+def _unit(vector: Floats) -> Floats:
     length = float(np.linalg.norm(vector))
     return vector / length if length > 0.0 else np.array([0.0, 0.0, -1.0])

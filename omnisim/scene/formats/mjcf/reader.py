@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import partial
 from itertools import chain
 from pathlib import Path
+from typing import NamedTuple
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
@@ -15,26 +18,33 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.core.errors import SceneError
+from omnisim.cameras import PerspectiveCamera, UnifiedCamera
+from omnisim.core.arrays import Floats, Ints
+from omnisim.core.coordinate_frames import BASE_FROM_OPTICAL_LOOKING_AHEAD
+from omnisim.core.errors import SceneError, did_you_mean, printable
 from omnisim.core.files.sources import note_file
-from omnisim.core.poses import pose_from_rotation
+from omnisim.core.poses import inverse, pose_from_rotation
 from omnisim.core.short_repr import counted
 from omnisim.scene.formats import features
-from omnisim.scene.formats.cameras import Cameras, read_lens
 from omnisim.scene.formats.features import part_notices, xml_parts
-from omnisim.scene.formats.imported_scene import ImportedScene, translate
-from omnisim.scene.formats.mjcf.cameras import find_viewpoint, lens_of
-from omnisim.scene.formats.mjcf.geometry import Geom
+from omnisim.scene.formats.imported_scene import (
+    Cameras,
+    ImportedScene,
+    make_mesh,
+    read_lens,
+    translate,
+)
 from omnisim.scene.formats.mjcf.materials import read_background, read_lighting, transformed
-from omnisim.scene.formats.mjcf.meshes import Meshes, Parts, visible_deformables
+from omnisim.scene.formats.mjcf.meshes import Geom, Meshes, Parts, visible_deformables
+from omnisim.scene.light.lighting import DEFAULT_BACKGROUND, DEFAULT_LIGHTING
 from omnisim.scene.model import Scene
-from omnisim.scene.parts import Instance
+from omnisim.scene.parts import Instance, StartPose
 
 # Geom groups shown by MuJoCo's own viewer; the others usually are collision shapes.
 VISIBLE_GROUPS = (0, 1, 2)
 
 
-def read_mjcf(path: Path, world_from_file: NDArray[np.float64]) -> ImportedScene:
+def read_mjcf(path: Path, world_from_file: Floats) -> ImportedScene:
     """Read a model file in its first keyframe, or else in its initial configuration.
 
     Raises:
@@ -97,17 +107,7 @@ def update_poses(model: mujoco.MjModel, data: mujoco.MjData) -> None:
 
 
 class ModelReader:
-    """Importer of a model in the state of its data, with computed poses.
-
-    Args:
-        model, data: MuJoCo model and its data.
-        groups: visible groups of geoms, skins and flexible bodies.
-
-    Attributes:
-        geoms: indices of the visible geoms.
-        names: names of all geoms.
-        meshes: meshes of the geoms with instances.
-    """
+    """Importer of a model in the state of its data, with computed poses, and of visible groups."""
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, groups: Collection[int]):
         self._model, self._data, self._groups = model, data, groups
@@ -135,9 +135,7 @@ class ModelReader:
             background=background,
         )
 
-    def instances(
-        self, geoms: Iterable[int], frame_from_world: NDArray[np.float64]
-    ) -> list[Instance]:
+    def instances(self, geoms: Iterable[int], frame_from_world: Floats) -> list[Instance]:
         """Instances of geoms in a frame, by frame_from_world (4, 4) in the state of the data."""
         instances = []
         for geom in geoms:
@@ -151,8 +149,8 @@ class ModelReader:
         """Instances of the skins and flexible bodies, in the world."""
         instances = []
         for one in visible_deformables(self._model, self._data, self._groups):
-            parts = self.meshes.add(one.name, one.mapped, one.material, one.rgba)
-            instances += _place(one.name, parts, np.eye(4))
+            part = self.meshes.add(one.name, one.mapped, one.material, one.rgba)
+            instances += _place(one.name, (part,), np.eye(4))
         return instances
 
     def _notices(self) -> list[str]:
@@ -172,8 +170,7 @@ class ModelReader:
         return notices
 
 
-def _place(name: str, parts: Parts, pose: NDArray[np.float64]) -> list[Instance]:
-    """Instances of an element's meshes at its pose."""
+def _place(name: str, parts: Parts, pose: Floats) -> list[Instance]:
     return [Instance(name, mesh, translate(pose, center), pose) for mesh, center in parts]
 
 
@@ -196,17 +193,6 @@ def _one_line(text: str) -> str:
 # Names of a MuJoCo model's elements, and of the instances made from its geoms.
 
 
-_TYPES = {
-    mujoco.mjtGeom.mjGEOM_PLANE: "plane",
-    mujoco.mjtGeom.mjGEOM_HFIELD: "hfield",
-    mujoco.mjtGeom.mjGEOM_SPHERE: "sphere",
-    mujoco.mjtGeom.mjGEOM_CAPSULE: "capsule",
-    mujoco.mjtGeom.mjGEOM_ELLIPSOID: "ellipsoid",
-    mujoco.mjtGeom.mjGEOM_CYLINDER: "cylinder",
-    mujoco.mjtGeom.mjGEOM_BOX: "box",
-    mujoco.mjtGeom.mjGEOM_MESH: "mesh",
-    mujoco.mjtGeom.mjGEOM_SDF: "sdf",
-}
 _WORLD = 0
 
 
@@ -223,8 +209,12 @@ def geom_names(model: mujoco.MjModel) -> tuple[str, ...]:
     counts: Counter[str] = Counter()
     names = []
     for geom in range(model.ngeom):
-        name = _own_name(model, geom)
-        body = int(model.geom_bodyid[geom])
+        name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_GEOM, geom)
+        kind, body = int(model.geom_type[geom]), int(model.geom_bodyid[geom])
+        if not name and kind == Geom.mjGEOM_MESH:
+            mesh = int(model.geom_dataid[geom])
+            name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_MESH, mesh)
+        name = name or Geom(kind).name[len("mjGEOM_") :].lower()
         if body != _WORLD:
             name = f"{body_name(model, body)}/{name}"
         while counts[name]:
@@ -233,15 +223,6 @@ def geom_names(model: mujoco.MjModel) -> tuple[str, ...]:
         counts[name] = 1
         names.append(name)
     return tuple(names)
-
-
-def _own_name(model: mujoco.MjModel, geom: int) -> str:
-    name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_GEOM, geom)
-    kind = int(model.geom_type[geom])
-    if not name and kind == mujoco.mjtGeom.mjGEOM_MESH:
-        mesh = int(model.geom_dataid[geom])
-        name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_MESH, mesh)
-    return name or _TYPES[mujoco.mjtGeom(kind)]
 
 
 # Files referenced by a MuJoCo model and read by MuJoCo itself, recorded as sources.
@@ -253,8 +234,7 @@ _FOLDERS = ("assetdir", "meshdir", "texturedir")
 def note_model_files(path: Path) -> list[Element]:
     """Record the files of a model: included files, meshes, textures and height fields.
 
-    Returns:
-        The roots of the model's XML files.
+    Returns the roots of its XML files.
     """
     roots = []
     names, folders = {""}, {""}
@@ -288,15 +268,7 @@ def note_model_files(path: Path) -> list[Element]:
 
 
 def without_world(scene: Scene, path: Path) -> Scene:
-    """Scene of a model without the world's own geoms, usually a floor, if bodies have any geoms.
-
-    Args:
-        scene: scene of the model.
-        path: path of the model file.
-
-    Raises:
-        SceneError: MuJoCo cannot read the file.
-    """
+    """Scene of a model without the world's own geoms, usually a floor, if bodies have any geoms."""
     model, _, _ = load_model(path)
     owners = dict(zip(geom_names(model), model.geom_bodyid.tolist(), strict=True))
     of_world = [name for name in scene.instance_names if owners.get(name) == _WORLD]
@@ -304,3 +276,224 @@ def without_world(scene: Scene, path: Path) -> Scene:
         for name in of_world:
             scene = scene.removed(name)
     return scene
+
+
+# Cameras: lens, mount, and the viewpoint of a frame's first image.
+
+
+_DEFAULT_SIZE_PX = (640, 480)  # for cameras without a resolution
+
+
+def lens_of(
+    model: mujoco.MjModel, camera: str | int, size_px: tuple[int, int] | None = None
+) -> PerspectiveCamera | UnifiedCamera:
+    """Pinhole lens of a camera by its name or index; omnisim's images then match MuJoCo's.
+
+    Without `size_px` (width, height) it has the camera's resolution, or else 640 × 480.
+
+    Raises:
+        SceneError: an unknown or an orthographic camera.
+        OpticsError: a size below 1.
+    """
+    index = camera
+    if isinstance(index, str):
+        mount = find_mount(model, camera=index)
+        assert mount is not None
+        index = mount.number
+    if int(model.cam_projection[index]) != mujoco.mjtProjection.mjPROJ_PERSPECTIVE:
+        raise SceneError(f"camera = {camera!r}: expected a perspective camera, got an orthographic")
+    stated = (int(model.cam_resolution[index][0]), int(model.cam_resolution[index][1]))
+    width, height = size_px or (stated if min(stated) > 1 else _DEFAULT_SIZE_PX)
+    middle = (0.5 * (width - 1), 0.5 * (height - 1))
+    sensor_x, sensor_y = (float(size) for size in model.cam_sensorsize[index])
+    if min(sensor_x, sensor_y) <= 0.0:
+        half_rad = math.radians(0.5 * float(model.cam_fovy[index]))
+        return PerspectiveCamera(width, height, 0.5 * height / math.tan(half_rad), middle)
+    focal_x, focal_y, off_x, off_y = (float(value) for value in model.cam_intrinsic[index])
+    per_x, per_y = width / sensor_x, height / sensor_y  # pixels per unit of sensor size
+    axis = (middle[0] - off_x * per_x, middle[1] - off_y * per_y)  # sign as in MuJoCo's images
+    if math.isclose(focal_x * per_x, focal_y * per_y, rel_tol=1e-6):
+        return PerspectiveCamera(width, height, focal_x * per_x, axis)
+    return UnifiedCamera(width, height, (focal_x * per_x, focal_y * per_y), axis, xi=0.0)
+
+
+# Elements of a MuJoCo model that carry cameras, and their poses.
+
+
+# MuJoCo's cameras look along −z with y up, as in OpenGL.
+_OPTICAL_FROM_OPENGL = np.diag([1.0, -1.0, -1.0])
+_OPENGL_FROM_BASE = (BASE_FROM_OPTICAL_LOOKING_AHEAD @ _OPTICAL_FROM_OPENGL).T
+
+
+class Mount(NamedTuple):
+    """Body, site or camera of a model."""
+
+    kind: str  # "body", "site" or "camera"
+    number: int  # index in the model
+
+    def pose(self, data: mujoco.MjData) -> Floats:
+        """Pose (4, 4) world_from_mount, x forward, z up."""
+        if self.kind == "body":
+            rotation, position = data.xmat[self.number], data.xpos[self.number]
+        elif self.kind == "site":
+            rotation, position = data.site_xmat[self.number], data.site_xpos[self.number]
+        else:
+            rotation, position = data.cam_xmat[self.number], data.cam_xpos[self.number]
+        rotation = rotation.reshape(3, 3)
+        if self.kind == "camera":
+            rotation = rotation @ _OPENGL_FROM_BASE
+        return pose_from_rotation(rotation, position)
+
+
+def find_mount(model: mujoco.MjModel, **names: str | None) -> Mount | None:
+    """Element of a model by its kind and name; None: no name is given.
+
+    Raises:
+        SceneError: an unknown element, or several names.
+    """
+    given = {kind: name for kind, name in names.items() if name is not None}
+    if len(given) > 1:
+        raise SceneError(f"expected one mount, got {' and '.join(given)}")
+    kinds = mujoco.mjtObj
+    types = {
+        "body": (kinds.mjOBJ_BODY, model.nbody),
+        "site": (kinds.mjOBJ_SITE, model.nsite),
+        "camera": (kinds.mjOBJ_CAMERA, model.ncam),
+    }
+    for kind, name in given.items():
+        number, count = types[kind]
+        known = [mujoco.mj_id2name(model, number, index) or "" for index in range(count)]
+        if name not in known:
+            raise SceneError(f"{kind} = {name!r}: {did_you_mean(name, known, 'the model has')}")
+        return Mount(kind, known.index(name))
+    return None
+
+
+# Start pose for a MuJoCo model: its first fixed camera, or an overview of its center.
+
+
+# In front of a model that faces +x, and above its center.
+_OFFSET_PER_EXTENT = np.array([0.6, 0.0, 0.3])
+
+
+@np.errstate(over="ignore", invalid="ignore")  # for models of infinite extent
+def find_viewpoint(
+    model: mujoco.MjModel, data: mujoco.MjData, world_from_file: Floats
+) -> StartPose:
+    """Start pose for a model, in the world."""
+    offset = float(model.stat.extent) * _OFFSET_PER_EXTENT
+    position, ahead = _camera(model, data) or (model.stat.center + offset, -offset)
+    rotation = world_from_file[:3, :3]
+    x, y, z = (rotation @ position + world_from_file[:3, 3]).tolist()
+    forward = rotation @ ahead
+    return StartPose((x, y, z), math.degrees(math.atan2(forward[1], forward[0])))
+
+
+def _camera(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Floats, Floats] | None:
+    """Position (3,) and viewing direction (3,) of the first camera fixed to the world."""
+    for camera in range(model.ncam):
+        if int(model.cam_bodyid[camera]) == _WORLD:
+            axes = data.cam_xmat[camera].reshape(3, 3)
+            is_level = abs(axes[2, 2]) < 0.99  # otherwise its image top points ahead
+            return data.cam_xpos[camera].copy(), -axes[:, 2] if is_level else axes[:, 1]
+    return None
+
+
+# MuJoCo models in motion: a static scene, and moving bodies as objects.
+
+
+_ORIGIN = StartPose((0.0, 0.0, 0.0))
+
+
+class MovingModel(NamedTuple):
+    """Model split into static geometry and moving bodies."""
+
+    static: Scene  # static geometry in the world, with lights and background
+    # moving bodies by name, each with everything fixed to it, in the body's frame
+    objects: dict[str, Scene]
+    bodies: Ints  # (n,) body indices in the model, in the order of `objects`
+    geom_of_instance: dict[str, int]  # geom indices by instance name
+
+    def poses(self, data: mujoco.MjData) -> Floats:
+        """Poses (n, 4, 4) world_from_object of the bodies."""
+        rotations = data.xmat[self.bodies].reshape(-1, 3, 3)
+        return pose_from_rotation(rotations, data.xpos[self.bodies])
+
+
+def deformed(
+    static: Scene, model: mujoco.MjModel, data: mujoco.MjData, groups: Collection[int]
+) -> Scene:
+    """Static scene of a model with its skins and flexible bodies in their current state.
+
+    They remain the last instances, in the order of `split_model`.
+    """
+    soft = visible_deformables(model, data, groups)
+    if not soft:
+        return static
+    meshes, instances = list(static.meshes), list(static.instances)
+    for index, one in enumerate(soft, len(instances) - len(soft)):
+        number, (positions, triangles, normals) = instances[index].mesh, one.mapped.surface
+        mesh, center = make_mesh(
+            one.name, positions, triangles, meshes[number].material, normals,
+            one.mapped.texture_coordinates,
+        )  # fmt: skip
+        meshes[number] = mesh
+        instances[index] = Instance(one.name, number, translate(np.eye(4), center), np.eye(4))
+    return replace(static, meshes=tuple(meshes), instances=tuple(instances))
+
+
+def split_model(
+    model: mujoco.MjModel, data: mujoco.MjData, groups: Collection[int], hidden: Collection[str]
+) -> MovingModel:
+    """Split a model, with computed poses, into its static geometry and its moving bodies.
+
+    Raises:
+        SceneError: an unknown name in `hidden`, the instance names of hidden geoms.
+    """
+    reader = ModelReader(model, data, groups)
+    for name in hidden:
+        if name not in reader.names:
+            raise SceneError(f"hidden: {name!r}: {did_you_mean(name, reader.names, 'geoms:')}")
+    roots = moving_roots(model)
+    by_root: dict[int, list[int]] = {_WORLD: []}
+    for geom in reader.geoms:
+        if reader.names[geom] not in hidden:
+            by_root.setdefault(int(roots[model.geom_bodyid[geom]]), []).append(geom)
+    still = [*reader.instances(by_root.pop(_WORLD), np.eye(4)), *reader.deformables()]
+    moving: dict[str, list[Instance]] = {}
+    for root, geoms in by_root.items():
+        pose = pose_from_rotation(data.xmat[root].reshape(3, 3), data.xpos[root])
+        moving[body_name(model, root)] = reader.instances(geoms, inverse(pose))
+    read = reader.content(still)
+    return MovingModel(
+        _scene("mujoco", read, still),
+        {name: _scene(name, read, instances) for name, instances in moving.items()},
+        np.array(list(by_root), dtype=np.int64),
+        {name: geom for geom, name in enumerate(reader.names)},
+    )
+
+
+def moving_roots(model: mujoco.MjModel) -> NDArray[np.int32]:
+    """Body (nbody,) to which each body is rigidly attached; 0: it never moves."""
+    trees = model.body_rootid
+    is_mocap = (model.body_weldid == _WORLD) & (model.body_mocapid[trees] >= 0)
+    return np.where(is_mocap, trees, model.body_weldid)
+
+
+def _scene(name: str, read: ImportedScene, instances: Iterable[Instance]) -> Scene:
+    """Scene of some of the instances, with only the meshes that they use."""
+    chosen = tuple(instances)
+    index_of = {mesh: index for index, mesh in enumerate(dict.fromkeys(one.mesh for one in chosen))}
+    return Scene(
+        name=name,
+        meshes=tuple(read.meshes[mesh] for mesh in index_of),
+        materials=read.materials,
+        instances=tuple(
+            Instance(one.name, index_of[one.mesh], one.world_from_mesh, one.world_from_node)
+            for one in chosen
+        ),
+        lighting=read.lighting or DEFAULT_LIGHTING,
+        background=read.background or DEFAULT_BACKGROUND,
+        start=_ORIGIN,
+        notices=tuple(map(printable, read.notices)),
+    )

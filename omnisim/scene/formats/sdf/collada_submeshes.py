@@ -28,11 +28,7 @@ _SURFACES = (collada.polylist.Polylist, collada.triangleset.TriangleSet)
 
 
 def submesh_names(data: bytes) -> dict[str, tuple[str, str]]:
-    """Names of submeshes and of their geometries, keyed by trimesh's mesh names.
-
-    Args:
-        data: COLLADA file, already read by trimesh.
-    """
+    """Names of submeshes and of their geometries, keyed by trimesh's mesh names."""
     names: dict[str, tuple[str, str]] = {}
     counts: dict[str | None, int] = {}
     unnamed = (f"unnamed_submesh_{number}" for number in itertools.count())

@@ -10,22 +10,21 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
+from omnisim.core.arrays import Bytes, Floats
 from omnisim.core.errors import SceneError
 from omnisim.core.files.sources import read_source
 from omnisim.core.short_repr import counted
 from omnisim.scene import primitives
-from omnisim.scene.formats.gltf.animations import NO_ANIMATION, AnimationChoice
+from omnisim.scene.formats.gltf.nodes import NO_ANIMATION, AnimationChoice
 from omnisim.scene.formats.gltf.reader import read_gltf
 from omnisim.scene.formats.imported_scene import FileAxes, material_notices, world_from_file
 from omnisim.scene.formats.mesh.other_formats import check_format, read_other
 from omnisim.scene.formats.resources import AssetResolver
 from omnisim.scene.formats.xml.element import XmlElement
 from omnisim.scene.parts import Instance, Material, Mesh
-from omnisim.scene.polygons import surrounds, triangulate
-from omnisim.scene.primitives import Surface, grid_triangles
+from omnisim.scene.primitives import Surface, grid_triangles, surrounds, triangulate
 from omnisim.scene.textures import TextureStore
 
 _GLTF = {".glb", ".gltf"}
@@ -34,19 +33,13 @@ _TEXTURE_FOLDERS = ("../materials/textures", "materials/textures", "../textures"
 
 
 class MeshFile(NamedTuple):
-    """Contents of a mesh file.
+    """Contents of a mesh file."""
 
-    Attributes:
-        instances: instances in the file's axes; `world_from_mesh` is still file_from_mesh, in
-            meters.
-        meshes, materials: meshes and materials of the file.
-        data: content of a COLLADA file, for Gazebo's submesh names; otherwise empty.
-    """
-
+    # instances in the file's axes; `world_from_mesh` is still file_from_mesh, in meters
     instances: tuple[Instance, ...]
     meshes: tuple[Mesh, ...]
     materials: tuple[Material, ...]
-    data: bytes = b""
+    data: bytes = b""  # content of a COLLADA file, for Gazebo's submesh names; otherwise empty
 
 
 class MeshLibrary:
@@ -128,14 +121,9 @@ def submesh(file: MeshFile, name: str) -> tuple[Instance, ...]:
         return ()
     named = [(one, (one.name, file.meshes[one.mesh].name)) for one in file.instances]
     exact = tuple(one for one, names in named if name in names)
-    return exact or tuple(
-        one for one, names in named if any(_is_numbered(own, name) for own in names)
-    )
-
-
-def _is_numbered(own: str, name: str) -> bool:
-    """True for a name with a number appended, as readers do to make names unique."""
-    return own.startswith(name) and own[len(name) :].lstrip("._- ").isdigit()
+    # readers append numbers to make names unique
+    numbered = re.compile(re.escape(name) + r"[._\- ]*\d+")
+    return exact or tuple(one for one, names in named if any(map(numbered.fullmatch, names)))
 
 
 def centered(file: MeshFile, instances: tuple[Instance, ...]) -> tuple[Instance, ...]:
@@ -143,79 +131,34 @@ def centered(file: MeshFile, instances: tuple[Instance, ...]) -> tuple[Instance,
 
     Source: gz-rendering, Ogre2MeshFactory: each part of a submesh is centered separately.
     """
-    return tuple(_centered(one, file.meshes[one.mesh]) for one in instances)
-
-
-def _centered(instance: Instance, mesh: Mesh) -> Instance:
-    file_from_mesh = instance.world_from_mesh.copy()
-    points = mesh.positions @ file_from_mesh[:3, :3].T
-    file_from_mesh[:3, 3] = -0.5 * (points.min(axis=0) + points.max(axis=0))
-    return replace(instance, world_from_mesh=file_from_mesh)
+    moved = []
+    for one in instances:
+        file_from_mesh = one.world_from_mesh.copy()
+        points = file.meshes[one.mesh].positions @ file_from_mesh[:3, :3].T
+        file_from_mesh[:3, 3] = -0.5 * (points.min(axis=0) + points.max(axis=0))
+        moved.append(replace(one, world_from_mesh=file_from_mesh))
+    return tuple(moved)
 
 
 # Triangles of SDF geometries other than meshes.
 
 
+# Corners of a whole texture on a rectangle.
+_CORNER_UV = np.array([(0.0, 1.0), (1.0, 1.0), (1.0, 0.0), (0.0, 0.0)])
 _LOOP_TOLERANCE_M = 1e-4  # Gazebo's tolerance between the ends of a closed polyline
 
 
 class Shape(NamedTuple):
-    """Surface in the frame of its visual.
+    """Surface in the frame of its visual."""
 
-    Attributes:
-        surface: triangles.
-        uv: texture coordinates (n, 2), (0, 0) at the top left; None: no texture coordinates.
-        is_closed: back faces are never visible.
-    """
-
-    surface: Surface
-    uv: NDArray[np.float64] | None = None
-    is_closed: bool = True
+    surface: Surface  # triangles
+    # texture coordinates (n, 2), (0, 0) at the top left; None: no texture coordinates
+    uv: Floats | None = None
+    is_closed: bool = True  # back faces are never visible
 
 
-def box(size: XmlElement) -> Shape:
-    """Box with the whole texture on each side."""
-    x, y, z = _sizes(size, "size", (1.0, 1.0, 1.0))
-    uv = np.tile([(0.0, 1.0), (1.0, 1.0), (1.0, 0.0), (0.0, 0.0)], (6, 1))
-    return Shape(primitives.box((0.5 * x, 0.5 * y, 0.5 * z)), uv)
-
-
-def sphere(element: XmlElement, max_segments: int) -> Shape:
-    """Sphere with its texture wrapped around once."""
-    radius = element.positive("radius", 1.0)
-    return _round(primitives.ellipsoid((radius,) * 3, max_segments), radius, max_segments)
-
-
-def ellipsoid(element: XmlElement, max_segments: int) -> Shape:
-    """Ellipsoid with its texture wrapped around once."""
-    radii = _sizes(element, "radii", (1.0, 1.0, 1.0))
-    return _round(primitives.ellipsoid(radii, max_segments), max(radii), max_segments)
-
-
-def cylinder(element: XmlElement, max_segments: int) -> Shape:
-    """Cylinder with its texture wrapped around once."""
-    radius, length = element.positive("radius", 1.0), element.positive("length", 1.0)
-    return _round(primitives.cylinder(radius, 0.5 * length, max_segments), radius, max_segments)
-
-
-def cone(element: XmlElement, max_segments: int) -> Shape:
-    """Cone, tip up."""
-    radius, length = element.positive("radius", 0.5), element.positive("length", 1.0)
-    return _round(primitives.cone(radius, 0.5 * length, max_segments), radius, max_segments)
-
-
-def capsule(element: XmlElement, max_segments: int) -> Shape:
-    """Capsule; its length excludes the hemispheres."""
-    radius, length = element.positive("radius", 0.5), element.positive("length", 1.0)
-    return _round(primitives.capsule(radius, 0.5 * length, max_segments), radius, max_segments)
-
-
-def plane(element: XmlElement) -> Shape:
-    """Rectangle perpendicular to its normal.
-
-    Raises:
-        SceneError: the normal is zero.
-    """
+def _plane(element: XmlElement) -> Shape:
+    """Rectangle perpendicular to its normal."""
     normal = np.array(element.vector("normal", (0.0, 0.0, 1.0)))
     length = float(np.linalg.norm(normal))
     if length < 1e-9:
@@ -223,16 +166,11 @@ def plane(element: XmlElement) -> Shape:
     x, y = _sizes(element, "size", (1.0, 1.0))
     surface = primitives.rectangle(0.5 * x, 0.5 * y)
     across = surface.positions @ _axes(normal / length).T
-    uv = np.array([(0.0, 1.0), (1.0, 1.0), (1.0, 0.0), (0.0, 0.0)])
-    return Shape(surface._replace(positions=across), uv, is_closed=False)
+    return Shape(surface._replace(positions=across), _CORNER_UV, is_closed=False)
 
 
-def polyline(elements: Sequence[XmlElement]) -> Shape:
-    """Extrusion of closed polylines along z, from z = 0 to the first one's height.
-
-    Raises:
-        SceneError: the polylines enclose no area.
-    """
+def _polyline(elements: Sequence[XmlElement]) -> Shape:
+    """Extrusion of closed polylines along z, from z = 0 to the first one's height."""
     height = elements[0].positive("height", 1.0)
     loops = [_loop(element) for element in elements]
     points, triangles = triangulate(loops)
@@ -240,14 +178,13 @@ def polyline(elements: Sequence[XmlElement]) -> Shape:
         raise elements[0].error("points around an area", "none")
     low = np.column_stack((points, np.zeros(len(points))))
     caps = primitives.join(
-        Surface(low + (0.0, 0.0, height), triangles, None),
-        Surface(low, triangles[:, ::-1], None),
+        Surface(low + (0.0, 0.0, height), triangles, None), Surface(low, triangles[:, ::-1], None)
     )
     walls = [_wall(loop, height, loops) for loop in loops]
     return Shape(primitives.join(caps, *walls))
 
 
-def _wall(loop: NDArray[np.float64], height: float, loops: list[NDArray[np.float64]]) -> Surface:
+def _wall(loop: Floats, height: float, loops: list[Floats]) -> Surface:
     """Lateral surface of an extrusion, facing out."""
     count = len(loop)
     following = np.roll(loop, -1, axis=0)
@@ -267,7 +204,7 @@ def _wall(loop: NDArray[np.float64], height: float, loops: list[NDArray[np.float
     return Surface(corners.reshape(-1, 3), triangles, None)
 
 
-def _loop(element: XmlElement) -> NDArray[np.float64]:
+def _loop(element: XmlElement) -> Floats:
     points = np.array([point.numbers(2) for point in element.children("point")]).reshape(-1, 2)
     if len(points) > 1 and np.linalg.norm(points[0] - points[-1]) < _LOOP_TOLERANCE_M:
         points = points[:-1]
@@ -284,7 +221,7 @@ def _sizes(element: XmlElement, path: str, default: tuple[float, ...]) -> tuple[
     return sizes
 
 
-def _axes(normal: NDArray[np.float64]) -> NDArray[np.float64]:
+def _axes(normal: Floats) -> Floats:
     """Rotation (3, 3) whose z is the normal, by the smallest rotation from z up."""
     z = np.array((0.0, 0.0, 1.0))
     cosine = float(normal @ z)
@@ -296,7 +233,6 @@ def _axes(normal: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _round(surface: Surface, radius_m: float, max_segments: int) -> Shape:
-    """Shape around z with its texture wrapped around once."""
     count = primitives.segments(radius_m, max_segments) + 1
     index = np.arange(len(surface.positions))
     z = surface.positions[:, 2]
@@ -305,13 +241,8 @@ def _round(surface: Surface, radius_m: float, max_segments: int) -> Shape:
     return Shape(surface, uv)
 
 
-_FLAT = {"box": box, "plane": plane}
-_ROUND = {
-    "sphere": sphere, "ellipsoid": ellipsoid, "cylinder": cylinder, "cone": cone,
-    "capsule": capsule,
-}  # fmt: skip
-SHAPES = frozenset((*_FLAT, *_ROUND, "polyline"))
-ROUND = frozenset(_ROUND)
+ROUND = frozenset(("sphere", "ellipsoid", "cylinder", "cone", "capsule"))
+SHAPES = frozenset((*ROUND, "box", "plane", "polyline"))
 GEOMETRIES = frozenset((*SHAPES, "mesh", "heightmap", "image"))
 _FEW = 20  # maximum number of round shapes at full resolution
 
@@ -325,17 +256,28 @@ def segment_limit(round_shapes: int) -> int:
 def make_shape(geometry: XmlElement, kind: XmlElement, max_segments: int) -> Shape:
     """Shape of a `<geometry>` from its child `kind`, or from all its polylines together.
 
-    Args:
-        geometry, kind: geometry element and its child element.
-        max_segments: maximum number of segments of a circle.
-
-    Raises:
-        SceneError: invalid sizes.
+    A box has the whole texture on each side; on round shapes, of at most `max_segments`, it
+    is wrapped around once. The length of a capsule excludes the hemispheres.
     """
-    tag = kind.element.tag
+    tag = kind.tag
     if tag == "polyline":
-        return polyline(list(geometry.children("polyline")))
-    return _ROUND[tag](kind, max_segments) if tag in _ROUND else _FLAT[tag](kind)
+        return _polyline(list(geometry.children("polyline")))
+    if tag == "plane":
+        return _plane(kind)
+    if tag == "box":
+        sizes = _sizes(kind, "size", (1.0, 1.0, 1.0))
+        return Shape(primitives.box([0.5 * size for size in sizes]), np.tile(_CORNER_UV, (6, 1)))
+    if tag == "ellipsoid":
+        radii = _sizes(kind, "radii", (1.0, 1.0, 1.0))
+        return _round(primitives.ellipsoid(radii, max_segments), max(radii), max_segments)
+    radius = kind.positive("radius", 0.5 if tag in ("cone", "capsule") else 1.0)
+    if tag == "sphere":
+        surface = primitives.ellipsoid((radius,) * 3, max_segments)
+    else:
+        make = {"cylinder": primitives.cylinder, "cone": primitives.cone}
+        half_length = 0.5 * kind.positive("length", 1.0)
+        surface = make.get(tag, primitives.capsule)(radius, half_length, max_segments)
+    return _round(surface, radius, max_segments)
 
 
 # Terrain from gray images, with textures that vary with height.
@@ -349,21 +291,16 @@ _BAKED_PX = (256, 2048)  # minimum and maximum side of a texture blended from se
 
 
 class Layer(NamedTuple):
-    """Texture layer of a terrain.
+    """Texture layer of a terrain."""
 
-    Attributes:
-        image: RGB image, which repeats.
-        size_m: side length of one repetition.
-        from_m, fade_m: height at which the layer starts, and height range over which it fades in.
-    """
-
-    image: Image.Image
-    size_m: float
+    image: Image.Image  # RGB image, which repeats
+    size_m: float  # side length of one repetition
+    # from_m, fade_m: height at which the layer starts, and height range over which it fades in
     from_m: float = 0.0
     fade_m: float = 0.0
 
 
-def read_levels(image: Image.Image) -> NDArray[np.float64] | None:
+def read_levels(image: Image.Image) -> Floats | None:
     """Levels (rows, columns) in [0, 1], at most `MAX_POINTS` per side; None: not a gray image."""
     if image.mode.startswith("I"):
         levels = np.asarray(image, dtype=np.float64) / 65535.0
@@ -373,25 +310,14 @@ def read_levels(image: Image.Image) -> NDArray[np.float64] | None:
         levels = np.asarray(image.convert("RGB"), dtype=np.float64)[..., 0] / 255.0
     if min(levels.shape) < 2:
         return None
-    rows, columns = (_evenly(count) for count in levels.shape)
-    return levels[np.ix_(rows, columns)]
+    kept = (np.linspace(0, count - 1, min(count, MAX_POINTS)) for count in levels.shape)
+    return levels[np.ix_(*(rows.round().astype(np.intp) for rows in kept))]
 
 
-def _evenly(count: int) -> NDArray[np.intp]:
-    """Indices (n,) of at most `MAX_POINTS` of `count` samples, first and last included."""
-    return np.linspace(0, count - 1, min(count, MAX_POINTS)).round().astype(np.intp)
+def terrain(element: XmlElement, levels: Floats, tile_m: float) -> Shape:
+    """Surface of a `<heightmap>` with levels (rows, columns) in [0, 1].
 
-
-def terrain(element: XmlElement, levels: NDArray[np.float64], tile_m: float) -> Shape:
-    """Surface of a `<heightmap>`.
-
-    Args:
-        element: element with size and position.
-        levels: (rows, columns) levels in [0, 1].
-        tile_m: side length of one texture repetition; 0: the whole terrain.
-
-    Raises:
-        SceneError: a width or depth is not above 0.
+    A side of a texture's repetition is `tile_m` long; 0: that of the whole terrain.
     """
     size = terrain_size_m(element)
     rows, columns = levels.shape
@@ -413,28 +339,20 @@ def terrain(element: XmlElement, levels: NDArray[np.float64], tile_m: float) -> 
 
 
 def terrain_size_m(element: XmlElement) -> tuple[float, ...]:
-    """Width, depth and height of a `<heightmap>`.
-
-    Raises:
-        SceneError: a width or depth is not above 0.
-    """
+    """Width, depth and height of a `<heightmap>`."""
     size = element.vector("size", (1.0, 1.0, 1.0))
     if min(size[:2]) <= 0.0:
         raise (element.find("size") or element).error("a width and depth > 0")
     return size
 
 
-def blend(layers: list[Layer], levels: NDArray[np.float64], size: tuple[float, ...]) -> Image.Image:
-    """Image of the whole terrain from above, blended from its layers.
+def blend(layers: list[Layer], levels: Floats, size: tuple[float, ...]) -> Image.Image:
+    """Image of a whole terrain from above, blended from its layers, low to high.
 
-    Args:
-        layers: layers from low to high.
-        levels: (rows, columns) levels in [0, 1].
-        size: size of the terrain, m.
+    Its levels (rows, columns) are in [0, 1]; its size is in m.
     """
-    finest = max(
-        max(layer.image.size) * max(size[:2]) / layer.size_m for layer in layers
-    )  # texels across the whole terrain
+    # texels across the whole terrain
+    finest = max(max(layer.image.size) * max(size[:2]) / layer.size_m for layer in layers)
     side = round(min(max(finest, _BAKED_PX[0]), _BAKED_PX[1]))
     gray = Image.fromarray((levels / max(float(levels.max()), 1e-9)).astype(np.float32))
     heights = np.asarray(gray.resize((side, side), Image.Resampling.BILINEAR)) * size[2]
@@ -446,7 +364,7 @@ def blend(layers: list[Layer], levels: NDArray[np.float64], size: tuple[float, .
     return Image.fromarray(np.rint(baked).astype(np.uint8))
 
 
-def _tiled(layer: Layer, size: tuple[float, ...], side: int) -> NDArray[np.uint8]:
+def _tiled(layer: Layer, size: tuple[float, ...], side: int) -> Bytes:
     """Layer (side, side, 3) repeated over the terrain."""
     width, height = (
         min(max(1, round(side * layer.size_m / extent)), 4 * side) for extent in size[:2]

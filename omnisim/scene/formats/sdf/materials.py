@@ -11,10 +11,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
+from omnisim.core.arrays import Floats
 from omnisim.core.files.sources import read_source
 from omnisim.scene.formats.imported_scene import Omissions
 from omnisim.scene.formats.resources import ResourcePath
@@ -28,11 +27,7 @@ _TEXTURE_FOLDERS = ("", "materials/textures", "../materials/textures", "../textu
 
 
 class MaterialReader:
-    """Reader of materials, which merges equal ones.
-
-    Attributes:
-        materials: all materials read so far.
-    """
+    """Reader of materials, which merges equal ones."""
 
     def __init__(
         self, resources: ResourcePath, textures: TextureStore, omissions: Omissions
@@ -105,11 +100,10 @@ class MaterialReader:
         element = visual.find("material")
         if element is None:
             return False
-        if any(True for _ in element.children("diffuse", "ambient", "emissive", "pbr")):
-            return True
-        return self._script(element) is not None
+        stated = element.children("diffuse", "ambient", "emissive", "pbr")
+        return any(True for _ in stated) or self._script(element) is not None
 
-    def terrain(self, element: XmlElement, levels: NDArray[np.float64]) -> tuple[int, float]:
+    def terrain(self, element: XmlElement, levels: Floats) -> tuple[int, float]:
         """Index of a heightmap's material, and its texture's side length, m; 0: the whole map."""
         layers = []
         blends = [
@@ -165,13 +159,8 @@ class MaterialReader:
 
     def _metal_map(self, metal: XmlElement) -> Texture | None:
         """Texture with roughness in green and metal in blue, from two gray images."""
-        images = []
-        for key in ("roughness_map", "metalness_map"):
-            map_element = metal.find(key)
-            name = "" if map_element is None else map_element.own_text
-            images.append(
-                self._image(map_element, name) if map_element is not None and name else None
-            )
+        maps = [metal.find(key) for key in ("roughness_map", "metalness_map")]
+        images = [self._image(one, one.own_text) if one and one.own_text else None for one in maps]
         given = [image for image in images if image is not None]
         if not given:
             return None
@@ -280,21 +269,13 @@ Rgb = tuple[float, float, float]
 
 
 class ScriptMaterial(NamedTuple):
-    """First pass of a script material.
+    """First pass of a script material."""
 
-    Attributes:
-        diffuse: linear RGB; None: not stated.
-        alpha: opacity.
-        emissive: linear RGB.
-        texture: name of an image file; empty: no texture.
-        is_known: True if these values describe the material completely.
-    """
-
-    diffuse: Rgb | None = None
-    alpha: float = 1.0
-    emissive: Rgb = (0.0, 0.0, 0.0)
-    texture: str = ""
-    is_known: bool = True
+    diffuse: Rgb | None = None  # linear RGB; None: not stated
+    alpha: float = 1.0  # opacity
+    emissive: Rgb = (0.0, 0.0, 0.0)  # linear RGB
+    texture: str = ""  # name of an image file; empty: no texture
+    is_known: bool = True  # True if these values describe the material completely
 
 
 _GRAY: Rgb = (0.7, 0.7, 0.7)
@@ -323,20 +304,15 @@ _TEXTURED: dict[str, Rgb] = {
     "Pedestrian": (0.35,) * 3, "Footway": (0.35,) * 3, "Steps": (0.35,) * 3,
     "Grass": (0.1, 0.22, 0.05), "PioneerBody": (0.6, 0.02, 0.02), "BuildingFrame": (0.5,) * 3,
 }  # fmt: skip
-
-
-def _gazebo_materials() -> dict[str, ScriptMaterial]:
-    materials = {name: ScriptMaterial(color) for name, color in _COLORS.items()}
-    for name in _GLOWS:
-        materials[f"{name}Glow"] = ScriptMaterial(_COLORS[name], emissive=_COLORS[name])
-    for name, color in _TRANSPARENT.items():
-        materials[f"{name}Transparent"] = ScriptMaterial(color, alpha=0.5)
-    for name, color in _TEXTURED.items():
-        materials[name] = ScriptMaterial(color, is_known=False)
-    return {f"Gazebo/{name}": one for name, one in materials.items()}
-
-
-GAZEBO_MATERIALS = _gazebo_materials()
+GAZEBO_MATERIALS = {f"Gazebo/{name}": ScriptMaterial(color) for name, color in _COLORS.items()}
+for _name in _GLOWS:
+    GAZEBO_MATERIALS[f"Gazebo/{_name}Glow"] = ScriptMaterial(
+        _COLORS[_name], emissive=_COLORS[_name]
+    )
+for _name, _color in _TRANSPARENT.items():
+    GAZEBO_MATERIALS[f"Gazebo/{_name}Transparent"] = ScriptMaterial(_color, alpha=0.5)
+for _name, _color in _TEXTURED.items():
+    GAZEBO_MATERIALS[f"Gazebo/{_name}"] = ScriptMaterial(_color, is_known=False)
 _HEAD = re.compile(r"^\s*material\s+([^\s:{]+)(?:\s*:\s*([^\s{]+))?", re.MULTILINE)
 _PASS = re.compile(r"\bpass\b[^{}]*\{")
 _LINE = re.compile(r"(?:^|\{)[ \t]*(diffuse|ambient|emissive|texture)[ \t]+([^\n}]+)", re.MULTILINE)
@@ -345,9 +321,7 @@ _LINE = re.compile(r"(?:^|\{)[ \t]*(diffuse|ambient|emissive|texture)[ \t]+([^\n
 def parse_scripts(text: str, parents: dict[str, ScriptMaterial]) -> dict[str, ScriptMaterial]:
     """Materials of a script by name, with the first colors and texture of each, or its parent's.
 
-    Args:
-        text: content of a `.material` file.
-        parents: materials of other scripts, by name.
+    `parents` are materials of other scripts.
     """
     text = re.sub(r"//[^\n]*", "", text)
     heads = list(_HEAD.finditer(text))

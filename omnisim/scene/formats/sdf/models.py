@@ -12,33 +12,27 @@ from urllib.parse import unquote
 from xml.etree.ElementTree import Element
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import SceneError, did_you_mean
 from omnisim.core.files.sources import read_source
 from omnisim.core.poses import inverse
 from omnisim.core.short_repr import counted
-from omnisim.scene.formats.imported_scene import Omissions
+from omnisim.scene.formats.imported_scene import Omissions, unique_name
 from omnisim.scene.formats.resources import ResourcePath
 from omnisim.scene.formats.sdf.geometry import ROUND
-from omnisim.scene.formats.xml.element import XmlElement, parse_xml
+from omnisim.scene.formats.xml.element import XmlElement, parse_xml, step_to
 
 _OWN = frozenset(("", "__model__", "world", "__root__"))
 
 
 class _Frame(NamedTuple):
-    """Frame in a scope.
+    """Frame in a scope."""
 
-    Attributes:
-        element: element with the frame's pose.
-        default: reference frame if the pose names none.
-        inner: scope of a nested model; None: not a model.
-        placement: frame of the inner scope to which the pose applies; empty: the model's own frame.
-    """
-
-    element: XmlElement
-    default: str
-    inner: Scope | None
+    element: XmlElement  # element with the frame's pose
+    default: str  # reference frame if the pose names none
+    inner: Scope | None  # scope of a nested model; None: not a model
+    # frame of the inner scope to which the pose applies; empty: the model's own frame
     placement: str
 
 
@@ -52,29 +46,16 @@ class Scope:
     def __init__(self) -> None:
         self._frames: dict[str, _Frame] = {}
         self._missing: set[str] = set()
-        self._poses: dict[str, NDArray[np.float64]] = {}
+        self._poses: dict[str, Floats] = {}
         self._aliases: dict[str, str] = {}
         self._active: list[str] = []
 
     def add(self, name: str, element: XmlElement, default: str = "") -> None:
-        """Add a link, frame or joint, unless the name exists.
-
-        Args:
-            name: name of the frame.
-            element: element with the frame's pose.
-            default: reference frame if the pose names none.
-        """
+        """Add a link, frame or joint with an element's pose, by default relative to `default`."""
         self._frames.setdefault(name, _Frame(element, default, None, ""))
 
     def add_model(self, name: str, element: XmlElement, inner: Scope, placement: str = "") -> None:
-        """Add a nested model.
-
-        Args:
-            name: name of the model.
-            element: `<include>` or `<model>` with the pose.
-            inner: frames of the model.
-            placement: frame of the model to which the pose applies; empty: the model's own frame.
-        """
+        """Add a nested model, to whose frame `placement`, or else own frame, the pose applies."""
         self._frames.setdefault(name, _Frame(element, "", inner, placement))
 
     def add_missing(self, name: str) -> None:
@@ -85,16 +66,12 @@ class Scope:
         """Make a frame of a merged model accessible by its own name."""
         self._aliases.setdefault(name, frame)
 
-    def place(self, name: str, scope_from_frame: NDArray[np.float64]) -> None:
+    def place(self, name: str, scope_from_frame: Floats) -> None:
         """Override the pose of a link or model from the file."""
         self._poses[name] = scope_from_frame
 
-    def pose_of(self, element: XmlElement, default: str = "") -> NDArray[np.float64]:
-        """Pose (4, 4) scope_from_element.
-
-        Args:
-            element: element with the pose.
-            default: reference frame if the pose names none.
+    def pose_of(self, element: XmlElement, default: str = "") -> Floats:
+        """Pose (4, 4) scope_from_element, relative to the frame `default` if it names none.
 
         Raises:
             UnplacedError: a pose relative to a missing model.
@@ -102,11 +79,11 @@ class Scope:
         """
         return self._scope_from(element.relative_to or default, element) @ element.pose()
 
-    def model_pose(self, name: str) -> NDArray[np.float64]:
+    def model_pose(self, name: str) -> Floats:
         """Pose (4, 4) scope_from_model of a nested model."""
         return self._scope_from(name, self._frames[name].element)
 
-    def _scope_from(self, name: str, element: XmlElement) -> NDArray[np.float64]:
+    def _scope_from(self, name: str, element: XmlElement) -> Floats:
         if name in self._poses:
             return self._poses[name]
         frame = self._frames.get(name)
@@ -123,7 +100,7 @@ class Scope:
         self._poses[name] = pose
         return pose
 
-    def _outside(self, name: str, element: XmlElement) -> NDArray[np.float64]:
+    def _outside(self, name: str, element: XmlElement) -> Floats:
         """Pose (4, 4) of the scope itself, or of a frame `model::frame` in a nested model."""
         if name in _OWN:
             return np.eye(4)
@@ -151,33 +128,19 @@ ENTITIES = ("model", "light", "actor")
 
 @dataclass
 class Model:
-    """World or model with its frames.
+    """World or model with its frames."""
 
-    Attributes:
-        name: name, unique within the enclosing model or world.
-        element: `<world>` or `<model>` element.
-        scope: frames of the world or model.
-        models: nested models.
-        others: lights and actors, including those of included files.
-        is_merged: its links belong to the including model.
-    """
-
-    name: str
-    element: XmlElement
-    scope: Scope = field(default_factory=Scope)
-    models: list[Model] = field(default_factory=list)
+    name: str  # name, unique within the enclosing model or world
+    element: XmlElement  # `<world>` or `<model>` element
+    scope: Scope = field(default_factory=Scope)  # frames of the world or model
+    models: list[Model] = field(default_factory=list)  # nested models
+    # lights and actors, including those of included files
     others: list[XmlElement] = field(default_factory=list)
-    is_merged: bool = False
+    is_merged: bool = False  # its links belong to the including model
 
 
 class ModelLibrary:
-    """Models by URI, each file read only once.
-
-    Attributes:
-        resources: search path.
-        omissions: counts of omitted parts of the models.
-        round_shapes: number of spheres, cylinders and other round shapes in all trees.
-    """
+    """Models by URI, each file read only once, and the parts of them that are left out."""
 
     def __init__(self, resources: ResourcePath, omissions: Omissions) -> None:
         self.resources, self.omissions = resources, omissions
@@ -185,7 +148,7 @@ class ModelLibrary:
         self._missing: Counter[str] = Counter()
         self._remote: Counter[str] = Counter()
         self._substitutes: set[str] = set()
-        self.round_shapes = 0
+        self.round_shapes = 0  # spheres, cylinders and other round shapes in all trees
         self._count = 0
 
     @property
@@ -202,10 +165,8 @@ class ModelLibrary:
                 f"{counted(self._remote.total(), 'object')} not fetched from the net, and not "
                 f"drawn: {_names(self._remote)}: `gz fuel download -u ADDRESS` gets them"
             )
-        notices += [
-            f"{_short(uri)} not found: omnisim's own is drawn" for uri in sorted(self._substitutes)
-        ]
-        return notices
+        substitutes = sorted(self._substitutes)
+        return notices + [f"{_short(uri)} not found: omnisim's own is drawn" for uri in substitutes]
 
     def drop_unplaced(self, model: Model) -> None:
         """Remove the nested models whose poses are relative to a missing one."""
@@ -229,11 +190,7 @@ class ModelLibrary:
         (self._remote if uri.startswith(("http://", "https://")) else self._missing)[uri] += 1
 
     def tree(self, element: XmlElement, name: str, depth: int = 0) -> Model:
-        """Model or world with everything it includes.
-
-        Raises:
-            SceneError: a damaged file, endlessly nested models or invalid values.
-        """
+        """Model or world with everything it includes."""
         self._count += 1
         if depth > _MAX_DEPTH or self._count > _MAX_MODELS:
             raise element.error(f"at most {_MAX_DEPTH} models in each other", "more, or a circle")
@@ -250,7 +207,10 @@ class ModelLibrary:
                 )
         for link in element.children("link"):
             model.scope.add(link.name, link)
-            self.round_shapes += _round_shapes(link)
+            shapes = (visual.find("geometry") for visual in link.children("visual"))
+            self.round_shapes += sum(
+                one.tag in ROUND for shape in shapes if shape is not None for one in shape.element
+            )
         for frame in element.children("frame"):
             model.scope.add(frame.name, frame, frame.attribute("attached_to"))
         for joint in element.children("joint"):
@@ -292,29 +252,19 @@ class ModelLibrary:
         if path is not None and path.is_dir():
             path = model_file(path)
         if path is None:
-            return self._substitute(uri)
-        root = self._root(path)
-        entity = next((child for child in root if child.tag in ENTITIES), None)
-        if entity is None:
-            raise include.error(f"a model, light or actor in {path}", uri)
-        name = entity.get("name")
-        step = entity.tag if name is None else f"{entity.tag}[{name}]"
-        return XmlElement(entity, f"{path}: {step}", path)
-
-    def _substitute(self, uri: str) -> XmlElement | None:
-        """Substitute for a common Gazebo Classic model; None: no substitute, counted as missing."""
-        name = _last_part(uri).lower().replace(" ", "_")
-        if name not in BUILTIN_MODELS:
-            self.miss(uri)
-            return None
-        self._substitutes.add(uri)
-        entity = parse_xml(BUILTIN_MODELS[name].encode())
-        return XmlElement(entity, f"{uri}: {entity.tag}", Path(name))
-
-    def _root(self, path: Path) -> Element:
+            name = _last_part(uri).lower().replace(" ", "_")
+            if name not in BUILTIN_MODELS:
+                self.miss(uri)
+                return None
+            self._substitutes.add(uri)
+            substitute = parse_xml(BUILTIN_MODELS[name].encode())
+            return XmlElement(substitute, f"{uri}: {substitute.tag}", Path(name))
         if path not in self._files:
             self._files[path] = read_xml(path)
-        return self._files[path]
+        entity = next((child for child in self._files[path] if child.tag in ENTITIES), None)
+        if entity is None:
+            raise include.error(f"a model, light or actor in {path}", uri)
+        return XmlElement(entity, f"{path}: {step_to(entity)}", path)
 
 
 def _names(uris: Counter[str]) -> str:
@@ -329,16 +279,6 @@ def _names(uris: Counter[str]) -> str:
     return ", ".join([*shown, *([f"and {counted(more, 'other')}"] if more else [])])
 
 
-def _round_shapes(link: XmlElement) -> int:
-    visuals = (visual.find("geometry") for visual in link.children("visual"))
-    return sum(
-        child.tag in ROUND
-        for geometry in visuals
-        if geometry is not None
-        for child in geometry.element
-    )
-
-
 def _short(uri: str) -> str:
     """Owner and name of a Gazebo Fuel model; other URIs unchanged."""
     match = re.match(r"https?://[^/]+/[\d.]+/([^/]+)/models/([^/]+)", uri)
@@ -348,15 +288,6 @@ def _short(uri: str) -> str:
 def _last_part(uri: str) -> str:
     """Last path component of a URI: its folder or file name."""
     return unquote(uri.strip("/").rpartition("/")[2])
-
-
-def unique_name(name: str, used_names: set[str]) -> str:
-    """Name with a number appended if it already exists."""
-    unique, number = name, 0
-    while unique in used_names:
-        unique, number = f"{name}_{number}", number + 1
-    used_names.add(unique)
-    return unique
 
 
 def with_pose_of(entity: XmlElement, posed: XmlElement) -> XmlElement:
@@ -370,30 +301,19 @@ def with_pose_of(entity: XmlElement, posed: XmlElement) -> XmlElement:
 
 
 class PlacedModel(NamedTuple):
-    """Model in the frame of an outer one.
+    """Model in the frame of an outer one."""
 
-    Attributes:
-        path: names of the enclosing models, each followed by a slash; merged models are omitted.
-        model: placed model.
-        outer_from_model: (4, 4) pose.
-    """
+    path: str  # names of the enclosing models, each followed by a slash; merged models are omitted
+    model: Model  # placed model
+    outer_from_model: Floats  # (4, 4) pose
 
-    path: str
-    model: Model
-    outer_from_model: NDArray[np.float64]
-
-    def pose_of(self, element: XmlElement, default: str = "") -> NDArray[np.float64]:
-        """Pose (4, 4) outer_from_element of an element in the model.
-
-        Args:
-            element: element with the pose.
-            default: reference frame if the pose names none.
-        """
+    def pose_of(self, element: XmlElement, default: str = "") -> Floats:
+        """Pose (4, 4) outer_from_element, relative to the frame `default` if it names none."""
         return self.outer_from_model @ self.model.scope.pose_of(element, default)
 
 
 def placed_models(
-    model: Model, outer_from_model: NDArray[np.float64] | None = None, path: str = ""
+    model: Model, outer_from_model: Floats | None = None, path: str = ""
 ) -> Iterator[PlacedModel]:
     """World or model with all models in it; the default outer frame is its own."""
     own = np.eye(4) if outer_from_model is None else outer_from_model
@@ -466,11 +386,7 @@ def model_file(folder: Path) -> Path | None:
 
 
 def read_xml(path: Path) -> Element:
-    """Root of an XML file.
-
-    Raises:
-        SceneError: the file is unreadable or invalid XML; names the file.
-    """
+    """Root of an XML file."""
     try:
         return parse_xml(read_source(path))
     except OSError as reason:

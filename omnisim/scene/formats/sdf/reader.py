@@ -9,13 +9,19 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import SceneError
 from omnisim.core.poses import inverse
-from omnisim.scene.formats.cameras import Cameras, read_lens
 from omnisim.scene.formats.features import part_notices, xml_parts
-from omnisim.scene.formats.imported_scene import ImportedScene, Omissions, make_mesh, translate
+from omnisim.scene.formats.imported_scene import (
+    Cameras,
+    ImportedScene,
+    Omissions,
+    make_mesh,
+    read_lens,
+    translate,
+)
 from omnisim.scene.formats.resources import ResourcePath
 from omnisim.scene.formats.sdf.geometry import (
     GEOMETRIES,
@@ -57,22 +63,21 @@ def read_sdf(
     data: bytes,
     textures: TextureStore,
     resources: ResourcePath,
-    world_from_file: NDArray[np.float64],
+    world_from_file: Floats,
 ) -> ImportedScene:
     """Read a world or model.
 
     Raises:
         SceneError: a damaged file; naming element, value and the expected value.
     """
-    reader = _Reader(resources, textures, world_from_file)
-    return reader.read(read_root(path, data))
+    return _Reader(resources, textures, world_from_file).read(read_root(path, data))
 
 
 class _Reader:
     """Meshes, materials, instances and lights of a file."""
 
     def __init__(
-        self, resources: ResourcePath, textures: TextureStore, world_from_file: NDArray[np.float64]
+        self, resources: ResourcePath, textures: TextureStore, world_from_file: Floats
     ) -> None:
         self._omissions = Omissions()
         self._library = ModelLibrary(resources, self._omissions)
@@ -83,17 +88,13 @@ class _Reader:
         self._meshes: list[Mesh] = []
         self._shapes: dict[tuple[object, ...], Shape] = {}
         # mesh index and center, keyed by ids of shape or mesh, and material
-        self._made: dict[tuple[int, int], tuple[int, NDArray[np.float64]]] = {}
+        self._made: dict[tuple[int, int], tuple[int, Floats]] = {}
         self._instances: list[Instance] = []
         self._lights: list[Light] = []
         self._cameras = Cameras()
 
     def read(self, root: XmlElement) -> ImportedScene:
-        """Read the first world of a file, or all of its models and lights.
-
-        Raises:
-            SceneError: the file has no world, model or light, or a value is invalid.
-        """
+        """Read the first world of a file, or all of its models and lights."""
         worlds = list(root.children("world"))
         for _ in worlds[1:]:
             self._omissions.count("only the first world is drawn", "further world")
@@ -103,8 +104,10 @@ class _Reader:
         world = self._library.tree(outer, "")
         apply_state(world, self._omissions)
         self._library.drop_unplaced(world)
-        scene = outer.find("scene")
-        background = None if scene is None else self._read_scene(scene)
+        scene, background = outer.find("scene"), None
+        if scene is not None:
+            has_sky = scene.find("sky") is not None
+            background = DEFAULT_BACKGROUND if has_sky else scene.color("background")
         parts: dict[int, list[tuple[str, str]]] = {}  # by id: files may be included repeatedly
         for placed in placed_models(world):
             self._read_model(placed)
@@ -127,10 +130,6 @@ class _Reader:
             background=background,
             cameras=self._cameras.poses,
         )
-
-    def _read_scene(self, scene: XmlElement) -> tuple[float, float, float] | None:
-        """Background color of the `<scene>`; None: not stated."""
-        return DEFAULT_BACKGROUND if scene.find("sky") is not None else scene.color("background")
 
     def _read_model(self, placed: PlacedModel) -> None:
         for other in placed.model.others:
@@ -161,7 +160,7 @@ class _Reader:
 
     def _pose_of(
         self, placed: PlacedModel, element: XmlElement, default: str = ""
-    ) -> NDArray[np.float64] | None:
+    ) -> Floats | None:
         """Pose (4, 4) of an element; None, with a notice, if it depends on a missing model."""
         try:
             return placed.pose_of(element, default)
@@ -169,16 +168,14 @@ class _Reader:
             self._omissions.count(UNPLACED, element.element.tag)
             return None
 
-    def _read_light(self, element: XmlElement, file_from_light: NDArray[np.float64] | None) -> None:
+    def _read_light(self, element: XmlElement, file_from_light: Floats | None) -> None:
         if file_from_light is None:
             return
         light = read_light(element, self._world_from_file @ file_from_light, self._omissions)
         if light is not None:
             self._lights.append(light)
 
-    def _read_visual(
-        self, visual: XmlElement, file_from_visual: NDArray[np.float64] | None, name: str
-    ) -> None:
+    def _read_visual(self, visual: XmlElement, file_from_visual: Floats | None, name: str) -> None:
         geometry = visual.find("geometry")
         kind = None if geometry is None else next(geometry.children(*GEOMETRIES), None)
         if geometry is None or kind is None or file_from_visual is None:
@@ -193,9 +190,7 @@ class _Reader:
             material = self._materials.read(visual, double_sided=not shape.is_closed)
             self._place(shape, material, file_from_visual, name)
 
-    def _read_heightmap(
-        self, element: XmlElement, file_from_visual: NDArray[np.float64], name: str
-    ) -> None:
+    def _read_heightmap(self, element: XmlElement, file_from_visual: Floats, name: str) -> None:
         uri = element.text("uri")
         path = self._materials.find_image(element, uri)
         if path is None:
@@ -213,14 +208,11 @@ class _Reader:
         """Shape of a geometry; equal geometries share one."""
         key = tuple((one.tag, (one.text or "").strip()) for one in geometry.element.iter())
         if key not in self._shapes:
-            self._shapes[key] = make_shape(
-                geometry, kind, segment_limit(self._library.round_shapes)
-            )
+            limit = segment_limit(self._library.round_shapes)
+            self._shapes[key] = make_shape(geometry, kind, limit)
         return self._shapes[key]
 
-    def _place(
-        self, shape: Shape, material: int, file_from_visual: NDArray[np.float64], name: str
-    ) -> None:
+    def _place(self, shape: Shape, material: int, file_from_visual: Floats, name: str) -> None:
         key = id(shape), material
         if key not in self._made:
             surface = shape.surface
@@ -234,11 +226,7 @@ class _Reader:
         self._instances.append(Instance(name, index, pose, file_from_visual))
 
     def _read_mesh(
-        self,
-        element: XmlElement,
-        visual: XmlElement,
-        file_from_visual: NDArray[np.float64],
-        name: str,
+        self, element: XmlElement, visual: XmlElement, file_from_visual: Floats, name: str
     ) -> None:
         uri, scale = element.text("uri"), element.vector("scale", (1.0, 1.0, 1.0))
         if not all(scale):
@@ -259,9 +247,8 @@ class _Reader:
                 return
             if element.flag("submesh/center"):
                 instances = centered(file, instances)
-        own = None
-        if self._materials.is_stated(visual):
-            own = self._materials.read(visual, double_sided=True)
+        is_stated = self._materials.is_stated(visual)
+        own = self._materials.read(visual, double_sided=True) if is_stated else None
         for one in instances:
             mesh = file.meshes[one.mesh]
             material = own
@@ -285,11 +272,7 @@ _UNIT = (1.0, 1.0, 1.0)
 
 
 def apply_state(world: Model, omissions: Omissions) -> None:
-    """Move models, links and lights to their saved poses, which are in the world frame.
-
-    Raises:
-        SceneError: invalid values.
-    """
+    """Move models, links and lights to their saved poses, which are in the world frame."""
     state = world.element.find("state")
     if state is None:
         return
@@ -301,13 +284,7 @@ def apply_state(world: Model, omissions: Omissions) -> None:
 
 
 def _move(outer: Model, state: XmlElement, omissions: Omissions) -> None:
-    """Move the models and links of the world or of a model.
-
-    Args:
-        outer: the world, or a model that is already moved.
-        state: saved state of `outer`.
-        omissions: counts of saved values that are not applied.
-    """
+    """Move the models and links of the world, or of a model that is already moved."""
     world_from_outer = state.pose()
     models = {model.name: model for model in outer.models}
     for saved in state.children("model", "link"):
@@ -328,15 +305,10 @@ _REFERENCE_M = 5.0  # distance of equal brightness for lights with another fallo
 _ATTENUATION = "attenuation of lights is drawn as that of 1/distance², equal at a few meters"
 
 
-def read_light(
-    element: XmlElement, world_from_light: NDArray[np.float64], omissions: Omissions
-) -> Light | None:
+def read_light(element: XmlElement, world_from_light: Floats, omissions: Omissions) -> Light | None:
     """Light in the world; None: switched off or black.
 
     Intensities are relative: at intensity 1 a white surface appears white.
-
-    Raises:
-        SceneError: invalid values.
     """
     kind = _KINDS.get(element.attribute("type") or "point")
     if kind is None:
@@ -353,15 +325,20 @@ def read_light(
     if kind is LightKind.DIRECTIONAL:
         return Light(kind, color, intensity, direction=axis, casts_shadow=casts_shadow)
     range_m = element.positive("attenuation/range", 10.0)
+    candela, cones = intensity * _candela(element, range_m, omissions), (1.0, 0.0)
+    if kind is LightKind.SPOT:  # the file states full angles
+        outer = min(max(element.number("spot/outer_angle", 0.0), 1e-3), math.pi)
+        inner = min(max(element.number("spot/inner_angle", 0.0), 0.0), outer)
+        cones = math.cos(0.5 * inner), math.cos(0.5 * outer)
     return Light(
         kind,
         color,
-        intensity * _candela(element, range_m, omissions),
+        candela,
         position_m=world_from_light[:3, 3].copy(),
         direction=axis,
         range_m=range_m,
         casts_shadow=casts_shadow,
-        cone_cosines=_cone_cosines(element) if kind is LightKind.SPOT else (1.0, 0.0),
+        cone_cosines=cones,
     )
 
 
@@ -377,10 +354,3 @@ def _candela(element: XmlElement, range_m: float, omissions: Omissions) -> float
     distance = min(0.25 * range_m, _REFERENCE_M)
     falloff = constant + linear * distance + quadratic * distance**2
     return distance**2 / max(falloff, 1e-3)
-
-
-def _cone_cosines(element: XmlElement) -> tuple[float, float]:
-    """Cosines of the inner and outer half-angles; the file states full angles."""
-    outer = min(max(element.number("spot/outer_angle", 0.0), 1e-3), math.pi)
-    inner = min(max(element.number("spot/inner_angle", 0.0), 0.0), outer)
-    return math.cos(0.5 * inner), math.cos(0.5 * outer)

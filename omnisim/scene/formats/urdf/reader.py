@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import io
 from collections import Counter
-from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
 
 import numpy as np
-from numpy.typing import NDArray
+import scipy  # loads its submodules on first use
 from PIL import Image
 
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import SceneError
 from omnisim.core.files.sources import read_source
+from omnisim.core.poses import pose_from_rotation
 from omnisim.core.short_repr import counted
 from omnisim.core.srgb import linear_from_srgb
 from omnisim.scene import primitives
@@ -24,10 +25,10 @@ from omnisim.scene.formats.imported_scene import (
     Omissions,
     make_mesh,
     translate,
+    unique_name,
 )
 from omnisim.scene.formats.resources import ResourcePath
 from omnisim.scene.formats.sdf.geometry import MeshLibrary
-from omnisim.scene.formats.urdf.kinematics import link_poses
 from omnisim.scene.formats.xml.element import XmlElement, parse_xml
 from omnisim.scene.parts import AlphaMode, Instance, Material, Mesh, Texture
 from omnisim.scene.primitives import Surface
@@ -80,18 +81,15 @@ class _Reader:
         self._names: set[str] = set()
 
     def read(self, robot: XmlElement) -> ImportedScene:
-        """Read all visuals of a robot.
-
-        Raises:
-            SceneError: no geometry is found, or a value is invalid.
-        """
+        """Read all visuals of a robot."""
         for material in robot.children("material"):
             self._named.setdefault(material.name, material)
         poses = link_poses(robot)
         for link in robot.children("link"):
-            for material in _inner_materials(link):  # references may precede the definition
-                if material.find("color") is not None or material.find("texture") is not None:
-                    self._named.setdefault(material.name, material)
+            for visual in link.children("visual"):  # references may precede the definition
+                for material in visual.children("material"):
+                    if material.find("color") is not None or material.find("texture") is not None:
+                        self._named.setdefault(material.name, material)
         for link in robot.children("link"):
             for visual in link.children("visual"):
                 self._read_visual(link, visual, poses[link.name] @ visual.origin())
@@ -114,7 +112,7 @@ class _Reader:
             tuple(self._meshes), tuple(self._materials), tuple(self._instances), notices
         )
 
-    def _read_visual(self, link: XmlElement, visual: XmlElement, pose: NDArray[np.float64]) -> None:
+    def _read_visual(self, link: XmlElement, visual: XmlElement, pose: Floats) -> None:
         geometry = visual.find("geometry")
         shapes = [one for tag in _GEOMETRIES for one in geometry.children(tag)] if geometry else []
         if not shapes:
@@ -122,11 +120,12 @@ class _Reader:
             return
         shape = shapes[0]
         material = self._material(visual)
-        if shape.tag == "mesh":
-            name = self._name(link, visual, PurePosixPath(shape.attribute("filename")).stem)
+        is_mesh = shape.tag == "mesh"
+        kind = PurePosixPath(shape.attribute("filename")).stem if is_mesh else shape.tag
+        name = unique_name(f"{link.name}/{visual.name or kind}", self._names, first=2)
+        if is_mesh:
             self._read_mesh(shape, material, pose, name)
             return
-        name = self._name(link, visual, shape.tag)
         surface = _surface(shape)
         mesh, center = make_mesh(
             name, surface.positions, surface.triangles, material or 0, surface.normals
@@ -135,9 +134,7 @@ class _Reader:
         place = translate(pose, center)
         self._instances.append(Instance(name, len(self._meshes) - 1, place, pose))
 
-    def _read_mesh(
-        self, shape: XmlElement, material: int | None, pose: NDArray[np.float64], name: str
-    ) -> None:
+    def _read_mesh(self, shape: XmlElement, material: int | None, pose: Floats, name: str) -> None:
         uri = shape.attribute("filename")
         scale = shape.attribute_numbers("scale", (1.0, 1.0, 1.0), 3)
         if not all(scale):
@@ -150,34 +147,23 @@ class _Reader:
         if isinstance(file, str):
             self._omissions.count(f"{path.name}: not drawn: {file}", "visual")
             return
-        has_own = [_has_own(file.meshes[one.mesh], file.materials) for one in file.instances]
+        meshes = [file.meshes[one.mesh] for one in file.instances]
+        has_own = [_has_own(mesh, file.materials[mesh.material]) for mesh in meshes]
         self._hidden += material is not None and any(has_own)
-        for one, is_colored in zip(file.instances, has_own, strict=True):
-            mesh = file.meshes[one.mesh]
+        for one, mesh, is_colored in zip(file.instances, meshes, has_own, strict=True):
             if is_colored and self._chosen == "mesh":
                 material = None
-            own = self._of_file(file.materials[mesh.material]) if material is None else material
+            own = material
+            if own is None:
+                stated = file.materials[mesh.material]
+                own = self._material_of.setdefault(id(stated), len(self._materials))
+                if own == len(self._materials):
+                    self._materials.append(stated)
             if (id(mesh), own) not in self._mesh_of:
                 self._mesh_of[id(mesh), own] = len(self._meshes)
                 self._meshes.append(replace(mesh, material=own))
             place = pose @ np.diag((*scale, 1.0)) @ one.world_from_mesh
             self._instances.append(Instance(name, self._mesh_of[id(mesh), own], place, pose))
-
-    def _name(self, link: XmlElement, visual: XmlElement, otherwise: str) -> str:
-        """Unique instance name: link/visual."""
-        name = first = f"{link.name}/{visual.name or otherwise}"
-        number = 1
-        while name in self._names:
-            number += 1
-            name = f"{first}_{number}"
-        self._names.add(name)
-        return name
-
-    def _of_file(self, material: Material) -> int:
-        if id(material) not in self._material_of:
-            self._material_of[id(material)] = len(self._materials)
-            self._materials.append(material)
-        return self._material_of[id(material)]
 
     def _material(self, visual: XmlElement) -> int | None:
         """Index of a visual's own material; None: no material."""
@@ -227,16 +213,10 @@ class _Reader:
         return self._textures.texture(image, element.name)
 
 
-def _has_own(mesh: Mesh, materials: Sequence[Material]) -> bool:
+def _has_own(mesh: Mesh, material: Material) -> bool:
     """True for a mesh with colors, a texture, or another material than that of plain files."""
-    material = materials[mesh.material]
     is_plain = material.base_color == _GRAY or not material.name
     return mesh.colors is not None or material.texture is not None or not is_plain
-
-
-def _inner_materials(link: XmlElement) -> Iterator[XmlElement]:
-    for visual in link.children("visual"):
-        yield from visual.children("material")
 
 
 def _surface(shape: XmlElement) -> Surface:
@@ -249,3 +229,77 @@ def _surface(shape: XmlElement) -> Surface:
     (length,) = shape.attribute_sizes("length")
     make = primitives.cylinder if shape.tag == "cylinder" else primitives.capsule
     return make(radius, 0.5 * length)
+
+
+# Poses of a robot's links with its joints at rest.
+
+
+def link_poses(robot: XmlElement) -> dict[str, Floats]:
+    """Poses (4, 4) robot_from_link by link name, in tree order from the root.
+
+    A joint rests at 0, or at the middle of its limits if these exclude 0.
+
+    Raises:
+        SceneError: unknown or duplicate link names, or links that do not form a tree.
+    """
+    links = [link.name for link in robot.children("link")]
+    for link in robot.children("link"):
+        if links.count(link.name) > 1:
+            raise link.attribute_error("name", "each link once")
+    if not links:
+        raise SceneError(f"{robot.place}: expected a <link>, got none")
+    parents: dict[str, tuple[str, Floats]] = {}
+    for joint in robot.children("joint"):
+        parent, child = _end(joint, "parent", links), _end(joint, "child", links)
+        if child.attribute("link") in parents:
+            raise child.attribute_error("link", "a link without another parent")
+        pose = joint.origin() @ _motion(joint)
+        parents[child.attribute("link")] = (parent.attribute("link"), pose)
+    poses = {link: np.eye(4) for link in links if link not in parents}
+    inner: dict[str, list[str]] = {}
+    for child_name, (parent_name, _) in parents.items():
+        inner.setdefault(parent_name, []).append(child_name)
+    waiting = list(poses)
+    while waiting:
+        parent_name = waiting.pop()
+        for child_name in inner.get(parent_name, ()):
+            poses[child_name] = poses[parent_name] @ parents[child_name][1]
+            waiting.append(child_name)
+    if rest := sorted(set(links) - poses.keys()):
+        raise SceneError(f"{robot.place}: link[{rest[0]}]: expected a tree of links, got a circle")
+    return poses
+
+
+def _end(joint: XmlElement, tag: str, links: list[str]) -> XmlElement:
+    """Parent or child element of a joint, with a valid link name."""
+    end = joint.find(tag)
+    if end is None:
+        raise SceneError(f"{joint.place}: expected a <{tag}>, got none")
+    if end.attribute("link") not in links:
+        raise end.attribute_error("link", "the name of a <link>")
+    return end
+
+
+def _motion(joint: XmlElement) -> Floats:
+    """Pose (4, 4) of a joint's child at rest, relative to the joint's origin."""
+    kind, limit = joint.attribute("type"), joint.find("limit")
+    if kind not in ("revolute", "prismatic") or limit is None:
+        return np.eye(4)
+    (low,), (high,) = (
+        limit.attribute_numbers("lower", (0.0,), 1),
+        limit.attribute_numbers("upper", (0.0,), 1),
+    )
+    if low <= 0.0 <= high or high < low:
+        return np.eye(4)
+    axis_element = joint.find("axis")
+    axis = np.array((1.0, 0.0, 0.0))
+    if axis_element is not None:
+        axis = np.array(axis_element.attribute_numbers("xyz", (1.0, 0.0, 0.0), 3))
+    length = float(np.linalg.norm(axis))
+    if length == 0.0:
+        return np.eye(4)
+    vector = axis / length * 0.5 * (low + high)
+    if kind == "prismatic":
+        return pose_from_rotation(np.eye(3), vector)
+    rotation = scipy.spatial.transform.Rotation.from_rotvec(vector).as_matrix()
+    return pose_from_rotation(rotation, np.zeros(3))

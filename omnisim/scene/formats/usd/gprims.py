@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -9,20 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Usd, UsdGeom, UsdShade
 
+from omnisim.core.arrays import Bools, Floats, Ints
 from omnisim.core.errors import SceneError
+from omnisim.scene import primitives
 from omnisim.scene.formats.imported_scene import PLAIN_GRAY, Omissions, make_mesh
-from omnisim.scene.formats.usd.corners import (
-    Corners,
-    PrimvarValues,
-    find_primvar,
-    integers,
-    make_vertices,
-    rows,
-    triangulate,
-)
-from omnisim.scene.formats.usd.shapes import is_shape, read_shape
 from omnisim.scene.formats.usd.surfaces import Appearance, Surfaces
 from omnisim.scene.parts import AlphaMode, Material, Mesh
+from omnisim.scene.primitives import Surface, clip_ears
 
 _PURPOSE = UsdShade.Tokens.preview
 
@@ -31,15 +26,11 @@ class Part(NamedTuple):
     """Scene mesh, and its origin (3,) in the frame of its prim."""
 
     mesh: int
-    center: NDArray[np.float64]
+    center: Floats
 
 
 class Gprims:
-    """Meshes of a stage.
-
-    Attributes:
-        meshes, materials: scene meshes and materials created so far.
-    """
+    """Scene meshes and materials of a stage, those created so far."""
 
     def __init__(
         self, surfaces: Surfaces, time: Usd.TimeCode, meters_per_unit: float, notices: Omissions
@@ -52,24 +43,18 @@ class Gprims:
         self._material_rows: dict[tuple[object, ...], int] = {}
 
     def parts(self, prim: Usd.Prim) -> tuple[Part, ...]:
-        """Meshes of a prim, shared by all instance proxies of one prototype prim.
-
-        Raises:
-            SceneError: the mesh is damaged.
-        """
+        """Meshes of a prim, shared by all instance proxies of one prototype prim."""
         source = prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim
         subsets = UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets()
-        bound = [_bound_material(one) for one in (prim, *(each.GetPrim() for each in subsets))]
+        bindings = map(UsdShade.MaterialBindingAPI, (prim, *(one.GetPrim() for one in subsets)))
+        bound = [one.ComputeBoundMaterial(_PURPOSE)[0] or None for one in bindings]
         key = (str(source.GetPath()), *(str(one.GetPath()) if one else "" for one in bound))
         if key not in self._parts:
             self._parts[key] = tuple(self._read(prim, subsets, bound))
         return self._parts[key]
 
     def _read(
-        self,
-        prim: Usd.Prim,
-        subsets: list[UsdGeom.Subset],
-        bound: list[UsdShade.Material | None],
+        self, prim: Usd.Prim, subsets: list[UsdGeom.Subset], bound: list[UsdShade.Material | None]
     ) -> list[Part]:
         if is_shape(prim):
             faces = shape_faces(prim, self._time, self._unit)
@@ -89,11 +74,7 @@ class Gprims:
         return parts + self._part(prim, faces, rest, bound[0])
 
     def _part(
-        self,
-        prim: Usd.Prim,
-        faces: Faces,
-        mask: NDArray[np.bool_],
-        bound: UsdShade.Material | None,
+        self, prim: Usd.Prim, faces: Faces, mask: Bools, bound: UsdShade.Material | None
     ) -> list[Part]:
         """Mesh of the triangles selected by a mask, as a list of at most one."""
         if not mask.any():
@@ -148,7 +129,7 @@ class Gprims:
         self,
         prim: Usd.Prim,
         appearance: Appearance | None,
-        color: NDArray[np.float64] | None,
+        color: Floats | None,
         has_vertex_colors: bool,
     ) -> int:
         """Index of a material, with the sides and the constant color of a prim."""
@@ -174,11 +155,6 @@ class Gprims:
         return self._material_rows[key]
 
 
-def _bound_material(prim: Usd.Prim) -> UsdShade.Material | None:
-    material = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial(_PURPOSE)[0]
-    return material if material else None
-
-
 # Triangles of meshes and shapes, with the elements that store their values.
 
 
@@ -186,27 +162,16 @@ _NO_SUBDIVISION = ("none", "")
 
 
 class Faces(NamedTuple):
-    """Triangles of a prim.
+    """Triangles of a prim."""
 
-    Attributes:
-        points: (n, 3) positions.
-        corners: corners of the triangles.
-        polygons: (m,) polygon index of each triangle.
-        normals: normals as a primvar; None: flat shading.
-    """
-
-    points: NDArray[np.floating]
-    corners: Corners
-    polygons: NDArray[np.int64]
-    normals: PrimvarValues | None
+    points: NDArray[np.floating]  # (n, 3) positions
+    corners: Corners  # corners of the triangles
+    polygons: Ints  # (m,) polygon index of each triangle
+    normals: PrimvarValues | None  # normals as a primvar; None: flat shading
 
 
 def shape_faces(prim: Usd.Prim, time: Usd.TimeCode, meters_per_unit: float) -> Faces | None:
-    """Triangles of a parametric shape; None: no triangles.
-
-    Raises:
-        SceneError: an invalid size.
-    """
+    """Triangles of a parametric shape; None: no triangles."""
     surface = read_shape(prim, time, meters_per_unit)
     if not len(surface.triangles):
         return None
@@ -224,18 +189,23 @@ def shape_faces(prim: Usd.Prim, time: Usd.TimeCode, meters_per_unit: float) -> F
 
 
 def mesh_faces(prim: Usd.Prim, time: Usd.TimeCode, notices: Omissions) -> Faces | None:
-    """Triangles of a mesh; None: no triangles.
-
-    Raises:
-        SceneError: counts that do not match the corners, or invalid point indices.
-    """
+    """Triangles of a mesh; None: no triangles."""
     mesh = UsdGeom.Mesh(prim)
     points = rows(mesh.GetPointsAttr().Get(time), 3)
     counts = integers(mesh.GetFaceVertexCountsAttr().Get(time))
     vertices = integers(mesh.GetFaceVertexIndicesAttr().Get(time))
     if points is None or not len(points) or not len(counts):
         return None
-    _check_topology(prim, len(points), counts, vertices)
+    if counts.min() < 0 or counts.sum() != len(vertices):
+        raise SceneError(
+            f"{prim.GetPath()}.faceVertexCounts: expected a sum of {len(vertices)}, as there are "
+            f"faceVertexIndices, got {counts.sum()}"
+        )
+    if len(vertices) and (vertices.min() < 0 or vertices.max() >= len(points)):
+        worst = vertices.min() if vertices.min() < 0 else vertices.max()
+        raise SceneError(
+            f"{prim.GetPath()}.faceVertexIndices: expected points below {len(points)}, got {worst}"
+        )
     if mesh.GetPointsAttr().ValueMightBeTimeVarying():
         notices.count("animation: rests at its first frame")
     if prim.HasAPI("SkelBindingAPI"):
@@ -249,44 +219,15 @@ def mesh_faces(prim: Usd.Prim, time: Usd.TimeCode, notices: Omissions) -> Faces 
         return None
     if _is_left_handed(prim, time):
         corners = corners[:, ::-1]
-    normals = _normals(mesh, time)
+    normals = find_primvar(prim, "normals", 3, time)
+    if normals is None and (values := rows(mesh.GetNormalsAttr().Get(time), 3)) is not None:
+        normals = PrimvarValues(values, str(mesh.GetNormalsInterpolation()))
     if normals is None and str(mesh.GetSubdivisionSchemeAttr().Get()) not in _NO_SUBDIVISION:
         notices.count("subdivision: the control mesh is drawn, with smooth normals", "mesh")
         normals = PrimvarValues(_smooth_normals(points, vertices[corners]), "vertex")
     return Faces(
-        points,
-        Corners.of(len(points), len(counts), vertices, corners, polygons),
-        polygons,
-        normals,
+        points, Corners.of(len(points), len(counts), vertices, corners, polygons), polygons, normals
     )
-
-
-def _normals(mesh: UsdGeom.Mesh, time: Usd.TimeCode) -> PrimvarValues | None:
-    primvar = find_primvar(mesh.GetPrim(), "normals", 3, time)
-    if primvar is not None:
-        return primvar
-    values = rows(mesh.GetNormalsAttr().Get(time), 3)
-    return None if values is None else PrimvarValues(values, str(mesh.GetNormalsInterpolation()))
-
-
-def _check_topology(
-    prim: Usd.Prim, points: int, counts: NDArray[np.int64], vertices: NDArray[np.int64]
-) -> None:
-    """Check that the face counts match the corners, and that the corners index existing points.
-
-    Raises:
-        SceneError: the counts or indices are invalid; names the mesh.
-    """
-    if counts.min() < 0 or counts.sum() != len(vertices):
-        raise SceneError(
-            f"{prim.GetPath()}.faceVertexCounts: expected a sum of {len(vertices)}, as there are "
-            f"faceVertexIndices, got {counts.sum()}"
-        )
-    if len(vertices) and (vertices.min() < 0 or vertices.max() >= points):
-        worst = vertices.min() if vertices.min() < 0 else vertices.max()
-        raise SceneError(
-            f"{prim.GetPath()}.faceVertexIndices: expected points below {points}, got {worst}"
-        )
 
 
 def _is_left_handed(prim: Usd.Prim, time: Usd.TimeCode) -> bool:
@@ -295,9 +236,7 @@ def _is_left_handed(prim: Usd.Prim, time: Usd.TimeCode) -> bool:
 
 
 @np.errstate(all="ignore")  # a mesh with non-finite values is rejected later
-def _smooth_normals(
-    points: NDArray[np.float64], triangles: NDArray[np.int64]
-) -> NDArray[np.float64]:
+def _smooth_normals(points: Floats, triangles: Ints) -> Floats:
     """Normals (n, 3) at points, area-weighted over their triangles."""
     a, b, c = (points[triangles[:, k]] for k in range(3))
     areas = np.cross(b - a, c - a)
@@ -310,3 +249,329 @@ def _smooth_normals(
     )
     lengths = np.linalg.norm(sums, axis=1, keepdims=True)
     return np.divide(sums, lengths, out=np.zeros_like(sums), where=lengths > 0.0)
+
+
+# Parametric shapes of USD: cubes, spheres, cylinders, cones, capsules, planes.
+
+
+_MAX_SIZE = 1e12
+# Rotations of a shape around z to each axis; columns are the shape's axes.
+_FROM_Z = {
+    "X": np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]]),
+    "Y": np.array([[0.0, 1, 0], [0, 0, 1], [1, 0, 0]]),
+    "Z": np.eye(3),
+}
+
+
+def read_shape(prim: Usd.Prim, time: Usd.TimeCode, meters_per_unit: float) -> Surface:
+    """Triangles of a shape in stage units, with a resolution that suits its size in meters."""
+    surface = _SHAPES[str(prim.GetTypeName())](prim, time, meters_per_unit)
+    axis = prim.GetAttribute("axis")
+    turn = _FROM_Z.get(str(axis.Get(time)) if axis else "Z", np.eye(3))
+    return Surface(
+        surface.positions @ turn.T / meters_per_unit,
+        surface.triangles,
+        None if surface.normals is None else surface.normals @ turn.T,
+    )
+
+
+def is_shape(prim: Usd.Prim) -> bool:
+    """True for a parametric shape."""
+    return str(prim.GetTypeName()) in _SHAPES
+
+
+def _cube(prim: Usd.Prim, time: Usd.TimeCode, unit: float) -> Surface:
+    return primitives.box(np.full(3, 0.5 * _size(prim, "size", time, unit)))
+
+
+def _sphere(prim: Usd.Prim, time: Usd.TimeCode, unit: float) -> Surface:
+    return primitives.ellipsoid(np.full(3, _size(prim, "radius", time, unit)))
+
+
+def _plane(prim: Usd.Prim, time: Usd.TimeCode, unit: float) -> Surface:
+    """Plane that faces +axis; its width is along x, or along z if it faces x."""
+    width, length = (0.5 * _size(prim, key, time, unit) for key in ("width", "length"))
+    sizes = {"X": (length, width), "Y": (length, width), "Z": (width, length)}
+    return primitives.rectangle(*sizes[str(UsdGeom.Plane(prim).GetAxisAttr().Get(time))])
+
+
+def _cylinder(prim: Usd.Prim, time: Usd.TimeCode, unit: float) -> Surface:
+    half_length = 0.5 * _size(prim, "height", time, unit)
+    bottom, top = _radii(prim, time, unit)
+    if bottom == top:
+        return primitives.cylinder(bottom, half_length)
+    return _frustum(bottom, top, half_length)
+
+
+def _cone(prim: Usd.Prim, time: Usd.TimeCode, unit: float) -> Surface:
+    half_length = 0.5 * _size(prim, "height", time, unit)
+    return _frustum(_size(prim, "radius", time, unit), 0.0, half_length)
+
+
+def _capsule(prim: Usd.Prim, time: Usd.TimeCode, unit: float) -> Surface:
+    bottom, top = _radii(prim, time, unit)
+    if bottom != top:
+        raise SceneError(f"{prim.GetPath()}: expected a capsule of one radius, got two")
+    return primitives.capsule(bottom, 0.5 * _size(prim, "height", time, unit))
+
+
+_SHAPES: dict[str, Callable[[Usd.Prim, Usd.TimeCode, float], Surface]] = {
+    "Cube": _cube, "Sphere": _sphere, "Plane": _plane, "Cylinder": _cylinder,
+    "Cylinder_1": _cylinder, "Cone": _cone, "Capsule": _capsule, "Capsule_1": _capsule,
+}  # fmt: skip
+
+
+def _frustum(bottom_m: float, top_m: float, half_length_m: float) -> Surface:
+    """Cylinder around z with its ends scaled to two radii."""
+    whole = primitives.cylinder(max(bottom_m, top_m), half_length_m)
+    assert whole.normals is not None
+    radii = np.where(whole.positions[:, 2] < 0.0, bottom_m, top_m) / max(bottom_m, top_m, 1e-300)
+    positions, normals = whole.positions.copy(), whole.normals.copy()
+    positions[:, :2] *= radii[:, None]
+    side = np.abs(normals[:, 2]) < 0.5
+    normals[side, 2] = (bottom_m - top_m) / max(2.0 * half_length_m, 1e-300)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    corners = positions[whole.triangles]
+    areas = np.linalg.norm(
+        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
+    )
+    return Surface(positions, whole.triangles[areas > 0.0], normals)
+
+
+def _radii(prim: Usd.Prim, time: Usd.TimeCode, unit: float) -> tuple[float, float]:
+    if prim.GetAttribute("radiusBottom"):
+        return _size(prim, "radiusBottom", time, unit), _size(prim, "radiusTop", time, unit)
+    radius = _size(prim, "radius", time, unit)
+    return radius, radius
+
+
+def _size(prim: Usd.Prim, key: str, time: Usd.TimeCode, unit: float) -> float:
+    value = prim.GetAttribute(key).Get(time)
+    if not isinstance(value, float) or not (math.isfinite(value) and 0.0 <= value < _MAX_SIZE):
+        raise SceneError(f"{prim.GetPath()}.{key} = {value!r:.40}: expected a number ≥ 0")
+    return value * unit
+
+
+# Corners of a mesh's faces: primvars, polygons as triangles, corners as vertices.
+
+
+_MAX_KEY = 2**62
+
+
+class Corners(NamedTuple):
+    """Corners (c,) of triangles, with the elements that store their values."""
+
+    sizes: dict[str, int]  # number of elements, by interpolation
+    rows: dict[str, Ints]  # (c,) element indices, by interpolation
+
+    @classmethod
+    def of(
+        cls, point_count: int, face_count: int, vertices: Ints, corners: Ints, faces: Ints
+    ) -> Corners:
+        """Corners of all triangles of a mesh.
+
+        Args:
+            point_count, face_count: numbers of points and faces of the mesh.
+            vertices: (face corners,) point indices.
+            corners: (m, 3) indices into `vertices`.
+            faces: (m,) face index of each triangle.
+        """
+        flat = corners.ravel()
+        points = vertices[flat]
+        return cls(
+            {
+                "constant": 1, "uniform": face_count, "varying": point_count,
+                "vertex": point_count, "faceVarying": len(vertices),
+            },
+            {
+                "constant": np.zeros(len(flat), np.int64), "uniform": np.repeat(faces, 3),
+                "varying": points, "vertex": points, "faceVarying": flat,
+            },
+        )  # fmt: skip
+
+    def of_triangles(self, chosen: Bools) -> Corners:
+        """Corners of the triangles selected by a mask (m,)."""
+        kept = np.repeat(chosen, 3)
+        return Corners(self.sizes, {key: rows[kept] for key, rows in self.rows.items()})
+
+
+class PrimvarValues(NamedTuple):
+    """Values of a primvar."""
+
+    values: Floats  # (k, width) distinct or per-element values
+    interpolation: str  # interpolation mode of UsdGeomPrimvar
+    indices: Ints | None = None  # (elements,) indices into `values`; None: one value per element
+
+    @property
+    def is_shared(self) -> bool:
+        """True if all corners at one point have the same value."""
+        return self.interpolation in ("constant", "varying", "vertex")
+
+    def rows(self, corners: Corners) -> Ints | None:
+        """Rows (c,) of the values at corners; None: the number of values does not match."""
+        rows, size = corners.rows.get(self.interpolation), corners.sizes.get(self.interpolation)
+        elements = len(self.values) if self.indices is None else len(self.indices)
+        if rows is None or size is None or elements != size or not elements:
+            return None
+        if self.indices is None:
+            return rows
+        value_rows = self.indices[rows]
+        if len(value_rows) and (value_rows.min() < 0 or value_rows.max() >= len(self.values)):
+            return None
+        return value_rows
+
+
+class Vertices(NamedTuple):
+    """Vertices shared by triangles."""
+
+    points: Ints  # (n,) point indices in the mesh
+    triangles: Ints  # (m, 3) indices into `points`
+    # (n, width) values of each primvar; None for one that is missing or does not match
+    values: list[Floats | None]
+
+
+def make_vertices(corners: Corners, primvars: list[PrimvarValues | None]) -> Vertices:
+    """Merge corners at one point with equal values into shared vertices."""
+    points = corners.rows["vertex"]
+    rows = [None if one is None else one.rows(corners) for one in primvars]
+    code = points
+    for primvar, own in zip(primvars, rows, strict=True):
+        if primvar is not None and own is not None and not primvar.is_shared:
+            code = _paired(code, _ranks(primvar.values)[own])
+    _, first, inverse = np.unique(code, return_index=True, return_inverse=True)
+    return Vertices(
+        points[first],
+        inverse.reshape(-1, 3),
+        [
+            None if primvar is None or own is None else primvar.values[own[first]]
+            for primvar, own in zip(primvars, rows, strict=True)
+        ],
+    )
+
+
+def _paired(first: Ints, second: Ints) -> Ints:
+    """Keys (n,) that are equal if and only if both numbers are equal."""
+    size = int(second.max(initial=0)) + 1
+    if int(first.max(initial=0)) >= _MAX_KEY // size:
+        first = np.unique(first, return_inverse=True)[1]
+    return first * size + second
+
+
+def _ranks(values: Floats) -> Ints:
+    """Ranks (k,) that are equal if and only if rows (k, width) are equal as float32."""
+    with np.errstate(all="ignore"):
+        bits = (values.astype(np.float32) + np.float32(0.0)).view(np.uint32).astype(np.uint64)
+    ranks: Ints = np.unique(bits[:, 0], return_inverse=True)[1]
+    for column in bits.T[1:]:
+        pairs = ranks.astype(np.uint64) << np.uint64(32) | column
+        ranks = np.unique(pairs, return_inverse=True)[1]
+    return ranks
+
+
+# Triangulation of polygons in 3D: fans for convex ones, ear clipping for the others.
+
+
+_FLAT = 1e-9  # tolerance relative to the largest turn, against rounding errors at reflex corners
+
+
+def triangulate(
+    points: NDArray[np.floating], counts: NDArray[np.integer], vertices: NDArray[np.integer]
+) -> tuple[Ints, Ints]:
+    """Triangulate planar or nearly planar polygons, in their order.
+
+    Args:
+        points: (n, 3) positions.
+        counts: (polygons,) number of corners of each; polygons with less than three are dropped.
+        vertices: (corners,) indices into `points`, polygon by polygon.
+
+    Returns:
+        Triangle corners (m, 3) as indices into `vertices`, and their polygons (m,).
+    """
+    starts = np.cumsum(counts, dtype=np.int64) - counts
+    corners, polygons = [np.zeros((0, 3), np.int64)], [np.zeros(0, np.int64)]
+    for count in np.unique(counts[counts >= 3]):
+        rows = np.flatnonzero(counts == count)
+        loops = starts[rows, None] + np.arange(count)
+        positions = points[vertices[loops]].astype(np.float64)
+        turns, normals = _turns(positions)
+        is_reflex = turns < -_FLAT * np.abs(turns).max(axis=1, keepdims=True)
+        # the diagonal of a quad starts at its reflex corner
+        first = is_reflex.argmax(axis=1) if count == 4 else np.zeros(len(loops), np.int64)
+        is_concave = is_reflex.any(axis=1) & (count > 4)
+        corners.append(_fans(loops, first)[~is_concave].reshape(-1, 3))
+        polygons.append(np.repeat(rows[~is_concave], count - 2))
+        for row in np.flatnonzero(is_concave):
+            axis = int(np.argmax(np.abs(normals[row])))  # projected along it, counter-clockwise
+            across = np.roll(np.arange(3), -axis)[1:]
+            plan = positions[row][:, across if normals[row][axis] >= 0.0 else across[::-1]]
+            ears = clip_ears([plan])
+            corners.append(loops[row][ears])
+            polygons.append(np.full(len(ears), rows[row]))
+    every = np.concatenate(polygons)
+    order = np.argsort(every, kind="stable")
+    return np.concatenate(corners)[order], every[order]
+
+
+def _fans(loops: Ints, first: Ints) -> Ints:
+    """Triangle fans (n, k - 2, 3) of polygons (n, k), from the `first` (n,) corner of each."""
+    count = loops.shape[1]
+    rotated = np.take_along_axis(loops, (first[:, None] + np.arange(count)) % count, axis=1)
+    apexes = np.broadcast_to(rotated[:, :1], (len(loops), count - 2))
+    return np.stack((apexes, rotated[:, 1:-1], rotated[:, 2:]), axis=2)
+
+
+def _turns(corners: Floats) -> tuple[Floats, Floats]:
+    """Turns (n, k) of polygons (n, k, 3), negative at reflex corners, and unit normals (n, 3).
+
+    Source: Newell's normal; Sutherland et al., "A Characterization of Ten Hidden-Surface
+    Algorithms", 1974.
+    """
+    after, before = np.roll(corners, -1, axis=1), np.roll(corners, 1, axis=1)
+    origin = corners[:, :1]
+    normals = np.cross(corners - origin, after - origin).sum(axis=1)
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    normals = np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0.0)
+    crossed = np.cross(corners - before, after - corners)
+    return np.einsum("nkd,nd->nk", crossed, normals), normals
+
+
+# Primvars of prims as NumPy arrays.
+
+
+def find_primvar(prim: Usd.Prim, name: str, width: int, time: Usd.TimeCode) -> PrimvarValues | None:
+    """Own or inherited primvar of a prim; None: missing, or of another width."""
+    primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name)
+    if not primvar or not primvar.HasValue():
+        return None
+    values = rows(primvar.Get(time), width)
+    if values is None:
+        return None
+    indices = None
+    if primvar.IsIndexed():
+        stored = primvar.GetIndices(time)
+        indices = np.array(() if stored is None else stored, dtype=np.int64).reshape(-1)
+    return PrimvarValues(values, str(primvar.GetInterpolation()), indices)
+
+
+def rows(value: object, width: int) -> Floats | None:
+    """Attribute value as rows (k, width); None: another type or width."""
+    if value is None or isinstance(value, str):
+        return None
+    array = np.asarray(value)
+    if array.dtype.kind not in "fiu" or array.size % width or array.ndim > 2:
+        return None
+    if array.ndim == 2 and array.shape[1] != width:
+        return None
+    with np.errstate(invalid="ignore"):
+        return array.astype(np.float64).reshape(-1, width)
+
+
+def integers(value: object) -> Ints:
+    """Integer array (k,) of an attribute; empty if missing or of another type."""
+    array = np.asarray(value)
+    return array.astype(np.int64).reshape(-1) if array.dtype.kind in "iu" else np.zeros(0, np.int64)
+
+
+def texts(value: object) -> list[str]:
+    """Strings of an array attribute; empty if missing."""
+    return [str(each) for each in np.array(() if value is None else value).reshape(-1)]

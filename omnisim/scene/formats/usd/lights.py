@@ -7,14 +7,14 @@ import tempfile
 from pathlib import Path, PurePosixPath
 
 import numpy as np
-from numpy.typing import NDArray
 from pxr import Sdf, Usd, UsdLux
 
+from omnisim.core.arrays import Floats, Floats32
 from omnisim.core.errors import OutputError
 from omnisim.core.files.image_files import read_image, read_radiance
 from omnisim.core.srgb import linear_from_srgb8
 from omnisim.scene.formats.imported_scene import Omissions
-from omnisim.scene.formats.usd.shading import content_of, numbers
+from omnisim.scene.formats.usd.surfaces import content_of, numbers
 from omnisim.scene.light.environment import coordinates_of, lookup, map_directions
 from omnisim.scene.parts import Light, LightKind
 
@@ -29,24 +29,17 @@ def is_light(prim: Usd.Prim) -> bool:
 
 
 class Lights:
-    """Lights of a stage.
+    """Lights of a stage, in the world frame."""
 
-    Attributes:
-        lights: lights in the world frame.
-        dome: linear RGB luminance of the first dome light, cd/m²; None: no dome light.
-        environment: luminance (rows, 2 rows, 3) of the dome's texture, in world axes; None: no
-            texture.
-    """
-
-    def __init__(
-        self, world_from_stage: NDArray[np.float64], time: Usd.TimeCode, notices: Omissions
-    ):
+    def __init__(self, world_from_stage: Floats, time: Usd.TimeCode, notices: Omissions):
         self.lights: list[Light] = []
+        # linear RGB luminance of the first dome light, cd/m², and that (rows, 2 rows, 3) of its
+        # texture, in world axes
         self.dome: tuple[float, float, float] | None = None
-        self.environment: NDArray[np.float32] | None = None
+        self.environment: Floats32 | None = None
         self._world_from_stage, self._time, self._notices = world_from_stage, time, notices
 
-    def add(self, prim: Usd.Prim, stage_from_prim: NDArray[np.float64]) -> None:
+    def add(self, prim: Usd.Prim, stage_from_prim: Floats) -> None:
         """Add a light of any type; unsupported attributes become notices."""
         kind = str(prim.GetTypeName()).removesuffix("_1")
         level, color = self._level(prim), self._color(prim)
@@ -61,8 +54,11 @@ class Lights:
         if not 0.0 < length < math.inf or not np.isfinite(world_from_light).all():
             return
         if kind == "DistantLight":
-            lux = level * self._distant_factor(prim)
-            self.lights.append(Light(LightKind.DIRECTIONAL, color, lux, direction=axis / length))
+            # Source: UsdLuxDistantLight: π sin² of its half angle, or 1 if normalized
+            half_rad = math.radians(0.5 * self._number(prim, "angle", 0.53))
+            if half_rad > 0.0 and not self._get(prim, "normalize"):
+                level *= math.pi * math.sin(min(half_rad, 0.5 * math.pi)) ** 2
+            self.lights.append(Light(LightKind.DIRECTIONAL, color, level, direction=axis / length))
             return
         # the area is in square stage units, even if normalized, so that meters enter only once
         scale = np.linalg.norm(stage_from_prim[:3, :3], axis=0)
@@ -101,17 +97,7 @@ class Lights:
             red, green, blue = red * tint[0], green * tint[1], blue * tint[2]
         return max(red, 0.0), max(green, 0.0), max(blue, 0.0)
 
-    def _distant_factor(self, prim: Usd.Prim) -> float:
-        """Illuminance of a facing surface per unit of luminance.
-
-        Source: UsdLuxDistantLight: π sin² of its half angle, or 1 if normalized.
-        """
-        half_rad = math.radians(0.5 * self._number(prim, "angle", 0.53))
-        if half_rad <= 0.0 or self._get(prim, "normalize"):
-            return 1.0
-        return math.pi * math.sin(min(half_rad, 0.5 * math.pi)) ** 2
-
-    def _area_factor(self, prim: Usd.Prim, kind: str, scale: NDArray[np.float64]) -> float:
+    def _area_factor(self, prim: Usd.Prim, kind: str, scale: Floats) -> float:
         """Frontal luminous intensity per unit of luminance, in square stage units.
 
         Source: UsdLuxLightAPI: a normalized luminance is divided by the surface area.
@@ -146,9 +132,7 @@ class Lights:
         inner, outer = angle * (1.0 - softness), angle
         return math.cos(math.radians(inner)), math.cos(math.radians(outer))
 
-    def _add_dome(
-        self, prim: Usd.Prim, stage_from_prim: NDArray[np.float64], luminance: NDArray[np.float64]
-    ) -> None:
+    def _add_dome(self, prim: Usd.Prim, stage_from_prim: Floats, luminance: Floats) -> None:
         if self.dome is not None:
             self._notices.count("DomeLight beside another is not drawn")
             return
@@ -158,11 +142,12 @@ class Lights:
             layout = str(self._get(prim, "texture:format") or "")
             pixels = dome_map(texture, layout, world_from_dome)
             if pixels is None:
-                effect = "texture of a dome light is not drawn: its color is"
-                self._notices.count(effect, "light")
+                self._notices.count("texture of a dome light is not drawn: its color is", "light")
             else:
                 self.environment = (luminance * pixels).astype(np.float32)
-                luminance = luminance * mean_radiance(pixels)
+                _, solid_angles = map_directions(*pixels.shape[:2])
+                mean = np.average(pixels.mean(axis=1), axis=0, weights=solid_angles)
+                luminance = luminance * mean
         red, green, blue = luminance.tolist()
         self.dome = red, green, blue
 
@@ -192,16 +177,10 @@ _LAT_LONG = ("", "automatic", "latlong")
 _DOME_FROM_MAP = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 
 
-def dome_map(
-    texture: Sdf.AssetPath, layout: str, world_from_dome: NDArray[np.float64]
-) -> NDArray[np.float32] | None:
-    """Radiance (rows, 2 rows, 3) of a dome's texture in world axes; None: unreadable or
-    unsupported.
+def dome_map(texture: Sdf.AssetPath, layout: str, world_from_dome: Floats) -> Floats32 | None:
+    """Radiance (rows, 2 rows, 3) of a dome's texture in world axes; None: not readable.
 
-    Args:
-        texture: texture file of the light.
-        layout: `texture:format` of the light.
-        world_from_dome: (3, 3) axes of the light, of any length.
+    `layout` is the light's `texture:format`, and `world_from_dome` (3, 3) its axes, of any length.
     """
     axes, _, turned = np.linalg.svd(world_from_dome)
     rotation = axes @ turned
@@ -219,13 +198,7 @@ def dome_map(
     return np.concatenate(parts).reshape(rows, 2 * rows, 3)
 
 
-def mean_radiance(pixels: NDArray[np.float32]) -> NDArray[np.float64]:
-    """Mean (3,) of a map over all directions."""
-    _, solid_angles = map_directions(*pixels.shape[:2])
-    return np.average(pixels.mean(axis=1), axis=0, weights=solid_angles)
-
-
-def _read(resolved: str) -> NDArray[np.float32] | None:
+def _read(resolved: str) -> Floats32 | None:
     """Linear RGB (height, width, 3) of a file or package member; None: unreadable."""
     try:
         data = content_of(resolved)

@@ -2,37 +2,42 @@
 
 from __future__ import annotations
 
+import math
+import re
 from collections import Counter
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from pxr import Ar, Kind, Tf, Usd, UsdGeom, UsdShade
 
+from omnisim.cameras import (
+    CentralCamera,
+    FThetaInverseCamera,
+    KannalaBrandtCamera,
+    RationalPolynomialCamera,
+)
+from omnisim.core.arrays import Floats, Ints
 from omnisim.core.errors import SceneError
 from omnisim.core.files.sources import note_file
 from omnisim.ground_truth.label_names import distinct_color
-from omnisim.scene.formats.cameras import Cameras, read_lens
-from omnisim.scene.formats.features import part_notices
+from omnisim.scene.formats.features import Parts, feature_table, part_notices
 from omnisim.scene.formats.imported_scene import (
+    Cameras,
     FileAxes,
     ImportedScene,
     Omissions,
+    pinhole,
+    read_lens,
     translate,
     world_from_axes,
 )
 from omnisim.scene.formats.resources import AssetResolver
-from omnisim.scene.formats.usd.cameras import lens_of, start_of_camera
-from omnisim.scene.formats.usd.corners import integers, texts
-from omnisim.scene.formats.usd.gprims import Gprims
+from omnisim.scene.formats.usd.gprims import Gprims, integers, is_shape, texts
 from omnisim.scene.formats.usd.lights import Lights, is_light
-from omnisim.scene.formats.usd.shading import TextureFiles
-from omnisim.scene.formats.usd.shapes import is_shape
-from omnisim.scene.formats.usd.stage import first_time, open_stage, stage_axes, stage_parts
-from omnisim.scene.formats.usd.surfaces import Surfaces
+from omnisim.scene.formats.usd.surfaces import Surfaces, TextureFiles
 from omnisim.scene.parts import Instance, LabelRule, StartPose
 from omnisim.scene.textures import TextureStore, large_textures
 
@@ -40,12 +45,8 @@ MAX_INSTANCES = 1_000_000
 MAX_NESTED = 16  # nesting depth of point instancers
 
 
-def read_stage(path: Path, axes: FileAxes) -> tuple[ImportedScene, NDArray[np.float64]]:
-    """Read a stage; see `omnisim.scene.formats.usd.reader.read_usd`.
-
-    Raises:
-        SceneError: the stage is damaged.
-    """
+def read_stage(path: Path, axes: FileAxes) -> tuple[ImportedScene, Floats]:
+    """Read a stage; see `omnisim.scene.formats.usd.reader.read_usd`."""
     try:
         with large_textures():
             return _Reader(path, axes).read()
@@ -59,8 +60,8 @@ class _PlacedMesh(NamedTuple):
 
     name: str
     mesh: int
-    frame_from_mesh: NDArray[np.float64]
-    frame_from_object: NDArray[np.float64]
+    frame_from_mesh: Floats
+    frame_from_object: Floats
     class_name: str = ""
 
 
@@ -88,17 +89,10 @@ class _Reader:
         self._copies_of: dict[str, list[_PlacedMesh]] = {}
         self._names: Counter[str] = Counter()
 
-    def read(self) -> tuple[ImportedScene, NDArray[np.float64]]:
-        """Read everything that is drawn, and the transform (4, 4) world_from_stage.
-
-        Raises:
-            SceneError: the stage has no triangles, or is damaged.
-        """
+    def read(self) -> tuple[ImportedScene, Floats]:
+        """Read everything that is drawn, and the transform (4, 4) world_from_stage."""
         placed = self._placed(self._stage.GetPseudoRoot(), np.eye(4), 0)
-        instances = tuple(
-            Instance(one.name, one.mesh, one.frame_from_mesh, one.frame_from_object)
-            for one in placed
-        )
+        instances = tuple(Instance(*one[:4]) for one in placed)
         read = ImportedScene(
             tuple(self._gprims.meshes),
             tuple(self._gprims.materials),
@@ -111,13 +105,10 @@ class _Reader:
             cameras=self._cameras.poses,
             labels=_labels({one.name: one.class_name for one in placed if one.class_name}),
         )
-        read.notices.extend(
-            [
-                *self._assets.notices, *self._textures.notices, *self._notices.notices,
-                *part_notices("usd", stage_parts(self._stage, self._time)),
-                *self._cameras.notices,
-            ]
-        )  # fmt: skip
+        read.notices.extend((*self._assets.notices, *self._textures.notices))
+        read.notices.extend(self._notices.notices)
+        read.notices.extend(part_notices("usd", stage_parts(self._stage, self._time)))
+        read.notices.extend(self._cameras.notices)
         if not instances:
             reasons = "".join(f"; {notice}" for notice in read.notices[:1])
             raise SceneError(f"has no triangles to draw{reasons}")
@@ -126,9 +117,7 @@ class _Reader:
                 note_file(Path(Ar.SplitPackageRelativePathOuter(layer.realPath)[0]))
         return read, self._world_from_stage
 
-    def _placed(
-        self, root: Usd.Prim, frame_from_parent: NDArray[np.float64], nested: int
-    ) -> list[_PlacedMesh]:
+    def _placed(self, root: Usd.Prim, frame_from_parent: Floats, nested: int) -> list[_PlacedMesh]:
         """Meshes of a prim and its descendants, in the frame of its parent."""
         placed: list[_PlacedMesh] = []
         owners: dict[str, str] = {}  # object names by path
@@ -153,7 +142,6 @@ class _Reader:
         return placed
 
     def _parts(self, site: Site, owners: dict[str, str]) -> list[_PlacedMesh]:
-        """Meshes of a single prim."""
         if not site.is_drawn:
             self._notices.count(f"geometry for the purpose {site.purpose} is not drawn")
             return []
@@ -168,7 +156,7 @@ class _Reader:
             for one in parts
         ]
 
-    def _object(self, site: Site, owners: dict[str, str]) -> tuple[str, NDArray[np.float64], str]:
+    def _object(self, site: Site, owners: dict[str, str]) -> tuple[str, Floats, str]:
         """Name, frame (4, 4) and class of the object that contains a prim.
 
         Without such an object: name and frame of the prim itself, and no class.
@@ -181,7 +169,6 @@ class _Reader:
         return owners[owner.path], owner.stage_from_object, owner.class_name
 
     def _copies(self, site: Site, owners: dict[str, str], nested: int) -> list[_PlacedMesh]:
-        """Meshes of all copies of a point instancer."""
         if not site.is_drawn:
             self._notices.count(f"geometry for the purpose {site.purpose} is not drawn")
             return []
@@ -242,34 +229,21 @@ _DRAWN = (UsdGeom.Tokens.default_, UsdGeom.Tokens.render)
 
 
 class ObjectFrame(NamedTuple):
-    """Object that contains prims: a component, or a prim with a class.
-
-    Attributes:
-        name, path: name and path of the object's prim.
-        stage_from_object: (4, 4) transform.
-        class_name: semantic class; empty: none.
-    """
+    """Object that contains prims: a component, or a prim with a class."""
 
     name: str
     path: str
-    stage_from_object: NDArray[np.float64]
-    class_name: str = ""
+    stage_from_object: Floats  # (4, 4) transform
+    class_name: str = ""  # semantic class; empty: none
 
 
 class Site(NamedTuple):
-    """Prim with its inherited properties.
+    """Prim with its inherited properties."""
 
-    Attributes:
-        prim: the prim itself, or its proxy in an instance.
-        stage_from_prim: (4, 4) transform.
-        purpose: purpose of UsdGeomImageable.
-        owner: object that contains the prim; None: no object.
-    """
-
-    prim: Usd.Prim
-    stage_from_prim: NDArray[np.float64]
-    purpose: str = UsdGeom.Tokens.default_
-    owner: ObjectFrame | None = None
+    prim: Usd.Prim  # the prim itself, or its proxy in an instance
+    stage_from_prim: Floats  # (4, 4) transform
+    purpose: str = UsdGeom.Tokens.default_  # purpose of UsdGeomImageable
+    owner: ObjectFrame | None = None  # object that contains the prim; None: no object
 
     @property
     def is_drawn(self) -> bool:
@@ -287,12 +261,8 @@ class Walk:
         roots = stage.GetPseudoRoot().GetChildren()
         self._whole = default or (roots[0] if len(roots) == 1 else None)
 
-    def sites(self, root: Usd.Prim, stage_from_parent: NDArray[np.float64]) -> Iterator[Site]:
-        """Sites of a prim and its descendants, except those below a PointInstancer.
-
-        Raises:
-            SceneError: prims nested too deeply.
-        """
+    def sites(self, root: Usd.Prim, stage_from_parent: Floats) -> Iterator[Site]:
+        """Sites of a prim and its descendants, except those below a PointInstancer."""
         stack = [(Site(root, stage_from_parent), 0)]
         while stack:
             parent, depth = stack.pop()
@@ -325,8 +295,9 @@ class Walk:
             return None
         purpose = imageable.GetPurposeAttr()
         matrix = self._stage_from_prim(prim, inherited.stage_from_prim)
-        class_name = semantic_class(prim, self._time)
-        if class_name or (owner is None and prim != self._whole and _is_component(prim)):
+        class_name, kind = semantic_class(prim, self._time), Usd.ModelAPI(prim).GetKind()
+        is_component = bool(kind) and Kind.Registry.IsA(kind, Kind.Tokens.component)
+        if class_name or (owner is None and prim != self._whole and is_component):
             owner = ObjectFrame(prim.GetName(), str(prim.GetPath()), matrix, class_name or "")
         return Site(
             prim,
@@ -335,9 +306,7 @@ class Walk:
             owner,
         )
 
-    def _stage_from_prim(
-        self, prim: Usd.Prim, stage_from_parent: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def _stage_from_prim(self, prim: Usd.Prim, stage_from_parent: Floats) -> Floats:
         form = UsdGeom.Xformable(prim)
         if not form:
             return stage_from_parent
@@ -349,11 +318,6 @@ class Walk:
             if form.GetResetXformStack():
                 return parent_from_prim
             return stage_from_parent @ parent_from_prim
-
-
-def _is_component(prim: Usd.Prim) -> bool:
-    kind = Usd.ModelAPI(prim).GetKind()
-    return bool(kind) and Kind.Registry.IsA(kind, Kind.Tokens.component)
 
 
 # Semantic classes of prims: UsdSemantics, and Omniverse's older schema.
@@ -386,25 +350,15 @@ def semantic_class(prim: Usd.Prim, time: Usd.TimeCode) -> str | None:
 
 
 class Copies(NamedTuple):
-    """Copies of a prototype.
+    """Copies of a prototype."""
 
-    Attributes:
-        prototype: root prim of the prototype.
-        numbers: (n,) indices of the copies within the instancer.
-        instancer_from_copies: (n, 4, 4) transforms.
-    """
-
-    prototype: Usd.Prim
-    numbers: NDArray[np.int64]
-    instancer_from_copies: NDArray[np.float64]
+    prototype: Usd.Prim  # root prim of the prototype
+    numbers: Ints  # (n,) indices of the copies within the instancer
+    instancer_from_copies: Floats  # (n, 4, 4) transforms
 
 
 def read_copies(instancer: UsdGeom.PointInstancer, time: Usd.TimeCode) -> list[Copies]:
-    """Visible copies of each prototype of an instancer.
-
-    Raises:
-        SceneError: invalid prototype indices, or numbers of poses that do not match.
-    """
+    """Visible copies of each prototype of an instancer."""
     prim = instancer.GetPrim()
     targets = instancer.GetPrototypesRel().GetForwardedTargets()
     rows = integers(instancer.GetProtoIndicesAttr().Get(time))
@@ -433,3 +387,160 @@ def read_copies(instancer: UsdGeom.PointInstancer, time: Usd.TimeCode) -> list[C
         if prototype and len(chosen):
             copies.append(Copies(prototype, chosen, matrices[chosen]))
     return copies
+
+
+# Opening of USD stages, with usd-core's errors as one-line messages.
+
+
+_LIGHTS = ("SphereLight", "DiskLight", "RectLight", "CylinderLight", "DistantLight", "DomeLight")
+_READ_TYPES = ("Mesh", "Camera", *_LIGHTS)  # types all of whose properties are looked at
+_MAX_FAULT = 200  # characters of usd-core's message
+
+
+def open_stage(path: Path, notices: Omissions) -> Usd.Stage:
+    """Open a stage with all payloads; missing references become notices."""
+    try:
+        stage = Usd.Stage.Open(str(path.resolve()), Usd.Stage.LoadAll)
+    except Tf.ErrorException as reason:
+        texts = [" ".join(str(error.commentary).split()) for error in reason.args]
+        text = next((text for text in texts if not text.startswith("Failed to open layer")), "")
+        text = re.sub(r"parse error matching .*?(?= at ')", "syntax error", text)  # parser's types
+        text = _relative(text, path)[:_MAX_FAULT]  # without the path, which is named already
+        text = text or "is damaged, or of another format than its name says"
+        raise SceneError(f"cannot be read as USD: {text}") from None
+    for error in stage.GetCompositionErrors():
+        text = _relative(str(error), path)
+        if ".mtlx" in text:
+            notices.count("files of MaterialX are not read", "reference")
+        else:
+            notices.add(f"{text}: drawn without it")
+    _compare_axes(stage, notices)
+    return stage
+
+
+def _compare_axes(stage: Usd.Stage, notices: Omissions) -> None:
+    """Add a notice for each layer whose unit or up axis differs from the stage's.
+
+    USD does not convert, and viewers do not either: a composed prim is in the stage's unit.
+    """
+    axes = ("metersPerUnit", UsdGeom.GetStageMetersPerUnit(stage)), (
+        "upAxis", UsdGeom.GetStageUpAxis(stage)
+    )  # fmt: skip
+    for layer in stage.GetUsedLayers():
+        root = layer.pseudoRoot
+        others = [
+            f"{key} = {root.GetInfo(key)} instead of {value}"
+            for key, value in axes
+            if layer.realPath and root.HasInfo(key) and root.GetInfo(key) != value
+        ]
+        if others:
+            name = Path(layer.realPath).name
+            notices.add(f"{name}: {', '.join(others)} of the stage: USD does not convert it")
+
+
+def stage_axes(stage: Usd.Stage) -> FileAxes:
+    """Up axis and unit of a stage; the defaults are y and centimeters."""
+    unit = UsdGeom.GetStageMetersPerUnit(stage)
+    if not 0.0 < unit < 1e30:
+        raise SceneError(f"metersPerUnit = {unit:g}: expected a number > 0")
+    return FileAxes(str(UsdGeom.GetStageUpAxis(stage)).lower(), unit)
+
+
+def stage_parts(stage: Usd.Stage, time: Usd.TimeCode) -> Parts:
+    """Types and schemas of the prims of a stage and its prototypes, and properties of some."""
+    known = {name for feature in feature_table("usd") for name in feature.names}
+    roots = (stage.GetPseudoRoot(), *stage.GetPrototypes())
+    for prim in (one for root in roots for one in Usd.PrimRange(root)):
+        kind = str(prim.GetTypeName())
+        names = [kind, *(one for one in prim.GetAppliedSchemas() if one in known)]
+        yield from ((name, "") for name in names if name)
+        for attribute in prim.GetAuthoredProperties():
+            name = str(attribute.GetName())
+            if name in known or (kind in _READ_TYPES and ":" not in name):
+                is_value = isinstance(attribute, Usd.Attribute)
+                yield name, str(attribute.Get(time)) if is_value else "targets"
+
+
+def first_time(stage: Usd.Stage) -> Usd.TimeCode:
+    """Time of the stage's first frame, or else the earliest time of each attribute."""
+    if stage.HasAuthoredTimeCodeRange():
+        return Usd.TimeCode(stage.GetStartTimeCode())
+    return Usd.TimeCode.EarliestTime()
+
+
+def _relative(text: str, path: Path) -> str:
+    """Message on one line, with paths relative to the stage's folder."""
+    return re.sub(re.escape(f"{path.resolve().parent}/"), "", " ".join(text.split()))
+
+
+# Cameras of a stage: start poses and lenses.
+
+
+_LEVEL = 1e-6  # minimum horizontal part of a viewing direction that has a heading
+
+
+def start_of_camera(world_from_camera: Floats) -> StartPose | None:
+    """Start pose from a camera's position and heading; None: an invalid pose.
+
+    Source: UsdGeomCamera looks along −z, with y up.
+    """
+    position, ahead = world_from_camera[:3, 3], -world_from_camera[:3, 2]
+    if not np.isfinite(world_from_camera).all():
+        return None
+    if np.hypot(*ahead[:2]) < _LEVEL * np.linalg.norm(ahead):
+        ahead = world_from_camera[:3, 1] * -np.sign(ahead[2])  # the top of the image
+    x, y, z = position.tolist()
+    yaw_deg = math.degrees(math.atan2(ahead[1], ahead[0]))
+    return StartPose((x, y, z), round(yaw_deg, 6) + 0.0)  # avoids -0.0
+
+
+def lens_of(prim: Usd.Prim, time: Usd.TimeCode) -> CentralCamera | str:
+    """Lens of a camera, or the reason why omnisim has none.
+
+    NVIDIA's optical centers count pixels from the corner of the first pixel, like its image sizes.
+
+    Source: UsdGeomCamera; NVIDIA's schemas OmniLensDistortion…API, and the older attributes
+    `cameraProjectionType` and `fthetaPolyA` to `fthetaPolyE`.
+    """
+
+    def value(name: str) -> Any:
+        attribute = prim.GetAttribute(name)
+        return attribute.Get(time) if attribute else None
+
+    def values(prefix: str, *keys: str) -> list[float]:
+        return [float(value(f"{prefix}{key}") or 0.0) for key in keys]
+
+    older = str(value("cameraProjectionType") or "pinhole")
+    model = str(value("omni:lensdistortion:model") or ("" if older == "pinhole" else older))
+    prefix = f"omni:lensdistortion:{model}:"
+    if not model:
+        across, down, focal = values("", "horizontalAperture", "verticalAperture", "focalLength")
+        right, up = values("", "horizontalApertureOffset", "verticalApertureOffset")
+        if value("projection") == "orthographic":
+            return "it is orthographic"
+        return pinhole((across, down), focal, (right, up))
+    if model in ("opencvPinhole", "opencvFisheye"):
+        width, height = map(int, value(f"{prefix}imageSize") or (2048, 1024))
+        fx, fy, u, v = values(prefix, "fx", "fy", "cx", "cy")
+        keys = "k1 k2 k3 k4" if model == "opencvFisheye" else "k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4"
+        make = KannalaBrandtCamera if model == "opencvFisheye" else RationalPolynomialCamera
+        coefficients = tuple(values(prefix, *keys.split()))
+        return make(width, height, (fx, fy), (u - 0.5, v - 0.5), coefficients)
+    if model in ("ftheta", "kannalaBrandtK3"):
+        width, height = map(int, values(prefix, "nominalWidth", "nominalHeight"))
+        u, v = map(float, value(f"{prefix}opticalCenter") or (0.5 * width, 0.5 * height))
+        (field_deg,) = values(prefix, "maxFov")
+        k = values(prefix, "k0", "k1", "k2", "k3", "k4")
+    elif model == "fisheyePolynomial":
+        width, height = map(int, values("ftheta", "Width", "Height"))
+        u, v, field_deg = values("ftheta", "Cx", "Cy", "MaxFov")
+        k = values("fthetaPoly", "A", "B", "C", "D", "E")
+    else:
+        return f"omnisim has no model {model}"
+    center, theta_max_rad = (u - 0.5, v - 0.5), math.radians(0.5 * field_deg) or math.pi
+    if model == "kannalaBrandtK3":
+        shares = (k[1] / k[0], k[2] / k[0], k[3] / k[0], 0.0)
+        return KannalaBrandtCamera(width, height, (k[0], k[0]), center, shares, theta_max_rad)
+    if k[0]:
+        return f"omnisim has no f-theta lens with k0 = {k[0]:g}"
+    return FThetaInverseCamera(width, height, center, tuple(k[1:]), theta_max_rad)

@@ -8,14 +8,15 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
-from xml.etree.ElementTree import Element
+from xml.etree.ElementTree import Element, ParseError, iterparse
 from xml.parsers import expat
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import SceneError
 from omnisim.core.poses import (
     pose_from_rotation,
@@ -29,17 +30,11 @@ MAX_QUOTE = 80  # characters of a quoted value in a message
 
 
 class XmlElement(NamedTuple):
-    """Element with its location; its methods raise a SceneError for an invalid value.
+    """Element with its location; its methods raise a SceneError for an invalid value."""
 
-    Attributes:
-        element: element of the XML tree.
-        place: path to the element, for messages; starts with the file name in an included file.
-        file: file with the element; paths are relative to its folder.
-    """
-
-    element: Element
-    place: str
-    file: Path
+    element: Element  # element of the XML tree
+    place: str  # path to the element, for messages; starts with the file name in an included file
+    file: Path  # file with the element; paths are relative to its folder
 
     @property
     def tag(self) -> str:
@@ -59,7 +54,8 @@ class XmlElement(NamedTuple):
         """Child elements with one of the given tags, in order."""
         for child in self.element:
             if child.tag in tags:
-                yield self._inner(child)
+                step = step_to(child)
+                yield XmlElement(child, f"{self.place}/{step}" if self.place else step, self.file)
 
     def find(self, path: str) -> XmlElement | None:
         """Descendant by tags separated with slashes; None: missing."""
@@ -155,7 +151,7 @@ class XmlElement(NamedTuple):
             raise self.attribute_error(attribute, expected)
         return values
 
-    def origin(self) -> NDArray[np.float64]:
+    def origin(self) -> Floats:
         """Pose (4, 4) of URDF's `<origin>`; identity if missing."""
         element = self.find("origin")
         if element is None:
@@ -164,7 +160,7 @@ class XmlElement(NamedTuple):
         position = element.attribute_numbers("xyz", (0.0, 0.0, 0.0), 3)
         return pose_from_rotation(rotation_from_roll_pitch_yaw(*angles), position)
 
-    def pose(self) -> NDArray[np.float64]:
+    def pose(self) -> Floats:
         """Pose (4, 4) of SDF's `<pose>`, in the frame that it names; identity if missing."""
         element = self.find("pose")
         if element is None or not element.own_text:
@@ -190,10 +186,11 @@ class XmlElement(NamedTuple):
             return ""
         return element.attribute("relative_to") or element.attribute("frame")
 
-    def _inner(self, child: Element) -> XmlElement:
-        name = child.get("name")
-        step = child.tag if name is None else f"{child.tag}[{name}]"
-        return XmlElement(child, f"{self.place}/{step}" if self.place else step, self.file)
+
+def step_to(child: Element) -> str:
+    """Step of an element's place: its tag and its name, if it has one."""
+    name = child.get("name")
+    return child.tag if name is None else f"{child.tag}[{name}]"
 
 
 def _finite_numbers(text: str) -> tuple[float, ...]:
@@ -223,11 +220,7 @@ _LONE_AMPERSAND = re.compile(rb"&(?!(?:#\d{1,7}|#x[0-9a-fA-F]{1,6}|lt|gt|amp|quo
 
 
 class _Builder:
-    """Builder of an element tree; it rejects entity declarations, which could grow without bound.
-
-    Attributes:
-        root: root element; None: no element yet.
-    """
+    """Builder of an element tree; it rejects entities, which could grow without bound."""
 
     def __init__(self) -> None:
         self.root: Element | None = None
@@ -284,3 +277,10 @@ def parse_xml(data: bytes) -> Element:
     if builder.root is None:
         raise SceneError("not XML: no element found")
     return builder.root
+
+
+def is_urdf(path: Path) -> bool:
+    """True for a file with a `<robot>` root."""
+    with path.open("rb") as file, suppress(ParseError, StopIteration, ValueError, LookupError):
+        return next(iterparse(file, ("start",)))[1].tag == "robot"
+    return False

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from omnisim.cameras import EquidistantCamera, PerspectiveCamera
 from omnisim.core.errors import RobotFileError
 from omnisim.rendering.camera.sensor_toml import sensor_toml
-from omnisim.robots.importers.gazebo.gazebo_robot import import_model
+from omnisim.robots.importers.gazebo_robot import import_model
 from omnisim.robots.importers.importers import load_robot_model
 from omnisim.robots.vehicle import Vehicle
 from tests.scene.formats.sdf.worlds import BOX, model, sdf, visual, world

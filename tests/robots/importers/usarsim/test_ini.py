@@ -3,7 +3,7 @@
 import pytest
 
 from omnisim.core.errors import RobotFileError
-from omnisim.robots.importers.usarsim.ini import parse_struct, read_ini
+from omnisim.robots.importers.usarsim.usarsim_parts import parse_struct, read_ini
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ import pytest
 
 pytest.importorskip("mujoco")
 from omnisim.scene import primitives
-from omnisim.scene.formats.mjcf.geometry import Shape, map_cube, map_plane
+from omnisim.scene.formats.mjcf.meshes import Shape, map_cube, map_plane
 
 BOX = primitives.box((1.0, 2.0, 3.0))
 

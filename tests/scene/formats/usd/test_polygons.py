@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from omnisim.scene.formats.usd.corners import (
+from omnisim.scene.formats.usd.gprims import (
     Corners,
     PrimvarValues,
     integers,

@@ -1,4 +1,4 @@
-"""Bounding boxes of points."""
+"""Types of arrays, and bounding boxes of points."""
 
 from __future__ import annotations
 
@@ -7,6 +7,12 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+Floats = NDArray[np.float64]
+Floats32 = NDArray[np.float32]
+Bytes = NDArray[np.uint8]
+Ints = NDArray[np.int64]
+Indices = NDArray[np.intp]
+Bools = NDArray[np.bool_]
 _Number = TypeVar("_Number", bound=np.generic)
 
 

@@ -1,25 +1,147 @@
-"""Sensors of Gazebo models as tables of a robot file."""
+"""Import of a Gazebo model as a robot: sensors, wheels, and the model itself as the body.
+
+Cameras become `omnicamera` with a sensor file each, depth cameras `depth_camera`, and IMUs `imu`.
+Lidars become `lidar`, or `usarsim_range_scanner` if they have a single ring. Notices list all
+unsupported parts.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras.calibration.formats.format import error_context
 from omnisim.cameras.calibration.formats.gazebo import UnsupportedLensError, read_lens
-from omnisim.core.errors import OmnisimError, RobotFileError
+from omnisim.core.arrays import Floats
+from omnisim.core.errors import OmnisimError, RobotFileError, SceneError, did_you_mean
 from omnisim.core.poses import pose_from_rotation, rotation_from_yaw
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.quality import DEFAULT_NEAR_M
-from omnisim.robots.importers.imported_robot import ImportedSensor
+from omnisim.robots.importers.imported_robot import (
+    ImportedRobot,
+    ImportedSensor,
+    footprint,
+    load_body,
+)
+from omnisim.robots.importers.mechanics import drive_table, is_wheel_drive
 from omnisim.scene.formats.features import part_notices, xml_parts
-from omnisim.scene.formats.imported_scene import Omissions
+from omnisim.scene.formats.imported_scene import Omissions, unique_name
+from omnisim.scene.formats.resources import ResourcePath
+from omnisim.scene.formats.sdf.models import (
+    Model,
+    ModelLibrary,
+    PlacedModel,
+    placed_models,
+    read_root,
+)
 from omnisim.scene.formats.xml.element import XmlElement
 from omnisim.sensors.depth_camera.depth_camera import MAX_RANGE_M
+from omnisim.sensors.sensor_names import folder_name
+
+_GROUND_M = 0.02  # maximum height of the body's lowest point above or below the ground
+
+
+def import_model(
+    path: Path, name: str | None = None, resources: Sequence[str | Path] = ()
+) -> ImportedRobot:
+    """Import a model from a file.
+
+    Args:
+        path: file of a world or a model.
+        name: name of the model; None: the only model with sensors.
+        resources: folders of included models.
+
+    Raises:
+        RobotFileError: the model is missing, or a value is invalid.
+    """
+    try:
+        library = ModelLibrary(ResourcePath(path, resources), Omissions())
+        root = read_root(path)
+        world = root.find("world")
+        tree = library.tree(world or root, "")
+        model = _choose(tree, name)
+        # a model alone in its file shares that file's frame, and so does its body
+        whole = tree if world is None and len(tree.models) == 1 else model
+        omissions = Omissions()
+        sensors = _sensors(whole, omissions)
+        about_drive: list[str] = []
+        kinematics = _kinematics(model, about_drive)
+    except (SceneError, RobotFileError) as reason:
+        raise RobotFileError(f"{path}: {reason}") from None
+    notices = [*library.notices, *(notice for one in sensors for notice in one.notices)]
+    notices += omissions.notices
+    body = load_body(path, resources, notices) if whole is tree else None
+    if body is not None:
+        lowest_m = float(body.bounds_m()[0, 2])
+        if abs(lowest_m) > _GROUND_M:
+            notices.append(
+                f"its lowest point is {lowest_m:.3g} m above its origin: expected the ground"
+            )
+    elif whole is not tree:
+        notices.append(f"body: left out: {model.name!r} is one of several models of its file")
+    notices += about_drive
+    return ImportedRobot(
+        name=model.name,
+        source=path,
+        section=f"Model {model.name!r}",
+        sensors=sensors,
+        notices=tuple(notices),
+        comments=notices,
+        body=body,
+        resources=() if body is None else library.used_folders(root),
+        footprint=None if body is None else footprint(body, np.zeros(3)),
+        kinematics=kinematics,
+    )
+
+
+def _choose(tree: Model, name: str | None) -> Model:
+    models = {model.name: model for model in tree.models}
+    if name is not None:
+        if name not in models:
+            raise RobotFileError(f"no model {name!r}; {did_you_mean(name, models, 'it has')}")
+        return models[name]
+    with_sensors = [one for one in models.values() if any(True for _ in _elements(one))]
+    candidates = with_sensors or list(models.values())
+    if len(candidates) != 1:
+        names = ", ".join(one.name for one in candidates) or "no model"
+        raise RobotFileError(f"expected --class with the name of one model, got {names}")
+    return candidates[0]
+
+
+def _elements(model: Model) -> Iterator[tuple[PlacedModel, XmlElement, XmlElement]]:
+    """`<sensor>` elements of a model and of those in it, each with its model and its link."""
+    for placed in placed_models(model):
+        for link in placed.model.element.children("link"):
+            for sensor in link.children("sensor"):
+                yield placed, link, sensor
+
+
+def _sensors(model: Model, omissions: Omissions) -> list[ImportedSensor]:
+    """Sensors with unique names and their poses in the base."""
+    used_names: set[str] = set()
+    return [
+        one._replace(name=unique_name(folder_name(one.name), used_names))
+        for placed, link, sensor in _elements(model)
+        for one in read_sensors(sensor, placed.pose_of(sensor, link.name), omissions)
+    ]
+
+
+def _kinematics(model: Model, notices: list[str]) -> dict[str, Any] | None:
+    """Kinematics of the first plugin that drives two or four wheels, or None."""
+    for placed in placed_models(model):
+        for plugin in placed.model.element.children("plugin"):
+            if is_wheel_drive(plugin):
+                return drive_table(plugin, notices)
+    notices.append("kinematics: left out: no plugin of a differential drive")
+    return None
+
+
+# Sensors of Gazebo models as tables of a robot file.
+
 
 _CAMERAS = ("camera", "wideanglecamera", "wide_angle_camera", "multicamera")
 _DEPTH = ("depth", "depth_camera")
@@ -33,13 +155,9 @@ _TABLES = {  # of features, by type of sensor
 
 
 def read_sensors(
-    sensor: XmlElement, base_from_sensor: NDArray[np.float64], omissions: Omissions
+    sensor: XmlElement, base_from_sensor: Floats, omissions: Omissions
 ) -> Iterator[ImportedSensor]:
-    """Convert a `<sensor>` to sensors; unsupported types, parts and lenses are omissions.
-
-    Raises:
-        RobotFileError: a value is invalid.
-    """
+    """Convert a `<sensor>` to sensors; unsupported types, parts and lenses are omissions."""
     kind, name = sensor.attribute("type"), sensor.name or "sensor"
     try:
         rate_hz = sensor.number("update_rate", 0.0)
@@ -71,7 +189,7 @@ def read_sensors(
 
 
 def _camera(
-    name: str, camera: XmlElement, base_from_camera: NDArray[np.float64], rate: dict[str, float]
+    name: str, camera: XmlElement, base_from_camera: Floats, rate: dict[str, float]
 ) -> ImportedSensor:
     with error_context(camera.place):
         lens = read_lens(camera.element, camera.place)
@@ -85,7 +203,7 @@ def _camera(
 
 
 def _depth_camera(
-    name: str, camera: XmlElement, base_from_camera: NDArray[np.float64], rate: dict[str, float]
+    name: str, camera: XmlElement, base_from_camera: Floats, rate: dict[str, float]
 ) -> ImportedSensor:
     """Depth camera without holes and depth errors, because Gazebo simulates neither."""
     width, height = (round(camera.positive(f"image/{key}", 320.0)) for key in ("width", "height"))
@@ -107,7 +225,7 @@ def _depth_camera(
 
 
 def _lidar(
-    name: str, scan: XmlElement, base_from_lidar: NDArray[np.float64], rate: dict[str, float]
+    name: str, scan: XmlElement, base_from_lidar: Floats, rate: dict[str, float]
 ) -> ImportedSensor:
     """Lidar with full revolutions, or a planar scanner if there is a single ring."""
     across, low, high = _angles(scan, "horizontal")

@@ -1,1 +1,0 @@
-"""Import of Gazebo models as robot files."""
