@@ -1,6 +1,7 @@
 """Examples of every camera model, for the contract test and the GLSL comparison."""
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -182,6 +183,20 @@ camera_examples = pytest.mark.parametrize(
 POLE = RationalPolynomialCamera(
     90, 70, (30.0, 31.0), (44.5, 34.5), (-0.06, 0.043, -0.005, 0.017, -0.012, -0.813, -0.075, -0.01)
 )
+
+
+@dataclass(frozen=True)
+class OwnCamera(EquidistantCamera):
+    """A model that is not omnisim's own: r = 1.5 f sin(θ / 1.5), under the name of another."""
+
+    def _radius_from_theta(self, theta):
+        return 1.5 * np.sin(theta / 1.5)
+
+    def _theta_from_radius(self, radius):
+        return 1.5 * np.arcsin(radius / 1.5)
+
+
+OWN = OwnCamera(120, 90, 34.0, (60.25, 44.0), theta_max_rad=1.7)
 
 
 def points_around_axis(largest_theta_rad, count=2000, seed=5):

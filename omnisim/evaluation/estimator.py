@@ -30,6 +30,7 @@ class Estimator(ABC):
             "none": the method starts at the true pose.
         is_level: True if the method observes the direction of gravity.
         is_repeatable: True if a failure recurs: it is then kept, and not tried again.
+        min_path_m: length of a path below which the method's error in percent says little.
     """
 
     title: ClassVar[str]
@@ -39,6 +40,7 @@ class Estimator(ABC):
     alignment: ClassVar[AlignmentKind] = "se3"
     is_level: ClassVar[bool] = False
     is_repeatable: ClassVar[bool] = True
+    min_path_m: ClassVar[float] = 0.0
 
     @abstractmethod
     def estimate(self, run: Recording, work: Path) -> Trajectory | CentralCamera:

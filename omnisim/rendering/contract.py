@@ -27,7 +27,7 @@ from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.scene import Scene
 from omnisim.scene.labels import BODY, find_labels
 from omnisim.scene.model import Mesh
-from omnisim.scene.specular_materials import has_specular
+from omnisim.scene.planar_mirrors import has_specular
 
 if TYPE_CHECKING:
     from omnisim.ground_truth.hits import BeamHits, EchoLimits, HitDetails, LidarBeams, Revolution

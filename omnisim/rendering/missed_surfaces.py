@@ -8,7 +8,6 @@ import math
 import numpy as np
 
 from omnisim.core.array_types import Float64s
-from omnisim.core.bounds import bounds_of, triangle_bounds
 from omnisim.core.arrays import bounds_of, triangle_bounds
 from omnisim.core.short_repr import number_text, point_text
 from omnisim.rendering.camera.omnicamera import OmniCamera

@@ -12,9 +12,16 @@ import numpy as np
 from omnisim.core.short_repr import counted
 from omnisim.rendering.camera.quality import DEFAULT_MIRRORS, DEFAULT_PROBES
 from omnisim.scene.model import Scene
-from omnisim.scene.planar_mirrors import MirrorPlane, find_mirrors, is_clear_pane, is_planar_mirror
+from omnisim.scene.planar_mirrors import (
+    MirrorPlane,
+    SceneSurface,
+    find_mirrors,
+    is_clear_pane,
+    is_planar_mirror,
+    is_surface_planar,
+    scene_surfaces,
+)
 from omnisim.scene.reflection_probes import ProbePlace, find_probes, reflects_scene
-from omnisim.scene.scene_surfaces import SceneSurface, is_surface_planar, scene_surfaces
 
 
 class ReflectionKind(StrEnum):

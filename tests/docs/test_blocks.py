@@ -25,8 +25,8 @@ LONG = {
     *(f"docs/how-to/{name}.md" for name in (
         "any-optics", "calibrations", "change-scene", "choose", "data-sets", "drives", "evaluate",
         "ground-truth", "light", "live", "measure-camera", "measure-noise", "measure-sharpness",
-        "mirror-mesh", "moving-objects", "own-scene", "own-world", "python", "rays", "rigs",
-        "robots", "troubleshooting", "unwarp", "use-with",
+        "mirror-mesh", "moving-objects", "own-camera-model", "own-scene", "own-world", "python",
+        "rays", "rigs", "robots", "troubleshooting", "unwarp", "use-with",
     )),
     *(f"docs/reference/{name}.md" for name in ("calibration-formats", "channels")),
     *(f"docs/tutorials/{name}.md" for name in (

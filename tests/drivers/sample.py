@@ -29,7 +29,7 @@ from omnisim.scene.model import Fog, Lighting, Texture
 from omnisim.sensors.laser_scanner.laser_scanner import LaserScanner
 from omnisim.sensors.lidar.spinning_lidar import SpinningLidar
 from omnisim.validation import material_chart
-from tests.camera_examples import CAMERA_EXAMPLES, FIRST_EXAMPLES, POLE
+from tests.camera_examples import CAMERA_EXAMPLES, FIRST_EXAMPLES, OWN, POLE
 from tests.drivers.cases import (
     USUAL_CHANNELS,
     Cases,
@@ -191,7 +191,7 @@ def _cameras(size_px: int) -> Drawings:
     cameras = [one for name, one in CAMERA_EXAMPLES.items() if name in FIRST_EXAMPLES]
     lens = next(one for one in cameras if isinstance(one, UnifiedCamera))
     mirror = OmniCamera(polygons=None)  # the others are lenses, without a mesh
-    return _by_each([*cameras, POLE, MirroredCamera(lens), mirror], size_px)
+    return _by_each([*cameras, POLE, OWN, MirroredCamera(lens), mirror], size_px)
 
 
 def _drawn_samples(size_px: int) -> Drawings:

@@ -13,7 +13,7 @@ from omnisim.core.srgb import srgb_from_linear
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.sensor_toml import sensor_toml
 from omnisim.rendering.stage import open_sensor
-from tests.camera_examples import CAMERA_EXAMPLES
+from tests.camera_examples import CAMERA_EXAMPLES, OWN
 from tests.scenes import room, room_color, room_hit, scene_of
 
 LENS = EquidistantCamera(320, 240, 90.0, (160.25, 118.5), math.radians(100.0))
@@ -123,3 +123,22 @@ def test_sensor_toml_round_trip_of_every_model(camera, tmp_path):
             atol=1e-12,
         )
     assert dataclasses.replace(again, model=camera).supersampling == sensor.supersampling
+
+
+@pytest.mark.usefixtures("needs_opengl")
+def test_own_models_are_drawn_by_both_back_ends_and_in_batches():
+    pytest.importorskip("embreex", reason="embreex, which casts the rays, is missing")
+    at, found = poses.pose((0.2, -0.3, 1.1), yaw_deg=20.0), []
+    for backend in ("cube", "rays"):
+        with open_sensor("rings", OWN, backend=backend) as renderer:
+            frame = renderer.render(at, also=("range",))
+            assert np.array_equal(renderer.render_batch(np.stack([at, at]))[1], frame.rgb)
+            found.append(frame)
+    cube, rays = found
+    assert np.array_equal(cube.valid, rays.valid)
+    assert cube.valid.mean() > 0.5
+    seen = np.isfinite(rays.channels["range"])
+    near = np.isclose(cube.channels["range"][seen], rays.channels["range"][seen], rtol=1e-4)
+    assert near.mean() > 0.98  # all but edges
+    apart = np.abs(cube.rgb.astype(int) - rays.rgb)[cube.valid]
+    assert np.median(apart) <= 1.0  # without the edges of the rings

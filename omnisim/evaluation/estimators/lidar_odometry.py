@@ -26,6 +26,7 @@ class KissIcpOdometry(Estimator):
 
     title = "KISS-ICP (lidar)"
     package, module = "kiss-icp", "kiss_icp"
+    min_path_m = 10.0  # over 5.4 m of soccer 1.4 %, over the whole lap 0.16 %
     is_compensated = True
 
     def estimate(self, run: Recording, work: Path) -> Trajectory:

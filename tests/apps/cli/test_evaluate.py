@@ -4,6 +4,9 @@ import json
 
 import pytest
 
+from omnisim.core.trajectories import read_trajectory
+from omnisim.evaluation.estimators.dead_reckoning import WheelOdometry
+from omnisim.evaluation.estimators.lidar_odometry import KissIcpOdometry
 from tests.evaluation.in_process import run_in_process
 from tests.evaluation.test_estimators import IMU, ROBOT
 from tests.evaluation.test_sweep import PLAN
@@ -17,14 +20,18 @@ def folder(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_run(omnisim, folder):
+def test_a_run(omnisim, folder, monkeypatch):
     robot = ("--robot", "robot.toml", "--path", "way.csv")
     status, _, error = omnisim("drive", "soccer", *robot, "-o", "run")
     assert status == 0, error
+    length_m = read_trajectory(folder / "run" / "ground_truth.tum").path_length_m
+    assert 0.0 < length_m < KissIcpOdometry.min_path_m
+    monkeypatch.setattr(WheelOdometry, "min_path_m", KissIcpOdometry.min_path_m)
     names = ("--with", "wheels,imu", "--with", "command:false {run} {out}")
     status, out, error = omnisim("evaluate", "run", "-o", "report", *names)
     assert status == 0, error
-    assert "report: written" in out
+    assert "report/report.html: written" in out
+    assert f"wheels: the path is {length_m:.3g} m long: its error in percent" in error
     assert "command:false {run} {out}: failed: false: exit status 1" in error
     report = json.loads((folder / "report" / "report.json").read_text())
     errors, failures = report["sections"][0]["tables"]

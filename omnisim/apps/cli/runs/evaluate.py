@@ -49,7 +49,7 @@ def run(request: EvaluateRequest) -> bool:
 
 def _evaluate_run(request: EvaluateRequest) -> list[Outcome]:
     from omnisim.report.estimator_report import RUN_COLUMNS, run_row, run_section
-    from omnisim.report.report import Report
+    from omnisim.report.report import HTML, Report
 
     given = request.estimators or list(ESTIMATORS)  # a value lists several, unless it is a command
     lists = ([value] if value.startswith(COMMAND) else value.split(",") for value in given)
@@ -69,7 +69,7 @@ def _evaluate_run(request: EvaluateRequest) -> list[Outcome]:
     Report(f"Estimators: {title}", text, (section,), facts).write(request.output)
     content = [outcome.as_dict() for outcome in outcomes]
     write_text(request.output / OUTCOMES, json.dumps(content, indent=2) + "\n")
-    out.print(f"{request.output}: written")
+    out.print(f"{request.output / HTML}: written")
     rows = [dict(zip(RUN_COLUMNS, run_row(outcome), strict=True)) for outcome in outcomes]
     for row in rows:
         if len(row["estimator"]) > _NAME_LETTERS:
@@ -78,6 +78,12 @@ def _evaluate_run(request: EvaluateRequest) -> list[Outcome]:
     for outcome in outcomes:
         if outcome.reason:
             print_note(f"{outcome.estimator}: {outcome.status}: {outcome.reason}")
+        min_path_m = estimator_named(outcome.estimator).min_path_m
+        if outcome.status == "ok" and truth.path_length_m < min_path_m:
+            print_note(
+                f"{outcome.estimator}: the path is {truth.path_length_m:.3g} m long: its error in "
+                f"percent is several times that of paths of more than {min_path_m:g} m"
+            )
     return outcomes
 
 
@@ -95,7 +101,7 @@ def _print_rows(
 def _sweep(request: EvaluateRequest, path: Path) -> None:
     """Record the drives of a plan, apply the estimators, and write a report."""
     from omnisim.report.estimator_report import sweep_sections
-    from omnisim.report.report import Report
+    from omnisim.report.report import HTML, Report
 
     if request.address is not None and request.engine != "ray":
         raise PlanError("--address: requires --engine ray")
@@ -138,7 +144,7 @@ def _sweep(request: EvaluateRequest, path: Path) -> None:
         for result in results
     ]
     write_text(request.output / POINTS, json.dumps(content, indent=2) + "\n")
-    out.print(f"{request.output}: written")
+    out.print(f"{request.output / HTML}: written")
     for section in sections:
         swept = section.tables[0]
         rows = (dict(zip(swept.columns, row, strict=True)) for row in swept.rows)

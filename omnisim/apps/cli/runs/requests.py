@@ -129,6 +129,7 @@ class RigOptions(CameraFileOptions):
 
 @command(
     "record", "runs.drive.record",
+    elsewhere={"--overlay": "a run keeps the labels, --also instance,semantic; omnisim render"},
     first="output trajectory calibration_file robot rate_hz size_px quality preset also force",
 )  # fmt: skip
 class RecordRequest:

@@ -2,7 +2,8 @@
 
 Which pixels have a ray, NumPy decides, as for the ray caster. The GPU's float32 decides otherwise
 for pixels at a rim or fold, and where its iteration does not converge: those pixels are drawn again
-with NumPy's rays, one by one.
+with NumPy's rays, one by one. So are all pixels of a camera model that is not omnisim's own, which
+has no GLSL file.
 """
 
 from __future__ import annotations
@@ -274,27 +275,30 @@ class PixelMap:
         return self.camera.ray_from_pixel(pixels_px)
 
     @property
-    def _model_file(self) -> str:
-        return f"camera/{self.camera.model_name}.glsl"
+    def _has_shader(self) -> bool:
+        """Whether omnisim has the model's GLSL file; a subclass elsewhere has other rays."""
+        lens = self.camera.lens if isinstance(self.camera, MirroredCamera) else self.camera
+        return type(lens).__module__.startswith("omnisim.")
 
     def _model_array(self, emit: CaptureOutput) -> moderngl.VertexArray:
         if self._mesh is not None and isinstance(self.camera, HyperbolicCamera):
             return self._mesh_array(self.camera, self._mesh, emit)
         defines = ("MIRRORED",) if isinstance(self.camera, MirroredCamera) else ()
         array = self._full_screen_array("capture/lens.frag", emit, defines)
-        for name, value in self.camera.uniforms().items():
+        for name, value in self.camera.uniforms().items() if self._has_shader else ():
             array.program[name] = value
         return array
 
     def _full_screen_array(
         self, fragment: str, emit: CaptureOutput, defines: tuple[str, ...] = ()
     ) -> moderngl.VertexArray:
+        model = f"camera/{self.camera.model_name}" if self._has_shader else "capture/no_model"
         program = build_program(
             self.context,
             "common/full_screen.vert",
             fragment,
             defines,
-            {"EMIT": emit, "CAMERA_MODEL": self._model_file},
+            {"EMIT": emit, "CAMERA_MODEL": f"{model}.glsl"},
         )
         array = self.context.vertex_array(program, [])
         array.vertices = 3

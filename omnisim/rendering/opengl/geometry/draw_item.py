@@ -11,10 +11,8 @@ import moderngl
 import numpy as np
 
 from omnisim.core.array_types import Float64s, Indices, Mask
-from omnisim.core.bounds import bounds_of
-from omnisim.rendering.opengl.atlas.tile_plan import PosedViews
 from omnisim.core.arrays import bounds_of
-from omnisim.rendering.opengl.atlas.tile_views import PosedViews
+from omnisim.rendering.opengl.atlas.tile_plan import PosedViews
 from omnisim.rendering.opengl.materials.scene_textures import MaterialTexture
 from omnisim.scene.model import Material, Mesh
 from omnisim.scene.motion.deformation import Sphere

@@ -13,7 +13,6 @@ import moderngl
 import numpy as np
 
 from omnisim.core.array_types import Float64s, Indices, Mask
-from omnisim.core.bounds import bounds_of
 from omnisim.core.arrays import bounds_of
 from omnisim.core.errors import GraphicsError
 from omnisim.core.world import ObjectPart, time_of

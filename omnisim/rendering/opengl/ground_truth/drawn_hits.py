@@ -32,7 +32,7 @@ from omnisim.rendering.opengl.ground_truth.ray_hit_pass import (
 )
 from omnisim.rendering.opengl.ground_truth.visibility_pass import VisibilityLayers, VisibilityPass
 from omnisim.rendering.sensor_tiles import sensor_tiles
-from omnisim.scene.specular_materials import specular_mask
+from omnisim.scene.planar_mirrors import specular_mask
 
 if TYPE_CHECKING:
     from omnisim.rendering.rays.through import ThroughCaster

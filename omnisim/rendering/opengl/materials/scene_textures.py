@@ -26,10 +26,6 @@ from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.shader_files import find_uniform, set_sampler
 from omnisim.scene.light.baked_light import BakedLight, Probes
 from omnisim.scene.light.environment import Environment
-from omnisim.scene.masked_mipmaps import masked_mipmaps
-from omnisim.scene.mipmaps import mipmaps
-from omnisim.rendering.opengl.materials.material_table import MaterialTable, Reflectance
-from omnisim.rendering.opengl.materials.texture_array import TextureArray
 from omnisim.scene.mipmaps import masked_mipmaps, mipmaps
 from omnisim.scene.model import AlphaMode, Material, Mesh, Texture, Wrap
 from omnisim.scene.surface_reflectance import dielectric_f0, tinted_reflectance

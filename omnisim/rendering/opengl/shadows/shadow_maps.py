@@ -14,7 +14,6 @@ import moderngl
 import numpy as np
 
 from omnisim.core.array_types import Float64s, Indices, Mask
-from omnisim.core.bounds import bounds_of
 from omnisim.core.arrays import bounds_of
 from omnisim.core.world import time_of
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers

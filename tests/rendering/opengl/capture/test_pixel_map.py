@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from omnisim.cameras import HyperbolicCamera, pixel_grid
+from omnisim.cameras import HyperbolicCamera, MirroredCamera, pixel_grid
 from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.cameras.mirrors.mirror_mesh import mesh_error
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
-from tests.camera_examples import camera_examples
+from tests.camera_examples import OWN, camera_examples
 
 
 def _angles(one, other):
@@ -23,6 +23,14 @@ def test_glsl_rays_are_the_reference(context, camera):
     # at a fold the ray turns infinitely fast with the pixel
     away = ~_at_the_edge_of_the_domain(camera)
     assert _angles(rays, reference.directions)[valid & away].max() < 1e-5
+
+
+@pytest.mark.parametrize("camera", [OWN, MirroredCamera(OWN)], ids=["lens", "mirrored"])
+def test_own_models_have_the_rays_of_numpy(context, camera):
+    rays, valid = PixelMap(context, camera).read_rays()
+    reference = camera.ray_from_pixel(pixel_grid(camera.width_px, camera.height_px))
+    assert np.array_equal(valid, reference.valid)
+    assert _angles(rays, reference.directions)[valid].max() < 1e-6  # float32
 
 
 def _at_the_edge_of_the_domain(camera, within_px=0.01):
