@@ -37,7 +37,7 @@ WAYS: dict[str, tuple[str, ...]] = {
     ),
     "a run": (
         "robots.robot_file:load_robot",
-        "sensors.sensor_registry:parse_mounts",
+        "sensors.sensor_registry:parse_sensors",
         "runs.route:plan_route",
         "runs.contacts:find_contacts",
         "runs.drive:PlannedDrive.record",

@@ -52,6 +52,13 @@ class CameraSetup:
     vehicles: tuple[str, ...] = (BODY,)
 
 
+class Passes(Protocol):
+    """Passes of one sensor."""
+
+    def refresh(self) -> None:
+        """Adapt to the scene after its objects or buffers have changed."""
+
+
 class LabelCache:
     """Labels of a scene, cached until names or rules change."""
 
@@ -152,11 +159,8 @@ class CameraBackend(ABC):
         return self._labels.find(self.world.scene, self.world.objects, self.setup.vehicles)
 
 
-class RangeFinder(Protocol):
+class RangeFinder(Passes, Protocol):
     """Casts a scanner's beams."""
-
-    def refresh(self) -> None:
-        """Adapt to the scene after its objects or buffers have changed."""
 
     def cast(
         self,
@@ -166,15 +170,12 @@ class RangeFinder(Protocol):
         """Ranges (n,) in m from a pose (4, 4), with the objects at their poses; +inf: no hit."""
 
 
-class BeamCaster(Protocol):
+class BeamCaster(Passes, Protocol):
     """Casts a spinning lidar's beams."""
 
     @property
     def draws(self) -> Sequence[ObjectPart]:
         """Dynamic object and name of each instance, indexed by `BeamHits.draw_ids` − 1."""
-
-    def refresh(self) -> None:
-        """Adapt to the scene after its objects or buffers have changed."""
 
     def cast(self, revolution: Revolution) -> BeamHits:
         """Hits of all beams of a revolution."""

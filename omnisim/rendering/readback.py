@@ -13,7 +13,7 @@ from omnisim.core.errors import OpticsError
 from omnisim.rendering.camera.degradations.effect import MAX_EV
 from omnisim.rendering.camera.metering import Metering
 
-T = TypeVar("T")
+T = TypeVar("T", covariant=True)
 U = TypeVar("U")
 
 
@@ -37,6 +37,11 @@ class Pending(Generic[T]):
             self._result = self._finish()
             self._finish = None
         return self._result
+
+    @classmethod
+    def done(cls, result: U) -> Pending[U]:
+        """Result that is there already."""
+        return Pending(lambda: result)
 
     def then(self, change: Callable[[T], U]) -> Pending[U]:
         """Result of a function of this result."""

@@ -15,11 +15,12 @@ from omnisim.core.short_repr import counted, short_repr
 from omnisim.core.trajectories import Trajectory, read_trajectory
 from omnisim.core.trajectories.odometry import Odometry
 from omnisim.perception.unwarping.panorama import CameraMount
+from omnisim.rendering.camera.omnicamera import CALIBRATION
 from omnisim.robots import read_odometry
 from omnisim.runs.run_folder import GROUND_TRUTH, ODOMETRY, RunFolder
 from omnisim.scene import Scene
 from omnisim.scene.model import Landmark
-from omnisim.sensors.calibration_file import CALIBRATION, read_mount
+from omnisim.sensors.calibration_file import read_mount
 
 
 @dataclass(frozen=True, eq=False)

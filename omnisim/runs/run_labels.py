@@ -23,10 +23,10 @@ from omnisim.perception.landmarks.color_model import (
     Training,
     train_colors,
 )
+from omnisim.rendering.camera.omnicamera import IMAGE_SUFFIX
 from omnisim.runs.run_data import RunData
 from omnisim.runs.run_folder import LABELS
 from omnisim.scene.model import Landmark
-from omnisim.sensors.omnicamera.mounted_omnicamera import IMAGE_SUFFIX
 
 # Minimum saturation, (largest − smallest)/largest of linear RGB, of a landmark's color. It excludes
 # white lines, walls and paper, which are everywhere.

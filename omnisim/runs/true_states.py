@@ -16,8 +16,8 @@ from omnisim.core.poses import (
     rotation_from_quaternion,
 )
 from omnisim.core.trajectories.body_motion import BodyMotion, MotionStates
+from omnisim.core.trajectories.rate import printed_s
 from omnisim.core.trajectories.trajectory import MAX_S
-from omnisim.sensors.rate import printed_s
 
 COLUMNS = (
     "t_s,x_m,y_m,z_m,qx,qy,qz,qw,vx_mps,vy_mps,vz_mps,ax_mps2,ay_mps2,az_mps2,"

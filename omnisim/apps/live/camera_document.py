@@ -23,7 +23,6 @@ from omnisim.rendering.camera.degradations import preset
 from omnisim.rendering.camera.degradations.degradation_file import EFFECTS
 from omnisim.rendering.camera.omnicamera import ExposureOption, OmniCamera
 from omnisim.rendering.camera.sensor_file import DEFAULT_SENSOR_FILE, SensorFile
-from omnisim.rendering.camera.sensor_toml import sensor_toml
 
 FILE_NAME = "camera.toml"  # name of a saved file
 SENSOR, LIGHT, SIZE = "sensor", "scene", "size_px"  # first parts of the paths of keys
@@ -89,7 +88,7 @@ class CameraDocument:
         If the mirror's rim fills the image, focal length and principal point are left out, so that
         the rim still fills the image after the mirror's parameters change.
         """
-        sensor = tomllib.loads(sensor_toml(camera))
+        sensor = tomllib.loads(camera.to_toml())
         if isinstance(camera.model, HyperbolicCamera):
             model, table = camera.model, sensor["camera"]
             fitted = model.framed_on_rim(model.mirror, model.width_px, model.height_px)

@@ -17,9 +17,10 @@ from omnisim.core.files.image_files import read_image
 from omnisim.ground_truth.label_names import Labels
 from omnisim.ground_truth.stored_channels import StoredChannels
 from omnisim.perception.unwarping.panorama import CameraMount
+from omnisim.rendering.camera.omnicamera import CALIBRATION
 from omnisim.runs.run_folder import RunFolder
-from omnisim.sensors.calibration_file import CALIBRATION, read_mount
-from omnisim.sensors.depth_camera.mounted_depth_camera import STEPS_PER_M
+from omnisim.sensors.calibration_file import read_mount
+from omnisim.sensors.depth_camera.depth_camera import STEPS_PER_M
 
 IMAGE = ".png"
 

@@ -20,12 +20,12 @@ from omnisim.core.trajectories.odometry import Odometry
 from omnisim.core.trajectories.spline_motion import SplineMotion
 from omnisim.datasets.export.recorded_camera import RecordedCamera
 from omnisim.datasets.export.stored_clouds import StoredCloud, read_cloud, read_table
+from omnisim.rendering.sensor import SensorSettings
 from omnisim.robots import read_odometry
 from omnisim.runs.run_folder import GROUND_TRUTH, OBJECTS, ODOMETRY, STATES, RunFolder
 from omnisim.runs.true_states import read_states
-from omnisim.sensors.imu.mounted_imu import BIAS_COLUMNS, BIASES, PARAMETERS, READINGS
-from omnisim.sensors.imu.mounted_imu import COLUMNS as IMU_COLUMNS
-from omnisim.sensors.sensor import MountedSensor
+from omnisim.sensors.imu.imu import BIAS_COLUMNS, BIASES, PARAMETERS, READINGS
+from omnisim.sensors.imu.imu import COLUMNS as IMU_COLUMNS
 
 START = "start.csv"  # of a sensor: true state at its first measurement, by its own clock
 STAMP_S = 2e-9  # rounding of two times with nine digits
@@ -215,7 +215,7 @@ class Recording:
         path = self.run.path / name / START
         return read_states(path)[1] if path.is_file() else self.states(np.array([first_s]))
 
-    def sensors(self, kind: type[MountedSensor]) -> list[str]:
+    def sensors(self, kind: type[SensorSettings]) -> list[str]:
         """Names of the sensors of a class."""
         manifest = self.run.manifest
         return [name for name in manifest.sensors if issubclass(manifest.sensor_class(name), kind)]

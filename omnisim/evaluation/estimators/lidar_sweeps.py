@@ -12,7 +12,7 @@ from omnisim.core.errors import EstimatorError
 from omnisim.core.poses import inverse
 from omnisim.core.trajectories import Trajectory
 from omnisim.datasets.export.recording import Recording
-from omnisim.sensors.lidar.mounted_lidar import MountedLidar
+from omnisim.sensors.lidar.spinning_lidar import SpinningLidar
 
 Floats = NDArray[np.float64]
 
@@ -40,7 +40,7 @@ class LidarSweeps:
     """
 
     def __init__(self, run: Recording):
-        names = run.sensors(MountedLidar)
+        names = run.sensors(SpinningLidar)
         if not names:
             raise EstimatorError("the run has no lidar")
         self._run, self._name = run, names[0]

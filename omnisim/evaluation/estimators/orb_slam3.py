@@ -34,7 +34,7 @@ from omnisim.evaluation.estimators import orb_slam3_program as program
 from omnisim.evaluation.estimators.camera_center import camera_center_from_base
 from omnisim.evaluation.estimators.gray_images import gray
 from omnisim.evaluation.trajectory_errors import AlignmentKind
-from omnisim.sensors.imu.mounted_imu import MountedImu
+from omnisim.sensors.imu.imu import Imu
 
 # ORB descriptors of rendered images, for place recognition; `.ci/train_orb_vocabulary.py` makes it.
 VOCABULARY = Path(__file__).with_name("orb_vocabulary.txt.gz")
@@ -67,7 +67,7 @@ class OrbSlam3(Estimator):
             raise EstimatorError("the run has no camera")
         if len(run.cameras) < self.cameras:
             raise EstimatorError("the run has one camera: expected two")
-        if self.has_imu and not run.sensors(MountedImu):
+        if self.has_imu and not run.sensors(Imu):
             raise EstimatorError("the run has no IMU")
         run = run.in_frames([camera.name for camera in run.cameras[: self.cameras]], _refuse_late)
         cameras = [LensCamera.of(one, _ignore) for one in run.cameras[: self.cameras]]
@@ -80,7 +80,7 @@ class OrbSlam3(Estimator):
         base_from_body = cameras[0].base_from_lens
         imu, second = None, None
         if self.has_imu:
-            name = run.sensors(MountedImu)[0]
+            name = run.sensors(Imu)[0]
             imu = _imu_settings(run, name, base_from_body)
             base_from_body = run.base_from_imu(name)
             readings = run.imu_readings(name)

@@ -18,7 +18,6 @@ from omnisim.cameras.optics.surface_mesh import tessellate_surface
 from omnisim.core.errors import OmnisimError, OpticsError
 from omnisim.core.poses import pose
 from omnisim.rendering.auto_mesh import MAX_ERROR_PX, auto_polygons
-from omnisim.rendering.camera.sensor_toml import sensor_toml
 from omnisim.rendering.camera.valid_mask import valid_mask
 from omnisim.rendering.truth.sample_rays import sample_rays
 from omnisim.validation.psnr import psnr_of_levels_db
@@ -249,7 +248,7 @@ def test_default_is_exact_and_ports_have_no_mesh():
 @pytest.mark.parametrize("polygons", [None, "auto", 256])
 def test_sensor_file_of_a_sensor_keeps_polygons(tmp_path, polygons):
     path = tmp_path / "sensor.toml"
-    path.write_text(sensor_toml(OmniCamera(SYSTEMS["sphere"], polygons=polygons)))
+    path.write_text(OmniCamera(SYSTEMS["sphere"], polygons=polygons).to_toml())
     assert OmniCamera.from_file(path).polygons == polygons
 
 

@@ -35,7 +35,6 @@ from omnisim.measurement.geometry import (
 from omnisim.measurement.geometry.board_detection import image_files
 from omnisim.measurement.geometry.model_choice import CANDIDATES
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.camera.sensor_toml import sensor_toml
 
 _SHOWN_MODELS = 5
 _MANY_PX = 0.3  # RMS error; sharp images of one camera and a firm board leave less
@@ -143,7 +142,7 @@ def _views(
 
 def _with_camera(tables: dict[str, Any], measured: MeasuredGeometry) -> dict[str, Any]:
     """Tables of a sensor file in which the measured camera replaces the old one."""
-    written = tomllib.loads(sensor_toml(OmniCamera(measured.camera)))
+    written = tomllib.loads(OmniCamera(measured.camera).to_toml())
     old: dict[str, Any] = next((tables[key] for key in _CAMERAS if key in tables), {})
     key = next(key for key in _CAMERAS if key in written)
     camera = {**written[key], "mounting": old.get("mounting", written[key]["mounting"])}

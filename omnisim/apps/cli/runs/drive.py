@@ -120,7 +120,7 @@ def _check_cameras(request: DriveRequest, vehicles: dict[str, Vehicle]) -> None:
     option = "--also" if request.truth.also else "--boxes-3d" if request.truth.boxes_3d else None
     if option is None and request.image.exposure_ev is not None:
         option = "--exposure-ev"
-    sensors = (one for vehicle in vehicles.values() for one in vehicle.sensors)
+    sensors = (one.sensor for vehicle in vehicles.values() for one in vehicle.sensors)
     if option and not any(sensor.has_ground_truth for sensor in sensors):
         raise RunError(f"{option}: expected a robot with a camera, got {', '.join(vehicles)}")
 

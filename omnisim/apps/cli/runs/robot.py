@@ -14,6 +14,7 @@ from omnisim.core.files.atomic_file import check_target
 from omnisim.core.files.extended_tables import with_absolute_files
 from omnisim.core.files.toml_file import toml_text
 from omnisim.core.short_repr import number_text, point_text
+from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.robots import (
     Kinematics,
     OdometryErrors,
@@ -27,7 +28,6 @@ from omnisim.robots.importers import usarsim
 from omnisim.robots.importers.importers import SUFFIXES, import_model
 from omnisim.robots.robot_file import robot_tables
 from omnisim.robots.vehicle import Vehicle
-from omnisim.sensors.omnicamera.mounted_omnicamera import MountedCamera
 
 
 def list_robots() -> None:
@@ -135,12 +135,13 @@ def _lines(vehicle: Vehicle, body: str | None) -> list[str]:
         clearance = f"{number_text(box.clearance_m)} m clear of the ground"
         lines.append(f"size     {sides} m, {clearance}")
     for one in vehicle.sensors:
-        mesh = f"{one.sensor.mesh_summary}, " if isinstance(one, MountedCamera) else ""
+        sensor, summary = one.sensor, one.summary()
+        mesh = f"{sensor.mesh_summary}, " if isinstance(sensor, OmniCamera) else ""
         hz = "" if one.rate is None else f"{one.rate.rate_hz:g} Hz"  # some summaries have it
-        rate = f"measures at {hz}, " if hz and hz not in one.summary() else ""
+        rate = f"measures at {hz}, " if hz and hz not in summary else ""
         hidden = f", does not see {', '.join(one.hides)}" if one.hides else ""
         lines.append(
-            f"{one.noun:<8} {one.name}, {one.summary()}, {mesh}{rate}"
-            f"{one.origin_noun} {point_text(one.origin_m)} m{hidden}"
+            f"{sensor.noun:<8} {one.name}, {summary}, {mesh}{rate}"
+            f"{sensor.origin_noun} {point_text(one.origin_m)} m{hidden}"
         )
     return lines

@@ -63,22 +63,22 @@ from omnisim.datasets.export.ros2.streams import (
     Stream,
     ros_name,
 )
+from omnisim.rendering.sensor import SensorSettings
 from omnisim.runs.run_folder import LABELS
-from omnisim.sensors.depth_camera.mounted_depth_camera import MountedDepthCamera
-from omnisim.sensors.imu.mounted_imu import MountedImu
-from omnisim.sensors.laser_scanner.mounted_scanner import MountedScanner
-from omnisim.sensors.lidar.mounted_lidar import MountedLidar
-from omnisim.sensors.range_sensor.mounted_range_sensor import MountedRangeSensor
-from omnisim.sensors.sensor import MountedSensor
+from omnisim.sensors.depth_camera.depth_camera import DepthCamera
+from omnisim.sensors.imu.imu import Imu
+from omnisim.sensors.laser_scanner.laser_scanner import LaserScanner
+from omnisim.sensors.lidar.spinning_lidar import SpinningLidar
+from omnisim.sensors.range_sensor.range_sensor import RangeSensor
 
 OpenStream = Callable[[Recording, str, ExportSettings], Stream]
 MAP, ODOM = "map", "odom"
-STREAMS: tuple[tuple[type[MountedSensor], OpenStream], ...] = (
-    (MountedDepthCamera, DepthStream),
-    (MountedScanner, ScanStream),
-    (MountedLidar, LidarStream),
-    (MountedImu, ImuStream),
-    (MountedRangeSensor, RangeStream),
+STREAMS: tuple[tuple[type[SensorSettings], OpenStream], ...] = (
+    (DepthCamera, DepthStream),
+    (LaserScanner, ScanStream),
+    (SpinningLidar, LidarStream),
+    (Imu, ImuStream),
+    (RangeSensor, RangeStream),
 )
 
 

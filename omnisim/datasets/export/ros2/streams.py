@@ -23,7 +23,7 @@ from omnisim.datasets.export.recorded_camera import RecordedCamera
 from omnisim.datasets.export.recording import ImuReadings, Recording
 from omnisim.datasets.export.ros2 import ros_messages as messages
 from omnisim.datasets.export.stored_clouds import read_table
-from omnisim.sensors.calibration_file import CALIBRATION
+from omnisim.rendering.camera.omnicamera import CALIBRATION
 
 BASE = "base_link"
 CLOUD_COLORS = "rgb"
