@@ -10,10 +10,10 @@ A sensor is frozen settings. A stage opens it at a mount as an instrument
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar, Generic, Protocol, TypeVar
+from typing import Any, ClassVar, Generic, Protocol, TypeGuard, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,6 +27,7 @@ from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.rendering.readback import Pending
 
 TABLE_SUFFIX = ".csv"
+SensorT = TypeVar("SensorT")
 SensorT_co = TypeVar("SensorT_co", covariant=True)
 
 
@@ -108,7 +109,7 @@ class Mount(Generic[SensorT_co]):
     name: str = ""
     type: str = ""
     base_from_sensor: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
-    hides: Collection[str] = ()
+    hides: tuple[str, ...] = ()
     rate: SensorRate | None = None
     time_shift_s: float = 0.0
     vehicle: str | None = None
@@ -139,6 +140,11 @@ class Mount(Generic[SensorT_co]):
             return step_times_s
         start_s, end_s = step_times_s[[0, -1]].tolist()
         return self.rate.times_s(start_s, end_s, seed, self.name)
+
+
+def carries(mount: Mount[object], kind: type[SensorT]) -> TypeGuard[Mount[SensorT]]:
+    """True if a mount carries a sensor of a class."""
+    return isinstance(mount.sensor, kind)
 
 
 class SensorSettings(ABC):
@@ -183,18 +189,12 @@ class SensorSettings(ABC):
         return times_s
 
     @classmethod
-    def suffixes_of(
-        cls,
-        manifest: Mapping[str, Any],
-        channels: Collection[str],
-        channel_format: ChannelFormat,
-        boxes_3d: bool,
-    ) -> tuple[str, ...]:
+    def suffixes_of(cls, manifest: Mapping[str, Any]) -> tuple[str, ...]:
         """Suffixes of the files of a step.
 
         Args:
-            manifest: the sensor's own settings in the manifest.
-            channels, channel_format, boxes_3d: ground truth of the step.
+            manifest: the sensor's own settings in the run's manifest, the run's `channel_format`
+                and `boxes_3d`, and the `channels` of the step.
         """
         return cls.suffixes
 

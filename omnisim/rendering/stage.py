@@ -113,12 +113,11 @@ class Stage(SharedScene):
             OmnisimError: an unreadable sensor or calibration file, or an invalid pose.
         """
         own = sensor if isinstance(sensor, Mount) else Mount(sensor)
+        given = own.base_from_sensor if base_from_sensor is None else base_from_sensor
         mount = dataclasses.replace(
             own,
-            base_from_sensor=own.base_from_sensor
-            if base_from_sensor is None
-            else check_pose(base_from_sensor),
-            hides={*own.hides, *hidden},
+            base_from_sensor=check_pose(given),
+            hides=(*own.hides, *hidden),
             vehicle=vehicle,
             seed=seed,
             unlit=unlit,

@@ -20,7 +20,7 @@ from omnisim.core.short_repr import point_text, short_repr
 from omnisim.core.trajectories.odometry import OdometryErrors
 from omnisim.rendering.camera.degradations import Degradation
 from omnisim.rendering.camera.omnicamera import ExposureOption, OmniCamera, Polygons
-from omnisim.rendering.sensor import Mount, SensorSettings
+from omnisim.rendering.sensor import Mount, SensorSettings, carries
 from omnisim.robots.kinematics import Kinematics
 from omnisim.robots.robot_file import Footprint, Robot, load_robot
 from omnisim.scene import Scene, read_scene
@@ -133,19 +133,12 @@ class Vehicle:
     @property
     def cameras(self) -> tuple[Mount[OmniCamera], ...]:
         """Omnidirectional cameras of the vehicle."""
-        return self._mounts_of(OmniCamera)
+        return tuple(one for one in self.sensors if carries(one, OmniCamera))
 
     @property
     def scanners(self) -> tuple[Mount[LaserScanner], ...]:
         """Planar laser scanners of the vehicle."""
-        return self._mounts_of(LaserScanner)
-
-    def _mounts_of(self, kind: type[SensorT]) -> tuple[Mount[SensorT], ...]:
-        return tuple(
-            dataclasses.replace(mount, sensor=sensor)
-            for mount in self.sensors
-            if isinstance(sensor := mount.sensor, kind)
-        )
+        return tuple(one for one in self.sensors if carries(one, LaserScanner))
 
     def camera(self, name: str | None = None) -> Mount[OmniCamera]:
         """Camera of the given name; without a name, the first.

@@ -255,12 +255,13 @@ class RunFolder:
     def suffixes(self, sensor: str, index: int) -> tuple[str, ...]:
         """Suffixes of the files of a sensor's measurement."""
         manifest = self.manifest
-        return manifest.sensor_class(sensor).suffixes_of(
-            manifest.sensors[sensor].model_extra or {},
-            self.channels_at(index, sensor),
-            manifest.channel_format,
-            manifest.boxes_3d,
-        )
+        own = manifest.sensors[sensor].model_extra or {}
+        ground_truth = {
+            "channels": self.channels_at(index, sensor),
+            "channel_format": manifest.channel_format,
+            "boxes_3d": manifest.boxes_3d,
+        }
+        return manifest.sensor_class(sensor).suffixes_of({**own, **ground_truth})
 
     def channels_at(self, index: int, sensor: str) -> tuple[str, ...]:
         """Channels of a measurement: the first lacks a previous one, the last a next one."""

@@ -1,7 +1,7 @@
-"""Sensors on vehicles: one folder per sensor, with its model, renderer, mount and files.
+"""Sensors on vehicles: one folder per sensor, with its settings, instrument, reading and table.
 
 `omnisim.rendering.camera` reads the sensor files of cameras. A new sensor needs a folder here and
-an entry in `sensor_registry.py`.
+its table in `sensor_registry.py`.
 """
 
 from typing import TYPE_CHECKING

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -431,22 +431,17 @@ class OmniCamera(SensorSettings):
         return nearest_from_origin_m + base_from_optical[:3, 3]
 
     @classmethod
-    def suffixes_of(
-        cls,
-        manifest: Mapping[str, Any],
-        channels: Collection[str],
-        channel_format: ChannelFormat,
-        boxes_3d: bool,
-    ) -> tuple[str, ...]:
+    def suffixes_of(cls, manifest: Mapping[str, Any]) -> tuple[str, ...]:
         """Suffixes of an image, its channels, and its instances' bounding boxes."""
-        suffixes = [IMAGE_SUFFIX]
+        suffixes, channels = [IMAGE_SUFFIX], manifest["channels"]
+        channel_format = manifest["channel_format"]
         if channels and channel_format is not ChannelFormat.NPY:
             suffixes.append(CHANNELS_SUFFIX)
         if channels and channel_format is not ChannelFormat.AUTO:
             suffixes += [*(f".{name}.npy" for name in channels), DESCRIPTION_SUFFIX]
         if "instance" in channels:
             suffixes.append(BOXES_SUFFIX)
-        if boxes_3d:
+        if manifest["boxes_3d"]:
             suffixes.append(BOXES_3D_SUFFIX)
         return tuple(suffixes)
 

@@ -22,7 +22,7 @@ IJRR 2016; Schubert et al., "The TUM VI benchmark", IROS 2018.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Literal
@@ -39,7 +39,6 @@ from omnisim.core.poses import rotation_angles
 from omnisim.core.random_numbers import key_of, normal, pcg4d
 from omnisim.core.trajectories import Trajectory
 from omnisim.core.trajectories.body_motion import BodyMotion
-from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.rendering.sensor import TABLE_SUFFIX, Mount, SensorSettings
 from omnisim.sensors.sensor_table import Rate, SensorTable
 
@@ -212,13 +211,7 @@ class Imu(SensorSettings):
             )
 
     @classmethod
-    def suffixes_of(
-        cls,
-        manifest: Mapping[str, Any],
-        channels: Collection[str],
-        channel_format: ChannelFormat,
-        boxes_3d: bool,
-    ) -> tuple[str, ...]:
+    def suffixes_of(cls, manifest: Mapping[str, Any]) -> tuple[str, ...]:
         """No suffixes: one file holds all readings. Runs of older versions have a file per step."""
         return () if "readings" in manifest else cls.suffixes
 

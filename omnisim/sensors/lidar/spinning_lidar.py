@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -35,7 +35,6 @@ from omnisim.core.short_repr import short_repr
 from omnisim.core.trajectories.rate import LATE
 from omnisim.core.world import Motion, ObjectPart, WorldState
 from omnisim.ground_truth.lidar_beams import EchoLimits, LidarBeams, LidarPoses
-from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.rendering.backend import BeamCaster, LabelCache
 from omnisim.rendering.instrument import Instrument
 from omnisim.rendering.readback import Pending
@@ -135,13 +134,7 @@ class SpinningLidar(Parameters, SensorSettings, name="lidar"):
         return {"file_format": self.file_format}
 
     @classmethod
-    def suffixes_of(
-        cls,
-        manifest: Mapping[str, Any],
-        channels: Collection[str],
-        channel_format: ChannelFormat,
-        boxes_3d: bool,
-    ) -> tuple[str, ...]:
+    def suffixes_of(cls, manifest: Mapping[str, Any]) -> tuple[str, ...]:
         """Suffix of the run's point clouds."""
         return (f".{manifest['file_format']}",)
 
