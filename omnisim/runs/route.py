@@ -23,12 +23,11 @@ from omnisim.core.trajectories.spline_motion import SplineMotion
 from omnisim.core.trajectories.trajectory import step_lengths_m
 from omnisim.robots import Kinematics, check_drivable, time_poses
 from omnisim.robots.body_boxes import BodyBoxes
-from omnisim.robots.motion_profile import Plan, plan_in_steps, plan_with_period
+from omnisim.robots.motion_profile import Plan, plan_in_steps, plan_with_period, read_waypoints
 from omnisim.robots.planned_motion import PlannedMotion, Segment, in_sequence
 from omnisim.robots.robot_file import DEFAULT_CLEARANCE_M
 from omnisim.robots.vehicle import Vehicle
-from omnisim.robots.waypoints import read_waypoints
-from omnisim.runs.pose_sweep import SPACING_M, Sweep
+from omnisim.runs.contacts import SPACING_M, Sweep
 from omnisim.scene import Scene
 from omnisim.scene.space.floor import HeightField
 

@@ -49,9 +49,8 @@ from omnisim.robots.importers.usarsim import import_robot
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.drive import Drive
 from omnisim.runs.route import Route, plan_route
-from omnisim.runs.run_data import read_run
+from omnisim.runs.run_data import RunLabels, landmark_colors, read_run
 from omnisim.runs.run_folder import open_run, read_times
-from omnisim.runs.run_labels import RunLabels, landmark_colors
 from omnisim.runs.run_manifest import read_manifest
 from omnisim.runs.true_states import read_states, write_states
 from omnisim.scene import read_scene

@@ -39,8 +39,7 @@ from omnisim.rendering.instrument import Instrument
 from omnisim.rendering.readback import Pending
 from omnisim.rendering.sensor import TABLE_SUFFIX, Moment, Mount, SensorSettings
 from omnisim.rendering.shared_scene import SharedScene
-from omnisim.sensors.commented_csv import write_commented_csv
-from omnisim.sensors.device_noise import check_number, round_ranges
+from omnisim.sensors.device_data import check_number, round_ranges, write_commented_csv
 from omnisim.sensors.sensor_table import SensorTable
 from omnisim.sensors.specular_keys import stated_parameters
 

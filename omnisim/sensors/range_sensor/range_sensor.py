@@ -38,7 +38,7 @@ from omnisim.rendering.instrument import Instrument
 from omnisim.rendering.readback import Pending
 from omnisim.rendering.sensor import TABLE_SUFFIX, Moment, Mount, SensorSettings
 from omnisim.rendering.shared_scene import SharedScene
-from omnisim.sensors.commented_csv import write_commented_csv
+from omnisim.sensors.device_data import write_commented_csv
 from omnisim.sensors.laser_scanner.laser_scanner import LaserScanner
 from omnisim.sensors.sensor_table import SensorTable
 

@@ -14,8 +14,7 @@ from omnisim.perception.localization.filter import LandmarkMap, Observation
 from omnisim.perception.localization.filter_parameters import FilterParameters, read_parameters
 from omnisim.perception.localization.localize import observation_from_detection
 from omnisim.robots.vehicle import Vehicle
-from omnisim.runs.run_data import RunData
-from omnisim.runs.run_labels import RunLabels
+from omnisim.runs.run_data import RunData, RunLabels
 from omnisim.validation.experiments.detection_accuracy import DetectionMatch, compare
 from omnisim.validation.experiments.hand_picking import Hand, pick_landmarks
 from omnisim.validation.experiments.real_setting import with_wrong_start

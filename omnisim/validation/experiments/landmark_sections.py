@@ -22,7 +22,7 @@ from omnisim.plots.detection_plots import (
 from omnisim.plots.style import gallery
 from omnisim.report.measure import Measure
 from omnisim.report.report import CaptionedFigure, ResultTable, Section
-from omnisim.runs.run_labels import RunLabels
+from omnisim.runs.run_data import RunLabels
 from omnisim.validation.experiments.detection_accuracy import DetectionMatch, accuracy
 from omnisim.validation.experiments.experiment_runs import RealExperiment, SimulationExperiment
 from omnisim.validation.experiments.recordings import Recordings

@@ -20,8 +20,7 @@ from omnisim.perception.localization.filter import LandmarkMap
 from omnisim.perception.localization.filter_parameters import read_parameters
 from omnisim.perception.localization.localize import localize, observation_from_detection
 from omnisim.perception.localization.track import notices, write_track
-from omnisim.runs.run_data import read_run
-from omnisim.runs.run_labels import RunLabels, landmark_colors, train_on_run
+from omnisim.runs.run_data import RunLabels, landmark_colors, read_run, train_on_run
 
 STEPS = 5
 
