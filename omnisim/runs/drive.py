@@ -347,6 +347,17 @@ class PlannedDrive:
         drive, vehicle = self.drive, self.drive.vehicle
         unit = {} if drive.meters_per_unit is None else {"meters_per_unit": drive.meters_per_unit}
         folders = [str(folder.absolute()) for folder in drive.resources]
+        physics: dict[str, Any] = {}
+        if self.simulated is not None and drive.physics is not None:
+            chassis = dataclasses.asdict(drive.physics)
+            physics = {"physics": {**self.simulated.manifest(), "chassis": chassis}}
+
+        def timing(mount: Mount[SensorSettings]) -> dict[str, Any]:
+            if mount.rate is None:  # a measurement at each step
+                return {}
+            count = len(self.sensor_times_s[mount.name])
+            return {"rate_hz": mount.rate.rate_hz, "measurements": count}
+
         content = {
             "format": MANIFEST_FORMAT,
             "omnisim": __version__,
@@ -359,11 +370,11 @@ class PlannedDrive:
                 "contents": scene_contents(drive.scene),
             },
             "sensors": {
-                one.name: {"type": one.type, **self._timing(one), **one.sensor.manifest(one)}
+                one.name: {"type": one.type, **timing(one), **one.sensor.manifest(one)}
                 for one in vehicle.sensors
             },
             "robot": {"name": vehicle.name, "contents": fingerprint(vehicle)},
-            **self._physics_manifest(),
+            **physics,
             "path": {
                 "name": Path(drive.route.path).name,
                 "route": self.route_given or route_digest(drive.route),
@@ -393,20 +404,6 @@ class PlannedDrive:
         if drive.boxes_3d:
             content["boxes_3d"] = True
         return json.loads(json.dumps(content))
-
-    def _timing(self, mount: Mount[SensorSettings]) -> dict[str, Any]:
-        """Rate of a sensor for the manifest; empty if it measures at each step."""
-        if mount.rate is None:
-            return {}
-        count = len(self.sensor_times_s[mount.name])
-        return {"rate_hz": mount.rate.rate_hz, "measurements": count}
-
-    def _physics_manifest(self) -> dict[str, Any]:
-        """Physics for the manifest; empty without physics."""
-        if self.simulated is None or self.drive.physics is None:
-            return {}
-        chassis = dataclasses.asdict(self.drive.physics)
-        return {"physics": {**self.simulated.manifest(), "chassis": chassis}}
 
     def _write_records(self, run: RunFolder) -> None:
         """Write the files that need no rendering."""

@@ -432,12 +432,12 @@ def write_boxes(run: RunFolder, labels: Labels) -> None:
     for camera in run.manifest.cameras:
         if not run.has(f"{camera}/{BOXES}"):
             indices = range(run.measurements(camera))
-            parts = [_read(run.file(camera, index, BOXES_SUFFIX)) for index in indices]
+            parts = []
+            for path in (run.file(camera, index, BOXES_SUFFIX) for index in indices):
+                try:
+                    parts.append(json.loads(path.read_text(encoding="utf-8")))
+                except (OSError, ValueError, RecursionError):
+                    raise RunError(
+                        f"{path}: cannot be read: remove it, and record the run again"
+                    ) from None
             write_json(run.path / camera / BOXES, merged(parts, labels))
-
-
-def _read(path: Path) -> dict[str, Any]:
-    try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
-        raise RunError(f"{path}: cannot be read: remove it, and record the run again") from None

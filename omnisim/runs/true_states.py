@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -42,13 +42,8 @@ def write_states(path: Path, motion: BodyMotion, times_s: Iterable[NDArray[np.fl
     """
     times = np.unique(np.concatenate([printed_s(one) for one in times_s]))
     times = times[times >= printed_s(np.array([motion.start_s]))]
-    write_table(path, COLUMNS, _blocks(motion, times))
-
-
-def _blocks(motion: BodyMotion, times_s: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
-    for first in range(0, len(times_s), BLOCK):
-        part = times_s[first : first + BLOCK]
-        yield _rows(part, motion.at(part))
+    parts = (times[first : first + BLOCK] for first in range(0, len(times), BLOCK))
+    write_table(path, COLUMNS, (_rows(part, motion.at(part)) for part in parts))
 
 
 def _rows(times_s: NDArray[np.float64], states: MotionStates) -> NDArray[np.float64]:
