@@ -32,7 +32,7 @@ SensorT_co = TypeVar("SensorT_co", covariant=True)
 
 
 class Reading(Protocol):
-    """What an instrument measured, with units in the names of its arrays."""
+    """Measured values: arrays, with units in their names, that save themselves."""
 
     @property
     def metadata(self) -> dict[str, Any]:

@@ -24,7 +24,7 @@ from omnisim.sensors import (
 
 
 def opened(stage: Stage, model: CentralCamera, vehicle: Vehicle, pose: NDArray[np.float64]) -> None:
-    """What a stage opens, and what it measures."""
+    """Instruments and readings of each sensor."""
     assert_type(stage.open(LaserScanner()), LaserRenderer)
     assert_type(stage.open(SpinningLidar(), pose, hidden={"mast"}), LidarRenderer)
     assert_type(stage.open(DepthCamera(), seed=1), DepthRenderer)
@@ -44,6 +44,6 @@ def opened(stage: Stage, model: CentralCamera, vehicle: Vehicle, pose: NDArray[n
 
 
 def refused(stage: Stage) -> None:
-    """What a stage does not open: mypy finds these lines' errors, or says that it does not."""
+    """Faults of each line, which mypy finds; it reports an unused comment where it does not."""
     stage.open(5)  # type: ignore[call-overload]
     stage.open(DepthCamera()).scan(np.eye(4))  # type: ignore[attr-defined]
