@@ -25,11 +25,11 @@ from omnisim.cameras import EquidistantCamera
 from omnisim.core.trajectories import Trajectory, write_trajectory
 from omnisim.core.trajectories.odometry import OdometryErrors
 from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.sensor import Mount
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.drive import Drive
 from omnisim.runs.route import Route
 from omnisim.runs.run_folder import GROUND_TRUTH, MANIFEST
-from omnisim.sensors.omnicamera.mounted_omnicamera import MountedCamera
 
 RENDERED, SIZE_PX, STEPS = 8, 720, 500
 CAMERA = "camera"
@@ -38,7 +38,7 @@ CAMERA = "camera"
 def _record(folder: Path, steps: int) -> None:
     """Record a run of a few images, and link them repeatedly to fill all steps."""
     lens = EquidistantCamera(SIZE_PX, SIZE_PX, 240.0, (359.5, 359.5), 1.5)
-    camera = MountedCamera("omnicamera", CAMERA, (), OmniCamera(lens).with_quality("fast"))
+    camera = Mount(OmniCamera(lens).with_quality("fast"), CAMERA, "omnicamera")
     vehicle = Vehicle("rig", "rig", None, None, OdometryErrors(), None, (camera,))
     drive = Drive(load_scene("courtyard"), vehicle, Route("line"), channels=("range",))
     list(drive.along(_line(RENDERED)).record(folder))

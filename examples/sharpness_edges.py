@@ -20,7 +20,6 @@ from omnisim.rendering.camera.degradations import (
     PointSpread,
 )
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.camera.sensor_toml import sensor_toml
 from omnisim.rendering.stage import Stage
 from omnisim.validation.plain_scenes import plain_scene, quads
 
@@ -61,7 +60,7 @@ def main(folder: Path) -> None:
     scene = plain_scene("edges", (quads("wall", [wall]), GRAY), (quads("dark", squares(), 1), DARK))
     (folder / "images").mkdir(parents=True, exist_ok=True)
     camera = OmniCamera(LENS)
-    (folder / "lens.toml").write_text(sensor_toml(camera))
+    (folder / "lens.toml").write_text(camera.to_toml())
     with Stage(scene) as stage, stage.open(camera.with_degradation(TWIN)) as renderer:
         for number in range(3):
             pose = camera.base_pose((0.0, 0.07 * number, 0.03 * number), yaw_deg=2.0 * number)

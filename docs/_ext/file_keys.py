@@ -113,9 +113,9 @@ def key_pages() -> dict[str, str]:
 
 
 def _mounts() -> Iterator[str]:
-    from omnisim.sensors.sensor_registry import MOUNT_TYPES
+    from omnisim.sensors.sensor_registry import SENSOR_TYPES
 
-    for name, mount in MOUNT_TYPES.items():
+    for name, mount in SENSOR_TYPES.items():
         yield f'## `[[sensors]]`, `type = "{name}"`\n\n{file_keys.summary(mount)}'
         yield from tables(mount, "sensors")
 

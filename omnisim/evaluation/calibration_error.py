@@ -23,12 +23,12 @@ from omnisim.core.files.atomic_file import write_text
 from omnisim.core.files.parameters import Number, Point, Table
 from omnisim.core.poses import inverse, pose
 from omnisim.datasets.export.recording import START, Recording
+from omnisim.rendering.camera.omnicamera import CALIBRATION
 from omnisim.runs.run_folder import TIMES
 from omnisim.runs.true_states import write_state
-from omnisim.sensors.calibration_file import CALIBRATION
-from omnisim.sensors.imu.mounted_imu import BIASES, PARAMETERS, READINGS
-from omnisim.sensors.lidar.mounted_lidar import MountedLidar
+from omnisim.sensors.imu.imu import BIASES, PARAMETERS, READINGS
 from omnisim.sensors.lidar.point_files import write_points
+from omnisim.sensors.lidar.spinning_lidar import SpinningLidar
 
 Floats = NDArray[np.float64]
 _FOCAL = ("focal_length_px", "focal_lengths_px")
@@ -118,7 +118,7 @@ def _write_sensor(run: Recording, name: str, error: CalibrationError, folder: Pa
         if is_imu:  # its integral starts at the state of its first reading, whatever its stamp
             first_s = float(run.times_s(name)[0])
             write_state(folder / START, first_s + shift_s, run.states(np.array([first_s])))
-    if name in run.sensors(MountedLidar):
+    if name in run.sensors(SpinningLidar):
         if error.moves or shift_s:
             _wrong_lidar(run, name, error, folder)
     elif error.moves and not (is_camera or is_imu):

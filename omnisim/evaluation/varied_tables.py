@@ -10,7 +10,7 @@ from typing import Any
 from omnisim.core.errors import PlanError
 from omnisim.core.files.extended_tables import extended, with_absolute_files
 from omnisim.core.files.toml_file import read_tables
-from omnisim.sensors.sensor_registry import MOUNT_TYPES
+from omnisim.sensors.sensor_registry import SENSOR_TYPES
 
 Tables = Mapping[str, Any]
 
@@ -89,7 +89,7 @@ def with_seed(robot: Tables, seed: int) -> dict[str, Any]:
 
 
 def _has_seed(sensor: Tables) -> bool:
-    kind = MOUNT_TYPES.get(str(sensor.get("type")))
+    kind = SENSOR_TYPES.get(str(sensor.get("type")))
     return kind is not None and "seed" in kind.model_fields
 
 

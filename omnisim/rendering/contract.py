@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from omnisim.rendering.rays.ray_scene import RayScene
 
 
-T = TypeVar("T")
+T = TypeVar("T", covariant=True)
 U = TypeVar("U")
 
 
@@ -58,6 +58,11 @@ class Pending(Generic[T]):
             self._result = self._finish()
             self._finish = None
         return self._result
+
+    @classmethod
+    def done(cls, result: U) -> Pending[U]:
+        """Result that is there already."""
+        return Pending(lambda: result)
 
     def then(self, change: Callable[[T], U]) -> Pending[U]:
         """Result of a function of this result."""
@@ -203,6 +208,13 @@ class Truth(Protocol):
         """Update labels and instances from the source."""
 
 
+class Passes(Protocol):
+    """Passes of one sensor."""
+
+    def refresh(self) -> None:
+        """Adapt to the scene after its objects or buffers have changed."""
+
+
 class CameraBackend(ABC):
     """Renders the images of one camera, and intersects its rays.
 
@@ -271,11 +283,8 @@ class CameraBackend(ABC):
         return self._labels.find(self.world.scene, self.world.objects, self.setup.vehicles)
 
 
-class RangeFinder(Protocol):
+class RangeFinder(Passes, Protocol):
     """Casts a scanner's beams."""
-
-    def refresh(self) -> None:
-        """Adapt to the scene after its objects or buffers have changed."""
 
     def cast(
         self,
@@ -285,15 +294,12 @@ class RangeFinder(Protocol):
         """Ranges (n,) in m from a pose (4, 4), with the objects at their poses; +inf: no hit."""
 
 
-class BeamCaster(Protocol):
+class BeamCaster(Passes, Protocol):
     """Casts a spinning lidar's beams."""
 
     @property
     def draws(self) -> Sequence[ObjectPart]:
         """Dynamic object and name of each instance, indexed by `BeamHits.draw_ids` − 1."""
-
-    def refresh(self) -> None:
-        """Adapt to the scene after its objects or buffers have changed."""
 
     def cast(self, revolution: Revolution) -> BeamHits:
         """Hits of all beams of a revolution."""

@@ -2,25 +2,38 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from omnisim.core.array_types import Float64s
-from omnisim.core.errors import GraphicsError, OmnisimError, OutputError
+from omnisim.core.errors import GraphicsError, OmnisimError, OutputError, RunError
+from omnisim.core.files.image_files import read_image
+from omnisim.core.files.written_files import is_written
 from omnisim.core.poses import check_pose, check_poses, inverse
 from omnisim.core.srgb import srgb8_from_linear
 from omnisim.core.world import Motion, ObjectPart, WorldState, time_of
 from omnisim.ground_truth import CHANNELS, Labels, check_channels
+from omnisim.ground_truth.channel_files import ChannelFormat, write_sidecars
 from omnisim.ground_truth.channels import ChannelName
 from omnisim.ground_truth.frame import Frame
-from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.camera.omnicamera import (
+    BOXES_3D_SUFFIX,
+    BOXES_SUFFIX,
+    CHANNELS_SUFFIX,
+    IMAGE_SUFFIX,
+    OmniCamera,
+)
 from omnisim.rendering.camera.quality import scene_size_m
 from omnisim.rendering.contract import CameraBackend, CameraSetup, FrameRequest, Pending, ScenePoses
-from omnisim.rendering.sensor_renderer import Mounting, SensorRenderer
+from omnisim.rendering.instrument import Instrument
+from omnisim.rendering.sensor import Moment, Mount
 from omnisim.rendering.shared_scene import SharedScene
 
 if TYPE_CHECKING:
@@ -34,20 +47,66 @@ PendingBatch = Pending[dict[str, NDArray[Any]]]
 IMAGES = {"rgb": 3, "rgba": 4}  # components per pixel
 
 
-class Renderer(SensorRenderer[OmniCamera, CameraBackend]):
-    """Renders the images of a camera on a stage; see `SensorRenderer`.
+@dataclass(frozen=True, eq=False)
+class RecordedFrame:
+    """Image of a camera in a run, with channels of ground truth.
+
+    Attributes:
+        frame: rendered image with its channels.
+        number: index of the measurement.
+        channel_format: file format of the ground truth.
+    """
+
+    frame: Frame
+    number: int
+    channel_format: ChannelFormat
+
+    @property
+    def metadata(self) -> dict[str, Any]:
+        """Camera, mirror, scene, pose and degradation, as JSON-compatible values."""
+        return self.frame.metadata
+
+    def save(self, stem: Path) -> None:
+        """Write the missing files: channels, boxes, and finally the image.
+
+        Raises:
+            OutputError: a file cannot be written.
+        """
+        from omnisim.ground_truth.boxes import boxes_json, coco_image, write_json
+        from omnisim.ground_truth.channel_files import write_exr
+
+        frame, files = self.frame, self.channel_format
+        image = stem.with_suffix(IMAGE_SUFFIX)
+        target = stem.with_suffix(CHANNELS_SUFFIX)
+        if frame.channels and files is not ChannelFormat.NPY and not is_written(target):
+            write_exr(target, frame.channels, None, frame.metadata)
+        if frame.channels and files is not ChannelFormat.AUTO:
+            has_ray = frame.valid if frame.has_ray is None else frame.has_ray
+            write_sidecars(image, frame.channels, None, frame.metadata, has_ray, ChannelFormat.NPY)
+        target = stem.with_suffix(BOXES_SUFFIX)
+        instances, labels = frame.channels.get("instance"), frame.labels
+        if instances is not None and labels is not None and not is_written(target):
+            write_json(target, coco_image(instances, labels, image.name, self.number))
+        target = stem.with_suffix(BOXES_3D_SUFFIX)
+        if frame.boxes_3d is not None and labels is not None and not is_written(target):
+            write_json(target, boxes_json(frame.boxes_3d, labels, image.name, frame.metadata))
+        if not is_written(image):
+            dataclasses.replace(frame, channels={}, boxes_3d=None).save(image)
+
+
+class Renderer(Instrument[OmniCamera, CameraBackend, RecordedFrame]):
+    """Renders the images of a camera on a stage; see `Instrument`.
 
     Args:
         stage: stage of the renderer, to be closed after it.
         sensor: omnidirectional camera.
-        mounting: mounting on a vehicle of the stage.
+        mount: its mount on a vehicle of the stage.
     """
 
-    def __init__(self, stage: SharedScene, sensor: OmniCamera, mounting: Mounting):
-        self._unlit, self._seed = mounting.unlit, mounting.seed
+    def __init__(self, stage: SharedScene, sensor: OmniCamera, mount: Mount[object]):
         self._last_poses: ScenePoses | None = None
-        mounted = sensor.mounted(mounting.base_from_sensor)
-        super().__init__(stage, mounted.seeing(scene_size_m(stage.scene)), mounting)
+        mounted = sensor.mounted(mount.base_from_sensor)
+        super().__init__(stage, mounted.seeing(scene_size_m(stage.scene)), mount)
 
     @property
     def camera(self) -> OmniCamera:
@@ -272,6 +331,46 @@ class Renderer(SensorRenderer[OmniCamera, CameraBackend]):
 
         return Pending(finish)
 
+    def begin(self, moment: Moment) -> Pending[RecordedFrame]:
+        """Begin to render the image at a moment; auto-exposure follows the previous image's."""
+        mount, is_ideal = self.mount, self.camera.degradation.is_ideal
+
+        def motion(time_s: float) -> WorldState | NDArray[np.float64]:
+            return moment.motion(time_s + mount.time_shift_s)
+
+        pending = self.submit(
+            motion(moment.time_s),
+            also=moment.channels,
+            boxes_3d=mount.boxes_3d,
+            next_state=None if moment.next_s is None else motion(moment.next_s),
+            previous_state=None if moment.previous_s is None else motion(moment.previous_s),
+            motion=None if is_ideal else motion,
+            frame_number=moment.number,
+            exposure_ev=self._exposure_ev(moment),
+        )
+        return pending.then(lambda frame: RecordedFrame(frame, moment.number, mount.channel_format))
+
+    def _exposure_ev(self, moment: Moment) -> float | None:
+        """Exposure reached by auto-exposure, EV; None: the image itself determines it."""
+        degradation = self.camera.degradation
+        if degradation.exposure is None or not degradation.is_metered:
+            return None
+        if moment.previous_stem is None or moment.previous_s is None:
+            return None
+        path = moment.previous_stem.with_suffix(IMAGE_SUFFIX)
+        metadata = None if moment.previous is None else moment.previous.result().metadata
+        try:
+            if metadata is None:
+                _, metadata = read_image(path)
+            exposure = (metadata or {})["degradation"]["exposure"]
+            ev, metered_ev = float(exposure["ev"]), float(exposure["metered_ev"])
+        except (OmnisimError, KeyError, TypeError, ValueError):
+            raise RunError(
+                f"{path}: has no exposure, which the next image's follows from: remove it, and it "
+                "is taken again"
+            ) from None
+        return degradation.exposure.next_ev(ev, metered_ev, moment.time_s - moment.previous_s)
+
     def faces(self) -> dict[str, NDArray[np.uint8]]:
         """Images (size, size, 3) uint8 sRGB of the virtual cameras in the last frame, by name.
 
@@ -289,7 +388,7 @@ class Renderer(SensorRenderer[OmniCamera, CameraBackend]):
     def _open_passes(self, hidden: frozenset[ObjectPart]) -> CameraBackend:
         vehicles = tuple(self._stage.vehicles)
         return self._stage.backend.camera(
-            CameraSetup(self.sensor, self._unlit, hidden, self._seed, vehicles)
+            CameraSetup(self.sensor, self.mount.unlit, hidden, self.mount.seed, vehicles)
         )
 
     def _state_or_optical(
@@ -367,7 +466,7 @@ class Renderer(SensorRenderer[OmniCamera, CameraBackend]):
             camera=self.camera.model.parameters(),
             polygons=self.camera.mesh_polygons or "exact",
             supersampling=self.camera.supersampling,
-            lit=not self._unlit,
+            lit=not self.mount.unlit,
             **({} if backend_name == "cube" else {"backend": backend_name}),
             exposure=self.scene.lighting.exposure,
             world_from_base=state.world_from_object[self.vehicle].tolist(),

@@ -1,24 +1,38 @@
-"""Stages: a scene on a back end, which opens the renderers of sensors."""
+"""Stages: a scene on a back end, which opens sensors as instruments."""
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Collection
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, Protocol, TypeAlias, TypeVar, overload, runtime_checkable
 
 from numpy.typing import ArrayLike
 
+from omnisim.core.poses import check_pose
 from omnisim.rendering.camera.omnicamera import CameraLike, OmniCamera
+from omnisim.rendering.instrument import Instrument
 from omnisim.rendering.renderer import Renderer
-from omnisim.rendering.sensor_renderer import Mounting, Sensor, SensorRenderer
+from omnisim.rendering.sensor import Mount
 from omnisim.rendering.shared_scene import BackendName, SharedScene
 from omnisim.scene import Scene
 
-if TYPE_CHECKING:
-    from typing_extensions import TypeVar
+InstrumentT = TypeVar("InstrumentT", bound=Instrument[Any, Any, Any])
+InstrumentT_co = TypeVar("InstrumentT_co", bound=Instrument[Any, Any, Any], covariant=True)
 
-    # Objects without a renderer of their own are cameras.
-    Opened = TypeVar("Opened", bound=SensorRenderer[Any, Any], default=Renderer)
+
+@runtime_checkable
+class Sensor(Protocol[InstrumentT_co]):
+    """Sensor that sees; your own have these two methods, and `SensorSettings` as their base."""
+
+    def summary(self) -> str:
+        """Short description of the sensor."""
+
+    def open(self, stage: Stage, mount: Mount[object]) -> InstrumentT_co:
+        """Open the sensor on a stage."""
+
+
+Opens: TypeAlias = Sensor[InstrumentT] | Mount[Sensor[InstrumentT]]
 
 
 class Stage(SharedScene):
@@ -46,25 +60,48 @@ class Stage(SharedScene):
         SceneError: a name that two objects share, or a body beside vehicles.
     """
 
+    @overload
     def open(
         self,
-        sensor: Sensor[Opened] | CameraLike = None,
+        sensor: Opens[InstrumentT],
         base_from_sensor: ArrayLike | None = None,
         *,
         hidden: Collection[str] = (),
         vehicle: str | None = None,
         seed: int | str = 0,
         unlit: bool = False,
-    ) -> Opened:
-        """Open a sensor's renderer, which loads and compiles everything once.
+    ) -> InstrumentT: ...
+
+    @overload
+    def open(
+        self,
+        sensor: CameraLike = None,
+        base_from_sensor: ArrayLike | None = None,
+        *,
+        hidden: Collection[str] = (),
+        vehicle: str | None = None,
+        seed: int | str = 0,
+        unlit: bool = False,
+    ) -> Renderer: ...
+
+    def open(
+        self,
+        sensor: Opens[InstrumentT] | CameraLike = None,
+        base_from_sensor: ArrayLike | None = None,
+        *,
+        hidden: Collection[str] = (),
+        vehicle: str | None = None,
+        seed: int | str = 0,
+        unlit: bool = False,
+    ) -> InstrumentT | Renderer:
+        """Open a sensor as its instrument, which loads and compiles everything once.
 
         Args:
             sensor: a camera (`OmniCamera`, or an argument of `OmniCamera.of`; None: the paper's); a
                 `LaserScanner`, `SpinningLidar`, `DepthCamera` or `RangeSensor`; a sensor of your
                 own; or one of a vehicle's `sensors`, with its own mount and hidden parts.
             base_from_sensor: (4, 4) mount on the vehicle, x forward; None: at the base. A camera's
-                own
-                `base_from_rig` follows it.
+                own `base_from_rig` follows it.
             hidden: names of body instances that it does not see, such as its own housing.
             vehicle: name of the vehicle that carries it; None: the first.
             seed: noise seed of cameras and depth cameras; other sensors have their own.
@@ -75,16 +112,30 @@ class Stage(SharedScene):
             SceneError: a hidden name that is not in the body.
             OmnisimError: an unreadable sensor or calibration file, or an invalid pose.
         """
-        mounting = Mounting(base_from_sensor, hidden, vehicle, seed, unlit)
-        given: Any = sensor
-        if isinstance(given, Path) or not hasattr(given, "open"):
-            return cast("Opened", Renderer(self, OmniCamera.of(given), mounting))
-        return cast("Opened", given.open(self, mounting))
+        own = sensor if isinstance(sensor, Mount) else Mount(sensor)
+        given = own.base_from_sensor if base_from_sensor is None else base_from_sensor
+        mount = dataclasses.replace(
+            own,
+            base_from_sensor=check_pose(given),
+            hides=(*own.hides, *hidden),
+            vehicle=vehicle,
+            seed=seed,
+            unlit=unlit,
+        )
+        settings = own.sensor
+        if isinstance(settings, Sensor):
+            return settings.open(self, mount)
+        return self.open_camera(OmniCamera.of(settings), mount)
+
+    def open_camera(self, camera: OmniCamera, mount: Mount[object]) -> Renderer:
+        """Open a camera at a mount; `open` also takes descriptions of cameras."""
+        return Renderer(self, camera, mount)
 
 
+@overload
 def open_sensor(
     scene: Scene | str | Path,
-    sensor: Sensor[Opened] | CameraLike = None,
+    sensor: Opens[InstrumentT],
     base_from_sensor: ArrayLike | None = None,
     *,
     body: Scene | None = None,
@@ -93,8 +144,37 @@ def open_sensor(
     hidden: Collection[str] = (),
     seed: int | str = 0,
     unlit: bool = False,
-) -> Opened:
-    """Open the only sensor of a scene, on a stage that closes with the renderer.
+) -> InstrumentT: ...
+
+
+@overload
+def open_sensor(
+    scene: Scene | str | Path,
+    sensor: CameraLike = None,
+    base_from_sensor: ArrayLike | None = None,
+    *,
+    body: Scene | None = None,
+    device: int | str | None = None,
+    backend: BackendName = "cube",
+    hidden: Collection[str] = (),
+    seed: int | str = 0,
+    unlit: bool = False,
+) -> Renderer: ...
+
+
+def open_sensor(
+    scene: Scene | str | Path,
+    sensor: Opens[InstrumentT] | CameraLike = None,
+    base_from_sensor: ArrayLike | None = None,
+    *,
+    body: Scene | None = None,
+    device: int | str | None = None,
+    backend: BackendName = "cube",
+    hidden: Collection[str] = (),
+    seed: int | str = 0,
+    unlit: bool = False,
+) -> InstrumentT | Renderer:
+    """Open the only sensor of a scene, on a stage that closes with the instrument.
 
     Args:
         scene, body, device, backend: as for `Stage`.
@@ -105,9 +185,9 @@ def open_sensor(
     """
     stage = Stage(scene, body, device=device, backend=backend)
     try:
-        renderer = stage.open(sensor, base_from_sensor, hidden=hidden, seed=seed, unlit=unlit)
+        opened = stage.open(sensor, base_from_sensor, hidden=hidden, seed=seed, unlit=unlit)
     except BaseException:
         stage.close()
         raise
-    renderer.owns_stage = True
-    return renderer
+    opened.owns_stage = True
+    return opened

@@ -13,10 +13,9 @@ from omnisim.core.trajectories.odometry import (
     write_odometry,
 )
 from omnisim.robots.kinematics import Kinematics, check_drivable, find_violation
-from omnisim.robots.motion_profile import plan_in_steps, plan_with_period
+from omnisim.robots.motion_profile import plan_in_steps, plan_with_period, time_poses
 from omnisim.robots.robot_file import Chassis, Footprint, Robot, load_robot, parse_robot, read_robot
 from omnisim.robots.robot_lookup import builtin_robots, find_robot
-from omnisim.robots.timing import time_poses
 
 __all__ = [
     "Chassis",

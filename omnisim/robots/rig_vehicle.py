@@ -10,8 +10,8 @@ from omnisim.core.errors import CalibrationError
 from omnisim.core.poses import inverse, pose_from_rotation
 from omnisim.core.trajectories.odometry import OdometryErrors
 from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.sensor import Mount
 from omnisim.robots.vehicle import Vehicle
-from omnisim.sensors.omnicamera.mounted_omnicamera import MountedCamera
 from omnisim.sensors.sensor_names import folder_name
 
 
@@ -33,7 +33,7 @@ def rig_vehicle(name: str, rig: Rig, sensors: Sequence[OmniCamera] | None = None
         rig_from_optical = pose_from_rotation(camera.model.rig_from_optical, (0.0, 0.0, 0.0))
         base_from_rig = camera.body_from_camera @ inverse(rig_from_optical)
         mounted = dataclasses.replace(sensor, base_from_rig=base_from_rig)
-        cameras.append(MountedCamera("omnicamera", folder_name(camera.name), (), mounted))
+        cameras.append(Mount(mounted, folder_name(camera.name), "omnicamera"))
     names = [camera.name for camera in cameras]
     for camera, folder in zip(rig.cameras, names, strict=True):
         if names.count(folder) > 1:

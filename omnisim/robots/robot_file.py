@@ -181,17 +181,14 @@ def parse_robot(table: dict[str, Any], source: str, folder: Path = Path()) -> Ro
         RobotFileError: the table is invalid; names source, key, actual and expected value.
     """
     whole = extended(table, source, RobotFileError, find_robot)
-    return _robot(parse_table(whole, RobotFile, RobotFileError, source), source, folder)
-
-
-def _robot(table: RobotFile, source: str, folder: Path) -> Robot:
-    drive = table.kinematics
-    given = dict(table) | {
+    keys = parse_table(whole, RobotFile, RobotFileError, source)
+    drive = keys.kinematics
+    given = dict(keys) | {
         "source": source,
         "folder": folder,
-        "title": table.title or table.name,
+        "title": keys.title or keys.name,
         "kinematics": None if drive is None else _part(Kinematics, drive),
-        "chassis": _part(Chassis, table.physics, drive or Wheels()),
+        "chassis": _part(Chassis, keys.physics, drive or Wheels()),
     }
     return Robot.model_construct(**given)
 

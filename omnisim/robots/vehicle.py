@@ -20,20 +20,18 @@ from omnisim.core.short_repr import point_text, short_repr
 from omnisim.core.trajectories.odometry import OdometryErrors
 from omnisim.rendering.camera.degradations import Degradation
 from omnisim.rendering.camera.omnicamera import ExposureOption, OmniCamera, Polygons
+from omnisim.rendering.sensor import Mount, SensorSettings, carries
 from omnisim.robots.kinematics import Kinematics
 from omnisim.robots.robot_file import Footprint, Robot, load_robot
 from omnisim.scene import Scene, read_scene
 from omnisim.scene.files.readers import is_mjcf
 from omnisim.scene.space.enclosure import enclosing_nodes
 from omnisim.scene.space.start_pose import default_start
-from omnisim.sensors.laser_scanner.mounted_scanner import MountedScanner
-from omnisim.sensors.omnicamera.mounted_omnicamera import MountedCamera
-from omnisim.sensors.sensor import MountedSensor
-from omnisim.sensors.sensor_mount import SensorMount
-from omnisim.sensors.sensor_registry import parse_mounts, sensor_source
-from omnisim.sensors.triggers import sensor_rates
+from omnisim.sensors.laser_scanner.laser_scanner import LaserScanner
+from omnisim.sensors.sensor_registry import parse_sensors, sensor_source
+from omnisim.sensors.sensor_table import SensorTable, sensor_rates
 
-Mounted = TypeVar("Mounted", bound=MountedSensor)
+SensorT = TypeVar("SensorT", bound=SensorSettings)
 # Keys that identify a robot, in this order; not the location of its file on this machine.
 _IDENTITY = (
     "name", "title", "body", "body_offset_m", "resources", "kinematics", "odometry", "footprint",
@@ -52,7 +50,7 @@ class Vehicle:
         kinematics: limits of the robot; None: unknown.
         odometry: errors of the wheel odometry.
         footprint: footprint around the base; None: unknown.
-        sensors: sensors in the order of the robot file.
+        sensors: mounted sensors in the order of the robot file.
         given: digest of the source files; None: identified by its own content.
     """
 
@@ -62,7 +60,7 @@ class Vehicle:
     kinematics: Kinematics | None
     odometry: OdometryErrors
     footprint: Footprint | None
-    sensors: tuple[MountedSensor, ...]
+    sensors: tuple[Mount[SensorSettings], ...]
     given: str | None = field(default=None, init=False)
 
     def __repr__(self) -> str:
@@ -102,28 +100,26 @@ class Vehicle:
     @classmethod
     def _of(cls, robot: Robot, cameras: Mapping[str, OmniCamera]) -> Vehicle:
         body = _load_body(robot)
-        sensors: list[MountedSensor] = []
-        mounts = parse_mounts(robot)
+        mounts: list[Mount[SensorSettings]] = []
+        tables = parse_sensors(robot)
         sources = [
-            sensor_source(robot, mount.name if "name" in mount.model_fields_set else index)
-            for index, mount in enumerate(mounts)
+            sensor_source(robot, table.name if "name" in table.model_fields_set else index)
+            for index, table in enumerate(tables)
         ]
-        for (mount, rate), where in zip(sensor_rates(mounts, sources), sources, strict=True):
-            _check_hidden(mount, body, where)
-            for built in mount.sensors(robot.folder, where):
-                sensor = dataclasses.replace(built, rate=rate)
-                if isinstance(sensor, MountedCamera) and sensor.name in cameras:
-                    camera = cameras[sensor.name]
-                    base_from_rig = mount.base_from_mount @ camera.base_from_rig
-                    camera = dataclasses.replace(camera, base_from_rig=base_from_rig)
-                    sensor = dataclasses.replace(sensor, sensor=camera)
-                if any(sensor.name == other.name for other in sensors):
+        for (table, rate), where in zip(sensor_rates(tables, sources), sources, strict=True):
+            _check_hidden(table, body, where)
+            for built in table.mounts(robot.folder, where):
+                mount = dataclasses.replace(built, rate=rate)
+                if isinstance(mount.sensor, OmniCamera) and mount.name in cameras:
+                    camera = cameras[mount.name].mounted(table.base_from_mount)
+                    mount = dataclasses.replace(mount, sensor=camera)
+                source = sensor_source(robot, mount.name)
+                if any(mount.name == other.name for other in mounts):
                     raise RobotFileError(
-                        f"{sensor_source(robot, sensor.name)}: a second sensor of this name: "
-                        "expected each name once"
+                        f"{source}: a second sensor of this name: expected each name once"
                     )
-                _check_outside(body, sensor, sensor_source(robot, sensor.name))
-                sensors.append(sensor)
+                _check_outside(body, mount, source)
+                mounts.append(mount)
         return cls(
             name=robot.name,
             title=robot.title,
@@ -131,20 +127,20 @@ class Vehicle:
             kinematics=robot.kinematics,
             odometry=robot.odometry,
             footprint=robot.footprint,
-            sensors=tuple(sensors),
+            sensors=tuple(mounts),
         )
 
     @property
-    def cameras(self) -> tuple[MountedCamera, ...]:
+    def cameras(self) -> tuple[Mount[OmniCamera], ...]:
         """Omnidirectional cameras of the vehicle."""
-        return tuple(each for each in self.sensors if isinstance(each, MountedCamera))
+        return tuple(one for one in self.sensors if carries(one, OmniCamera))
 
     @property
-    def scanners(self) -> tuple[MountedScanner, ...]:
+    def scanners(self) -> tuple[Mount[LaserScanner], ...]:
         """Planar laser scanners of the vehicle."""
-        return tuple(each for each in self.sensors if isinstance(each, MountedScanner))
+        return tuple(one for one in self.sensors if carries(one, LaserScanner))
 
-    def camera(self, name: str | None = None) -> MountedCamera:
+    def camera(self, name: str | None = None) -> Mount[OmniCamera]:
         """Camera of the given name; without a name, the first.
 
         Raises:
@@ -152,7 +148,7 @@ class Vehicle:
         """
         return _named(self.cameras, name, f"robot {self.name!r}: camera")
 
-    def scanner(self, name: str | None = None) -> MountedScanner:
+    def scanner(self, name: str | None = None) -> Mount[LaserScanner]:
         """Laser scanner of the given name; without a name, the first.
 
         Raises:
@@ -181,23 +177,23 @@ class Vehicle:
         Raises:
             OpticsError: an invalid size, polygon count or quality.
         """
-        sensors: list[MountedSensor] = []
-        for mounted in self.sensors:
-            if not isinstance(mounted, MountedCamera):
-                sensors.append(mounted)
+        sensors: list[Mount[SensorSettings]] = []
+        for mount in self.sensors:
+            camera = mount.sensor
+            if not isinstance(camera, OmniCamera):
+                sensors.append(mount)
                 continue
-            sensor = mounted.sensor
             if degradation is not None:
-                sensor = sensor.with_degradation(degradation)
+                camera = camera.with_degradation(degradation)
             if exposure is not None:
-                sensor = sensor.with_exposure(exposure)
+                camera = camera.with_exposure(exposure)
             if size_px is not None:
-                sensor = sensor.resized(size_px)
+                camera = camera.resized(size_px)
             if quality is not None:
-                sensor = sensor.with_quality(quality)
+                camera = camera.with_quality(quality)
             if polygons != "same":
-                sensor = sensor.with_polygons(polygons)
-            sensors.append(dataclasses.replace(mounted, sensor=sensor))
+                camera = camera.with_polygons(polygons)
+            sensors.append(dataclasses.replace(mount, sensor=camera))
         changed = dataclasses.replace(self, sensors=tuple(sensors))
         if self.given is None:
             return changed
@@ -212,7 +208,7 @@ class Vehicle:
         return vehicle
 
 
-def _named(sensors: tuple[Mounted, ...], name: str | None, what: str) -> Mounted:
+def _named(sensors: tuple[Mount[SensorT], ...], name: str | None, what: str) -> Mount[SensorT]:
     if name is None and sensors:
         return sensors[0]
     names = [sensor.name for sensor in sensors]
@@ -268,22 +264,22 @@ def _moved(body: Scene, offset_m: tuple[float, float, float]) -> Scene:
     return body.altered(f"offset {offset_m}", instances=instances)
 
 
-def _check_hidden(mount: SensorMount, body: Scene | None, where: str) -> None:
+def _check_hidden(table: SensorTable, body: Scene | None, where: str) -> None:
     nodes = [] if body is None else list(dict.fromkeys(i.name for i in body.instances))
-    for name in mount.hides:
+    for name in table.hides:
         if name not in nodes:
             hint = did_you_mean(name, nodes, "it has")
             raise RobotFileError(f"{where}: hides {name!r}: no such node in the body; {hint}")
 
 
-def _check_outside(body: Scene | None, mounted: MountedSensor, where: str) -> None:
+def _check_outside(body: Scene | None, mount: Mount[SensorSettings], where: str) -> None:
     """Raise an error if a sensor is inside a part of the body that it does not hide."""
     if body is None:
         return
-    around = enclosing_nodes(body, mounted.origin_m, mounted.near_m, mounted.hides)
-    if around:
-        place = point_text(mounted.origin_m)
+    sensor = mount.sensor
+    if around := enclosing_nodes(body, mount.origin_m, sensor.near_m, mount.hides):
+        place = point_text(mount.origin_m)
         raise RobotFileError(
-            f"{where}: its {mounted.origin_noun} {place} m is inside of the body's "
+            f"{where}: its {sensor.origin_noun} {place} m is inside of the body's "
             f"{', '.join(around)}: move it, or name in hides what it does not see"
         )

@@ -31,10 +31,12 @@ from omnisim.core.trajectories.odometry import Odometry
 from omnisim.core.trajectories.spline_motion import SplineMotion
 from omnisim.core.version import __version__
 from omnisim.ground_truth.channel_files import ChannelFormat
+from omnisim.rendering.camera.omnicamera import CAMERA_POSES
 from omnisim.rendering.contract import Pending
 from omnisim.rendering.missed_surfaces import viewpoint_notes
+from omnisim.rendering.sensor import Moment, Mount, Reading, SensorSettings
 from omnisim.rendering.shared_scene import BackendName
-from omnisim.rendering.stage import Stage
+from omnisim.rendering.stage import Sensor, Stage
 from omnisim.robots import Chassis, simulate_odometry, with_errors, write_odometry
 from omnisim.robots.body_boxes import BodyBoxes
 from omnisim.robots.vehicle import Vehicle
@@ -59,8 +61,6 @@ from omnisim.runs.run_manifest import MANIFEST_FORMAT
 from omnisim.runs.true_states import write_states
 from omnisim.scene import Scene
 from omnisim.scene.labels import BODY, find_labels
-from omnisim.sensors.omnicamera.mounted_omnicamera import CAMERA_POSES
-from omnisim.sensors.sensor import DriveSettings, Measurement, Moment, MountedSensor
 from omnisim.sensors.specular_keys import specular_notes
 
 MAX_SEED = 2**63 - 1
@@ -170,8 +170,8 @@ class Drive:
             raise RunError(f"seed: expected a whole number from 0 to 2**63 - 1, got {self.seed}")
 
     def _check_sensors(self, truth: Trajectory) -> None:
-        for sensor in self.vehicle.sensors:
-            sensor.check_trajectory(truth, sensor.times_s(truth.times_s, self.seed))
+        for mount in self.vehicle.sensors:
+            mount.sensor.check_trajectory(mount, truth, mount.times_s(truth.times_s, self.seed))
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,11 +247,10 @@ class PlannedDrive:
                 )
             )
             stack.enter_context(stage.current())  # throughout, not image by image
-            settings = self._settings
             instruments = {
-                sensor.name: stack.enter_context(instrument)
-                for sensor in vehicle.sensors
-                if (instrument := sensor.instrument(stage, settings)) is not None
+                mount.name: stack.enter_context(sensor.open(stage, self._placed(mount)))
+                for mount in vehicle.sensors
+                if isinstance(sensor := mount.sensor, Sensor)
             }
             content = self._manifest(stage.backend.renderer)
             run = stack.enter_context(open_run(folder, content, force))
@@ -266,10 +265,10 @@ class PlannedDrive:
             if not (is_new and missing):
                 yield finished
             writer = stack.enter_context(ThreadPoolExecutor(1))
-            last: dict[str, tuple[int, Pending[Measurement]]] = {}  # index and measurement
+            last: dict[str, tuple[int, Pending[Reading]]] = {}  # index and reading
             writes: list[Future[None]] = []
             for done, step in enumerate([*missing, None], start=finished):
-                begun: deque[tuple[Path, Pending[Measurement]]] = deque()
+                begun: deque[tuple[Path, Pending[Reading]]] = deque()
                 following: list[Future[None]] = []
                 for name, instrument in instruments.items():
                     for index in () if step is None else run.indices_at(name, step):
@@ -291,16 +290,16 @@ class PlannedDrive:
                 writes = [*following, *(_write(writer, *one) for one in begun)]
             write_boxes(run, labels)
 
-    @property
-    def _settings(self) -> DriveSettings:
+    def _placed(self, mount: Mount[SensorSettings]) -> Mount[SensorSettings]:
+        """Mount in this drive; the noise seeds of a vehicle's sensors all differ."""
         drive = self.drive
-        return DriveSettings(
-            self.name,
-            self.motion,
-            drive.seed,
-            drive.unlit,
-            drive.channel_format,
-            drive.boxes_3d,
+        return dataclasses.replace(
+            mount,
+            vehicle=self.name,
+            seed=f"{drive.seed} {mount.name}",
+            unlit=drive.unlit,
+            channel_format=drive.channel_format,
+            boxes_3d=drive.boxes_3d,
         )
 
     @cached_property
@@ -313,17 +312,18 @@ class PlannedDrive:
     def notes(self) -> list[str]:
         """Notices on omissions of sensors, and on surfaces too near to the cameras at the start."""
         drive, start = self.drive, self.truth.world_from_base[0]
-        notes = [one.note(self.sensor_times_s[one.name]) for one in drive.vehicle.sensors]
+        sensors, times_s = drive.vehicle.sensors, self.sensor_times_s
+        notes = [one.sensor.note(one, times_s[one.name]) for one in sensors]
         for one in drive.vehicle.cameras:
             unusual = viewpoint_notes(drive.scene, one.sensor, start)
             notes += [f"{one.name}: {note}" for note in unusual]
-        if any(getattr(one.sensor, "specular", False) for one in drive.vehicle.sensors):
+        if any(getattr(one.sensor, "specular", False) for one in sensors):
             objects = [one.shape for one in drive.scene.objects]
             notes += specular_notes(drive.scene, objects, drive.backend)
         return [note for note in notes if note is not None]
 
     def _moment(
-        self, run: RunFolder, sensor: str, index: int, previous: Pending[Measurement] | None
+        self, run: RunFolder, sensor: str, index: int, previous: Pending[Reading] | None
     ) -> Moment:
         """Moment of a measurement; the folder has all earlier measurements."""
         times_s = self.sensor_times_s[sensor]
@@ -347,6 +347,17 @@ class PlannedDrive:
         drive, vehicle = self.drive, self.drive.vehicle
         unit = {} if drive.meters_per_unit is None else {"meters_per_unit": drive.meters_per_unit}
         folders = [str(folder.absolute()) for folder in drive.resources]
+        physics: dict[str, Any] = {}
+        if self.simulated is not None and drive.physics is not None:
+            chassis = dataclasses.asdict(drive.physics)
+            physics = {"physics": {**self.simulated.manifest(), "chassis": chassis}}
+
+        def timing(mount: Mount[SensorSettings]) -> dict[str, Any]:
+            if mount.rate is None:  # a measurement at each step
+                return {}
+            count = len(self.sensor_times_s[mount.name])
+            return {"rate_hz": mount.rate.rate_hz, "measurements": count}
+
         content = {
             "format": MANIFEST_FORMAT,
             "omnisim": __version__,
@@ -359,11 +370,11 @@ class PlannedDrive:
                 "contents": scene_contents(drive.scene),
             },
             "sensors": {
-                sensor.name: {"type": sensor.type, **self._timing(sensor), **sensor.settings()}
-                for sensor in vehicle.sensors
+                one.name: {"type": one.type, **timing(one), **one.sensor.manifest(one)}
+                for one in vehicle.sensors
             },
             "robot": {"name": vehicle.name, "contents": fingerprint(vehicle)},
-            **self._physics_manifest(),
+            **physics,
             "path": {
                 "name": Path(drive.route.path).name,
                 "route": self.route_given or route_digest(drive.route),
@@ -394,20 +405,6 @@ class PlannedDrive:
             content["boxes_3d"] = True
         return json.loads(json.dumps(content))
 
-    def _timing(self, sensor: MountedSensor) -> dict[str, Any]:
-        """Rate of a sensor for the manifest; empty if it measures at each step."""
-        if sensor.rate is None:
-            return {}
-        count = len(self.sensor_times_s[sensor.name])
-        return {"rate_hz": sensor.rate.rate_hz, "measurements": count}
-
-    def _physics_manifest(self) -> dict[str, Any]:
-        """Physics for the manifest; empty without physics."""
-        if self.simulated is None or self.drive.physics is None:
-            return {}
-        chassis = dataclasses.asdict(self.drive.physics)
-        return {"physics": {**self.simulated.manifest(), "chassis": chassis}}
-
     def _write_records(self, run: RunFolder) -> None:
         """Write the files that need no rendering."""
         if not run.has(GROUND_TRUTH):
@@ -420,16 +417,16 @@ class PlannedDrive:
         times_s = self.sensor_times_s
         if not run.has(STATES):
             sensors = self.drive.vehicle.sensors
-            needed_s = (one.state_times_s(times_s[one.name]) for one in sensors)
+            needed_s = (one.sensor.state_times_s(times_s[one.name]) for one in sensors)
             write_states(run.path / STATES, self.motion, (self.truth.times_s, *needed_s))
-        for sensor in self.drive.vehicle.sensors:
-            own_s, folder = times_s[sensor.name], run.path / sensor.name
-            sensor.write_readings(folder, self._settings, own_s)
-            if run.has_own_rate(sensor.name) and not is_written(folder / TIMES):
+        for mount in self.drive.vehicle.sensors:
+            own_s, folder = times_s[mount.name], run.path / mount.name
+            mount.sensor.write_readings(folder, mount, self.motion, self.drive.seed, own_s)
+            if run.has_own_rate(mount.name) and not is_written(folder / TIMES):
                 write_table(folder / TIMES, TIME, (own_s[:, None],))
-            for name, text in sensor.documents().items():
-                if not run.has(f"{sensor.name}/{name}"):
-                    write_text(run.path / sensor.name / name, text)
+            for name, text in mount.sensor.documents(mount).items():
+                if not is_written(folder / name):
+                    write_text(folder / name, text)
         for camera in self.drive.vehicle.cameras:
             if self.odometry is None and not run.has(f"{camera.name}/{CAMERA_POSES}"):
                 own_s = times_s[camera.name]
@@ -440,9 +437,9 @@ class PlannedDrive:
                 )
 
 
-def _write(writer: Executor, stem: Path, measurement: Pending[Measurement]) -> Future[None]:
-    """Begin to write a measurement once it is made."""
-    return writer.submit(measurement.result().save, stem)
+def _write(writer: Executor, stem: Path, reading: Pending[Reading]) -> Future[None]:
+    """Begin to write a reading once it is made."""
+    return writer.submit(reading.result().save, stem)
 
 
 def _check_motion(run: RunFolder, truth: Trajectory) -> None:

@@ -26,12 +26,11 @@ from omnisim.core.trajectories.spline_motion import SplineMotion
 from omnisim.core.trajectories.trajectory import step_lengths_m
 from omnisim.robots import Kinematics, check_drivable, time_poses
 from omnisim.robots.body_boxes import BodyBoxes
-from omnisim.robots.motion_profile import Plan, plan_in_steps, plan_with_period
-from omnisim.robots.planned_motion import PlannedMotion, Segment, in_sequence
+from omnisim.robots.motion_profile import Plan, plan_in_steps, plan_with_period, read_waypoints
+from omnisim.robots.planned_motion import PlannedMotion, in_sequence
 from omnisim.robots.robot_file import DEFAULT_CLEARANCE_M
 from omnisim.robots.vehicle import Vehicle
-from omnisim.robots.waypoints import read_waypoints
-from omnisim.runs.pose_sweep import SPACING_M, Sweep
+from omnisim.runs.contacts import SPACING_M, Sweep
 from omnisim.scene import Scene
 from omnisim.scene.space.floor import HeightField
 
@@ -138,7 +137,9 @@ def plan_route(
     trajectory = plan.trajectory
     follows_floor = not has_heights and route.ground_m is None
     if not has_heights and route.ground_m is not None:
-        trajectory = _at_height(trajectory, route.ground_m)
+        poses = trajectory.world_from_base.copy()
+        poses[:, 2, 3] = route.ground_m
+        trajectory = Trajectory(trajectory.times_s, poses)
     _check_on_the_map(scene, trajectory, route.path, with_heights=not follows_floor)
     try:
         check_printed_times(trajectory.times_s)
@@ -184,12 +185,6 @@ def _motion(plan: Plan | _RecordedPath, trajectory: Trajectory) -> BodyMotion:
     if isinstance(plan, Plan):
         return plan.motion.at_height(float(trajectory.positions_m[0, 2]))
     return SplineMotion(trajectory, from_rest=not plan.has_times)
-
-
-def _at_height(trajectory: Trajectory, ground_m: float) -> Trajectory:
-    poses = trajectory.world_from_base.copy()
-    poses[:, 2, 3] = ground_m
-    return Trajectory(trajectory.times_s, poses)
 
 
 def _check_numbers(route: Route) -> None:
@@ -378,7 +373,9 @@ def follow_floor(scene: Scene, sweep: Sweep, box: BodyBoxes | None, where: str) 
         surfaces = surfaces.reshape(len(points), len(_PLACES), len(_POINTS), -1)
         for k, columns in enumerate(surfaces, start=begin):
             if last is None:
-                last = np.full(len(_PLACES), _nearest_to_zero(columns))
+                surface_heights = columns[np.isfinite(columns)]
+                nearest = np.argmin(np.abs(surface_heights)) if len(surface_heights) else None
+                last = np.full(len(_PLACES), 0.0 if nearest is None else surface_heights[nearest])
             floor_heights = _floor_heights(columns, last, clearance_m)
             if floor_heights is None:
                 x, y = places[at[k]].tolist()
@@ -453,12 +450,6 @@ def _points_under(
     x, y = local[..., 0], local[..., 1]
     turned = np.stack((cos * x - sin * y, sin * x + cos * y), axis=-1)
     return positions_m[:, None, None] + turned
-
-
-def _nearest_to_zero(columns: NDArray[np.float64]) -> float:
-    """Height nearest to 0 among surfaces (...); 0 without surfaces."""
-    heights = columns[np.isfinite(columns)]
-    return float(heights[np.argmin(np.abs(heights))]) if len(heights) else 0.0
 
 
 def _floor_heights(
@@ -558,7 +549,10 @@ def on_floor(plan: Plan, sweep: Sweep) -> tuple[Sweep, PlannedMotion]:
         return sweep, PlannedMotion(segments)
     segments = in_sequence(segments)
     times = [segments[0].start_s + np.zeros(1)]
-    times += [_times(one, way)[1:] for one, way in zip(segments, ways, strict=True)]
+    times += [
+        one.start_s + one.trapezoid.times_at(way)[1:]
+        for one, way in zip(segments, ways, strict=True)
+    ]
     return dataclasses.replace(sweep, times_s=np.concatenate(times)), PlannedMotion(segments)
 
 
@@ -572,8 +566,3 @@ def _along_chords(poses: NDArray[np.float64], is_step: NDArray[np.bool_]) -> NDA
     chords_m = step_lengths_m(poses[is_step])
     scales = chords_m / np.add.reduceat(ways_m, first)
     return ways_m * np.repeat(scales, np.diff(np.append(first, len(ways_m))))
-
-
-def _times(segment: Segment, distances: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Times (n,), s, at distances (n,) along a segment, in meters or radians."""
-    return segment.start_s + segment.trapezoid.times_at(distances)

@@ -1,25 +1,40 @@
-"""Recorded runs as data for landmark detection and localization."""
+"""Recorded runs and single images as data for landmark detection, training and localization."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import json
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.core.errors import RunError
+from omnisim.cameras import summary
+from omnisim.core.errors import OpticsError, OutputError, RunError
 from omnisim.core.files.image_files import read_image
 from omnisim.core.short_repr import counted, short_repr
 from omnisim.core.trajectories import Trajectory, read_trajectory
 from omnisim.core.trajectories.odometry import Odometry
+from omnisim.ground_truth.label_names import Labels
+from omnisim.ground_truth.stored_channels import StoredChannels
+from omnisim.perception.landmarks.color_model import (
+    VALIDATE_EVERY,
+    Costs,
+    LabeledPixels,
+    Training,
+    train_colors,
+)
 from omnisim.perception.unwarping.panorama import CameraMount
+from omnisim.rendering.camera.captured_image import read_captured_image
+from omnisim.rendering.camera.omnicamera import CALIBRATION, IMAGE_SUFFIX, OmniCamera
 from omnisim.robots import read_odometry
-from omnisim.runs.run_folder import GROUND_TRUTH, ODOMETRY, RunFolder
+from omnisim.runs.run_folder import GROUND_TRUTH, LABELS, ODOMETRY, RunFolder
 from omnisim.scene import Scene
 from omnisim.scene.model import Landmark
-from omnisim.sensors.calibration_file import CALIBRATION, read_mount
+from omnisim.sensors.calibration_file import read_mount
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,3 +150,194 @@ def read_run(folder: Path, scene: str | None = None, camera: str | None = None) 
         run.check_steps(GROUND_TRUTH, len(truth))
     mount = read_mount(folder / name / CALIBRATION).assuming_viewpoint()
     return RunData(run, name, mount, run_scene, odometry, truth, steps)
+
+
+# Labels of a run's images: the ground truth for the training of color histograms.
+#
+# They come from the run's own channel `instance`, recorded by `omnisim drive ... --also instance`.
+# The scene's nodes are named after their landmark, `goal_yellow`; bands of a landmark with several
+# colors are also named after their color, `beacon_left_yellow_pink`.
+
+
+# Minimum saturation, (largest − smallest)/largest of linear RGB, of a landmark's color. It excludes
+# white lines, walls and paper, which are everywhere.
+MIN_SATURATION = 0.5
+Track = Callable[[Iterable[int]], Iterable[int]]
+
+
+def landmark_colors(landmarks: Sequence[Landmark]) -> tuple[str, ...]:
+    """Names of the saturated colors of landmarks, in alphabetical order."""
+    colors = set()
+    for landmark in landmarks:
+        for band in landmark.bands:
+            brightest = max(band.linear_rgb)
+            if brightest > 0.0 and 1.0 - min(band.linear_rgb) / brightest >= MIN_SATURATION:
+                colors.add(band.color)
+    return tuple(sorted(colors))
+
+
+class RunLabels:
+    """Classes of the pixels of a run's images.
+
+    Args:
+        run: run with the channel `instance`.
+        colors: names of the landmark colors; their classes are 1, 2, ...
+
+    Raises:
+        RunError: the run lacks the channel, or its table of labels is damaged.
+    """
+
+    def __init__(self, run: RunData, colors: Sequence[str]):
+        path = run.folder.path
+        if "instance" not in run.folder.manifest.channels:
+            raise RunError(
+                f"{path}: has no labels to learn from: drive it again into a new folder with "
+                "--also instance"
+            )
+        self._run = run
+        self._class_of_instance = _class_of_instance(run, colors)
+
+    def __call__(self, step: int) -> NDArray[np.uint8]:
+        """Class of each pixel (height, width): 0, or 1 + the index of a color.
+
+        Raises:
+            RunError: the step's file has unknown instances.
+            OutputError: the file is missing or damaged.
+        """
+        image = self._run.folder.file(self._run.camera, step, IMAGE_SUFFIX)
+        ids: NDArray[np.uint32]
+        ids = StoredChannels(image, {}).read(["instance"])["instance"]
+        if ids.max(initial=0) >= len(self._class_of_instance):
+            raise RunError(f"{image}: its channel has instances that are not in {LABELS}")
+        return self._class_of_instance[ids]
+
+    def pixels(self, track: Track = iter) -> Iterator[LabeledPixels]:
+        """Pixels (n, 3) that show the scene, and their classes (n,), image by image.
+
+        Args:
+            track: wrapper of the steps, for progress.
+        """
+        covered = self._run.mount.covered
+        selected = slice(None) if covered is None else covered.ravel()
+        for step in track(range(self._run.steps)):
+            yield self._run.image(step).reshape(-1, 3)[selected], self(step).ravel()[selected]
+
+
+def train_on_run(run: RunData, costs: Costs, track: Track = iter) -> Training:
+    """Train a color model on a run's landmarks.
+
+    Args:
+        run: run with the channel `instance`.
+        costs: costs of misclassification.
+        track: wrapper of the steps, for progress.
+
+    Raises:
+        RunError: a run without labels, or with too few images.
+        LocalizationError: a color is visible in no image.
+    """
+    colors = landmark_colors(run.landmarks)
+    labels = RunLabels(run, colors)
+    if run.steps < VALIDATE_EVERY:
+        raise RunError(
+            f"{run.folder.path}: expected at least {VALIDATE_EVERY} images to train on some and "
+            f"choose Θ by others, got {run.steps}"
+        )
+    return train_colors(colors, labels.pixels(track), costs)
+
+
+def _class_of_instance(run: RunData, colors: Sequence[str]) -> NDArray[np.uint8]:
+    """Classes (n,) by instance ID."""
+    path = run.folder.path / LABELS
+    classes = {
+        name: index
+        for landmark in run.landmarks
+        for band in landmark.bands
+        for index, color in enumerate(colors, start=1)
+        if color == band.color
+        for name in _node_names(landmark, color)
+    }
+    try:
+        labels = Labels.from_json(json.loads(path.read_text(encoding="utf-8")))
+    except OSError as reason:
+        raise RunError(f"{path}: cannot be read: {reason.strerror}") from None
+    except (KeyError, TypeError, ValueError, RecursionError):
+        raise RunError(f"{path}: is damaged: not a table of labels") from None
+    # objects that move with the vehicle are no landmarks, whatever their names
+    fixed = (0 if one.object_name else classes.get(one.name, 0) for one in labels.instances)
+    return np.array([0, *fixed], dtype=np.uint8)
+
+
+def _node_names(landmark: Landmark, color: str) -> tuple[str, ...]:
+    if len(landmark.bands) == 1:
+        return (landmark.name, f"{landmark.name}_{color}")
+    return (f"{landmark.name}_{color}",)
+
+
+# Single images with their camera, for landmark detection.
+
+
+@dataclass(frozen=True, eq=False)
+class SingleImage:
+    """Image of a camera, as a run of one step.
+
+    Attributes:
+        mount: camera on its vehicle.
+        pixels: (height, width, 3), sRGB.
+    """
+
+    mount: CameraMount
+    pixels: NDArray[np.uint8]
+    steps: ClassVar[int] = 1
+
+    def __repr__(self) -> str:
+        return short_repr(self, summary(self.mount.camera))
+
+    @property
+    def notices(self) -> list[str]:
+        """Notices: an assumed viewpoint of a non-central camera."""
+        return [] if self.mount.caveat is None else [self.mount.caveat]
+
+    def image(self, step: int) -> NDArray[np.uint8]:
+        """Image (height, width, 3) at step 0, the only step, sRGB."""
+        return self.pixels
+
+
+def read_single_image(
+    path: Path, height_m: float | None = None, sensor: OmniCamera | None = None
+) -> SingleImage:
+    """Read an image whose metadata names its camera.
+
+    The metadata gives the camera's mount on its vehicle; the vehicle's pose is ignored.
+
+    Args:
+        path: path of the image.
+        height_m: height of the effective viewpoint above the ground, or None: the mount's z.
+        sensor: camera of the image, on the vehicle, or None: the one in the image's metadata.
+
+    Raises:
+        OutputError: not an image, an image of floats, or an image without its camera.
+        OpticsError: an invalid height.
+    """
+    captured = read_captured_image(path, sensor)
+    if captured.pixels.dtype != np.uint8:
+        raise OutputError(f"{path}: has linear floats: expected an image of 8 bits, .png")
+    viewpoint_height_m = height_m
+    if height_m is None:
+        height_m = captured.height_m if sensor is None else float(sensor.base_from_optical[2, 3])
+    if height_m is None or not (math.isfinite(height_m) and height_m > 0.0):
+        raise OpticsError(
+            f"{path}: camera {height_m} m above the ground: expected more than 0: pass "
+            "--height METERS"
+        )
+    base_from_optical = np.eye(4)
+    base_from_optical[:3, :3] = captured.base_from_optical
+    if sensor is not None:
+        base_from_optical[:3, 3] = sensor.base_from_optical[:3, 3]
+    elif captured.world_from_base is not None and captured.world_from_optical is not None:
+        arm = captured.world_from_optical[:3, 3] - captured.world_from_base[:3, 3]
+        base_from_optical[:3, 3] = captured.world_from_base[:3, :3].T @ arm
+    base_from_optical[2, 3] = height_m
+    mount = CameraMount(captured.camera, base_from_optical, captured.covered).assuming_viewpoint()
+    if viewpoint_height_m is not None:
+        mount.base_from_optical[2, 3] = viewpoint_height_m
+    return SingleImage(mount, captured.pixels)

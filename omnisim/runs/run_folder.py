@@ -58,9 +58,9 @@ from omnisim.core.trajectories.trajectory import MAX_S
 from omnisim.ground_truth import CHANNELS, Labels
 from omnisim.ground_truth.boxes import merged, write_json
 from omnisim.ground_truth.channels import CLASSES
+from omnisim.rendering.camera.omnicamera import BOXES_SUFFIX
+from omnisim.rendering.sensor import SensorSettings
 from omnisim.runs.run_manifest import Manifest, first_difference, parse_manifest, read_manifest
-from omnisim.sensors.omnicamera.mounted_omnicamera import BOXES_SUFFIX
-from omnisim.sensors.sensor import MountedSensor, StepContent
 
 MANIFEST = "manifest.json"
 GROUND_TRUTH, ODOMETRY = "ground_truth.tum", "odometry.csv"
@@ -255,13 +255,13 @@ class RunFolder:
     def suffixes(self, sensor: str, index: int) -> tuple[str, ...]:
         """Suffixes of the files of a sensor's measurement."""
         manifest = self.manifest
-        content = StepContent(
-            self.channels_at(index, sensor),
-            manifest.channel_format,
-            manifest.boxes_3d,
-            manifest.sensors[sensor].model_extra or {},
-        )
-        return manifest.sensor_class(sensor).suffixes_of(content)
+        own = manifest.sensors[sensor].model_extra or {}
+        ground_truth = {
+            "channels": self.channels_at(index, sensor),
+            "channel_format": manifest.channel_format,
+            "boxes_3d": manifest.boxes_3d,
+        }
+        return manifest.sensor_class(sensor).suffixes_of({**own, **ground_truth})
 
     def channels_at(self, index: int, sensor: str) -> tuple[str, ...]:
         """Channels of a measurement: the first lacks a previous one, the last a next one."""
@@ -394,7 +394,7 @@ def _clear(run: RunFolder) -> None:
         (run.path / name).unlink(missing_ok=True)
 
 
-def _is_own(name: str, sensor: type[MountedSensor]) -> bool:
+def _is_own(name: str, sensor: type[SensorSettings]) -> bool:
     """True if a file of this name in a sensor's folder belongs to the run."""
     if name in (*sensor.document_names, BOXES, TIMES) or fnmatch(name, PARTIAL):
         return True
@@ -432,12 +432,12 @@ def write_boxes(run: RunFolder, labels: Labels) -> None:
     for camera in run.manifest.cameras:
         if not run.has(f"{camera}/{BOXES}"):
             indices = range(run.measurements(camera))
-            parts = [_read(run.file(camera, index, BOXES_SUFFIX)) for index in indices]
+            parts = []
+            for path in (run.file(camera, index, BOXES_SUFFIX) for index in indices):
+                try:
+                    parts.append(json.loads(path.read_text(encoding="utf-8")))
+                except (OSError, ValueError, RecursionError):
+                    raise RunError(
+                        f"{path}: cannot be read: remove it, and record the run again"
+                    ) from None
             write_json(run.path / camera / BOXES, merged(parts, labels))
-
-
-def _read(path: Path) -> dict[str, Any]:
-    try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
-        raise RunError(f"{path}: cannot be read: remove it, and record the run again") from None

@@ -12,10 +12,10 @@ from pydantic import AfterValidator, ConfigDict, Field
 from omnisim.core.errors import RunError, did_you_mean
 from omnisim.core.files.parameters import Table, parse_table
 from omnisim.ground_truth.channel_files import ChannelFormat
+from omnisim.rendering.sensor import SensorSettings
 from omnisim.scene import Scene, read_scene
-from omnisim.sensors.sensor import MountedSensor
 from omnisim.sensors.sensor_names import SensorName
-from omnisim.sensors.sensor_registry import MOUNT_TYPES
+from omnisim.sensors.sensor_registry import SENSOR_TYPES
 
 MANIFEST_FORMAT = 2
 RAYS = "embreex "  # prefix of the ray-casting back end's name
@@ -68,8 +68,8 @@ class _Named(_OpenTable):
 
 
 def _check_type(kind: str) -> str:
-    if kind not in MOUNT_TYPES:
-        raise ValueError(f"unknown sensor type; {did_you_mean(kind, MOUNT_TYPES)}")
+    if kind not in SENSOR_TYPES:
+        raise ValueError(f"unknown sensor type; {did_you_mean(kind, SENSOR_TYPES)}")
     return kind
 
 
@@ -97,9 +97,9 @@ class Manifest(_OpenTable):
         """Names of the cameras; cameras have ground truth."""
         return [name for name in self.sensors if self.sensor_class(name).has_ground_truth]
 
-    def sensor_class(self, name: str) -> type[MountedSensor]:
+    def sensor_class(self, name: str) -> type[SensorSettings]:
         """Class of a sensor."""
-        return MOUNT_TYPES[self.sensors[name].type].sensor_class
+        return SENSOR_TYPES[self.sensors[name].type].sensor_class
 
     @property
     def title(self) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -16,8 +16,8 @@ from omnisim.core.poses import (
     rotation_from_quaternion,
 )
 from omnisim.core.trajectories.body_motion import BodyMotion, MotionStates
+from omnisim.core.trajectories.rate import printed_s
 from omnisim.core.trajectories.trajectory import MAX_S
-from omnisim.sensors.rate import printed_s
 
 COLUMNS = (
     "t_s,x_m,y_m,z_m,qx,qy,qz,qw,vx_mps,vy_mps,vz_mps,ax_mps2,ay_mps2,az_mps2,"
@@ -42,13 +42,8 @@ def write_states(path: Path, motion: BodyMotion, times_s: Iterable[NDArray[np.fl
     """
     times = np.unique(np.concatenate([printed_s(one) for one in times_s]))
     times = times[times >= printed_s(np.array([motion.start_s]))]
-    write_table(path, COLUMNS, _blocks(motion, times))
-
-
-def _blocks(motion: BodyMotion, times_s: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
-    for first in range(0, len(times_s), BLOCK):
-        part = times_s[first : first + BLOCK]
-        yield _rows(part, motion.at(part))
+    parts = (times[first : first + BLOCK] for first in range(0, len(times), BLOCK))
+    write_table(path, COLUMNS, (_rows(part, motion.at(part)) for part in parts))
 
 
 def _rows(times_s: NDArray[np.float64], states: MotionStates) -> NDArray[np.float64]:

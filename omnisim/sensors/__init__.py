@@ -1,7 +1,7 @@
-"""Sensors on vehicles: one folder per sensor, with its model, renderer, mount and files.
+"""Sensors on vehicles: one folder per sensor, with its settings, instrument, reading and table.
 
 `omnisim.rendering.camera` reads the sensor files of cameras. A new sensor needs a folder here and
-an entry in `sensor_registry.py`.
+its table in `sensor_registry.py`.
 """
 
 from typing import TYPE_CHECKING
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from omnisim.core.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from omnisim.sensors.depth_camera.depth_camera import DepthCamera, DepthRenderer
+    from omnisim.sensors.depth_camera.depth_camera import DepthCamera, DepthImage, DepthRenderer
     from omnisim.sensors.laser_scanner.laser_scanner import LaserRenderer, LaserScanner, Scan
     from omnisim.sensors.lidar.spinning_lidar import LidarRenderer, PointCloud, SpinningLidar
     from omnisim.sensors.range_sensor.range_sensor import (
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 # Module of each name, imported at first use.
 _MODULES = {
     "DepthCamera": "depth_camera.depth_camera",
+    "DepthImage": "depth_camera.depth_camera",
     "DepthRenderer": "depth_camera.depth_camera",
     "LaserRenderer": "laser_scanner.laser_scanner",
     "LaserScanner": "laser_scanner.laser_scanner",
@@ -34,6 +35,7 @@ _MODULES = {
 }
 __all__ = [
     "DepthCamera",
+    "DepthImage",
     "DepthRenderer",
     "LaserRenderer",
     "LaserScanner",

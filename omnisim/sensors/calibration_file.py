@@ -10,20 +10,7 @@ from omnisim.core.errors import OmnisimError, RunError
 from omnisim.core.poses import check_pose
 from omnisim.perception.unwarping.panorama import CameraMount
 from omnisim.rendering.camera.captured_image import camera_of_parameters, valid_mask
-from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.quality import MAX_IMAGE_PX
-
-CALIBRATION = "calibration.json"
-
-
-def calibration_json(sensor: OmniCamera) -> str:
-    """Text of the calibration file of a mounted camera."""
-    content = {
-        "camera": sensor.model.parameters(),
-        "polygons": sensor.mesh_polygons or "exact",
-        "base_from_optical": sensor.base_from_optical.tolist(),
-    }
-    return json.dumps(content, indent=2) + "\n"
 
 
 def read_mount(path: Path) -> CameraMount:

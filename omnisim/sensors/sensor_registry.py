@@ -8,24 +8,23 @@ from typing import Any, Protocol
 
 from omnisim.core.errors import RobotFileError, did_you_mean
 from omnisim.core.files.parameters import parse_table
-from omnisim.sensors.depth_camera.mounted_depth_camera import DepthCameraMount
-from omnisim.sensors.imu.mounted_imu import ImuMount
-from omnisim.sensors.laser_scanner.mounted_scanner import Lms200Mount, RangeScannerMount
-from omnisim.sensors.lidar.mounted_lidar import LidarMount
-from omnisim.sensors.omnicamera.calibrated_cameras import SENSOR_FILE, CalibratedCamerasMount
-from omnisim.sensors.omnicamera.mounted_omnicamera import OmniCameraMount
-from omnisim.sensors.range_sensor.mounted_range_sensor import InfraredMount, SonarMount
-from omnisim.sensors.sensor_mount import SensorMount
+from omnisim.sensors.depth_camera.depth_camera import DepthCameraTable
+from omnisim.sensors.imu.imu import ImuTable
+from omnisim.sensors.laser_scanner.laser_scanner import Lms200Table, RangeScannerTable
+from omnisim.sensors.lidar.spinning_lidar import LidarTable
+from omnisim.sensors.omnicamera.camera_tables import CalibratedCamerasTable, OmniCameraTable
+from omnisim.sensors.range_sensor.range_sensor import InfraredTable, SonarTable
+from omnisim.sensors.sensor_table import SensorTable
 
-MOUNT_TYPES: dict[str, type[SensorMount]] = {
-    "omnicamera": OmniCameraMount,
-    "lms200": Lms200Mount,
-    "usarsim_range_scanner": RangeScannerMount,
-    "imu": ImuMount,
-    "depth_camera": DepthCameraMount,
-    "lidar": LidarMount,
-    "usarsim_sonar": SonarMount,
-    "usarsim_ir_sensor": InfraredMount,
+SENSOR_TYPES: dict[str, type[SensorTable]] = {
+    "omnicamera": OmniCameraTable,
+    "lms200": Lms200Table,
+    "usarsim_range_scanner": RangeScannerTable,
+    "imu": ImuTable,
+    "depth_camera": DepthCameraTable,
+    "lidar": LidarTable,
+    "usarsim_sonar": SonarTable,
+    "usarsim_ir_sensor": InfraredTable,
 }
 
 
@@ -41,38 +40,38 @@ class SensorTables(Protocol):
         """Name of the file in messages."""
 
 
-def parse_mounts(robot: SensorTables) -> tuple[SensorMount, ...]:
+def parse_sensors(robot: SensorTables) -> tuple[SensorTable, ...]:
     """Parse the tables of a robot's sensors.
 
     Raises:
         RobotFileError: an unknown type or key, an invalid value, or a repeated name.
     """
-    mounts: list[SensorMount] = []
+    tables: list[SensorTable] = []
     for index, table in enumerate(robot.sensors):
         name, kind = table.get("name"), table.get("type")
         where = sensor_source(robot, name if isinstance(name, str) else index)
         if _has_calibration(table):
             typed = {"type": "omnicamera", **table}
-            mounts.append(parse_table(typed, CalibratedCamerasMount, RobotFileError, where))
+            tables.append(parse_table(typed, CalibratedCamerasTable, RobotFileError, where))
             continue
         if "type" not in table:
             raise RobotFileError(
-                f"{where}: type: missing; expected one of {', '.join(MOUNT_TYPES)}"
+                f"{where}: type: missing; expected one of {', '.join(SENSOR_TYPES)}"
             )
-        if not isinstance(kind, str) or kind not in MOUNT_TYPES:
-            hint = did_you_mean(str(kind), MOUNT_TYPES)
+        if not isinstance(kind, str) or kind not in SENSOR_TYPES:
+            hint = did_you_mean(str(kind), SENSOR_TYPES)
             raise RobotFileError(f"{where}: type = {kind!r}: unknown sensor type; {hint}")
-        mount = parse_table(table, MOUNT_TYPES[kind], RobotFileError, where)
-        if any(mount.name == other.name for other in mounts):
+        parsed = parse_table(table, SENSOR_TYPES[kind], RobotFileError, where)
+        if any(parsed.name == other.name for other in tables):
             raise RobotFileError(f"{where}: a second sensor of this name: expected each name once")
-        mounts.append(mount)
-    return tuple(mounts)
+        tables.append(parsed)
+    return tuple(tables)
 
 
 def _has_calibration(table: Mapping[str, Any]) -> bool:
     """True if the table refers to a calibration file with its cameras."""
     file = table.get("file")
-    is_calibration = isinstance(file, str) and Path(file).suffix.lower() not in ("", SENSOR_FILE)
+    is_calibration = isinstance(file, str) and Path(file).suffix.lower() not in ("", ".toml")
     return is_calibration and table.get("type", "omnicamera") == "omnicamera"
 
 

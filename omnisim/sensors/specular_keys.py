@@ -27,13 +27,14 @@ SPECULAR_KEYS = ("specular", "returns", "min_intensity")
 def stated_parameters(sensor: DataclassInstance) -> dict[str, Any]:
     """Parameters of a sensor for the header of its files; defaults of `SPECULAR_KEYS` are omitted.
 
-    Files of scenes without glass and mirrors are thus the same as without these keys.
+    Files of scenes without glass and mirrors are thus the same as without these keys. The format of
+    the file is no parameter of the sensor.
     """
     defaults = {key.name: key.default for key in dataclasses.fields(sensor)}
     return {
         key: value
         for key, value in dataclasses.asdict(sensor).items()
-        if key not in SPECULAR_KEYS or value != defaults[key]
+        if key != "file_format" and (key not in SPECULAR_KEYS or value != defaults[key])
     }
 
 

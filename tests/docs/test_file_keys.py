@@ -14,7 +14,7 @@ from omnisim.rendering.camera.degradations.degradation_file import EFFECTS
 from omnisim.rendering.camera.sensor_file import SensorFile
 from omnisim.robots.robot_file import RobotFile
 from omnisim.scene.files.scene_file import LabelFile, SceneFile
-from omnisim.sensors.sensor_registry import MOUNT_TYPES
+from omnisim.sensors.sensor_registry import SENSOR_TYPES
 
 EXTENSION = Path(__file__).resolve().parents[2] / "docs" / "_ext"
 FILES = (
@@ -24,7 +24,7 @@ FILES = (
     RobotFile,
     SceneFile,
     SensorFile,
-    *MOUNT_TYPES.values(),
+    *SENSOR_TYPES.values(),
 )
 
 

@@ -29,8 +29,7 @@ from omnisim.scene.files.scene_file import ObjectTable
 from omnisim.scene.parts import BLENDED_CUTOFF
 from omnisim.sensors import DepthCamera, LaserScanner
 from omnisim.sensors.lidar.revolution import MAX_PATH_M, MAX_SKEW_M, MAX_TURN_RAD, SLICES
-from omnisim.sensors.range_sensor.mounted_range_sensor import InfraredMount
-from omnisim.sensors.range_sensor.range_sensor import RangeSensor
+from omnisim.sensors.range_sensor.range_sensor import InfraredTable, RangeSensor
 from omnisim.validation.check_registry import CHECKS
 from tests.docs.pages import HOW_TO, ROOT, WHY, half_unit, numbers_of, text_of, words_of
 
@@ -59,7 +58,7 @@ VALUES = (
     (HOW_TO + "robots.md", r"cone of #° about x, up to # m", (
         SONAR.beam_angle_deg, SONAR.range_max_m)),
     (HOW_TO + "robots.md", r"has one ray, up to # m", (
-        InfraredMount.model_fields["range_max_m"].default,)),
+        InfraredTable.model_fields["range_max_m"].default,)),
     (HOW_TO + "data-sets.md", r"# successive samples share", (
         VaryTable.model_fields["images_per_setup"].default,)),
     (HOW_TO + "ground-truth.md", r"alpha below #\. ", (BLENDED_CUTOFF,)),

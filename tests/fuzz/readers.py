@@ -42,7 +42,6 @@ from omnisim.perception.unwarping.views import cylinder_view
 from omnisim.rendering.camera.captured_image import read_captured_image
 from omnisim.rendering.camera.degradations import preset
 from omnisim.rendering.camera.sensor_file import DEFAULT_SENSOR_FILE
-from omnisim.rendering.camera.sensor_toml import sensor_toml
 from omnisim.robots import read_odometry, simulate_odometry, write_odometry
 from omnisim.robots.importers.gazebo_robot import import_model
 from omnisim.robots.importers.importers import load_robot_model
@@ -50,15 +49,14 @@ from omnisim.robots.importers.usarsim import import_robot
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.drive import Drive
 from omnisim.runs.route import Route, plan_route
-from omnisim.runs.run_data import read_run
+from omnisim.runs.run_data import RunLabels, landmark_colors, read_run
 from omnisim.runs.run_folder import open_run, read_times
-from omnisim.runs.run_labels import RunLabels, landmark_colors
 from omnisim.runs.run_manifest import read_manifest
 from omnisim.runs.true_states import read_states, write_states
 from omnisim.scene import read_scene
 from omnisim.scene.formats.usd import reader as usd_reader
 from omnisim.scene.labels import find_labels, read_label_file
-from omnisim.sensors.calibration_file import calibration_json, read_mount
+from omnisim.sensors.calibration_file import read_mount
 from omnisim.sensors.laser_scanner.laser_scanner import LaserScanner, Scan
 from omnisim.sensors.lidar.point_files import POINT
 from omnisim.sensors.lidar.spinning_lidar import PointCloud, SpinningLidar
@@ -218,7 +216,7 @@ def _sensors(folder: Path) -> None:
     for name, camera in CAMERA_EXAMPLES.items():
         if type(camera).__name__ != "MirroredCamera":
             sensor = OmniCamera(camera, polygons=None)
-            (folder / f"{name.replace(' ', '-')}.toml").write_text(sensor_toml(sensor))
+            (folder / f"{name.replace(' ', '-')}.toml").write_text(sensor.to_toml())
 
 
 def _read_sensors(folder: Path) -> None:
@@ -238,7 +236,7 @@ def _optics_sensors(folder: Path) -> None:
     for path in sorted(OPTICS.glob("*.toml")):
         system = dataclasses.replace(read_optics_file(path), chromatic="port" in path.stem)
         sensor = OmniCamera(system).resized(SIZE_PX)
-        text = re.sub(r"(?m)^([rz]_m = \[)(.*)\]$", _fewer, sensor_toml(sensor))
+        text = re.sub(r"(?m)^([rz]_m = \[)(.*)\]$", _fewer, sensor.to_toml())
         (folder / path.name).write_text(text)
 
 
@@ -255,7 +253,7 @@ def _read_optics_sensors(folder: Path) -> None:
 
 def _optics_mount(folder: Path) -> None:
     sensor = OmniCamera(read_optics_file(OPTICS / "tilted-mirror.toml")).resized(SIZE_PX)
-    (folder / "calibration.json").write_text(calibration_json(sensor))
+    (folder / "calibration.json").write_text(sensor.calibration_json())
 
 
 def _copy(source: Path, name: str, folder: Path) -> None:

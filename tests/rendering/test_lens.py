@@ -11,7 +11,6 @@ from omnisim.core import poses
 from omnisim.core.errors import OpticsError, SensorFileError
 from omnisim.core.srgb import srgb_from_linear
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.camera.sensor_toml import sensor_toml
 from omnisim.rendering.stage import open_sensor
 from tests.camera_examples import CAMERA_EXAMPLES, OWN
 from tests.scenes import room, room_color, room_hit, scene_of
@@ -112,7 +111,7 @@ def test_lens_renders_the_room():
 @pytest.mark.parametrize("camera", CAMERA_EXAMPLES.values(), ids=CAMERA_EXAMPLES.keys())
 def test_sensor_toml_round_trip_of_every_model(camera, tmp_path):
     sensor = OmniCamera(camera, polygons=None)
-    (tmp_path / "s.toml").write_text(sensor_toml(sensor))
+    (tmp_path / "s.toml").write_text(sensor.to_toml())
     again = OmniCamera.from_file(tmp_path / "s.toml")
     assert type(again.model) is type(camera)
     if not isinstance(camera, HyperbolicCamera):

@@ -54,7 +54,7 @@ def test_depth_cameras_and_lidars_see_small_scenes():
         range_min_m=0.002, range_max_m=0.1,
     ).without_noise()  # fmt: skip
     with open_sensor(scene, small) as renderer:
-        depths_m = renderer.measure(np.eye(4))
+        depths_m = renderer.measure(np.eye(4)).depths_m
     np.testing.assert_allclose(depths_m[4:-4, 4:-4], 0.008, rtol=1e-3)
     lidar = SpinningLidar(firings=60, range_min_m=0.001, step_m=0.0, sigma_m=0.0)
     with open_sensor(scene, lidar) as renderer:

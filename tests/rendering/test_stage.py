@@ -10,7 +10,9 @@ from omnisim import OmniCamera, Stage, Vehicle, open_sensor
 from omnisim.core.errors import GraphicsError, OmnisimError, SceneError
 from omnisim.core.poses import pose
 from omnisim.core.world import WorldState
-from omnisim.rendering.sensor_renderer import SensorRenderer
+from omnisim.rendering.contract import Pending
+from omnisim.rendering.instrument import Instrument
+from omnisim.rendering.sensor import SensorSettings
 from omnisim.sensors import LaserScanner
 from tests.scenes import room, scene_of
 from tests.vehicles import (
@@ -172,36 +174,36 @@ def test_invalid_arguments_are_refused():
         Stage(scene, device=99)
 
 
-class _Plumb:
+class _Plumb(SensorSettings):
     """Sensor of a user: the height over the ground."""
 
     def summary(self):
         return "plumb line"
 
-    def open(self, stage, mounting):
-        return _PlumbRenderer(stage, self, mounting)
+    def open(self, stage, mount):
+        return _PlumbInstrument(stage, self, mount)
 
 
-class _PlumbRenderer(SensorRenderer):
+class _PlumbInstrument(Instrument):
     def _open_passes(self, hidden):
         return self._stage.backend.range_finder(np.zeros(1), np.inf, hidden)
 
-    def height_m(self, state):
-        now = self._state(state)
+    def begin(self, moment):
+        now = self._state(moment.motion(moment.time_s))
         down = self._world_from_sensor(now) @ pose(pitch_deg=90.0)
         with self._current() as passes:
-            return float(passes.cast(down, self._stage.poses_in(now))[0])
+            return Pending.done(float(passes.cast(down, self._stage.poses_in(now))[0]))
 
 
 def test_a_stage_opens_sensors_of_a_users_own():
     floor = scene_of([box("floor", 0)])
     top_m = floor.bounds_m()[1, 2]
     with open_sensor(floor, _Plumb(), pose((0.0, 0.0, 0.5)), backend="rays") as renderer:
-        height_m = renderer.height_m(pose((0.0, 0.0, top_m + 1.0)))
+        height_m = renderer.measure(pose((0.0, 0.0, top_m + 1.0)))
         assert height_m == pytest.approx(1.5, abs=1e-6)
         assert "plumb line" in repr(renderer)
     with pytest.raises(GraphicsError, match="this renderer is closed"):
-        renderer.height_m(pose())
+        renderer.measure(pose())
 
 
 def test_a_cameras_mount_comes_after_the_one_it_is_opened_on():

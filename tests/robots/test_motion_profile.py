@@ -5,9 +5,8 @@ import pytest
 
 from omnisim.core.errors import TrajectoryError
 from omnisim.robots.kinematics import Kinematics, find_violation, steps_between
-from omnisim.robots.motion_profile import plan_in_steps, plan_with_period
+from omnisim.robots.motion_profile import check_waypoints, plan_in_steps, plan_with_period
 from omnisim.robots.robot_file import load_robot
-from omnisim.robots.waypoints import check_waypoints
 
 PIONEER_2_AT, SUPER_SCOUT = load_robot("p2at"), load_robot("superscout")
 ROBOT = Kinematics("differential", 1.0, 2.0, 0.5, 4.0)

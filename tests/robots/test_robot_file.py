@@ -16,7 +16,7 @@ from omnisim.robots import (
     parse_robot,
     read_robot,
 )
-from omnisim.sensors.sensor_registry import parse_mounts
+from omnisim.sensors.sensor_registry import parse_sensors
 
 DRIVE = """
 [kinematics]
@@ -77,7 +77,7 @@ def test_sensors_and_where_they_are(tmp_path):
         'name = "a"\n' + CAMERA + "yaw_deg = 90\n" + SCANNER + "resolution_deg = 1\n"
         'hides = ["case"]\n' + USARSIM + "noise_share = 0\n",
     )
-    mounts = parse_mounts(robot)
+    mounts = parse_sensors(robot)
     assert [mount.name for mount in mounts] == ["omni", "scan", "a"]
     assert mounts[0].file is None
     assert mounts[0].base_from_mount[:2, 0] == pytest.approx((0, 1))
@@ -205,10 +205,10 @@ def test_not_found(name, words, tmp_path, monkeypatch):
 def test_bad_files(tmp_path, text, words):
     text = text if "name" in text.partition("[")[0] or not text else 'name = "a"\n' + text
     if words is None:
-        parse_mounts(read(tmp_path, text))
+        parse_sensors(read(tmp_path, text))
         return
     with pytest.raises(RobotFileError, match=words) as caught:
-        parse_mounts(read(tmp_path, text))
+        parse_sensors(read(tmp_path, text))
     assert str(caught.value).startswith(f"{tmp_path / 'robot.toml'}: ")
     assert "\n" not in str(caught.value)
 

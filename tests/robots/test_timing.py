@@ -7,8 +7,7 @@ from omnisim.core.errors import TrajectoryError
 from omnisim.core.poses import pose, rotation_from_quaternion
 from omnisim.core.trajectories.trajectory import poses_on_ground
 from omnisim.robots.kinematics import Kinematics, find_violation
-from omnisim.robots.motion_profile import plan_in_steps
-from omnisim.robots.timing import time_poses
+from omnisim.robots.motion_profile import plan_in_steps, time_poses
 
 ROBOT = Kinematics("differential", 1.0, 2.0, 0.5, 4.0)
 

@@ -11,9 +11,8 @@ from omnisim.core.poses import pose
 from omnisim.core.trajectories import Trajectory, write_trajectory
 from omnisim.robots.body_boxes import BodyBoxes
 from omnisim.robots.vehicle import Vehicle
-from omnisim.runs.contacts import check_no_contact, meet_box
+from omnisim.runs.contacts import SPACING_M, Sweep, check_no_contact, meet_box
 from omnisim.runs.drive import Drive
-from omnisim.runs.pose_sweep import SPACING_M, Sweep
 from omnisim.runs.route import Route
 from omnisim.scene import load_scene
 from omnisim.scene.model import Instance, ScenePath

@@ -18,15 +18,13 @@ from omnisim.core.errors import GraphicsError, OutputError, RunError
 from omnisim.core.files.image_files import read_image
 from omnisim.core.trajectories import read_trajectory
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.camera.sensor_toml import sensor_toml
-from omnisim.rendering.renderer import Renderer
+from omnisim.rendering.renderer import RecordedFrame, Renderer
 from omnisim.robots import read_odometry
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.drive import Drive
 from omnisim.runs.route import Route
 from omnisim.runs.run_folder import RunFolder
 from omnisim.scene import load_scene
-from omnisim.sensors.omnicamera.mounted_omnicamera import CameraMeasurement
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")
 ROUTE = Route("lap", step_m=1.2, step_deg=45.0)
@@ -260,7 +258,7 @@ def test_sensor_file_of_a_camera_is_that_camera(tmp_path):
         "camera": {"width_px": 320, "height_px": 240, "principal_point_px": [150.5, 120.25]},
     }
     sensor = OmniCamera.from_table(table)
-    (tmp_path / "s.toml").write_text(sensor_toml(sensor))
+    (tmp_path / "s.toml").write_text(sensor.to_toml())
     again = OmniCamera.from_file(tmp_path / "s.toml")
     assert again.model.mirror.theta_max_rad == pytest.approx(
         sensor.model.mirror.theta_max_rad, abs=1e-12
@@ -312,7 +310,7 @@ def test_one_drive_a_folder_at_a_time(scene, vehicle, tmp_path):
 def test_a_step_is_written_while_the_next_is_drawn(scene, vehicle, whole, tmp_path, monkeypatch):
     """Counted steps have their files all the same, and the next step has none."""
     is_next_drawn = threading.Event()
-    submit, save = Renderer.submit, CameraMeasurement.save
+    submit, save = Renderer.submit, RecordedFrame.save
 
     def submitted(renderer, *arguments, **options):
         pending = submit(renderer, *arguments, **options)
@@ -320,12 +318,12 @@ def test_a_step_is_written_while_the_next_is_drawn(scene, vehicle, whole, tmp_pa
             is_next_drawn.set()
         return pending
 
-    def saved(measurement, stem):
+    def saved(reading, stem):
         assert is_next_drawn.wait(20.0)
-        save(measurement, stem)
+        save(reading, stem)
 
     monkeypatch.setattr(Renderer, "submit", submitted)
-    monkeypatch.setattr(CameraMeasurement, "save", saved)
+    monkeypatch.setattr(RecordedFrame, "save", saved)
     steps = Drive(scene, vehicle, ROUTE, seed=7).plan().record(tmp_path / "run")
     assert [next(steps), next(steps)] == [0, 1]
     recorded = _bytes(tmp_path / "run")
@@ -337,10 +335,10 @@ def test_a_step_is_written_while_the_next_is_drawn(scene, vehicle, whole, tmp_pa
 
 
 def test_a_file_that_cannot_be_written_ends_the_drive(scene, vehicle, tmp_path, monkeypatch):
-    def fails(measurement, stem):
+    def fails(reading, stem):
         raise OutputError(f"{stem}: cannot be written")
 
-    monkeypatch.setattr(CameraMeasurement, "save", fails)
+    monkeypatch.setattr(RecordedFrame, "save", fails)
     steps = Drive(scene, vehicle, ROUTE, seed=7).plan().record(tmp_path / "run")
     assert next(steps) == 0
     with pytest.raises(OutputError, match="000000: cannot be written"):

@@ -15,14 +15,14 @@ from omnisim.core.files.image_files import read_image
 from omnisim.perception.unwarping.panorama import Panorama
 from omnisim.rendering.camera.captured_image import read_captured_image
 from omnisim.rendering.camera.degradations import preset
-from omnisim.rendering.camera.sensor_toml import sensor_toml
+from omnisim.rendering.camera.omnicamera import CALIBRATION
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.drive import Drive
 from omnisim.runs.route import Route
 from omnisim.runs.run_data import read_run
 from omnisim.runs.run_manifest import first_difference
 from omnisim.scene import load_scene
-from omnisim.sensors.calibration_file import CALIBRATION, read_mount
+from omnisim.sensors.calibration_file import read_mount
 from tests.cameras.optics.examples import EXAMPLES
 from tests.cameras.optics.test_parameters import ALL
 
@@ -141,7 +141,7 @@ def test_localization_says_that_it_assumes_a_viewpoint(runs):
 @pytest.mark.parametrize("system", ALL.values(), ids=ALL)
 def test_sensor_file(system, tmp_path):
     """Written in place, a system is the same to the last bit."""
-    (tmp_path / "sensor.toml").write_text(sensor_toml(OmniCamera(system)))
+    (tmp_path / "sensor.toml").write_text(OmniCamera(system).to_toml())
     again = OmniCamera.from_file(tmp_path / "sensor.toml")
     assert again.model.parameters() == system.parameters()
 
@@ -149,7 +149,7 @@ def test_sensor_file(system, tmp_path):
 def test_names_that_json_and_toml_escape_differently(tmp_path):
     system = ALL["sphere"]
     surface = dataclasses.replace(system.surfaces[0], name='a"\\\x7f\U0001f600\x01.')
-    text = sensor_toml(OmniCamera(dataclasses.replace(system, surfaces=(surface,))))
+    text = OmniCamera(dataclasses.replace(system, surfaces=(surface,))).to_toml()
     (tmp_path / "sensor.toml").write_text(text, encoding="utf-8")
     model = OmniCamera.from_file(tmp_path / "sensor.toml").model
     assert model.surfaces[0].name == surface.name

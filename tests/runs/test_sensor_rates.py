@@ -10,6 +10,7 @@ import pytest
 
 from omnisim.core.errors import RobotFileError, RunError
 from omnisim.core.trajectories import Trajectory, read_trajectory
+from omnisim.core.trajectories.rate import SensorRate
 from omnisim.datasets.export.export import export_run
 from omnisim.datasets.export.recording import Recording
 from omnisim.robots import parse_robot
@@ -20,8 +21,6 @@ from omnisim.runs.route import Route
 from omnisim.runs.run_data import read_run
 from omnisim.runs.run_folder import RunFolder
 from omnisim.scene import load_scene
-from omnisim.sensors.rate import SensorRate
-from omnisim.sensors.sensor import Instrument
 from tests.conftest import open_context_or_skip
 
 KINEMATICS = {
@@ -219,11 +218,11 @@ def test_a_run_that_was_stopped_ends_with_the_same_bytes(whole, tmp_path):
 
 def test_measurements_beyond_those_in_progress_are_written_at_once(whole, tmp_path, monkeypatch):
     """Their order, and thus their number in memory, is that of the measurements."""
-    events, begin = [], Instrument.begin
+    events, moment = [], drives.PlannedDrive._moment
 
-    def begun(instrument, moment):
+    def begun(plan, *arguments):
         events.append("begun")
-        return begin(instrument, moment)
+        return moment(plan, *arguments)
 
     def submitted(writer, *arguments):
         events.append("written")
@@ -232,7 +231,7 @@ def test_measurements_beyond_those_in_progress_are_written_at_once(whole, tmp_pa
     write = drives._write
     monkeypatch.setattr(drives, "MAX_BEGUN", 1)
     monkeypatch.setattr(drives, "_write", submitted)
-    monkeypatch.setattr(Instrument, "begin", begun)
+    monkeypatch.setattr(drives.PlannedDrive, "_moment", begun)
     list(drive_of(*SENSORS).plan().record(tmp_path / "run"))
     assert bytes_of(tmp_path / "run") == bytes_of(whole)
     in_progress = np.cumsum([1 if one == "begun" else -1 for one in events])

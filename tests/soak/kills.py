@@ -11,7 +11,7 @@ import time
 from pathlib import Path
 
 from omnisim.core.package_files import SCENES
-from omnisim.sensors.sensor_registry import MOUNT_TYPES
+from omnisim.sensors.sensor_registry import SENSOR_TYPES
 
 DRIVE = (
     "drive", "match.toml", "--robot", "all.toml", "--path", "lap", "--robot", "superscout",
@@ -50,7 +50,7 @@ def write_inputs(folder: Path) -> None:
     robot = (SCENES / "p2at" / "robot.toml").read_text(encoding="utf-8").partition("[[sensors]]")[0]
     sensors = [
         f'[[sensors]]\nname = "{kind}"\ntype = "{kind}"\nposition_m = [0.0, 0.0, {1.0 + 0.1 * k}]\n'
-        for k, kind in enumerate(MOUNT_TYPES)
+        for k, kind in enumerate(SENSOR_TYPES)
     ]
     (folder / "all.toml").write_text(robot.replace('body = "p2at.glb"\n', "") + "".join(sensors))
 

@@ -25,7 +25,6 @@ from omnisim.rendering.camera.degradations import preset, preset_names
 from omnisim.rendering.camera.degradations.degradation_file import EFFECTS
 from omnisim.rendering.camera.omnicamera import ExposureOption, OmniCamera
 from omnisim.rendering.camera.sensor_file import DEFAULT_SENSOR_FILE, SensorFile
-from omnisim.rendering.camera.sensor_toml import sensor_toml
 from omnisim.scene import Scene
 
 SCENE_FILE = "scene.toml"  # name of a saved scene
@@ -151,7 +150,7 @@ class CameraDocument:
         If the mirror's rim fills the image, focal length and principal point are left out, so that
         the rim still fills the image after the mirror's parameters change.
         """
-        sensor = tomllib.loads(sensor_toml(camera))
+        sensor = tomllib.loads(camera.to_toml())
         if isinstance(camera.model, HyperbolicCamera):
             model, table = camera.model, sensor["camera"]
             fitted = model.framed_on_rim(model.mirror, model.width_px, model.height_px)

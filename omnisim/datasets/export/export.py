@@ -12,8 +12,8 @@ from omnisim.core.files.atomic_file import atomic_folder, check_new_folder
 from omnisim.datasets.export.export_format import ExportFormat, ExportSettings, PrintNote
 from omnisim.datasets.export.export_formats import FORMATS, check_format, format_named
 from omnisim.datasets.export.recording import Recording
-from omnisim.sensors.omnicamera.mounted_omnicamera import MountedCamera
-from omnisim.sensors.sensor_registry import MOUNT_TYPES
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.sensors.sensor_registry import SENSOR_TYPES
 
 
 def export_run(
@@ -71,8 +71,8 @@ def for_format(recording: Recording, form: ExportFormat, print_note: PrintNote) 
     others = [name for name in manifest.sensors if name not in manifest.cameras]
     left_out = [name for name in others if not issubclass(manifest.sensor_class(name), held)]
     if not (recording.cameras or form.holds_motion or len(left_out) < len(others)):
-        kinds = (MountedCamera, *held)
-        types = [name for name, mount in MOUNT_TYPES.items() if mount.sensor_class in kinds]
+        kinds = (OmniCamera, *held)
+        types = [name for name, mount in SENSOR_TYPES.items() if mount.sensor_class in kinds]
         raise OutputError(
             f"{recording.run.path}: expected a sensor of type {' or '.join(types)} for "
             f"{form.name}, got {', '.join(others) or 'none'}"

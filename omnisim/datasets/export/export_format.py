@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from omnisim.core.errors import OutputError
 from omnisim.datasets.export.recording import RecordedCamera, Recording
-from omnisim.sensors.sensor import MountedSensor
+from omnisim.rendering.sensor import SensorSettings
 
 NANOSECONDS = 1_000_000_000
 MAX_S = 2**31 - 1  # in 2038: ROS has signed 32-bit seconds
@@ -63,8 +63,8 @@ class ExportFormat(ABC):
     """
 
     name: ClassVar[str]
-    sensors: ClassVar[tuple[type[MountedSensor], ...]] = ()
-    lone_sensors: ClassVar[tuple[type[MountedSensor], ...]] = ()
+    sensors: ClassVar[tuple[type[SensorSettings], ...]] = ()
+    lone_sensors: ClassVar[tuple[type[SensorSettings], ...]] = ()
     holds_motion: ClassVar[bool] = False
     channels: ClassVar[tuple[str, ...]] = ()
     dates_stamps: ClassVar[bool] = True

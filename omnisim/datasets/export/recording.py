@@ -29,14 +29,15 @@ from omnisim.datasets.export.stored_clouds import StoredCloud, read_cloud, read_
 from omnisim.ground_truth.label_names import Labels
 from omnisim.ground_truth.stored_channels import StoredChannels
 from omnisim.perception.unwarping.panorama import CameraMount
+from omnisim.rendering.camera.omnicamera import CALIBRATION
+from omnisim.rendering.sensor import SensorSettings
 from omnisim.robots import read_odometry
 from omnisim.runs.run_folder import GROUND_TRUTH, OBJECTS, ODOMETRY, STATES, RunFolder
 from omnisim.runs.true_states import read_states
-from omnisim.sensors.calibration_file import CALIBRATION, read_mount
-from omnisim.sensors.depth_camera.mounted_depth_camera import STEPS_PER_M
-from omnisim.sensors.imu.mounted_imu import BIAS_COLUMNS, BIASES, PARAMETERS, READINGS
-from omnisim.sensors.imu.mounted_imu import COLUMNS as IMU_COLUMNS
-from omnisim.sensors.sensor import MountedSensor
+from omnisim.sensors.calibration_file import read_mount
+from omnisim.sensors.depth_camera.depth_camera import STEPS_PER_M
+from omnisim.sensors.imu.imu import BIAS_COLUMNS, BIASES, PARAMETERS, READINGS
+from omnisim.sensors.imu.imu import COLUMNS as IMU_COLUMNS
 
 START = "start.csv"  # of a sensor: true state at its first measurement, by its own clock
 STAMP_S = 2e-9  # rounding of two times with nine digits
@@ -196,7 +197,7 @@ class Recording:
         path = self.run.path / name / START
         return read_states(path)[1] if path.is_file() else self.states(np.array([first_s]))
 
-    def sensors(self, kind: type[MountedSensor]) -> list[str]:
+    def sensors(self, kind: type[SensorSettings]) -> list[str]:
         """Names of the sensors of a class."""
         manifest = self.run.manifest
         return [name for name in manifest.sensors if issubclass(manifest.sensor_class(name), kind)]

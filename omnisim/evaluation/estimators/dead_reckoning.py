@@ -13,8 +13,7 @@ from omnisim.core.poses import inverse, pose_from_rotation
 from omnisim.core.trajectories import Trajectory
 from omnisim.datasets.export.recording import ImuReadings, Recording
 from omnisim.evaluation.estimator import Estimator
-from omnisim.sensors.imu.imu import STANDARD_GRAVITY_MPS2
-from omnisim.sensors.imu.mounted_imu import MountedImu
+from omnisim.sensors.imu.imu import STANDARD_GRAVITY_MPS2, Imu
 
 
 class WheelOdometry(Estimator):
@@ -46,7 +45,7 @@ class ImuIntegration(Estimator):
 
     def estimate(self, run: Recording, work: Path) -> Trajectory:
         """Poses of the base at the readings."""
-        names = run.sensors(MountedImu)
+        names = run.sensors(Imu)
         if not names:
             raise EstimatorError("the run has no IMU")
         base_from_imu = run.base_from_imu(names[0])

@@ -19,8 +19,7 @@ from omnisim.perception.landmarks.landmark_detector import LandmarkDetector
 from omnisim.perception.localization.filter import LandmarkMap
 from omnisim.perception.localization.filter_parameters import read_parameters
 from omnisim.perception.localization.track import localize, observation_from_detection
-from omnisim.runs.run_data import read_run
-from omnisim.runs.run_labels import train_on_run
+from omnisim.runs.run_data import read_run, train_on_run
 
 
 class LandmarkLocalization(Estimator):

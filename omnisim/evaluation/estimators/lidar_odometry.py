@@ -15,7 +15,6 @@ from omnisim.core.poses import inverse, nearest_rotation, pose_from_rotation
 from omnisim.core.trajectories import Trajectory
 from omnisim.datasets.export.recording import Recording
 from omnisim.evaluation.estimator import Estimator
-from omnisim.sensors.lidar.mounted_lidar import MountedLidar
 
 VOXEL_M = 0.5  # for rooms and yards; the package's default of 1 m is for streets
 MAX_RANGE_M = 40.0  # sparse far points, such as those behind windows, bias the registration

@@ -30,7 +30,7 @@ from omnisim.datasets.export.lens_camera import LensCamera
 from omnisim.datasets.export.recording import Recording
 from omnisim.evaluation.estimators import orb_slam3_program as program
 from omnisim.evaluation.estimators.camera_center import CameraTracker
-from omnisim.sensors.imu.mounted_imu import MountedImu
+from omnisim.sensors.imu.imu import Imu
 
 # ORB descriptors of rendered images, for place recognition; `.ci/train_orb_vocabulary.py` makes it.
 VOCABULARY = Path(__file__).with_name("orb_vocabulary.txt.gz")
@@ -60,7 +60,7 @@ class OrbSlam3(CameraTracker):
             raise EstimatorError("the run has no camera")
         if len(run.cameras) < self.cameras:
             raise EstimatorError("the run has one camera: expected two")
-        if self.has_imu and not run.sensors(MountedImu):
+        if self.has_imu and not run.sensors(Imu):
             raise EstimatorError("the run has no IMU")
         run = run.in_frames([camera.name for camera in run.cameras[: self.cameras]], _refuse_late)
         cameras = [LensCamera.of(one, _ignore) for one in run.cameras[: self.cameras]]
@@ -73,7 +73,7 @@ class OrbSlam3(CameraTracker):
         base_from_body = cameras[0].base_from_lens
         imu, second = None, None
         if self.has_imu:
-            name = run.sensors(MountedImu)[0]
+            name = run.sensors(Imu)[0]
             parameters = parse_yaml(run.imu_parameters(name), name)
             noise = {key: float(parameters[own]) for key, own in NOISE.items()}
             imu_from_camera = inverse(run.base_from_imu(name)) @ base_from_body

@@ -3,22 +3,28 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import math
+from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol, TypeAlias, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from omnisim.cameras import CentralCamera, HyperbolicCamera, NonCentralCamera, summary
 from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.cameras.mirrors.mirror_mesh import sectors_and_rings
 from omnisim.core import poses
 from omnisim.core.array_types import Float64s
-from omnisim.core.errors import OpticsError
+from omnisim.core.errors import OpticsError, RunError
+from omnisim.core.extras import missing_packages
+from omnisim.core.files.toml_file import toml_text
 from omnisim.core.short_repr import short_repr
+from omnisim.core.trajectories import Trajectory
+from omnisim.ground_truth.channel_files import ChannelFormat
 from omnisim.rendering.auto_mesh import MAX_ERROR_PX, auto_polygons, max_polygons, mesh_error_px
 from omnisim.rendering.camera.degradations import Degradation
 from omnisim.rendering.camera.quality import (
@@ -33,6 +39,7 @@ from omnisim.rendering.camera.quality import (
     near_plane_m,
     quality_named,
 )
+from omnisim.rendering.sensor import Mount, SensorSettings
 
 if TYPE_CHECKING:
     from omnisim.cameras.calibration import CalibratedCamera, Calibration
@@ -43,6 +50,13 @@ CameraLike: TypeAlias = (
 )
 Polygons = int | Literal["auto", "default"] | None  # polygons of a mirror mesh; None: exact
 ExposureOption = float | Literal["auto"]  # fixed exposure, EV, or automatic
+RendererT_co = TypeVar("RendererT_co", covariant=True)
+# Files of a step, and of a run.
+IMAGE_SUFFIX, CHANNELS_SUFFIX, DESCRIPTION_SUFFIX = ".png", ".channels.exr", ".channels.json"
+BOXES_SUFFIX, BOXES_3D_SUFFIX = ".coco.json", ".boxes_3d.json"
+SENSOR_FILE, CALIBRATION = "sensor.toml", "calibration.json"
+CAMERA_POSES = "poses.tum"  # poses of a rig's camera
+VIEWPOINT_GRID = 33  # maximum number of rays per image side that define the viewpoint
 PAPER_POLYGONS = 1024
 PAPER_SIZE_PX = 360
 
@@ -51,8 +65,15 @@ def _paper_camera() -> HyperbolicCamera:
     return HyperbolicCamera.framed_on_rim(HyperbolicMirror(), PAPER_SIZE_PX, PAPER_SIZE_PX)
 
 
+class CameraStage(Protocol[RendererT_co]):
+    """Stage that opens cameras."""
+
+    def open_camera(self, camera: OmniCamera, mount: Mount[object]) -> RendererT_co:
+        """Open a camera at a mount."""
+
+
 @dataclass(frozen=True, eq=False)
-class OmniCamera:
+class OmniCamera(SensorSettings):
     """An omnidirectional camera: a pinhole camera below a mirror, or a lens.
 
     Without arguments: the paper's camera.
@@ -89,6 +110,19 @@ class OmniCamera:
     supersampling: int = QUALITIES[DEFAULT_QUALITY].supersampling
     texels_per_pixel: float = QUALITIES[DEFAULT_QUALITY].texels_per_pixel
     degradation: Degradation = field(default_factory=Degradation)
+
+    noun: ClassVar[str] = "camera"
+    origin_noun: ClassVar[str] = "effective viewpoint"
+    suffixes: ClassVar[tuple[str, ...]] = (
+        IMAGE_SUFFIX,
+        CHANNELS_SUFFIX,
+        DESCRIPTION_SUFFIX,
+        ".*.npy",
+        BOXES_SUFFIX,
+        BOXES_3D_SUFFIX,
+    )
+    document_names: ClassVar[tuple[str, ...]] = (SENSOR_FILE, CALIBRATION, CAMERA_POSES)
+    has_ground_truth: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         if not isinstance(self.model, CentralCamera):
@@ -320,3 +354,147 @@ class OmniCamera:
         )
         world_from_base[:3, 3] -= world_from_base[:3, :3] @ self.base_from_rig[:3, 3]
         return world_from_base
+
+    def to_toml(self) -> str:
+        """Sensor file with every key, mounting included."""
+        angles = np.degrees(poses.roll_pitch_yaw_from_rotation(self.base_from_rig[:3, :3]))
+        # 1e-12°: hides the rounding of the conversion through radians
+        roll, pitch, yaw = (round(float(angle), 12) + 0.0 for angle in angles)
+        polygons = "exact" if self.polygons is None else self.polygons
+        image: dict[str, Any] = {}
+        written, changed = self.capture.to_table(full=True), self.capture.to_table()
+        if isinstance(self.model, HyperbolicCamera):
+            group, geometry = (
+                "mirror",
+                {"shape": "hyperbolic", **self.model.mirror.to_table(full=True)},
+            )
+            geometry |= {
+                "polygons": polygons,
+                "theta_max_deg": round(geometry["theta_max_deg"], 12),
+            }
+            image = _image_table(self.model)
+        elif isinstance(self.model, NonCentralCamera):
+            group, geometry = "optics", {**self.model.parameters(), "polygons": polygons}
+            geometry.pop("model", None)
+        else:
+            group, geometry = "lens", dict(self.model.parameters())
+        mounting = {
+            "position_m": self.base_from_rig[:3, 3].tolist(),
+            "roll_deg": roll,
+            "pitch_deg": pitch,
+            "yaw_deg": yaw,
+        }
+        return toml_text(
+            {
+                group: {"mounting": mounting, **geometry},
+                "virtual_cameras": {
+                    "size_px": "auto" if self.face_size_px is None else self.face_size_px,
+                    **{
+                        key: written[key]
+                        for key in ("texels_per_pixel", "near_m", "far_m", "samples")
+                    },
+                    **{key: changed.get(key) for key in ("mirrors", "reflection_probes")},
+                },
+                "camera": {**image, "supersampling": self.supersampling},
+                "degradation": self.degradation.tables() or None,
+            }
+        )
+
+    def calibration_json(self) -> str:
+        """Calibration file of the camera in a run."""
+        content = {
+            "camera": self.model.parameters(),
+            "polygons": self.mesh_polygons or "exact",
+            "base_from_optical": self.base_from_optical.tolist(),
+        }
+        return json.dumps(content, indent=2) + "\n"
+
+    # On a vehicle, as every sensor; see `SensorSettings`.
+
+    def open(self, stage: CameraStage[RendererT_co], mount: Mount[object]) -> RendererT_co:
+        """Open a renderer on a stage."""
+        return stage.open_camera(self, mount)
+
+    def origin_m(self, base_from_sensor: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Effective viewpoint (3,), base; for non-central optics, the point nearest the rays."""
+        base_from_optical = base_from_sensor @ self.base_from_optical
+        if not isinstance(self.model, NonCentralCamera):
+            return base_from_optical[:3, 3]
+        from omnisim.cameras.optics.centrality import common_point  # needed by few cameras
+
+        sizes = self.model.width_px, self.model.height_px
+        u, v = (np.linspace(0.0, size - 1.0, min(size, VIEWPOINT_GRID)) for size in sizes)
+        rays = self.model.ray_from_pixel(np.stack(np.meshgrid(u, v), axis=-1))
+        if rays.origins_m is None or not rays.valid.any():
+            return base_from_optical[:3, 3]
+        nearest_m = common_point(rays.origins_m[rays.valid], rays.directions[rays.valid])
+        nearest_from_origin_m: NDArray[np.float64] = base_from_optical[:3, :3] @ nearest_m
+        return nearest_from_origin_m + base_from_optical[:3, 3]
+
+    @classmethod
+    def suffixes_of(cls, manifest: Mapping[str, Any]) -> tuple[str, ...]:
+        """Suffixes of an image, its channels, and its instances' bounding boxes."""
+        suffixes, channels = [IMAGE_SUFFIX], manifest["channels"]
+        channel_format = manifest["channel_format"]
+        if channels and channel_format is not ChannelFormat.NPY:
+            suffixes.append(CHANNELS_SUFFIX)
+        if channels and channel_format is not ChannelFormat.AUTO:
+            suffixes += [*(f".{name}.npy" for name in channels), DESCRIPTION_SUFFIX]
+        if "instance" in channels:
+            suffixes.append(BOXES_SUFFIX)
+        if manifest["boxes_3d"]:
+            suffixes.append(BOXES_3D_SUFFIX)
+        return tuple(suffixes)
+
+    def manifest(self, mount: Mount[object]) -> dict[str, Any]:
+        """Settings of degradation and quality, and all parameters of an optical system.
+
+        The optics are included because their files may change. Ray casting of unreliable samples is
+        recorded because it depends on installed packages.
+        """
+        optics: dict[str, Any] = {}
+        if isinstance(self.model, NonCentralCamera):
+            casts_rays = not missing_packages("rays")
+            optics = {"optics": self.model.parameters(), "casts_rays": casts_rays}
+        return {
+            **optics,
+            **({"time_shift_s": mount.time_shift_s} if mount.time_shift_s else {}),
+            "degradation": self.degradation.tables(),
+            "quality": {
+                "supersampling": self.supersampling,
+                "texels_per_pixel": self.texels_per_pixel,
+            },
+        }
+
+    def documents(self, mount: Mount[object]) -> dict[str, str]:
+        """Texts of the sensor file and the calibration file, by file name."""
+        return {SENSOR_FILE: self.to_toml(), CALIBRATION: self.calibration_json()}
+
+    def check_trajectory(
+        self, mount: Mount[object], truth: Trajectory, times_s: NDArray[np.float64]
+    ) -> None:
+        """Raise an error if an exposure lasts longer than the time to the next image.
+
+        Raises:
+            RunError: an exposure is too long; names camera, step, exposure and limit.
+        """
+        exposure_s = self.degradation.exposure_s
+        periods_s = np.diff(times_s)
+        if np.any(periods_s < exposure_s):
+            step = int(np.argmin(periods_s))
+            what = "step" if mount.rate is None else "image"
+            raise RunError(
+                f"camera {mount.name!r}: degradation.shutter.exposure_s: expected at most "
+                f"{periods_s[step]:g} s, the time from {what} {step} to {step + 1}, got "
+                f"{exposure_s:g}"
+            )
+
+
+def _image_table(camera: HyperbolicCamera) -> dict[str, Any]:
+    u, v = (float(value) for value in camera.principal_point_px)
+    return {
+        "width_px": camera.width_px,
+        "height_px": camera.height_px,
+        "focal_length_px": camera.focal_length_px,
+        "principal_point_px": [u, v],
+    }

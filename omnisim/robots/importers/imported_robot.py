@@ -16,7 +16,6 @@ from omnisim.core.files.atomic_file import write_text
 from omnisim.core.files.toml_file import Comment, toml_text
 from omnisim.core.poses import roll_pitch_yaw_from_rotation
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.camera.sensor_toml import sensor_toml
 from omnisim.robots.robot_file import Robot, parse_robot
 from omnisim.scene import Scene, read_scene
 from omnisim.scene.space.enclosure import enclosing_nodes
@@ -80,7 +79,7 @@ class ImportedRobot:
             OutputError: a file cannot be written.
         """
         for name, file in self._sensor_files(output).items():
-            write_text(output.with_name(file), sensor_toml(self.cameras[name]))
+            write_text(output.with_name(file), self.cameras[name].to_toml())
         write_text(output, self.text(output))
 
     def text(self, output: Path) -> str:

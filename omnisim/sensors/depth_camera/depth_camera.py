@@ -24,25 +24,36 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
-from typing import Annotated, NamedTuple
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from pydantic import Field
 
 from omnisim.cameras.models.perspective import PerspectiveCamera
-from omnisim.core.files.parameters import Flag, NotNegative, Number, Parameters, Positive
+from omnisim.core.files.image_files import write_numbers
+from omnisim.core.files.parameters import (
+    Flag,
+    NotNegative,
+    Number,
+    Parameters,
+    Positive,
+    overriding,
+)
 from omnisim.core.poses import pose
 from omnisim.core.random_numbers import key_of, normal, pcg4d
 from omnisim.core.short_repr import short_repr
-from omnisim.core.world import ObjectPart, WorldState
-from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.core.world import ObjectPart
+from omnisim.rendering.camera.omnicamera import CALIBRATION, OmniCamera
 from omnisim.rendering.camera.quality import MAX_IMAGE_PX, scene_size_m
-from omnisim.rendering.contract import CameraBackend, CameraSetup, ScenePoses
-from omnisim.rendering.sensor_renderer import Mounting, SensorRenderer
+from omnisim.rendering.contract import CameraBackend, CameraSetup, Pending, ScenePoses
+from omnisim.rendering.instrument import Instrument
+from omnisim.rendering.sensor import Moment, Mount, SensorSettings
 from omnisim.rendering.shared_scene import SharedScene
 from omnisim.rendering.truth.ground_truth import ground_truth_of
+from omnisim.sensors.sensor_table import SensorTable
 
 MAX_RANGE_M = 65.535  # 16 bits of millimeters
 # A surface casts a shadow if it is nearer to the second view by this share of the depth.
@@ -51,11 +62,12 @@ SHADOW_SHARE = 1e-3
 EDGE_RATIO = 1.05
 # Share of the light that panes and mirrors must leave: an assumption.
 MIN_SHARE = 0.1
+DEPTH_SUFFIX, STEPS_PER_M = ".png", 1000.0
 Size = Annotated[int, Field(strict=True, ge=1, le=MAX_IMAGE_PX)]
 
 
-@dataclass(frozen=True, kw_only=True)
-class DepthCamera(Parameters, name="depth_camera"):
+@dataclass(frozen=True, kw_only=True, repr=False)
+class DepthCamera(Parameters, SensorSettings, name="depth_camera"):
     """Geometry and errors of a depth camera; the default is a Kinect of the first version."""
 
     width_px: Size = 640
@@ -83,17 +95,29 @@ class DepthCamera(Parameters, name="depth_camera"):
     """True: depths are those behind panes and in mirrors, in scenes with such materials; false:
     those of the first surface."""
 
-    def __repr__(self) -> str:
-        return short_repr(self, self.summary())
+    noun: ClassVar[str] = "depth"
+    origin_noun: ClassVar[str] = "viewpoint"
+    suffixes: ClassVar[tuple[str, ...]] = (DEPTH_SUFFIX,)
+    document_names: ClassVar[tuple[str, ...]] = (CALIBRATION,)
 
     def summary(self) -> str:
         """Short description: image size and range."""
         size = f"{self.width_px} × {self.height_px} px"
         return f"{size}, {self.range_min_m:.3g} to {self.range_max_m:g} m"
 
-    def open(self, stage: SharedScene, mounting: Mounting) -> DepthRenderer:
+    def open(self, stage: SharedScene, mount: Mount[object]) -> DepthRenderer:
         """Open a renderer of depth images on a stage."""
-        return DepthRenderer(stage, self, mounting)
+        return DepthRenderer(stage, self, mount)
+
+    @property
+    def near_m(self) -> float:
+        """Minimum distance of visible surfaces."""
+        return OmniCamera(self.model).near_m
+
+    def documents(self, mount: Mount[object]) -> dict[str, str]:
+        """Text of the calibration file, by file name."""
+        camera = OmniCamera(self.model, base_from_rig=mount.base_from_sensor)
+        return {CALIBRATION: camera.calibration_json()}
 
     def _check(self) -> None:
         if self.range_min_m >= self.range_max_m:
@@ -290,15 +314,37 @@ def _depths(view: CameraBackend, poses: ScenePoses, has_cosines: bool, through: 
     return _Depths(z_m, cosines, seen.shares)
 
 
-class DepthRenderer(SensorRenderer[DepthCamera, _Views]):
+@dataclass(frozen=True, eq=False)
+class DepthImage:
+    """Image of a depth camera.
+
+    Attributes:
+        depths_m: (height, width) depths along the optical axis in meters; 0 in holes.
+        metadata: omnisim's version, the scene and the image's number.
+    """
+
+    depths_m: NDArray[np.float32]
+    metadata: dict[str, Any] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        height, width = self.depths_m.shape
+        return short_repr(self, f"{width} × {height} px")
+
+    def save(self, stem: Path) -> None:
+        """Write depths as a PNG of 16-bit millimeters, 0 in holes. Source: ROS, REP 118.
+
+        Raises:
+            OutputError: the file cannot be written.
+        """
+        steps = np.round(self.depths_m * STEPS_PER_M).astype(np.uint16)
+        write_numbers(stem.with_suffix(DEPTH_SUFFIX), steps, {"unit_m": 1.0 / STEPS_PER_M})
+
+
+class DepthRenderer(Instrument[DepthCamera, _Views, DepthImage]):
     """Renders a depth camera's images of a scene."""
 
-    def __init__(self, stage: SharedScene, sensor: DepthCamera, mounting: Mounting):
-        self._seed = mounting.seed
-        super().__init__(stage, sensor, mounting)
-
     def _open_passes(self, hidden: frozenset[ObjectPart]) -> _Views:
-        stage, camera, mount = self._stage, self.sensor, self._base_from_sensor
+        stage, camera, mount = self._stage, self.sensor, self.mount.base_from_sensor
         # to the right as seen along x
         beside = mount @ pose((0.0, -camera.baseline_m, 0.0))
         size_m, vehicles = scene_size_m(stage.scene), tuple(stage.vehicles)
@@ -309,17 +355,9 @@ class DepthRenderer(SensorRenderer[DepthCamera, _Views]):
         setups = (CameraSetup(one, True, hidden, 0, vehicles) for one in cameras)
         return _Views(stage.backend.camera(setup) for setup in setups)
 
-    def measure(self, state: WorldState | ArrayLike, frame_number: int = 0) -> NDArray[np.float32]:
-        """Render depths (height, width) along the optical axis in meters; 0 in holes.
-
-        Args:
-            state: state of the world; if nothing else moves, the vehicle's (4, 4) pose suffices.
-            frame_number: index of the frame; each frame has its own noise.
-
-        Raises:
-            OmnisimError: an invalid pose, an object without a pose, or a closed renderer or stage.
-        """
-        now = self._state(state)
+    def begin(self, moment: Moment) -> Pending[DepthImage]:
+        """Render the depths at a moment, with an instantaneous shutter."""
+        now = self._state(moment.motion(moment.time_s))
         world_from_base, sensor = now.world_from_object[self.vehicle], self.sensor
         objects = self._stage.poses_in(now)
         with self._current() as views:
@@ -338,4 +376,27 @@ class DepthRenderer(SensorRenderer[DepthCamera, _Views]):
         if first.shares is not None:
             left = first.shares if sensor.is_stereo else first.shares**2
             z_m = np.where(left >= MIN_SHARE, z_m, np.float32(np.inf))
-        return sensor.measure(z_m, second.z_m, first.incidence_cosines, self._seed, frame_number)
+        cosines, seed, number = first.incidence_cosines, self.mount.seed, moment.number
+        depths_m = sensor.measure(z_m, second.z_m, cosines, seed, number)
+        return Pending.done(DepthImage(depths_m, self._metadata(number=int(number))))
+
+
+DEVICES = {"kinect_v1": DepthCamera.kinect_v1, "d435": DepthCamera.d435}
+
+
+@overriding(DepthCamera)
+class DepthCameraTable(SensorTable):
+    """Depth camera, looking along x; the drive's seed determines its errors."""
+
+    sensor_class: ClassVar[type[SensorSettings]] = DepthCamera
+
+    type: Literal["depth_camera"]
+    device: Literal["kinect_v1", "d435"] = "kinect_v1"
+    """Device that sets size, field of view, range and errors: "kinect_v1" or Intel's "d435"."""
+    noise: Flag = True
+    """True: the device's errors; false: depths exact to the millimeter, with holes."""
+
+    def sensor(self) -> DepthCamera:
+        """Build the camera's settings."""
+        camera = self.overriding(DEVICES[self.device]())
+        return camera if self.noise else camera.without_noise()

@@ -11,7 +11,8 @@ visual-inertial data sets:
 The first reading averages only the time after the start, the last only the time before the end. The
 model omits scale errors, misalignment, saturation, rounding, temperature and the earth's rotation.
 
-Noise and bias depend only on a key and the index of the reading.
+Noise and bias depend only on the drive's seed, the sensor's name and the index of the reading. One
+file per run holds all readings.
 
 Sources: Furgale et al., "Unified temporal and spatial calibration for multi-sensor systems", IROS
 2013; IEEE Std 952-1997 (Allan variance); Burri et al., "The EuRoC micro aerial vehicle datasets",
@@ -21,17 +22,32 @@ IJRR 2016; Schubert et al., "The TUM VI benchmark", IROS 2018.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 import scipy  # its submodules load when first used
 from numpy.typing import NDArray
 
-from omnisim.core.files.parameters import Level, Parameters
-from omnisim.core.random_numbers import normal, pcg4d
+from omnisim.core.errors import RunError
+from omnisim.core.files.number_table import BLOCK, write_table
+from omnisim.core.files.parameters import Level, Parameters, overriding
+from omnisim.core.files.written_files import is_written
+from omnisim.core.poses import rotation_angles
+from omnisim.core.random_numbers import key_of, normal, pcg4d
+from omnisim.core.trajectories import Trajectory
 from omnisim.core.trajectories.body_motion import BodyMotion
+from omnisim.rendering.sensor import TABLE_SUFFIX, Mount, SensorSettings
+from omnisim.sensors.sensor_table import Rate, SensorTable
 
 STANDARD_GRAVITY_MPS2 = 9.80665
+PARAMETERS = "sensor.yaml"
+READINGS, BIASES = "readings.csv", "biases.csv"
+COLUMNS = "t_s,wx_radps,wy_radps,wz_radps,fx_mps2,fy_mps2,fz_mps2"
+BIAS_COLUMNS = COLUMNS.replace(",w", ",bias_w").replace(",f", ",bias_f")
+MAX_TURN_DEG = 120.0  # between poses: near a half turn a smooth motion is ambiguous
 _READING, _START = 0, 1  # streams of random numbers
 _BLOCK = 100_000  # readings per block, which bounds memory
 
@@ -132,3 +148,146 @@ def _numbers(indices: NDArray[np.int64], stream: int, key: int) -> NDArray[np.fl
     """Two sets of standard normal numbers (2, n, 6), per reading (n,) and axis."""
     hashes = pcg4d(indices[:, None], np.arange(6), stream, key)
     return np.stack((normal(hashes[0], hashes[1]), normal(hashes[2], hashes[3]))).astype(np.float64)
+
+
+@dataclass(frozen=True, repr=False)
+class Imu(SensorSettings):
+    """Inertial measurement unit.
+
+    Attributes:
+        errors: noise and biases.
+        rate_hz: readings per second, which are averages over a period.
+        gravity_mps2: gravity along the world's −z.
+    """
+
+    errors: ImuErrors
+    rate_hz: float = 200.0
+    gravity_mps2: float = STANDARD_GRAVITY_MPS2
+
+    noun: ClassVar[str] = "IMU"
+    suffixes: ClassVar[tuple[str, ...]] = (TABLE_SUFFIX,)
+    document_names: ClassVar[tuple[str, ...]] = (PARAMETERS, READINGS, BIASES)
+
+    @property
+    def near_m(self) -> float:
+        """Infinite: the unit does not see and may be inside the body."""
+        return math.inf
+
+    def summary(self) -> str:
+        """Short description: rate and gravity."""
+        return f"{self.rate_hz:g} Hz, gravity {self.gravity_mps2:g} m/s²"
+
+    def documents(self, mount: Mount[object]) -> dict[str, str]:
+        """Mount, rate and noise, with the keys of EuRoC's sensor.yaml; its body is the base."""
+        errors = self.errors
+        numbers = {
+            "rate_hz": self.rate_hz,
+            "gyroscope_noise_density": errors.gyro_noise_radps_per_sqrt_hz,
+            "gyroscope_random_walk": errors.gyro_bias_walk_radps2_per_sqrt_hz,
+            "accelerometer_noise_density": errors.accel_noise_mps2_per_sqrt_hz,
+            "accelerometer_random_walk": errors.accel_bias_walk_mps3_per_sqrt_hz,
+            "gravity_mps2": self.gravity_mps2,
+        }
+        pose = ", ".join(map(_yaml_number, mount.base_from_sensor.ravel()))
+        lines = ("sensor_type: imu", "T_BS:", "  cols: 4", "  rows: 4", f"  data: [{pose}]")
+        rest = (f"{key}: {_yaml_number(number)}" for key, number in numbers.items())
+        return {PARAMETERS: "\n".join((*lines, *rest)) + "\n"}
+
+    def check_trajectory(
+        self, mount: Mount[object], truth: Trajectory, times_s: NDArray[np.float64]
+    ) -> None:
+        """Raise an error if the turn between two poses is too wide.
+
+        Raises:
+            RunError: a turn is too wide; names sensor, step, turn and limit.
+        """
+        rotations = truth.world_from_base[:, :3, :3]
+        turns_deg = np.abs(np.degrees(rotation_angles(rotations[:-1], rotations[1:])))
+        if np.any(turns_deg > MAX_TURN_DEG):
+            step = int(np.argmax(turns_deg))
+            raise RunError(
+                f"sensor {mount.name!r}: step {step} → {step + 1}: expected a turn of at most "
+                f"{MAX_TURN_DEG:g}°, got {turns_deg[step]:.4g}°"
+            )
+
+    @classmethod
+    def suffixes_of(cls, manifest: Mapping[str, Any]) -> tuple[str, ...]:
+        """No suffixes: one file holds all readings. Runs of older versions have a file per step."""
+        return () if "readings" in manifest else cls.suffixes
+
+    def manifest(self, mount: Mount[object]) -> dict[str, Any]:
+        """Setting with the name of the readings' file."""
+        return {"readings": READINGS}
+
+    def write_readings(
+        self,
+        folder: Path,
+        mount: Mount[object],
+        motion: BodyMotion,
+        seed: int,
+        times_s: NDArray[np.float64],
+    ) -> None:
+        """Write the files of all readings and of their biases, unless they exist.
+
+        Raises:
+            OutputError: a file cannot be written.
+        """
+        key = key_of("imu", seed, mount.name)
+        biases = self.errors.biases(len(times_s), self.rate_hz, key)
+        parts = [slice(first, first + BLOCK) for first in range(0, len(times_s), BLOCK)]
+        if not is_written(folder / READINGS):
+            blocks = (self._block(mount, motion, times_s, biases, key, part) for part in parts)
+            write_table(folder / READINGS, COLUMNS, blocks)
+        if not is_written(folder / BIASES):
+            blocks = (np.column_stack((times_s[part], biases[part])) for part in parts)
+            write_table(folder / BIASES, BIAS_COLUMNS, blocks)
+
+    def readings(
+        self, mount: Mount[object], motion: BodyMotion, seed: int, times_s: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Readings (n, 6) at times (n,): angular rates in rad/s, then specific forces in m/s²."""
+        key = key_of("imu", seed, mount.name)
+        biases = self.errors.biases(len(times_s), self.rate_hz, key)
+        return self._block(mount, motion, times_s, biases, key, slice(None))[:, 1:]
+
+    def _block(
+        self,
+        mount: Mount[object],
+        motion: BodyMotion,
+        times_s: NDArray[np.float64],
+        biases: NDArray[np.float64],
+        key: int,
+        part: slice,
+    ) -> NDArray[np.float64]:
+        """Table rows (n, 7) of a slice of the readings, times first."""
+        times, indices = times_s[part], np.arange(len(times_s))[part]
+        ideal = true_readings(
+            motion, mount.base_from_sensor, self.gravity_mps2, times, 1.0 / self.rate_hz
+        )
+        noise = self.errors.noise(indices, self.rate_hz, key)
+        return np.column_stack((times, ideal + biases[part] + noise))
+
+
+def _yaml_number(number: float) -> str:
+    """Format a number as a YAML 1.1 float, which needs a point even before an exponent."""
+    return np.format_float_scientific(number, trim="0")
+
+
+@overriding(ImuErrors)
+class ImuTable(SensorTable):
+    """Inertial measurement unit that measures angular rate and specific force at its own rate."""
+
+    sensor_class: ClassVar[type[SensorSettings]] = Imu
+
+    type: Literal["imu"]
+    device: Literal["adis16448", "bmi160", "ideal"] = "adis16448"
+    """Device that sets the noise: "adis16448" as in EuRoC, "bmi160" as in TUM VI, or "ideal"."""
+    rate_hz: Rate | None = 200.0
+    """Readings per second, from the start of the drive."""
+    gravity_mps2: Level = STANDARD_GRAVITY_MPS2
+    """Gravity along the world's −z; at rest and level, the specific force along z equals it."""
+
+    def sensor(self) -> Imu:
+        """Build the unit; all axes share its errors."""
+        errors = self.overriding(DEVICES[self.device])
+        return Imu(errors, self.rate_hz or 200.0, self.gravity_mps2)

@@ -12,30 +12,34 @@ import math
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from omnisim.core.errors import OpticsError
 from omnisim.core.files.parameters import (
+    AboveZero,
     Flag,
     Fraction,
+    Level,
     NotNegative,
     Number,
     Parameters,
     Positive,
     Seed,
+    overriding,
 )
 from omnisim.core.short_repr import short_repr
 from omnisim.core.world import ObjectPart, WorldState
 from omnisim.ground_truth.hits import EchoLimits
-from omnisim.rendering.contract import RangeFinder
-from omnisim.rendering.sensor_renderer import Mounting, SensorRenderer
+from omnisim.rendering.contract import Pending, RangeFinder
+from omnisim.rendering.instrument import Instrument
+from omnisim.rendering.sensor import TABLE_SUFFIX, Moment, Mount, SensorSettings
 from omnisim.rendering.shared_scene import SharedScene
-from omnisim.sensors.commented_csv import write_commented_csv
-from omnisim.sensors.device_noise import check_number, round_ranges
+from omnisim.sensors.device_data import check_number, round_ranges, write_commented_csv
+from omnisim.sensors.sensor_table import SensorTable
 from omnisim.sensors.specular_keys import stated_parameters
 
 LMS200_MODES = {"mm": (8.19, 0.001), "cm": (81.9, 0.01)}  # range_max_m and step_m: 13 bits
@@ -45,7 +49,7 @@ _DEVICE, _NOISE = 0, 1  # streams of random numbers
 
 
 @dataclass(frozen=True, kw_only=True)
-class LaserScanner(Parameters, name="scanner"):
+class LaserScanner(Parameters, SensorSettings, name="scanner"):
     """Range and error model of a scanner; the default is an LMS200 in mm mode."""
 
     field_of_view_deg: Annotated[Number, Field(gt=0.0, le=360.0)] = 180.0
@@ -73,6 +77,9 @@ class LaserScanner(Parameters, name="scanner"):
     min_intensity: Fraction = 0.1
     """See `SpinningLidar`; an assumption."""
 
+    noun: ClassVar[str] = "scanner"
+    suffixes: ClassVar[tuple[str, ...]] = (TABLE_SUFFIX,)
+
     def __repr__(self) -> str:
         beams = f"{len(self.angles_deg)} beams over {self.field_of_view_deg:g}°"
         return short_repr(self, beams, f"{self.range_min_m:g} to {self.range_max_m:g} m")
@@ -81,9 +88,9 @@ class LaserScanner(Parameters, name="scanner"):
         """Short description: beams and range."""
         return f"{self.beams} beams at {self.resolution_deg:.4g}° to {self.range_max_m:g} m"
 
-    def open(self, stage: SharedScene, mounting: Mounting) -> LaserRenderer:
+    def open(self, stage: SharedScene, mount: Mount[object]) -> LaserRenderer:
         """Open a renderer of scans on a stage."""
-        return LaserRenderer(stage, self, mounting)
+        return LaserRenderer(stage, self, mount)
 
     def _check(self) -> None:
         if self.field_of_view_deg >= MAX_BEAMS * self.resolution_deg:
@@ -268,6 +275,14 @@ class Scan:
             (ranges * np.cos(angles), ranges * np.sin(angles), np.zeros_like(ranges)), axis=-1
         )
 
+    def save(self, stem: Path) -> None:
+        """Write the scan as CSV, see `save_csv`.
+
+        Raises:
+            OutputError: the file cannot be written.
+        """
+        self.save_csv(stem.with_suffix(TABLE_SUFFIX))
+
     def save_csv(self, path: str | Path) -> None:
         """Atomically write the columns beam, angle_deg and range_m.
 
@@ -292,7 +307,7 @@ class Scan:
         write_commented_csv(path, header, "beam,angle_deg,range_m", rows)
 
 
-class LaserRenderer(SensorRenderer[LaserScanner, RangeFinder]):
+class LaserRenderer(Instrument[LaserScanner, RangeFinder, Scan]):
     """Renders a scanner's scans of a scene."""
 
     def _open_passes(self, hidden: frozenset[ObjectPart]) -> RangeFinder:
@@ -301,6 +316,10 @@ class LaserRenderer(SensorRenderer[LaserScanner, RangeFinder]):
         return self._stage.backend.range_finder(
             sensor.angles_rad, sensor.reach_m, hidden, limits if sensor.specular else None
         )
+
+    def begin(self, moment: Moment) -> Pending[Scan]:
+        """Render the scan at a moment."""
+        return Pending.done(self.scan(moment.motion(moment.time_s), moment.number))
 
     def scan(self, state: WorldState | ArrayLike, scan_number: int = 0) -> Scan:
         """Render one scan.
@@ -323,3 +342,63 @@ class LaserRenderer(SensorRenderer[LaserScanner, RangeFinder]):
         if self.body is not None:
             metadata["world_from_base"] = now.world_from_object[self.vehicle].tolist()
         return Scan(self.sensor.angles_rad, ranges_m, self.sensor, world_from_scanner, metadata)
+
+
+# Tables of a robot file.
+
+
+def _check_resolution(resolution_deg: float) -> float:
+    if resolution_deg not in (1.0, 0.5, 0.25):
+        raise ValueError("expected 1, 0.5 or 0.25")
+    return resolution_deg
+
+
+@overriding(LaserScanner, "seed", "specular", defaults={})
+class Lms200Table(SensorTable):
+    """SICK LMS200 with the errors of one individual device."""
+
+    sensor_class: ClassVar[type[SensorSettings]] = LaserScanner
+
+    type: Literal["lms200"]
+    resolution_deg: Annotated[Number, AfterValidator(_check_resolution)] = 0.5
+    """Angle between beams in degrees: 1 or 0.5 over 180°, or 0.25 over 100°."""
+    mode: Literal["mm", "cm"] = "mm"
+    """Range and step: "mm" up to 8.19 m by 1 mm, "cm" up to 81.9 m by 1 cm."""
+    noise: Flag = True
+    """True: the device's errors; false: ranges are exact except for rounding."""
+
+    def sensor(self) -> LaserScanner:
+        """Build the LMS200's settings."""
+        scanner = self.overriding(LaserScanner.lms200(self.resolution_deg, self.mode))
+        return scanner if self.noise else scanner.without_noise()
+
+
+@overriding(LaserScanner, "seed", "specular", defaults={})
+class RangeScannerTable(SensorTable):
+    """Range scanner with USARSim's parameters; the default is USARSim's SICK LMS200."""
+
+    sensor_class: ClassVar[type[SensorSettings]] = LaserScanner
+
+    type: Literal["usarsim_range_scanner"]
+    scan_fov_rad: Annotated[Number, Field(gt=0.0, le=6.2832)] = 3.14159
+    """Angle from the first beam to the last in radians: USARSim's ScanFov."""
+    resolution_rad: AboveZero = 0.01745
+    """Angle between beams in radians: USARSim's Resolution."""
+    max_range_m: AboveZero = 20.0
+    """Maximum range in meters; farther hits are out of range: USARSim's MaxRange."""
+    min_range_m: Level = 0.0
+    """Minimum range in meters; nearer hits are too near: USARSim's MinRange."""
+    noise_share: Level = 0.001
+    """Standard deviation relative to the range: USARSim's Noise."""
+
+    def sensor(self) -> LaserScanner:
+        """Build the settings of USARSim's scanner."""
+        scanner = LaserScanner.usarsim(
+            # 6.2832 is a full turn with its last digit rounded up
+            scan_fov_rad=min(self.scan_fov_rad, 2.0 * math.pi),
+            resolution_rad=self.resolution_rad,
+            max_range_m=self.max_range_m,
+            min_range_m=self.min_range_m,
+            noise=self.noise_share,
+        )
+        return self.overriding(scanner)

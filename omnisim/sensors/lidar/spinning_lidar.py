@@ -11,10 +11,11 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -28,22 +29,27 @@ from omnisim.core.files.parameters import (
     Parameters,
     Positive,
     Seed,
+    overriding,
 )
 from omnisim.core.short_repr import short_repr
+from omnisim.core.trajectories.rate import LATE
 from omnisim.core.world import Motion, ObjectPart, WorldState
 from omnisim.ground_truth.hits import EchoLimits, LidarBeams, LidarPoses
-from omnisim.rendering.contract import BeamCaster, LabelCache
+from omnisim.rendering.contract import BeamCaster, LabelCache, Pending
 from omnisim.rendering.degraded_camera import MovingBoxes
-from omnisim.rendering.sensor_renderer import Mounting, SensorRenderer
+from omnisim.rendering.instrument import Instrument
+from omnisim.rendering.sensor import Moment, Mount, SensorSettings
 from omnisim.rendering.shared_scene import SharedScene
 from omnisim.rendering.truth.ground_truth import instances_of_draws
-from omnisim.sensors.device_noise import check_number, round_ranges
+from omnisim.sensors.device_data import check_number, round_ranges
 from omnisim.sensors.lidar.point_files import POINT, write_points
 from omnisim.sensors.lidar.revolution import plan_revolution
+from omnisim.sensors.sensor_table import Rate, SensorTable
 from omnisim.sensors.specular_keys import stated_parameters
 
 MAX_RINGS, MAX_FIRINGS = 1024, 16384
 MAX_ELEVATION_DEG = 80.0
+STATES = 16  # number of recorded true states per revolution
 VLP16_ELEVATIONS_DEG = tuple(-15.0 + 2.0 * ring for ring in range(16))
 HDL64E_ELEVATIONS_DEG = (
     *(-24.33 + 0.5 * ring for ring in range(32)),  # lower block: −24.33° to −8.83°
@@ -55,7 +61,7 @@ Elevation = Annotated[Number, Field(ge=-MAX_ELEVATION_DEG, le=MAX_ELEVATION_DEG)
 
 
 @dataclass(frozen=True, kw_only=True)
-class SpinningLidar(Parameters, name="lidar"):
+class SpinningLidar(Parameters, SensorSettings, name="lidar"):
     """Rings and range model of a lidar; the default is a VLP-16 at 10 revolutions per second."""
 
     elevations_deg: Annotated[tuple[Elevation, ...], Field(min_length=1, max_length=MAX_RINGS)] = (
@@ -87,6 +93,12 @@ class SpinningLidar(Parameters, name="lidar"):
     """Faintest return at the maximum range from specular surfaces, and from what is behind them; 1
     is a white surface met perpendicularly. Nearer returns may be fainter by the squared range. An
     assumption."""
+    file_format: Literal["ply", "pcd"] = "ply"
+    """Binary format of the point clouds: PLY, or PCD of the Point Cloud Library."""
+
+    noun: ClassVar[str] = "lidar"
+    suffixes: ClassVar[tuple[str, ...]] = (".ply", ".pcd")
+    has_instances: ClassVar[bool] = True
 
     def __repr__(self) -> str:
         rings = f"{self.rings} rings × {self.firings} firings at {self.rate_hz:g} Hz"
@@ -97,9 +109,33 @@ class SpinningLidar(Parameters, name="lidar"):
         rings = f"{self.rings} rings × {self.firings} firings at {self.rate_hz:g} Hz"
         return f"{rings} to {self.range_max_m:g} m"
 
-    def open(self, stage: SharedScene, mounting: Mounting) -> LidarRenderer:
+    def open(self, stage: SharedScene, mount: Mount[object]) -> LidarRenderer:
         """Open a renderer of point clouds on a stage."""
-        return LidarRenderer(stage, self, mounting)
+        return LidarRenderer(stage, self, mount)
+
+    def state_times_s(self, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Times (m,) within all revolutions, dense enough for removing a cloud's skew."""
+        since_s = np.arange(STATES) / (STATES * self.rate_hz)
+        return (times_s[:, None] - since_s).ravel()
+
+    def note(self, mount: Mount[object], times_s: NDArray[np.float64]) -> str | None:
+        """Notice that revolutions between the steps have no cloud; None if all have one."""
+        turns = int(float(np.ptp(times_s)) * self.rate_hz + LATE) + 1
+        if mount.rate is not None or turns <= len(times_s):
+            return None
+        return (
+            f"{mount.name}: a cloud at each step, of {len(times_s)} of the lidar's {turns} "
+            f"revolutions: rate_hz = {self.rate_hz:g} in its table takes all"
+        )
+
+    def manifest(self, mount: Mount[object]) -> dict[str, Any]:
+        """Setting with the format of the point clouds."""
+        return {"file_format": self.file_format}
+
+    @classmethod
+    def suffixes_of(cls, manifest: Mapping[str, Any]) -> tuple[str, ...]:
+        """Suffix of the run's point clouds."""
+        return (f".{manifest['file_format']}",)
 
     def _check(self) -> None:
         if any(np.diff(self.elevations_deg) <= 0.0):
@@ -269,6 +305,8 @@ class PointCloud:
     def save(self, path: str | Path) -> None:
         """Atomically write the cloud in the format of the path's suffix, .ply or .pcd.
 
+        Without a suffix, the lidar's `file_format` is taken.
+
         The header's comments hold `key: value` lines with JSON values: the metadata, the lidar's
         parameters, and its poses row by row.
 
@@ -282,19 +320,25 @@ class PointCloud:
             "world_from_lidar_at_start": self.world_from_lidar_at_start.tolist(),
             "world_from_lidar": self.world_from_lidar.tolist(),
         }
-        write_points(Path(path), self.points, self.world_from_lidar, comments)
+        target = Path(path)
+        target = target if target.suffix else target.with_suffix(f".{self.lidar.file_format}")
+        write_points(target, self.points, self.world_from_lidar, comments)
 
 
-class LidarRenderer(SensorRenderer[SpinningLidar, BeamCaster]):
+class LidarRenderer(Instrument[SpinningLidar, BeamCaster, PointCloud]):
     """Renders a lidar's point clouds of a scene."""
 
-    def __init__(self, stage: SharedScene, sensor: SpinningLidar, mounting: Mounting):
-        super().__init__(stage, sensor, mounting)
+    def __init__(self, stage: SharedScene, sensor: SpinningLidar, mount: Mount[object]):
+        super().__init__(stage, sensor, mount)
         self._labels = LabelCache()
         self._boxes = MovingBoxes(self.scene, stage.objects.values())
 
     def _open_passes(self, hidden: frozenset[ObjectPart]) -> BeamCaster:
         return self._stage.backend.beam_caster(self.sensor.beams, hidden)
+
+    def begin(self, moment: Moment) -> Pending[PointCloud]:
+        """Render the cloud of the revolution that ends at a moment."""
+        return Pending.done(self.scan(moment.motion, moment.time_s, moment.number))
 
     def scan(
         self, motion: Motion | WorldState | ArrayLike, time_s: float = 0.0, revolution: int = 0
@@ -341,3 +385,28 @@ class LidarRenderer(SensorRenderer[SpinningLidar, BeamCaster]):
             plan.slices[-1].end.world_from_lidar,
             self._metadata(revolution=int(revolution), time_s=float(time_s)),
         )
+
+
+DEVICES = {"vlp16": SpinningLidar.vlp16, "hdl64e": SpinningLidar.hdl64e}
+
+
+@overriding(SpinningLidar)
+class LidarTable(SensorTable):
+    """Spinning 3-D lidar; missing keys default to the device's values."""
+
+    sensor_class: ClassVar[type[SensorSettings]] = SpinningLidar
+
+    type: Literal["lidar"]
+    device: Literal["vlp16", "hdl64e"] = "vlp16"
+    """Velodyne's VLP-16 (16 rings, ±15°) or HDL-64E S2 (64 rings, −24.3° to 2°)."""
+    noise: Flag = True
+    """True: the device's noise; false: ranges are exact except for rounding."""
+    file_format: Literal["ply", "pcd"] = "ply"
+    """Binary format of the point clouds: PLY, or PCD of the Point Cloud Library."""
+    rate_hz: Rate | None = None
+    """Revolutions per second, with one cloud each. Default: the device's, with a cloud per step."""
+
+    def sensor(self) -> SpinningLidar:
+        """Build the lidar's settings."""
+        lidar = self.overriding(DEVICES[self.device]())
+        return lidar if self.noise else lidar.without_noise()

@@ -16,27 +16,36 @@ import math
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from pydantic import Field
 
-from omnisim.core.files.parameters import NotNegative, Number, Parameters, Positive, Seed
+from omnisim.core.files.parameters import (
+    NotNegative,
+    Number,
+    Parameters,
+    Positive,
+    Seed,
+    overriding,
+)
 from omnisim.core.poses import pose
 from omnisim.core.short_repr import short_repr
-from omnisim.core.world import ObjectPart, WorldState
-from omnisim.rendering.contract import RangeFinder
-from omnisim.rendering.sensor_renderer import Mounting, SensorRenderer
+from omnisim.core.world import ObjectPart
+from omnisim.rendering.contract import Pending, RangeFinder
+from omnisim.rendering.instrument import Instrument
+from omnisim.rendering.sensor import TABLE_SUFFIX, Moment, Mount, SensorSettings
 from omnisim.rendering.shared_scene import SharedScene
-from omnisim.sensors.commented_csv import write_commented_csv
+from omnisim.sensors.device_data import write_commented_csv
 from omnisim.sensors.laser_scanner.laser_scanner import LaserScanner
+from omnisim.sensors.sensor_table import SensorTable
 
 Count = Annotated[int, Field(strict=True, ge=1, le=360)]
 
 
 @dataclass(frozen=True, kw_only=True)
-class RangeSensor(Parameters, name="range_sensor"):
+class RangeSensor(Parameters, SensorSettings, name="range_sensor"):
     """Cone and error model of a range sensor; the default is USARSim's sonar."""
 
     beam_angle_deg: Annotated[Number, Field(ge=0.0, lt=180.0)] = 20.0
@@ -54,6 +63,9 @@ class RangeSensor(Parameters, name="range_sensor"):
     seed: Seed = 0
     """Seed of the device, which determines its noise."""
 
+    noun: ClassVar[str] = "range"
+    suffixes: ClassVar[tuple[str, ...]] = (TABLE_SUFFIX,)
+
     def __repr__(self) -> str:
         return short_repr(
             self, f"{self.beam_angle_deg:g}°", f"{self.range_min_m:g} to {self.range_max_m:g} m"
@@ -64,9 +76,9 @@ class RangeSensor(Parameters, name="range_sensor"):
         rays = f"cone of {self.beam_angle_deg:.3g}°" if self.beam_angle_deg else "one ray"
         return f"{rays} to {self.range_max_m:g} m"
 
-    def open(self, stage: SharedScene, mounting: Mounting) -> RangeSensorRenderer:
+    def open(self, stage: SharedScene, mount: Mount[object]) -> RangeSensorRenderer:
         """Open a renderer of range readings on a stage."""
-        return RangeSensorRenderer(stage, self, mounting)
+        return RangeSensorRenderer(stage, self, mount)
 
     def _check(self) -> None:
         if self.range_min_m >= self.range_max_m:
@@ -122,6 +134,14 @@ class RangeReading:
     def __repr__(self) -> str:
         return short_repr(self, f"{self.range_m:g} m", repr(self.sensor))
 
+    def save(self, stem: Path) -> None:
+        """Write the range as CSV, see `save_csv`.
+
+        Raises:
+            OutputError: the file cannot be written.
+        """
+        self.save_csv(stem.with_suffix(TABLE_SUFFIX))
+
     def save_csv(self, path: str | Path) -> None:
         """Atomically write the column range_m after comment lines `# key: value` with JSON values.
 
@@ -138,30 +158,55 @@ class RangeReading:
         write_commented_csv(path, header, "range_m", (f"{self.range_m:.6f}",))
 
 
-class RangeSensorRenderer(SensorRenderer[RangeSensor, RangeFinder]):
+class RangeSensorRenderer(Instrument[RangeSensor, RangeFinder, RangeReading]):
     """Renders a range sensor's readings in a scene."""
 
     def _open_passes(self, hidden: frozenset[ObjectPart]) -> RangeFinder:
         reach_m = self.sensor.errors.reach_m
         return self._stage.backend.range_finder(self.sensor.fan_rad, reach_m, hidden)
 
-    def measure(self, state: WorldState | ArrayLike, number: int = 0) -> RangeReading:
-        """Render one reading.
-
-        Args:
-            state: state of the world; if nothing else moves, the vehicle's (4, 4) pose suffices.
-            number: index of the reading; with the sensor's seed it determines the noise.
-
-        Raises:
-            OmnisimError: an invalid pose, an object without a pose, an invalid index, or a closed
-                renderer or stage.
-        """
-        now = self._state(state)
+    def begin(self, moment: Moment) -> Pending[RangeReading]:
+        """Render the reading at a moment; with the sensor's seed its number sets the noise."""
+        now = self._state(moment.motion(moment.time_s))
         world_from_sensor, objects = self._world_from_sensor(now), self._stage.poses_in(now)
         rolls = [pose(roll_deg=float(roll)) for roll in self.sensor.rolls_deg]
         with self._current() as ranges:
             fans = [ranges.cast(world_from_sensor @ roll, objects) for roll in rolls]
         nearest_m = np.concatenate(fans).min(keepdims=True)
-        (range_m,) = self.sensor.errors.measure(nearest_m, number).tolist()
-        metadata = self._metadata(number=int(number))
-        return RangeReading(range_m, self.sensor, world_from_sensor, metadata)
+        (range_m,) = self.sensor.errors.measure(nearest_m, moment.number).tolist()
+        metadata = self._metadata(number=int(moment.number))
+        return Pending.done(RangeReading(range_m, self.sensor, world_from_sensor, metadata))
+
+
+# Tables of a robot file, with the names and defaults of USARSim.
+
+_ERRORS = ("range_max_m", "range_min_m", "noise_share", "seed")
+_INFRARED = {"range_min_m": 0.2, "range_max_m": 1.5}
+
+
+@overriding(RangeSensor, "cones", "rays_per_cone", *_ERRORS, defaults={})
+class SonarTable(SensorTable):
+    """Sonar with USARSim's parameters: the nearest hit of rays in a cone about x."""
+
+    sensor_class: ClassVar[type[SensorSettings]] = RangeSensor
+
+    type: Literal["usarsim_sonar"]
+    beam_angle_rad: Annotated[Number, Field(gt=0.0, lt=math.pi)] = 0.349
+    """Full opening angle of the cone in radians: USARSim's beamAngle."""
+
+    def sensor(self) -> RangeSensor:
+        """Build the settings of USARSim's sonar."""
+        return self.overriding(RangeSensor(beam_angle_deg=math.degrees(self.beam_angle_rad)))
+
+
+@overriding(RangeSensor, *_ERRORS, defaults=_INFRARED)
+class InfraredTable(SensorTable):
+    """Infrared sensor with USARSim's parameters: one ray along x."""
+
+    sensor_class: ClassVar[type[SensorSettings]] = RangeSensor
+
+    type: Literal["usarsim_ir_sensor"]
+
+    def sensor(self) -> RangeSensor:
+        """Build the settings of USARSim's infrared sensor."""
+        return self.overriding(RangeSensor(beam_angle_deg=0.0))

@@ -35,8 +35,7 @@ from omnisim.perception.localization.track import (
 from omnisim.perception.unwarping.panorama import CameraMount
 from omnisim.robots import simulate_odometry
 from omnisim.robots.vehicle import Vehicle
-from omnisim.runs.run_data import RunData
-from omnisim.runs.run_labels import RunLabels
+from omnisim.runs.run_data import RunData, RunLabels
 from omnisim.validation.experiments.detection_accuracy import compare
 from omnisim.validation.experiments.real_setting import with_wrong_start
 

@@ -20,7 +20,7 @@ from omnisim.plots.localization_plots import (
 )
 from omnisim.plots.style import gallery
 from omnisim.report.report import CaptionedFigure, Measure, ResultTable, Section
-from omnisim.runs.run_labels import RunLabels
+from omnisim.runs.run_data import RunLabels
 from omnisim.validation.experiments.detection_accuracy import DetectionMatch, accuracy
 from omnisim.validation.experiments.experiment_runs import (
     Progress,

@@ -8,7 +8,7 @@ from omnisim.perception.landmarks.color_model import Costs, save_model
 from omnisim.perception.localization.filter_parameters import read_parameters
 from omnisim.report.machine import machine_of_device
 from omnisim.report.report import Report, make_folder
-from omnisim.runs.run_labels import train_on_run
+from omnisim.runs.run_data import train_on_run
 from omnisim.validation.experiments import landmark_sections, localization_sections
 from omnisim.validation.experiments.experiment_runs import (
     SEEDS,

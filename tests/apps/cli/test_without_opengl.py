@@ -38,7 +38,7 @@ with Stage("courtyard", backend="rays") as stage:
     with stage.open(RangeSensor()) as sonar:
         sonar.measure(base)
     with stage.open(DepthCamera()) as depth:
-        assert np.isfinite(depth.measure(base)).any()
+        assert np.isfinite(depth.measure(base).depths_m).any()
 """
 COMMANDS = """
 from omnisim.apps.cli.app import main

@@ -20,7 +20,6 @@ from omnisim.core.poses import pose
 from omnisim.rendering.auto_mesh import MAX_ERROR_PX, auto_polygons
 from omnisim.rendering.camera.captured_image import valid_mask
 from omnisim.rendering.camera.parallax_plan import sample_rays
-from omnisim.rendering.camera.sensor_toml import sensor_toml
 from omnisim.validation.image_differences import psnr_of_levels_db
 from tests.cameras.optics.examples import EXAMPLES, SYSTEMS, at, port
 from tests.cameras.optics.samples import all_samples
@@ -249,7 +248,7 @@ def test_default_is_exact_and_ports_have_no_mesh():
 @pytest.mark.parametrize("polygons", [None, "auto", 256])
 def test_sensor_file_of_a_sensor_keeps_polygons(tmp_path, polygons):
     path = tmp_path / "sensor.toml"
-    path.write_text(sensor_toml(OmniCamera(SYSTEMS["sphere"], polygons=polygons)))
+    path.write_text(OmniCamera(SYSTEMS["sphere"], polygons=polygons).to_toml())
     assert OmniCamera.from_file(path).polygons == polygons
 
 

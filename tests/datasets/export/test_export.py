@@ -22,11 +22,11 @@ from omnisim.datasets.export.export_format import ExportSettings
 from omnisim.datasets.export.export_formats import FORMATS, format_named
 from omnisim.datasets.export.recording import RecordedCamera, Recording
 from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.sensor import Mount
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.drive import Drive
 from omnisim.runs.route import Route
 from omnisim.scene import load_scene
-from omnisim.sensors.omnicamera.mounted_omnicamera import MountedCamera
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
 
@@ -242,7 +242,7 @@ def test_an_interrupted_export_leaves_nothing(run, tmp_path, monkeypatch):
 def optics(tmp_path_factory):
     """Run of a camera without one viewpoint, two steps, with ranges."""
     model = read_optics_file(EXAMPLES / "optics" / "sphere.toml")
-    camera = MountedCamera("omnicamera", "ball", (), OmniCamera(model).resized(40))
+    camera = Mount(OmniCamera(model).resized(40), "ball", "omnicamera")
     vehicle = Vehicle("rig", "rig", None, None, OdometryErrors(), None, (camera,))
     drive = Drive(load_scene("soccer"), vehicle, Route("line"), channels=("range",))
     poses = np.array([pose((x, 0.0, 0.6)) for x in (0.0, 0.2)])

@@ -24,8 +24,7 @@ from omnisim.perception.localization.track import (
     observation_from_detection,
     write_track,
 )
-from omnisim.runs.run_data import read_run
-from omnisim.runs.run_labels import RunLabels, landmark_colors, train_on_run
+from omnisim.runs.run_data import RunLabels, landmark_colors, read_run, train_on_run
 
 STEPS = 5
 

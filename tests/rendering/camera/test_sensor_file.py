@@ -8,7 +8,6 @@ from omnisim.core.errors import OpticsError, SensorFileError
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.quality import quality_named
 from omnisim.rendering.camera.sensor_file import DEFAULT_SENSOR_FILE
-from omnisim.rendering.camera.sensor_toml import sensor_toml
 
 
 def test_documented_default_file_is_the_default():
@@ -69,7 +68,7 @@ def test_every_group_is_read(tmp_path):
 def test_numbers_of_mirrors_and_probes_are_written_unless_they_are_the_defaults(
     key, number, is_written
 ):
-    text = sensor_toml(OmniCamera(**{key: number}))
+    text = OmniCamera(**{key: number}).to_toml()
     assert (key in text) == is_written
     assert getattr(OmniCamera.from_table(tomllib.loads(text)), key) == number
 

@@ -119,7 +119,7 @@ DEPTHS = dataclasses.replace(
 
 def depths(scene, backend="rays", camera=DEPTHS, at=AT):
     with open_sensor(scene, camera, backend=backend) as renderer:
-        return renderer.measure(at)
+        return renderer.measure(at).depths_m
 
 
 @pytest.mark.parametrize("backend", BACKENDS)

@@ -6,7 +6,6 @@ from xml.etree import ElementTree
 import pytest
 
 from omnisim.core.errors import RobotFileError
-from omnisim.rendering.camera.sensor_toml import sensor_toml
 from omnisim.robots.importers.importers import import_model
 from omnisim.robots.importers.usarsim import import_robot
 from omnisim.scene.formats.features import ROBOT_TABLES, Support, feature_table
@@ -83,7 +82,7 @@ def _outcome(folder, part):
         imported = import_model(folder / "a.sdf")
     except RobotFileError as reason:
         return str(reason)
-    cameras = {name: sensor_toml(camera) for name, camera in imported.cameras.items()}
+    cameras = {name: camera.to_toml() for name, camera in imported.cameras.items()}
     return imported.text(folder / "robot.toml"), imported.notices, cameras
 
 

@@ -111,7 +111,7 @@ def test_without_noise_it_is_the_channel_z_and_holes_are_shadows(camera):
     exact, scene = camera.without_noise(), wall_and_box(3.0, 1.2)
     with Stage(scene) as stage:
         with stage.open(exact) as renderer:
-            depths = renderer.measure(np.eye(4))
+            depths = renderer.measure(np.eye(4)).depths_m
         with stage.open(exact.model) as renderer:
             true = renderer.render(np.eye(4), also=("z",)).channels["z"]
     holes = depths == 0.0
@@ -143,7 +143,7 @@ def test_holes_are_what_embrees_rays_from_the_second_view_do_not_reach(camera):
     )
     with Stage(scene) as stage:
         with stage.open(exact) as renderer:
-            depths = renderer.measure(world_from_base)
+            depths = renderer.measure(world_from_base).depths_m
         with stage.open(exact.model) as renderer:
             channels = renderer.render(world_from_base, also=("z", "position")).channels
     beside = (world_from_base @ (0.0, -exact.baseline_m, 0.0, 1.0))[:3]
@@ -177,7 +177,7 @@ def test_a_wall_at_a_grazing_angle_is_a_hole(yaw_deg, is_hole):
         [scaled(pose((1.5, 0.0, 0.0), yaw_deg=yaw_deg), 1e-4, 4.0, 4.0)],
     )
     with open_sensor(wall, DepthCamera.kinect_v1().without_noise()) as renderer:
-        depths = renderer.measure(np.eye(4))
+        depths = renderer.measure(np.eye(4)).depths_m
     assert np.all((depths[200:280, 318:322] == 0.0) == is_hole)
     # a slanted wall casts no shadow on itself; farther to the right it is seen at more than 80°
     if yaw_deg == 70.0:
@@ -191,7 +191,7 @@ def test_the_camera_is_where_it_is_mounted():
     scene = scene_of([box("wall", 0)], [Material(double_sided=True)], [away])
     exact = DepthCamera.kinect_v1().without_noise()
     with open_sensor(scene, exact, base_from_sensor=mount) as renderer:
-        depths = renderer.measure(np.eye(4))
+        depths = renderer.measure(np.eye(4)).depths_m
     np.testing.assert_allclose(depths[240, 100:600], 1.9, atol=1e-5)
 
 
@@ -222,7 +222,7 @@ def test_a_run_goes_on_with_the_same_bytes(tmp_path):
         base_from_sensor=vehicle.sensors[0].base_from_sensor,
         seed="3 depth",
     ) as renderer:
-        depths = renderer.measure(poses[2], 2)
+        depths = renderer.measure(poses[2], 2).depths_m
     assert np.count_nonzero(depths) > 1000
     assert np.array_equal(np.squeeze(pixels), np.round(1000.0 * depths))
 

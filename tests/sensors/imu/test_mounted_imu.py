@@ -19,8 +19,7 @@ from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.drive import Drive
 from omnisim.runs.route import Route
 from omnisim.scene import load_scene
-from omnisim.sensors.imu.imu import DEVICES, ImuErrors, true_readings
-from omnisim.sensors.imu.mounted_imu import COLUMNS
+from omnisim.sensors.imu.imu import COLUMNS, DEVICES, ImuErrors, true_readings
 
 G = 9.80665
 IMU = {"name": "imu", "type": "imu", "position_m": [0.0, 0.0, 0.0]}
@@ -35,7 +34,9 @@ def readings_of(trajectory, seed=0, **keys):
     """Readings (n, 7) of a drive along a trajectory, with their times."""
     (sensor,) = vehicle_of(**keys).sensors
     times = sensor.times_s(trajectory.times_s, seed)
-    return np.column_stack((times, sensor.readings(SplineMotion(trajectory), seed, times)))
+    return np.column_stack(
+        (times, sensor.sensor.readings(sensor, SplineMotion(trajectory), seed, times))
+    )
 
 
 def wavy():
@@ -223,9 +224,9 @@ def test_a_run_with_only_an_imu_goes_on_with_the_same_bytes(tmp_path):
     )
     drive, run = Drive(load_scene("soccer"), vehicle, ROUTE, seed=3), tmp_path / "run"
     steps = list(drive.plan().record(run))[-1]
-    assert (run / "imu" / "sensor.yaml").read_text() == vehicle.sensors[0].documents()[
-        "sensor.yaml"
-    ]
+    (unit,) = vehicle.sensors
+    text = (run / "imu" / "sensor.yaml").read_text()
+    assert unit.sensor.documents(unit) == {"sensor.yaml": text}
     files = sorted((run / "imu").glob("*.csv"))
     assert [file.name for file in files] == ["biases.csv", "readings.csv", "times.csv"]
     assert files[1].read_text().startswith(f"{COLUMNS}\n0.000000000,")
@@ -237,9 +238,8 @@ def test_a_run_with_only_an_imu_goes_on_with_the_same_bytes(tmp_path):
     biases, rows = (np.loadtxt(file, delimiter=",", skiprows=1) for file in files[:2])
     np.testing.assert_allclose(np.diff(rows[:, 0]), 0.005, atol=2e-9)
     # without its biases and its noise a reading is the motion's
-    (unit,) = vehicle.sensors
-    ideal = dataclasses.replace(unit, sensor=ImuErrors())
-    true = ideal.readings(drive.plan().motion, 3, rows[:, 0])
+    ideal = dataclasses.replace(unit.sensor, errors=ImuErrors())
+    true = ideal.readings(unit, drive.plan().motion, 3, rows[:, 0])
     noise = rows[:, 1:] - true - biases[:, 1:]
     sigmas = np.repeat((1.6968e-4, 2.0e-3), 3) * math.sqrt(200.0)
     np.testing.assert_allclose(noise.std(axis=0), sigmas, rtol=0.05)
@@ -247,7 +247,7 @@ def test_a_run_with_only_an_imu_goes_on_with_the_same_bytes(tmp_path):
 
 def test_parameters_are_in_a_file_like_eurocs():
     (unit,) = vehicle_of(roll_deg=1e-9, position_m=[0.1, 0.2, 0.3]).sensors
-    parameters = yaml.safe_load(unit.documents()["sensor.yaml"])
+    parameters = yaml.safe_load(unit.sensor.documents(unit)["sensor.yaml"])
     pose_of_unit = np.reshape(parameters["T_BS"]["data"], (4, 4))
     np.testing.assert_array_equal(pose_of_unit, unit.base_from_sensor)
     # the numbers of EuRoC's own file
@@ -259,7 +259,7 @@ def test_parameters_are_in_a_file_like_eurocs():
         "accelerometer_random_walk": 3.0000e-3,
     }
     (unit,) = vehicle_of(device="bmi160").sensors
-    parameters = yaml.safe_load(unit.documents()["sensor.yaml"])
+    parameters = yaml.safe_load(unit.sensor.documents(unit)["sensor.yaml"])
     assert parameters["gyroscope_noise_density"] == 8e-5  # a number, not a text
     assert parameters["gravity_mps2"] == G
 
@@ -271,7 +271,7 @@ def test_it_may_be_inside_of_the_body(tmp_path):
     )
     (tmp_path / "body.glb").symlink_to(SCENES / "p2at" / "p2at.glb")
     (imu,) = Vehicle.load(tmp_path).sensors
-    assert repr(imu) == "MountedImu('imu', 200 Hz, gravity 9.80665 m/s²)"
+    assert repr(imu) == "Mount('imu', Imu(200 Hz, gravity 9.80665 m/s²))"
 
 
 @pytest.mark.parametrize(
@@ -319,9 +319,9 @@ def test_turns_that_no_smooth_motion_follows_are_refused():
     with pytest.raises(
         RunError, match=r"sensor 'imu': step 1 → 2: expected a turn of at most 120°"
     ):
-        imu.check_trajectory(turns, turns.times_s)
+        imu.sensor.check_trajectory(imu, turns, turns.times_s)
     for path in (wavy(), Trajectory(np.zeros(1), np.eye(4)[None])):
-        imu.check_trajectory(path, path.times_s)
+        imu.sensor.check_trajectory(imu, path, path.times_s)
 
 
 def test_wide_turns_have_even_rates():

@@ -35,9 +35,7 @@ def file_schema(kind: str) -> Json:
     schema: Json = json_schema(found if isinstance(found, type) else found())
     defs: Json = schema.setdefault("$defs", {})
     if kind == "robot":
-        from omnisim.sensors.sensor_registry import MOUNT_TYPES
-
-        schema["properties"]["sensors"]["items"] = _by_kind("type", MOUNT_TYPES, defs)
+        schema["properties"]["sensors"]["items"] = _by_kind("type", SENSOR_TYPES, defs)
     elif kind == "sensor":
         from omnisim.cameras.optics.system_file import OpticsFile
         from omnisim.rendering.camera.degradations.degradation_file import degradation_table

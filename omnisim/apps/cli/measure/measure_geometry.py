@@ -35,7 +35,6 @@ from omnisim.measurement.geometry import (
 from omnisim.measurement.geometry.board_detection import image_files
 from omnisim.measurement.geometry.model_choice import CANDIDATES
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.camera.sensor_toml import sensor_toml
 
 _SHOWN_MODELS = 5
 _MANY_PX = 0.3  # RMS error; sharp images of one camera and a firm board leave less
@@ -73,7 +72,7 @@ def geometry(request: MeasureGeometryRequest) -> None:
         pixels = np.concatenate([view.pixels_px for view in measured.views])
         title = f"{measured.model}: {measured.rms_px:.3f} px RMS"
         write_plot(plot, residual_figure(title, size_px, pixels, measured.errors_px))
-    written = tomllib.loads(sensor_toml(OmniCamera(measured.camera)))
+    written = tomllib.loads(OmniCamera(measured.camera).to_toml())
     old: dict[str, Any] = next((tables[key] for key in _CAMERAS if key in tables), {})
     key = next(key for key in _CAMERAS if key in written)
     camera = {**written[key], "mounting": old.get("mounting", written[key]["mounting"])}

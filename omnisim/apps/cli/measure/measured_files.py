@@ -21,7 +21,6 @@ from omnisim.core.files.toml_file import Comment, read_tables, toml_text
 from omnisim.measurement.quantity import Quantity, Unobservable
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.sensor_file import extended_sensor
-from omnisim.rendering.camera.sensor_toml import sensor_toml
 
 _CAMERA = ("lens", "mirror", "optics", "camera")  # tables that state a camera
 
@@ -61,7 +60,7 @@ def sensor_tables(sensor: Path | None) -> dict[str, Any]:
     """
     if sensor is None:
         return {}
-    tables = tomllib.loads(sensor_toml(OmniCamera.from_file(sensor)))
+    tables = tomllib.loads(OmniCamera.from_file(sensor).to_toml())
     if stated_camera(sensor) is None:
         tables = {key: table for key, table in tables.items() if key not in _CAMERA}
     return tables

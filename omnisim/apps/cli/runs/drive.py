@@ -111,7 +111,7 @@ def _check_cameras(request: DriveRequest, vehicles: dict[str, Vehicle]) -> None:
     option = "--also" if request.truth.also else "--boxes-3d" if request.truth.boxes_3d else None
     if option is None and request.image.exposure_ev is not None:
         option = "--exposure-ev"
-    sensors = (sensor for vehicle in vehicles.values() for sensor in vehicle.sensors)
+    sensors = (mount.sensor for vehicle in vehicles.values() for mount in vehicle.sensors)
     if option and not any(sensor.has_ground_truth for sensor in sensors):
         raise RunError(f"{option}: expected a robot with a camera, got {', '.join(vehicles)}")
 

@@ -30,9 +30,7 @@ from omnisim.perception.localization.filter import LandmarkMap
 from omnisim.perception.localization.filter_parameters import read_parameters
 from omnisim.perception.localization.track import localize as localize_run
 from omnisim.perception.localization.track import observation_from_detection
-from omnisim.runs.run_data import RunData, read_run
-from omnisim.runs.run_labels import train_on_run
-from omnisim.runs.single_image import SingleImage, read_single_image
+from omnisim.runs.run_data import RunData, SingleImage, read_run, read_single_image, train_on_run
 from omnisim.scene.model import Landmark
 
 SHOWN, REPORTED = 6, 4  # maximum number of panoramas in the figure, and in the report

@@ -14,6 +14,7 @@ from omnisim.core.files.atomic_file import check_target
 from omnisim.core.files.extended_tables import with_absolute_files
 from omnisim.core.files.toml_file import toml_text
 from omnisim.core.short_repr import number_text, point_text
+from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.robots import (
     Kinematics,
     OdometryErrors,
@@ -27,7 +28,6 @@ from omnisim.robots.importers import usarsim
 from omnisim.robots.importers.importers import SUFFIXES, import_model
 from omnisim.robots.robot_file import robot_tables
 from omnisim.robots.vehicle import Vehicle
-from omnisim.sensors.omnicamera.mounted_omnicamera import MountedCamera
 
 
 def list_robots() -> None:
@@ -135,13 +135,14 @@ def _lines(vehicle: Vehicle, body: str | None) -> list[str]:
     else:
         sides = " × ".join(map(number_text, box.high_m - box.low_m))
         lines.append(f"size     {sides} m, ground clearance {number_text(box.clearance_m)} m")
-    for sensor in vehicle.sensors:
-        mesh = f"{sensor.sensor.mesh_summary}, " if isinstance(sensor, MountedCamera) else ""
-        hz = "" if sensor.rate is None else f"{sensor.rate.rate_hz:g} Hz"  # some summaries have it
-        rate = f"measures at {hz}, " if hz and hz not in sensor.summary() else ""
-        hidden = f", does not see {', '.join(sensor.hides)}" if sensor.hides else ""
+    for mount in vehicle.sensors:
+        sensor, summary = mount.sensor, mount.summary()
+        mesh = f"{sensor.mesh_summary}, " if isinstance(sensor, OmniCamera) else ""
+        hz = "" if mount.rate is None else f"{mount.rate.rate_hz:g} Hz"  # some summaries have it
+        rate = f"measures at {hz}, " if hz and hz not in summary else ""
+        hidden = f", does not see {', '.join(mount.hides)}" if mount.hides else ""
         lines.append(
-            f"{sensor.noun:<8} {sensor.name}, {sensor.summary()}, {mesh}{rate}"
-            f"{sensor.origin_noun} {point_text(sensor.origin_m)} m{hidden}"
+            f"{sensor.noun:<8} {mount.name}, {summary}, {mesh}{rate}"
+            f"{sensor.origin_noun} {point_text(mount.origin_m)} m{hidden}"
         )
     return lines

@@ -32,7 +32,7 @@ from omnisim.datasets.export.export_format import ExportFormat, ExportSettings, 
 from omnisim.datasets.export.formats.tum import write_lines
 from omnisim.datasets.export.lens_camera import LensCamera
 from omnisim.datasets.export.recording import ImuReadings, Recording
-from omnisim.sensors.imu.mounted_imu import MountedImu
+from omnisim.sensors.imu.imu import Imu
 
 IMAGES = "#timestamp [ns],filename"
 _UNITS = (("w", "rad s^-1"), ("a", "m s^-2"))
@@ -52,7 +52,7 @@ class Euroc(ExportFormat):
 
     name = "euroc"
     has_clocks = True
-    sensors = (MountedImu,)
+    sensors = (Imu,)
 
     def write(
         self, recording: Recording, folder: Path, settings: ExportSettings, print_note: PrintNote
@@ -61,7 +61,7 @@ class Euroc(ExportFormat):
         root = folder / "mav0"
         root.mkdir()
         cameras = [LensCamera.of(camera, print_note) for camera in recording.cameras]
-        imus = recording.sensors(MountedImu)
+        imus = recording.sensors(Imu)
         if len(imus) > 1:
             print_note(f"the body is the first IMU, {imus[0]}: {', '.join(imus[1:])} left out")
         base_from_body = recording.base_from_imu(imus[0]) if imus else np.eye(4)

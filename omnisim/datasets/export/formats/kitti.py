@@ -32,7 +32,7 @@ from omnisim.datasets.export.formats.tum import write_lines
 from omnisim.datasets.export.lens_camera import LensCamera
 from omnisim.datasets.export.recording import RecordedCamera, Recording
 from omnisim.datasets.export.stored_clouds import StoredCloud
-from omnisim.sensors.lidar.mounted_lidar import MountedLidar
+from omnisim.sensors.lidar.spinning_lidar import SpinningLidar
 
 SEQUENCE = "00"
 IMAGES = ("image_2", "image_3")
@@ -43,7 +43,7 @@ class Kitti(ExportFormat):
     """Sequence of the KITTI odometry benchmark."""
 
     name = "kitti"
-    sensors = (MountedLidar,)
+    sensors = (SpinningLidar,)
     dates_stamps = False
 
     def supported_cameras(
@@ -64,7 +64,7 @@ class Kitti(ExportFormat):
         cameras = [LensCamera.of(camera, print_note) for camera in recording.cameras]
         for camera, name in zip(cameras, IMAGES, strict=False):
             print_note(f"{camera.name} is {name}")
-        lidars = recording.sensors(MountedLidar)
+        lidars = recording.sensors(SpinningLidar)
         if not cameras and not lidars:
             names = ", ".join(recording.run.manifest.cameras)
             raise OutputError(

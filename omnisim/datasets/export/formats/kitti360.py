@@ -43,7 +43,7 @@ from omnisim.datasets.export.lens_camera import LensCamera
 from omnisim.datasets.export.recording import Recording
 from omnisim.ground_truth.label_names import Labels
 from omnisim.runs.run_folder import LABELS
-from omnisim.sensors.lidar.mounted_lidar import MountedLidar
+from omnisim.sensors.lidar.spinning_lidar import SpinningLidar
 
 DRIVE = "2013_05_28_drive_0000_sync"
 PINHOLES, FISHEYES = ("image_00", "image_01"), ("image_02", "image_03")
@@ -55,7 +55,7 @@ class Kitti360(ExportFormat):
     """KITTI-360 data set."""
 
     name = "kitti360"
-    sensors = (MountedLidar,)
+    sensors = (SpinningLidar,)
     channels = ("semantic", "instance")
 
     def write(
@@ -66,7 +66,7 @@ class Kitti360(ExportFormat):
         for name, camera in cameras.items():
             if camera.name != name:
                 print_note(f"{camera.name} is {name}")
-        lidars = recording.sensors(MountedLidar)
+        lidars = recording.sensors(SpinningLidar)
         if len(lidars) > 1:
             print_note(f"velodyne_points is {lidars[0]}: {', '.join(lidars[1:])} left out")
         stamps_ns = settings.stamps_ns(recording.truth.times_s, recording.run.path)

@@ -29,7 +29,7 @@ from omnisim.datasets.export.export_format import (
 )
 from omnisim.datasets.export.lens_camera import LensCamera
 from omnisim.datasets.export.recording import Recording
-from omnisim.sensors.depth_camera.mounted_depth_camera import MountedDepthCamera
+from omnisim.sensors.depth_camera.depth_camera import DepthCamera
 
 STEPS_PER_M = 5000.0
 
@@ -38,14 +38,14 @@ class Tum(OneCameraFormat):
     """TUM RGB-D data set."""
 
     name = "tum"
-    lone_sensors = (MountedDepthCamera,)
+    lone_sensors = (DepthCamera,)
     channels = ("range",)
 
     def write(
         self, recording: Recording, folder: Path, settings: ExportSettings, print_note: PrintNote
     ) -> Iterator[int]:
         """Write the data set, image by image."""
-        depth_cameras = recording.sensors(MountedDepthCamera)
+        depth_cameras = recording.sensors(DepthCamera)
         recorded = (*recording.cameras, *map(recording.depth_camera, depth_cameras))[0]
         camera = LensCamera.of(recorded, print_note)
         has_images = bool(recording.cameras)

@@ -64,14 +64,14 @@ from omnisim.datasets.export.export_format import (
 from omnisim.datasets.export.recording import ImuReadings, RecordedCamera, Recording
 from omnisim.datasets.export.ros2 import ros_messages as messages
 from omnisim.datasets.export.stored_clouds import read_table
+from omnisim.rendering.camera.omnicamera import CALIBRATION
+from omnisim.rendering.sensor import SensorSettings
 from omnisim.runs.run_folder import LABELS
-from omnisim.sensors.calibration_file import CALIBRATION
-from omnisim.sensors.depth_camera.mounted_depth_camera import MountedDepthCamera
-from omnisim.sensors.imu.mounted_imu import MountedImu
-from omnisim.sensors.laser_scanner.mounted_scanner import MountedScanner
-from omnisim.sensors.lidar.mounted_lidar import MountedLidar
-from omnisim.sensors.range_sensor.mounted_range_sensor import MountedRangeSensor
-from omnisim.sensors.sensor import MountedSensor
+from omnisim.sensors.depth_camera.depth_camera import DepthCamera
+from omnisim.sensors.imu.imu import Imu
+from omnisim.sensors.laser_scanner.laser_scanner import LaserScanner
+from omnisim.sensors.lidar.spinning_lidar import SpinningLidar
+from omnisim.sensors.range_sensor.range_sensor import RangeSensor
 
 # Streams: the ROS 2 messages of a run's sensors, on the topics of each sensor.
 
@@ -330,12 +330,12 @@ def colored_points(
 
 OpenStream = Callable[[Recording, str, ExportSettings], Stream]
 MAP, ODOM = "map", "odom"
-STREAMS: tuple[tuple[type[MountedSensor], OpenStream], ...] = (
-    (MountedDepthCamera, DepthStream),
-    (MountedScanner, ScanStream),
-    (MountedLidar, LidarStream),
-    (MountedImu, ImuStream),
-    (MountedRangeSensor, RangeStream),
+STREAMS: tuple[tuple[type[SensorSettings], OpenStream], ...] = (
+    (DepthCamera, DepthStream),
+    (LaserScanner, ScanStream),
+    (SpinningLidar, LidarStream),
+    (Imu, ImuStream),
+    (RangeSensor, RangeStream),
 )
 
 

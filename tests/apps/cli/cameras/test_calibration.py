@@ -12,7 +12,6 @@ from omnisim.cameras.calibration import calibration_of, load_calibration
 from omnisim.core.errors import SensorFileError
 from omnisim.core.files.image_files import read_image, write_image
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.camera.sensor_toml import sensor_toml
 from tests.camera_examples import CAMERA_EXAMPLES
 from tests.cameras.calibration.sample_files import FOLDER
 
@@ -59,7 +58,7 @@ def test_convert_states_the_residual(omnisim, tmp_path):
 
 def test_a_sensor_file_and_a_image_are_calibrations(omnisim, tmp_path):
     sensor = OmniCamera(CAMERA_EXAMPLES["hyperbolic-paper"])
-    (tmp_path / "s.toml").write_text(sensor_toml(sensor))
+    (tmp_path / "s.toml").write_text(sensor.to_toml())
     status, out, err = omnisim(
         "calibration", "convert", "s.toml", "--to", "opencv_omnidir", "-o", "o.yaml"
     )
@@ -214,7 +213,7 @@ def test_a_sensor_file_may_refer_to_a_calibration(tmp_path):
     (tmp_path / "up.toml").write_text(looks_up)
     assert OmniCamera.from_file(tmp_path / "up.toml").model == MirroredCamera(sensor.model)
     # a drive's own copy stands for itself
-    (tmp_path / "copy.toml").write_text(sensor_toml(sensor))
+    (tmp_path / "copy.toml").write_text(sensor.to_toml())
     assert OmniCamera.from_file(tmp_path / "copy.toml").model == sensor.model
 
 

@@ -17,7 +17,7 @@ from omnisim.core.trajectories import Trajectory, read_trajectory, write_traject
 from omnisim.datasets.export.recording import Recording
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.stage import open_sensor
-from omnisim.sensors.imu.mounted_imu import MountedImu
+from omnisim.sensors.imu.imu import Imu
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")
 SAMPLES = Path(__file__).parents[3] / "cameras" / "calibration" / "samples"
@@ -236,7 +236,7 @@ def test_a_robots_sensors_go_along_a_trajectory_without_wheels(omnisim):
     assert not Path("run", "odometry.csv").exists()
     recording = Recording.read(Path("run"))
     np.testing.assert_allclose(recording.truth.world_from_base, POSES, atol=1e-9)
-    assert recording.sensors(MountedImu) == ["imu"]
+    assert recording.sensors(Imu) == ["imu"]
     mount = recording.base_from_lidar("lidar")
     np.testing.assert_allclose(mount, pose((0.1, 0.0, 0.4)), atol=1e-9)
     status, _, err = omnisim(*line[:-1], "other", "--trajectory-frame", "camera")

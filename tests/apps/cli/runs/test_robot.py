@@ -7,7 +7,7 @@ import pytest
 
 from omnisim.robots import load_robot
 from omnisim.robots.vehicle import Vehicle
-from omnisim.sensors.sensor_registry import parse_mounts
+from omnisim.sensors.sensor_registry import parse_sensors
 
 SAMPLE = Path(__file__).resolve().parents[3] / "robots" / "importers" / "usarsim" / "sample.ini"
 SCANNER = "(ItemClass=class'USARBot.SICKLMS',ItemName=\"a\",Position=(X=0.1,Y=0,Z=-0.2))"
@@ -70,7 +70,7 @@ def test_import_writes_a_robot_and_lists_omissions(omnisim, tmp_path):
     assert len(lines) == 10
     assert all(line.startswith("note: USARBot.ini:") for line in lines)
     assert "note: USARBot.ini:25: Sensors 'Odometry' (USARBot.OdometrySensor): left out" in lines
-    names = [mount.name for mount in parse_mounts(load_robot(tmp_path))]
+    names = [mount.name for mount in parse_sensors(load_robot(tmp_path))]
     assert names == ["Omni", "Scanner1", "F1"]
     status, out, error = omnisim("robot", "check", ".")
     assert (status, error) == (0, "")
@@ -86,7 +86,7 @@ def test_import_in_unreal_units(omnisim, tmp_path):
         "a.ini:2: Position X = 40 m: expected at most 10 m; 250 to a meter are read with" in error
     )
     assert omnisim("robot", "import", "a.ini", "-o", "a.toml", "--unreal-units")[0] == 0
-    assert parse_mounts(load_robot(tmp_path / "a.toml"))[0].position_m == (0.16, 0.0, 0.2)
+    assert parse_sensors(load_robot(tmp_path / "a.toml"))[0].position_m == (0.16, 0.0, 0.2)
 
 
 def test_import_keeps_existing_files(omnisim, tmp_path):

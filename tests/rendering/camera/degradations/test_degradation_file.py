@@ -19,7 +19,6 @@ from omnisim.rendering.camera.degradations import (
 )
 from omnisim.rendering.camera.degradations.degradation_file import EFFECTS
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.camera.sensor_toml import sensor_toml
 
 
 def _read(tmp_path, text):
@@ -31,7 +30,7 @@ def test_ideal_is_the_default(tmp_path):
     assert OmniCamera().degradation.is_ideal
     assert _read(tmp_path, "").is_ideal
     assert _read(tmp_path, "[degradation]\npreset = 'ideal'").is_ideal
-    assert "degradation" not in sensor_toml(OmniCamera())
+    assert "degradation" not in OmniCamera().to_toml()
 
 
 def test_preset_names():
@@ -67,9 +66,9 @@ def test_sensor_file_round_trip(tmp_path, name):
     else:
         degradation = preset(name)
     sensor = OmniCamera().with_degradation(degradation).resized(100)
-    text = sensor_toml(sensor)
+    text = sensor.to_toml()
     assert _read(tmp_path, text) == sensor.degradation
-    assert sensor_toml(OmniCamera.from_file(tmp_path / "sensor.toml")) == text
+    assert OmniCamera.from_file(tmp_path / "sensor.toml").to_toml() == text
 
 
 def test_fingerprint_and_size_depend_on_degradation():

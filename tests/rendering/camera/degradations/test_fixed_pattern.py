@@ -15,7 +15,6 @@ from omnisim.rendering.camera.degradations.fixed_pattern import (
     write_pattern,
 )
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.camera.sensor_toml import sensor_toml
 from tests.rendering.camera.degradations.images import GEOMETRY, on_gpu, random_image
 
 SHOT = Shot(exposure_s=0.02, noise_key=key_of("noise", 3), frame_number=7)
@@ -88,7 +87,7 @@ def test_a_file_is_found_beside_the_sensor_file(tmp_path):
     (tmp_path / "sensor.toml").write_text("[degradation.noise]\npattern = 'pattern.exr'\n")
     sensor = OmniCamera.from_file(tmp_path / "sensor.toml")
     assert sensor.degradation.noise.pattern == str(path)
-    (tmp_path / "again.toml").write_text(sensor_toml(sensor))
+    (tmp_path / "again.toml").write_text(sensor.to_toml())
     assert OmniCamera.from_file(tmp_path / "again.toml").degradation == sensor.degradation
 
 

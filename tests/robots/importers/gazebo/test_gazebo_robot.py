@@ -10,7 +10,6 @@ from scipy.spatial.transform import Rotation
 
 from omnisim.cameras import EquidistantCamera, PerspectiveCamera
 from omnisim.core.errors import RobotFileError
-from omnisim.rendering.camera.sensor_toml import sensor_toml
 from omnisim.robots.importers.gazebo_robot import import_model
 from omnisim.robots.importers.importers import load_robot_model
 from omnisim.robots.vehicle import Vehicle
@@ -53,7 +52,7 @@ def test_the_robot_without_files_is_that_of_its_files(tmp_path):
     """Same sensors, cameras among them, whether they come from data or from sensor files."""
     (of_files, _), (_, of_data, _) = load(ROVER, tmp_path), load_robot_model(ROVER)
     cameras = [one.cameras[0].sensor for one in (of_files, of_data)]
-    assert sensor_toml(cameras[0]) == sensor_toml(cameras[1])
+    assert cameras[0].to_toml() == cameras[1].to_toml()
     assert cameras[0].polygons == cameras[1].polygons
     assert [one.summary() for one in of_files.sensors] == [one.summary() for one in of_data.sensors]
     assert of_files.kinematics == of_data.kinematics

@@ -10,7 +10,7 @@ import pytest
 from omnisim.core.errors import RobotFileError
 from omnisim.core.poses import rotation_from_roll_pitch_yaw
 from omnisim.robots.importers.usarsim import import_robot
-from omnisim.sensors.sensor_registry import parse_mounts
+from omnisim.sensors.sensor_registry import parse_sensors
 
 SAMPLE = Path(__file__).with_name("sample.ini")
 OURS_FROM_USARSIM = np.diag([1.0, -1.0, -1.0])
@@ -43,7 +43,7 @@ def test_the_sample():
     imported = import_robot(SAMPLE, "OmniP2AT", origin_height_m=0.12)
     robot = robot_of(imported)
     assert (robot.name, robot.title, robot.kinematics) == ("omnip2at", "OmniP2AT", None)
-    omni, scanner, sonar = parse_mounts(robot)
+    omni, scanner, sonar = parse_sensors(robot)
     assert (sonar.name, sonar.type, sonar.position_m) == (
         "F1",
         "usarsim_sonar",
@@ -91,7 +91,7 @@ def test_axes(of, turn):
     """The rotation between the frames is half a turn about x, on both sides of the mount's."""
     roll, pitch, yaw = turn
     text = part(place="X=1,Y=2,Z=3", turn=f"X={roll},Y={pitch},Z={yaw}")
-    (mount,) = parse_mounts(robot_of(of(text)))
+    (mount,) = parse_sensors(robot_of(of(text)))
     assert mount.position_m == (1.0, -2.0, -3.0)
     rotation = rotation_from_roll_pitch_yaw(roll, pitch, yaw)  # in the frame with z down
     expected = OURS_FROM_USARSIM @ rotation @ OURS_FROM_USARSIM
@@ -106,7 +106,7 @@ def test_units_of_the_engine(of):
     """A quarter of a turn to the right is 16384; 250 are 1 m; z is up."""
     text = part(place="X=40,Y=25,Z=50", turn="Pitch=8192,Yaw=16384,Roll=0")
     scanner = "[USARBot.SICKLMS]\nScanFov=32768\nResolution=182\nMaxRange=5000\n"
-    (mount,) = parse_mounts(robot_of(of(text, after=scanner, unreal_units=True)))
+    (mount,) = parse_sensors(robot_of(of(text, after=scanner, unreal_units=True)))
     assert mount.position_m == (0.16, -0.1, 0.2)
     assert (mount.roll_deg, mount.pitch_deg, mount.yaw_deg) == (0.0, -45.0, -90.0)
     assert mount.scan_fov_rad == pytest.approx(math.pi)
@@ -115,16 +115,16 @@ def test_units_of_the_engine(of):
 
 
 def test_origin_height(of):
-    (mount,) = parse_mounts(robot_of(of(part(place="Z=-0.3"), origin_height_m=0.1)))
+    (mount,) = parse_sensors(robot_of(of(part(place="Z=-0.3"), origin_height_m=0.1)))
     assert mount.position_m == (0.0, 0.0, 0.4)
     imported = of(part(place="Z=-0.3"))
-    assert parse_mounts(robot_of(imported))[0].position_m == (0.0, 0.0, 0.3)
+    assert parse_sensors(robot_of(imported))[0].position_m == (0.0, 0.0, 0.3)
     assert any("--origin-height" in notice for notice in imported.notices)
 
 
 def test_a_whole_omnidirectional_camera_is_one(of):
     imported = of(part("OmniCam", "Eye", "X=0.1,Y=0,Z=-0.5", "X=0,Y=0,Z=0.5"), origin_height_m=0)
-    (mount,) = parse_mounts(robot_of(imported))
+    (mount,) = parse_sensors(robot_of(imported))
     assert (mount.name, mount.type) == ("Eye", "omnicamera")
     assert mount.position_m == (0.1, 0.0, 0.5)
     assert mount.yaw_deg == pytest.approx(-math.degrees(0.5))
@@ -133,7 +133,7 @@ def test_a_whole_omnidirectional_camera_is_one(of):
 
 def test_virtual_cameras_alone_are_a_level_camera(of):
     views = [part("CameraTextureClient", f"V{k}", "Z=-0.5", f"Z={k}") for k in range(4)]
-    (mount,) = parse_mounts(robot_of(of(*views)))
+    (mount,) = parse_sensors(robot_of(of(*views)))
     assert (mount.name, mount.position_m) == ("V0", (0.0, 0.0, 0.5))
     assert (mount.roll_deg, mount.pitch_deg, mount.yaw_deg) == (0.0, 0.0, 0.0)
 
@@ -150,14 +150,14 @@ def test_virtual_cameras_alone_are_a_level_camera(of):
 def test_the_lens_is_below_the_mirror_and_looks_up(of, place, turn, is_lens):
     camera = part("RobotCamera", "Lens", place, turn, key="Cameras")
     imported = of(part("ParabolicMirror", "Omni", "Z=-0.5"), camera)
-    assert [mount.name for mount in parse_mounts(robot_of(imported))] == ["Omni"]
+    assert [mount.name for mount in parse_sensors(robot_of(imported))] == ["Omni"]
     left_out = any("Cameras 'Lens' (USARBot.RobotCamera): left out" in n for n in imported.notices)
     assert left_out != is_lens
 
 
 def test_two_cameras_are_two(of):
     one, two = part("OmniCam", "A", "Z=-0.5"), part("OmniCam", "B", "Z=-0.7")
-    assert [mount.name for mount in parse_mounts(robot_of(of(one, two)))] == ["A", "B"]
+    assert [mount.name for mount in parse_sensors(robot_of(of(one, two)))] == ["A", "B"]
 
 
 def test_scanner_without_its_section_is_the_usual_one(of):
@@ -168,7 +168,7 @@ def test_scanner_without_its_section_is_the_usual_one(of):
         "SICK LMS200"
     )
     others = of(part("Hokuyo"))
-    assert parse_mounts(robot_of(others)) == ()
+    assert parse_sensors(robot_of(others)) == ()
     assert (
         "no [USARBot.Hokuyo] with ScanFov, Resolution and MaxRange: left out" in others.notices[-1]
     )
@@ -176,7 +176,7 @@ def test_scanner_without_its_section_is_the_usual_one(of):
 
 def test_any_class_with_a_scanners_section_is_one(of):
     section = "[usarbot.myscanner]\nscanfov=4.0\nresolution=0.1\nmaxrange=4\n"
-    (mount,) = parse_mounts(robot_of(of(part("MyScanner"), after=section)))
+    (mount,) = parse_sensors(robot_of(of(part("MyScanner"), after=section)))
     assert (mount.scan_fov_rad, mount.max_range_m, mount.noise_share) == (4.0, 4.0, 0.0)
 
 
@@ -209,7 +209,7 @@ Noise=0.01
         after=after,
         origin_height_m=0,
     )
-    sonar, infrared = parse_mounts(robot_of(imported))
+    sonar, infrared = parse_sensors(robot_of(imported))
     assert (sonar.type, sonar.position_m) == ("usarsim_sonar", (0.1, -0.2, 0.0))
     assert sonar.yaw_deg == pytest.approx(90.0, abs=1e-5)
     assert (sonar.range_max_m, sonar.range_min_m, sonar.beam_angle_rad) == (4.0, 0.05, 0.3)
@@ -238,7 +238,7 @@ def test_a_sonar_that_cannot_be_is_refused_at_its_line(of, line, message):
 
 def test_a_robot_of_other_sensors_says_so(of):
     imported = of(part("TouchSensor"))
-    assert parse_mounts(robot_of(imported)) == ()
+    assert parse_sensors(robot_of(imported)) == ()
     assert "[USARBot.P2AT] has no sensor that omnisim knows" in imported.notices[0]
 
 
@@ -246,7 +246,7 @@ def test_what_is_no_sensor_may_be_anything_but_unbalanced(of):
     lamp = part("USARHeadLight", "Lamp", "X=bright", key="HeadLight")
     removed = part("SICKLMS", "Old", key="-Sensors")
     imported = of(lamp, removed, part(), origin_height_m=0)
-    assert [mount.name for mount in parse_mounts(robot_of(imported))] == ["n"]
+    assert [mount.name for mount in parse_sensors(robot_of(imported))] == ["n"]
     words = "\n".join(imported.notices)
     assert ":2: HeadLight 'Lamp': left out" in words
     assert ":3: -Sensors 'Old': left out" in words
@@ -254,7 +254,7 @@ def test_what_is_no_sensor_may_be_anything_but_unbalanced(of):
 
 def test_odd_names_become_names_of_folders(of):
     imported = of(part(name="../a\\\x7f#]é=x\tb"))
-    (mount,) = parse_mounts(robot_of(imported))
+    (mount,) = parse_sensors(robot_of(imported))
     assert mount.name == "___a_ __é_x b"
     assert any("becomes '___a_ __é_x b'" in notice for notice in imported.notices)
 

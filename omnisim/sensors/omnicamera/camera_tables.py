@@ -1,7 +1,8 @@
-"""Cameras of a calibration file on vehicles: models, extrinsics and time shifts in one table.
+"""Omnidirectional cameras in a robot file: of a sensor file, or of a calibration file.
 
-The mount positions the body frame that the file defines beside its cameras, such as Kalibr's IMU.
-A file without such a frame mounts its first camera, looking along x.
+A calibration file has several cameras: models, extrinsics and time shifts in one table. The mount
+then positions the body frame that the file defines beside its cameras, such as Kalibr's IMU. A file
+without such a frame mounts its first camera, looking along x.
 """
 
 from __future__ import annotations
@@ -14,18 +15,35 @@ from omnisim.core.files.parameters import Coordinate
 from omnisim.core.files.toml_file import find_beside
 from omnisim.core.poses import inverse, pose_from_rotation
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.sensors.omnicamera.mounted_omnicamera import MountedCamera
-from omnisim.sensors.sensor import MountedSensor
-from omnisim.sensors.sensor_mount import SensorMount
+from omnisim.rendering.sensor import Mount, SensorSettings
 from omnisim.sensors.sensor_names import Name, SensorName, folder_name
+from omnisim.sensors.sensor_table import SensorTable
 
-SENSOR_FILE = ".toml"
+
+class OmniCameraTable(SensorTable):
+    """Camera of a sensor file."""
+
+    sensor_class: ClassVar[type[SensorSettings]] = OmniCamera
+
+    type: Literal["omnicamera"]
+    file: Name | None = None
+    """Sensor file, relative to this file. Default: the paper's camera."""
+
+    def mounts(self, folder: Path, source: str) -> tuple[Mount[SensorSettings], ...]:
+        """Read the sensor file and mount its camera."""
+        camera = OmniCamera()
+        if self.file is not None:
+            camera = OmniCamera.from_file(
+                find_beside(folder, self.file, f"{source}: file", RobotFileError)
+            )
+        mounted = camera.mounted(self.base_from_mount)
+        return (Mount(mounted, self.name, self.type, hides=self.hides),)
 
 
-class CalibratedCamerasMount(SensorMount):
+class CalibratedCamerasTable(SensorTable):
     """Cameras of a calibration file."""
 
-    sensor_class: ClassVar[type[MountedSensor]] = MountedCamera
+    sensor_class: ClassVar[type[SensorSettings]] = OmniCamera
 
     type: Literal["omnicamera"]
     name: SensorName = "cameras"
@@ -39,7 +57,7 @@ class CalibratedCamerasMount(SensorMount):
     camera: Name | None = None
     """Name in the file of the only camera to use. Default: all cameras."""
 
-    def sensors(self, folder: Path, source: str) -> tuple[MountedSensor, ...]:
+    def mounts(self, folder: Path, source: str) -> tuple[Mount[SensorSettings], ...]:
         """Read the calibration and mount its cameras."""
         # only robots with a calibration pay the import time of the formats and their parsers
         from omnisim.cameras.calibration import load_calibration
@@ -56,7 +74,7 @@ class CalibratedCamerasMount(SensorMount):
         if not rig.has_body:
             ahead = rig.cameras[0].model.rig_from_optical
             base_from_body = base_from_body @ pose_from_rotation(ahead, (0.0, 0.0, 0.0))
-        cameras = []
+        cameras: list[Mount[SensorSettings]] = []
         for camera in selected_rig.cameras:
             upright = pose_from_rotation(camera.model.rig_from_optical, (0.0, 0.0, 0.0))
             sensor = OmniCamera(
@@ -66,7 +84,7 @@ class CalibratedCamerasMount(SensorMount):
             )
             name = self._name(camera.name, len(selected_rig.cameras))
             cameras.append(
-                MountedCamera(self.type, name, self.hides, sensor, time_shift_s=camera.time_shift_s)
+                Mount(sensor, name, self.type, hides=self.hides, time_shift_s=camera.time_shift_s)
             )
         return tuple(cameras)
 

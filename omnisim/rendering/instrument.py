@@ -1,104 +1,61 @@
-"""Renderers of sensors: the passes of one sensor on a stage, and its mounting on a vehicle."""
+"""Instruments: sensors that are open on a stage."""
 
 from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from omnisim.core.errors import GraphicsError, SceneError
-from omnisim.core.poses import check_pose
 from omnisim.core.short_repr import short_repr
 from omnisim.core.version import __version__
 from omnisim.core.world import ObjectPart, WorldState
+from omnisim.rendering.contract import Passes, Pending
 from omnisim.rendering.scene_edits import EditableScene
+from omnisim.rendering.sensor import Moment, Mount, Reading, SensorSettings
 from omnisim.rendering.shared_scene import Closeable, SharedScene
 from omnisim.scene import Scene
 from omnisim.scene.labels import BODY
 
-
-@dataclass(frozen=True, eq=False)
-class Mounting:
-    """Mounting of a sensor on a vehicle, and the settings that its renderer needs.
-
-    Attributes:
-        base_from_sensor: (4, 4) pose on the vehicle; None: at the vehicle's base.
-        hidden: names of body instances that it does not see, such as its own housing.
-        vehicle: name of the vehicle that carries it; None: the stage's first.
-        seed: noise seed of sensors without their own.
-        unlit: show plain base colors; for cameras.
-    """
-
-    base_from_sensor: ArrayLike | None = None
-    hidden: Collection[str] = ()
-    vehicle: str | None = None
-    seed: int | str = 0
-    unlit: bool = False
+SensorT = TypeVar("SensorT", bound=SensorSettings)
+PassesT = TypeVar("PassesT", bound=Passes)
+ReadingT = TypeVar("ReadingT", bound=Reading)
 
 
-class RefreshedPasses(Protocol):
-    """Passes that follow the edits of their stage."""
-
-    def refresh(self) -> None:
-        """Update after the stage changed."""
-
-
-class HasSummary(Protocol):
-    """Sensor with a summary."""
-
-    def summary(self) -> str:
-        """Short description of the sensor."""
-
-
-Passes = TypeVar("Passes", bound=RefreshedPasses)
-SensorT = TypeVar("SensorT", bound=HasSummary)
-Opened_co = TypeVar("Opened_co", covariant=True, bound="SensorRenderer[Any, Any]")
-
-
-class Sensor(Protocol[Opened_co]):
-    """Sensor that a stage can open; your own sensors need this method and `summary`."""
-
-    def open(self, stage: SharedScene, mounting: Mounting) -> Opened_co:
-        """Open the sensor's renderer on a stage."""
-
-
-class SensorRenderer(Closeable, EditableScene, Generic[SensorT, Passes]):
-    """Passes of one sensor on a stage, until it is closed.
+class Instrument(Closeable, EditableScene, Generic[SensorT, PassesT, ReadingT]):
+    """Sensor that is open on a stage, with its passes there, until it is closed.
 
     `omnisim.Stage.open` and `omnisim.open_sensor` create them. Use it as a context manager, or call
     `close`, because it holds GPU memory.
 
     Args:
-        stage: stage of the renderer, to be closed after it.
-        sensor: model of the sensor.
-        mounting: mounting on a vehicle of the stage.
+        stage: stage of the instrument, to be closed after it.
+        sensor: settings of the sensor.
+        mount: its mount on a vehicle of the stage.
 
     Attributes:
-        sensor: model of the sensor.
+        sensor: settings of the sensor.
+        mount: its mount.
         hidden: names of its vehicle's instances that this sensor does not see.
         vehicle: name of its vehicle, which may have no body.
-        owns_stage: closing the renderer closes the stage.
+        owns_stage: closing the instrument closes the stage.
 
     Raises:
         GraphicsError: the stage is closed, or sizes beyond its limits.
         SceneError: a hidden name that is not in the body.
-        OmnisimError: an invalid pose of the mounting.
     """
 
-    def __init__(self, stage: SharedScene, sensor: SensorT, mounting: Mounting):
-        self._stage, self.sensor, self.owns_stage = stage, sensor, False
-        given = mounting.base_from_sensor
-        self._base_from_sensor = np.eye(4) if given is None else check_pose(given)
-        self.hidden = frozenset(mounting.hidden)
-        self.vehicle = mounting.vehicle or next(iter(stage.vehicles), BODY)
+    def __init__(self, stage: SharedScene, sensor: SensorT, mount: Mount[object]):
+        self._stage, self.sensor, self.mount, self.owns_stage = stage, sensor, mount, False
+        self.hidden = frozenset(mount.hides)
+        self.vehicle = mount.vehicle or next(iter(stage.vehicles), BODY)
         parts = self._hidden_parts()
         with stage.current():
-            self._passes: Passes | None = self._open_passes(parts)
+            self._passes: PassesT | None = self._open_passes(parts)
         self._edits = stage.edits
 
     def __repr__(self) -> str:
@@ -106,8 +63,28 @@ class SensorRenderer(Closeable, EditableScene, Generic[SensorT, Passes]):
         return short_repr(self, repr(self.scene.name), self.sensor.summary(), closed)
 
     @abstractmethod
-    def _open_passes(self, hidden: frozenset[ObjectPart]) -> Passes:
+    def _open_passes(self, hidden: frozenset[ObjectPart]) -> PassesT:
         """Open the passes, once, with the stage's context current."""
+
+    @abstractmethod
+    def begin(self, moment: Moment) -> Pending[ReadingT]:
+        """Begin to measure, see `measure`; images are drawn until the result is requested."""
+
+    def measure(self, moment: Moment | WorldState | ArrayLike, number: int = 0) -> ReadingT:
+        """Measure the world at a moment.
+
+        Args:
+            moment: moment of the moving world; or a state of it at rest, or the vehicle's (4, 4)
+                pose if nothing else moves.
+            number: index of the measurement, which seeds the noise, unless the moment has it.
+
+        Raises:
+            OmnisimError: an invalid pose, an object without a pose, an invalid index, damaged files
+                of the previous measurement, or the instrument or its stage is closed.
+        """
+        if not isinstance(moment, Moment):
+            moment = Moment.at_rest(moment, number)
+        return self.begin(moment).result()
 
     @property
     def _moving(self) -> Collection[str]:
@@ -164,10 +141,10 @@ class SensorRenderer(Closeable, EditableScene, Generic[SensorT, Passes]):
         return given
 
     def _world_from_sensor(self, state: WorldState) -> NDArray[np.float64]:
-        return state.world_from_object[self.vehicle] @ self._base_from_sensor
+        return state.world_from_object[self.vehicle] @ self.mount.base_from_sensor
 
     @contextmanager
-    def _current(self) -> Iterator[Passes]:
+    def _current(self) -> Iterator[PassesT]:
         """Make the stage's context current for a `with` block that uses the passes."""
         if self._passes is None:
             raise GraphicsError("this renderer is closed: open a new one")

@@ -1,11 +1,17 @@
-"""Seeds, measurement numbers and rounding of range-measuring devices."""
+"""Numbers, rounding and CSV files of range-measuring devices."""
 
 from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.errors import OpticsError
+from omnisim.core.files.atomic_file import write_text
 
 MAX_SEED = 2**32 - 1  # one word each in a NumPy seed: different tuples never coincide
 
@@ -28,3 +34,20 @@ def round_ranges(ranges_m: NDArray[np.float64], step_m: float) -> NDArray[np.flo
     # Dividing, unlike multiplying, is exact to the last bit: 8190 steps become 8.19.
     steps_per_m = 1.0 / step_m
     return np.rint(ranges_m * steps_per_m) / steps_per_m
+
+
+# CSV files of measurements with leading comment lines of metadata.
+
+
+def write_commented_csv(
+    path: str | Path, header: Mapping[str, Any], columns: str, rows: Iterable[str]
+) -> None:
+    """Atomically write `# key: value` lines with JSON values, the column names, and the rows.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    comments = (
+        f"# {key}: {json.dumps(value, ensure_ascii=False)}" for key, value in header.items()
+    )
+    write_text(Path(path), "\n".join((*comments, columns, *rows)) + "\n")
