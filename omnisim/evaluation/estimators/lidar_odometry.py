@@ -15,6 +15,7 @@ from omnisim.core.poses import inverse, nearest_rotation, pose_from_rotation
 from omnisim.core.trajectories import Trajectory
 from omnisim.datasets.export.recording import Recording
 from omnisim.evaluation.estimator import Estimator
+from omnisim.sensors.lidar.spinning_lidar import SpinningLidar
 
 VOXEL_M = 0.5  # for rooms and yards; the package's default of 1 m is for streets
 MAX_RANGE_M = 40.0  # sparse far points, such as those behind windows, bias the registration
@@ -133,7 +134,7 @@ class LidarSweeps:
     """
 
     def __init__(self, run: Recording):
-        names = run.sensors(MountedLidar)
+        names = run.sensors(SpinningLidar)
         if not names:
             raise EstimatorError("the run has no lidar")
         self._run, self._name = run, names[0]

@@ -35,6 +35,8 @@ def file_schema(kind: str) -> Json:
     schema: Json = json_schema(found if isinstance(found, type) else found())
     defs: Json = schema.setdefault("$defs", {})
     if kind == "robot":
+        from omnisim.sensors.sensor_registry import SENSOR_TYPES
+
         schema["properties"]["sensors"]["items"] = _by_kind("type", SENSOR_TYPES, defs)
     elif kind == "sensor":
         from omnisim.cameras.optics.system_file import OpticsFile
