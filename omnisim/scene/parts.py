@@ -53,7 +53,9 @@ class AlphaMode(Enum):
 Shares = tuple[Fraction, Fraction, Fraction]
 MAX_EMISSION = 65504.0  # largest half float, the precision of images
 Emission = Annotated[Number, Field(ge=0.0, le=MAX_EMISSION)]
-LinearRgb = tuple[Level, Level, Level]
+LinearRgb = tuple[NotNegative, NotNegative, NotNegative]
+Byte = Annotated[int, Field(ge=0, le=255, strict=True)]
+MAX_CLASS = 60_000  # channels have 16 bits; the rest is reserved for unlabeled instances
 IDENTITY_UV = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
 
 
@@ -358,13 +360,9 @@ class Light:
     """Directional, point or spot light.
 
     Attributes:
-        kind: light type.
-        color: linear RGB.
-        intensity: illuminance, lx (directional), or luminous intensity, cd (point and spot).
         position_m: (3,) world frame; unused for a directional light.
         direction: (3,) unit vector, world frame, along which the light travels; unused for a point
             light.
-        range_m: distance at which the light of a point or spot light ends.
         cone_cosines: cosines of a spot light's inner and outer half-angles.
         casts_shadow: True: surfaces block the light, except those within `LAMP_NEAR_M`.
 
@@ -372,11 +370,15 @@ class Light:
     """
 
     kind: LightKind
-    color: tuple[float, float, float]
-    intensity: float
+    """Type of lamp, as in glTF; directional lamps are infinitely far away."""
+    color: LinearRgb
+    """Linear RGB, multiplied with the intensity or illuminance."""
+    intensity: Positive
+    """Illuminance of a directional lamp, lx, or luminous intensity of others, cd."""
     position_m: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
     direction: NDArray[np.float64] = field(default_factory=lambda: np.array([0.0, 0.0, -1.0]))
-    range_m: float = math.inf
+    range_m: Positive = math.inf
+    """Distance at which the light of a point or spot lamp ends, m."""
     cone_cosines: tuple[float, float] = (1.0, 0.0)
     casts_shadow: bool = True
 
@@ -394,14 +396,12 @@ class Fog:
     """Homogeneous fog or water: attenuates light along a ray and adds its own color.
 
     Over a distance of d meters, the fraction exp(−attenuation · d) of each channel remains.
-
-    Attributes:
-        color: linear RGB at infinite distance.
-        attenuation_per_m: attenuation coefficients of R, G and B.
     """
 
-    color: tuple[float, float, float]
-    attenuation_per_m: tuple[float, float, float]
+    color: LinearRgb
+    """Linear RGB at infinite distance."""
+    attenuation_per_m: tuple[NotNegative, NotNegative, NotNegative]
+    """Attenuation of R, G and B per meter, instead of visibility_m: water absorbs red first."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -465,8 +465,10 @@ class Lighting:
 class StartPose:
     """Default camera pose: position of the effective viewpoint, world frame, and heading."""
 
-    position_m: tuple[float, float, float]
-    yaw_deg: float = 0.0
+    position_m: Point
+    """Position in the world, m, z up."""
+    yaw_deg: Number = 0.0
+    """Heading, degrees counter-clockwise from the world's x."""
 
 
 @dataclass(frozen=True)
@@ -560,19 +562,16 @@ class ScenePath(Parameters, name="path"):
 
 @dataclass(frozen=True)
 class LabelRule:
-    """Class of instances, assigned by patterns of their names.
+    """Class of instances; `omnisim/scene/labels.py` explains the keys."""
 
-    Attributes:
-        id: class ID ≥ 1, unique.
-        name: class name, unique.
-        color: 8-bit sRGB, for images.
-        nodes: patterns of instance names, with the wildcards `*` and `?`.
-    """
-
-    id: int
-    name: str
-    color: tuple[int, int, int]
-    nodes: tuple[str, ...]
+    id: Annotated[int, Field(ge=1, le=MAX_CLASS, strict=True)]
+    """ID of the class in the channel, unique. Default: the next free one."""
+    name: Name
+    """Name of the class, unique."""
+    color: tuple[Byte, Byte, Byte]
+    """8-bit sRGB for images. Default: chosen automatically."""
+    nodes: Annotated[tuple[Name, ...], Field(min_length=1)]
+    """Patterns of node names with the wildcards `*` and `?`; the first match decides."""
 
     def __repr__(self) -> str:
         return short_repr(self, str(self.id), repr(self.name), " ".join(self.nodes))

@@ -21,6 +21,8 @@ def lateral_color_px(system: OpticalSystem) -> Floats:
     if all(surface.is_mirror for surface in system.surfaces):
         return np.empty(0)
     directions = seen_rays(system).directions
-    red, blue = (system.of_color(color).pixel_from_ray(directions) for color in "RB")
+    red, blue = (
+        one.pixel_from_ray(directions) for one in (system.of_color("R"), system.of_color("B"))
+    )
     apart: Floats = np.linalg.norm(red.positions_px - blue.positions_px, axis=1)
     return apart[red.valid & blue.valid]

@@ -5,17 +5,18 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from omnisim.cameras.camera import CameraParameters
 from omnisim.cameras.optics.media import Medium, medium_parameter
 from omnisim.cameras.optics.shapes import Shape
 from omnisim.cameras.optics.shapes.shape import Floats
 from omnisim.core.errors import OpticsError
-from omnisim.core.files.parameters import Coordinate, Length, Parameters
+from omnisim.core.files.parameters import Coordinate, Length, Number, Parameters
 from omnisim.core.poses import check_pose
 
 Place = tuple[Coordinate, Coordinate, Coordinate]
@@ -36,11 +37,6 @@ class Surface:
     Attributes:
         shape: shape, in the surface's own frame.
         system_from_surface: (4, 4) pose of that frame.
-        rim_radius_m: radius of its rim about `rim_center_m`; may be infinite.
-        rim_center_m: (x, y) of the rim in the surface's frame.
-        hole_radius_m: radius of a hole about its axis.
-        medium: medium behind the boundary, as seen from the camera; None: a mirror.
-        name: name in messages.
 
     Raises:
         OmnisimError: the pose is invalid, the hole leaves nothing of the surface, or a rim is
@@ -49,11 +45,16 @@ class Surface:
 
     shape: Shape
     system_from_surface: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
-    rim_radius_m: float = math.inf
-    rim_center_m: tuple[float, float] = (0.0, 0.0)
-    hole_radius_m: float = 0.0
+    rim_radius_m: Length = math.inf
+    """Radius of its rim in meters; default: the extent of its shape."""
+    rim_center_m: tuple[Coordinate, Coordinate] = (0.0, 0.0)
+    """(x, y) of the rim's center relative to the axis, in meters."""
+    hole_radius_m: Annotated[Number, Field(ge=0.0, le=1e3)] = 0.0
+    """Radius of a hole about its axis in meters."""
     medium: Medium | None = None
+    """Medium behind it, seen from the camera; default: it is a mirror."""
     name: str = "surface"
+    """Name in messages; default: the name of its shape."""
 
     def __post_init__(self) -> None:
         check_pose(self.system_from_surface)

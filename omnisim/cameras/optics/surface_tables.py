@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +31,7 @@ from omnisim.core.files.parameters import (
     Parameters,
     Table,
     described,
+    overriding,
     parse_table,
     table_of,
 )
@@ -40,13 +40,6 @@ _Angle = Annotated[Number, Field(ge=-360.0, le=360.0)]
 _Numbers = Annotated[tuple[Number, ...], Field(max_length=1_000_000)]
 _Row = tuple[Coordinate, Coordinate, Coordinate, Coordinate]
 _Pose = Annotated[tuple[_Row, _Row, _Row, _Row], described("a pose, a 4 × 4 matrix")]
-Index = Annotated[float, Field(strict=True, ge=1.0, le=5.0)]
-MediumKey = Annotated[
-    Literal["vacuum", "air", "water", "acrylic", "glass"] | Index | tuple[Index, Index, Index],
-    described(
-        "vacuum, air, water, acrylic, glass, a refractive index from 1 to 5, or those of R, G and B"
-    ),
-]
 
 
 class AlignmentTable(Table):
@@ -129,7 +122,7 @@ class TableShape(Table):
 class SphereShape(Table):
     """A sphere."""
 
-    radius_m: Coordinate
+    radius_m: Coordinate  # of a conic, any number
     """Radius in meters; positive: bulges toward the camera."""
 
 
@@ -138,7 +131,7 @@ class PortShape(Table):
 
     thickness_m: Length
     """Thickness of the window in meters."""
-    wall: MediumKey = "acrylic"
+    wall: Medium = "acrylic"
     """Medium of the window."""
 
 
@@ -149,7 +142,7 @@ class DomeShape(Table):
     """Radius of the outer side in meters."""
     thickness_m: Length
     """Thickness in meters, less than the radius."""
-    wall: MediumKey = "acrylic"
+    wall: Medium = "acrylic"
     """Medium of the window."""
 
 
@@ -186,24 +179,23 @@ def shape_schemas() -> dict[str, type[Table]]:
     return {name: table_of(kind) for name, kind in _PARAMETRIC.items()} | SHAPE_TABLES
 
 
+@overriding(
+    Surface,
+    *("name", "shape", "medium", "rim_radius_m", "rim_center_m", "hole_radius_m"),
+    defaults={"name": None, "rim_radius_m": None},
+    are_first=True,
+)
 class SurfaceTable(AlignmentTable):
     """A mirror or a boundary between media; tables are in the order in which rays meet them.
 
     The keys of the shape are additional keys of this table.
     """
 
-    name: str | None = None
-    """Name in messages; default: the name of its shape."""
+    if TYPE_CHECKING:
+        name: str | None
+        medium: Medium | None
     shape: ShapeName
     """Shape, which adds its own keys; its axis is z, its vertex the position."""
-    medium: MediumKey | None = None
-    """Medium behind it, seen from the camera; default: it is a mirror."""
-    rim_radius_m: Length | None = None
-    """Radius of its rim in meters; default: the extent of its shape."""
-    rim_center_m: tuple[Coordinate, Coordinate] = (0.0, 0.0)
-    """(x, y) of the rim's center relative to the axis, in meters."""
-    hole_radius_m: Annotated[Number, Field(ge=0.0, le=1e3)] = 0.0
-    """Radius of a hole about its axis in meters."""
 
     def make_surfaces(self, source: str, key: str) -> list[Surface]:
         """Build the surface, or both boundaries of a window.
@@ -275,12 +267,5 @@ class SurfaceTable(AlignmentTable):
         return [self._surface(*part) for part in zip(shapes, placed, media, strict=True)]
 
     def _surface(self, shape: Shape, pose: NDArray[np.float64], medium: Medium | None) -> Surface:
-        return Surface(
-            shape,
-            pose,
-            math.inf if self.rim_radius_m is None else self.rim_radius_m,
-            self.rim_center_m,
-            self.hole_radius_m,
-            medium,
-            self.name or self.shape,
-        )
+        name = self.name or self.shape
+        return self.build(Surface, shape=shape, system_from_surface=pose, medium=medium, name=name)

@@ -10,10 +10,11 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Self
+from typing import Annotated, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pydantic import Field
 
 from omnisim.cameras import CentralCamera, NonCentralCamera, Pixels, Rays, pixel_grid, summary
 from omnisim.cameras.camera import (
@@ -24,9 +25,15 @@ from omnisim.cameras.camera import (
     as_pixels,
 )
 from omnisim.cameras.optics.inverse import Inverse, Targets
-from omnisim.cameras.optics.media import WAVELENGTHS_UM, Medium, medium_parameter, refractive_index
+from omnisim.cameras.optics.media import (
+    WAVELENGTHS_UM,
+    Medium,
+    Primary,
+    medium_parameter,
+    refractive_index,
+)
 from omnisim.cameras.optics.shapes.shape import Floats
-from omnisim.cameras.optics.surface import Rod, Surface, pose_parameters
+from omnisim.cameras.optics.surface import Place, Rod, Surface, pose_parameters
 from omnisim.cameras.optics.tracing import Fate, Paths, TracedRays, trace
 from omnisim.core.coordinate_frames import (
     BASE_FROM_OPTICAL_LOOKING_AHEAD,
@@ -34,6 +41,7 @@ from omnisim.core.coordinate_frames import (
     RIG_FROM_OPTICAL_LOOKING_UP,
 )
 from omnisim.core.errors import OpticsError
+from omnisim.core.files.parameters import Flag
 from omnisim.core.poses import check_pose, pose_from_rotation
 from omnisim.core.short_repr import counted, short_repr
 
@@ -52,13 +60,9 @@ class OpticalSystem:
         camera: central camera, whose pixels are the system's pixels.
         surfaces: mirrors and boundaries, in the order of the rays from the camera.
         obstacles: opaque parts that can block rays.
-        medium: medium around the camera.
         system_from_camera: (4, 4) pose of the camera's optical frame: its misalignment.
-        origin_m: (3,) origin of the sensor's optical frame, in the system frame.
-        color: "R", "G" or "B", whose wavelength is refracted; None: the d line.
         orientation: (3, 3) rig_from_optical in a level rig; None: up into a mirror, else the
             camera's own.
-        chromatic: True if images show R, G and B along separate rays; everything else uses G.
 
     Raises:
         OmnisimError: the camera is non-central, there is no surface, a medium or color is unknown,
@@ -67,13 +71,18 @@ class OpticalSystem:
 
     camera: CentralCamera
     surfaces: tuple[Surface, ...]
-    obstacles: tuple[Rod, ...] = ()
+    obstacles: Annotated[tuple[Rod, ...], Field(max_length=64)] = ()
     medium: Medium = "air"
+    """Medium around the camera: a name, a refractive index, or three indices for R, G and B."""
     system_from_camera: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
-    origin_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    color: str | None = None
+    origin_m: Place = (0.0, 0.0, 0.0)
+    """Origin of the sensor's frame, meters in the system's frame; default: the camera's pinhole."""
+    color: Primary | None = None
+    """Primary whose wavelength is refracted; default: helium's d line."""
     orientation: NDArray[np.float64] | None = None
-    chromatic: bool = False
+    chromatic: Flag = False
+    """Render red, green and blue along rays of their own wavelengths, at three times the cost.
+    Ground truth uses green."""
 
     model_name = "optics"
     domain_limit_rad = None
@@ -148,7 +157,7 @@ class OpticalSystem:
         """The same view in an image `scale` times as large; sizes are rounded."""
         return dataclasses.replace(self, camera=self.camera.scaled(scale))
 
-    def of_color(self, color: str | None) -> Self:
+    def of_color(self, color: Primary | None) -> Self:
         """The same system at the wavelength of "R", "G" or "B"; None: at the d line."""
         return dataclasses.replace(self, color=color, chromatic=False)
 

@@ -12,12 +12,11 @@ from pydantic import Field
 
 from omnisim.cameras import CAMERA_MODELS, CentralCamera
 from omnisim.cameras.camera_table import camera_from_calibration, camera_from_table
-from omnisim.cameras.optics.surface import Place, Rod
-from omnisim.cameras.optics.surface_tables import AlignmentTable, MediumKey, SurfaceTable
+from omnisim.cameras.optics.surface_tables import AlignmentTable, SurfaceTable
 from omnisim.cameras.optics.system import ORIENTATIONS, OpticalSystem
 from omnisim.core.errors import OmnisimError, SensorFileError
 from omnisim.core.files.extended_tables import extended
-from omnisim.core.files.parameters import Flag, Number, Table, described, parse_table
+from omnisim.core.files.parameters import Number, Table, described, overriding, parse_table
 from omnisim.core.files.toml_file import read_tables
 from omnisim.core.poses import POSE_TOLERANCE, is_rotation
 
@@ -67,24 +66,20 @@ class CameraTable(AlignmentTable):
         return camera_from_table(parameters, source, key)
 
 
+@overriding(
+    OpticalSystem,
+    *("medium", "looking", "origin_m", "color", "chromatic", "camera", "surfaces", "obstacles"),
+    defaults={},
+    are_first=True,
+)
 class OpticsFile(Table):
     """A complete optics file."""
 
-    medium: MediumKey = "air"
-    """Medium around the camera: a name, a refractive index, or three indices for R, G and B."""
     looking: _Looking | None = None
     """Direction of the camera's axis in a level rig, or the rotation from the system's frame to it;
     default: up into a mirror, else as the camera itself."""
-    origin_m: Place = (0.0, 0.0, 0.0)
-    """Origin of the sensor's frame, meters in the system's frame; default: the camera's pinhole."""
-    color: Literal["R", "G", "B"] | None = None
-    """Primary whose wavelength is refracted; default: helium's d line."""
-    chromatic: Flag = False
-    """Render red, green and blue along rays of their own wavelengths, at three times the cost.
-    Ground truth uses green."""
     camera: CameraTable
     surfaces: Annotated[tuple[SurfaceTable, ...], Field(min_length=1, max_length=16)]
-    obstacles: Annotated[tuple[Rod, ...], Field(max_length=64)] = ()
 
     def orientation(self, where: str) -> NDArray[np.float64] | None:
         """Rotation (3, 3) of `looking`, or None; `where` names the key in messages.
@@ -171,16 +166,12 @@ def _make_system(file: OpticsFile, source: str, at: str = "") -> OpticalSystem:
     camera = file.camera.make_camera(source, f"{below}camera")
     orientation = file.orientation(f"{source}: {below}looking")
     try:
-        return OpticalSystem(
-            camera,
-            tuple(surfaces),
-            file.obstacles,
-            file.medium,
-            file.camera.system_from_part((0.0, 0.0, 0.0)),
-            file.origin_m,
-            file.color,
-            orientation,
-            file.chromatic,
+        return file.build(
+            OpticalSystem,
+            camera=camera,
+            surfaces=tuple(surfaces),
+            system_from_camera=file.camera.system_from_part((0.0, 0.0, 0.0)),
+            orientation=orientation,
         )
     except OmnisimError as reason:
         raise SensorFileError(f"{source}: {below}{reason}") from None

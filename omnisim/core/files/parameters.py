@@ -43,6 +43,7 @@ from typing import (
     Any,
     ClassVar,
     TypeVar,
+    cast,
     get_args,
     get_origin,
     get_type_hints,
@@ -100,6 +101,9 @@ class Typical:
         return f"typically {' to '.join(words)}"
 
 
+T = TypeVar("T")
+
+
 class Table(pydantic.BaseModel):
     """A table in a file: accepts only its own keys, and is immutable once read."""
 
@@ -113,6 +117,20 @@ class Table(pydantic.BaseModel):
         str_strip_whitespace=True,
         defer_build=True,  # until a file is read; most kinds of tables are never needed
     )
+
+    def build(self, kind: type[T], /, **others: Any) -> T:
+        """Object of a dataclass whose fields are keys of this table, see `overriding`.
+
+        Args:
+            kind: dataclass. Its defaults stand for keys without a value.
+            others: fields that are not in the table, or not as they are.
+        """
+        file_key = getattr(kind, "file_key", str)
+        for field in dataclasses.fields(cast("Any", kind)):
+            key = file_key(field.name)
+            if field.name not in others and (value := getattr(self, key, None)) is not None:
+                others[field.name] = value if key == field.name else mapped(math.radians, value)
+        return kind(**others)
 
 
 TableT = TypeVar("TableT", bound=Table)
@@ -314,7 +332,7 @@ def _file_fields(kind: type, file_key: Callable[[str], str]) -> Iterator[tuple[s
 
 
 def overriding(
-    kind: type, *names: str, defaults: Mapping[str, Any] | None = None
+    kind: type, *names: str, defaults: Mapping[str, Any] | None = None, are_first: bool = False
 ) -> Callable[[type[TableT]], type[TableT]]:
     """Decorator that adds the fields of a class to the keys of a table.
 
@@ -323,6 +341,7 @@ def overriding(
         names: keys of the fields to add; empty: all.
         defaults: defaults that differ from the class's; None: each key is optional, as a value that
             is given takes the place of that of a device.
+        are_first: True: first keys of the table, in the order of `names`, which may have its own.
     """
 
     def add(base: type[TableT]) -> type[TableT]:
@@ -335,6 +354,10 @@ def overriding(
             base.__name__, __base__=base, __doc__=base.__doc__, __module__=base.__module__, **fields
         )
         made.fields_of = kind
+        if are_first:
+            own = made.model_fields
+            order = dict.fromkeys((*names, *fields, *own))
+            made.__pydantic_fields__ = {key: own[key] for key in order}
         return made
 
     return add

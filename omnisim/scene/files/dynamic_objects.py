@@ -63,8 +63,7 @@ def _load_object(table: ObjectTable, folder: Path, load_shape: LoadShape) -> Dyn
 def _motion(table: ObjectTable, folder: Path) -> Along | Orbit | Shuttle | Rest:
     match table.motion:
         case None:
-            place = (table.position_m or (0.0, 0.0, 0.0), table.yaw_deg or 0.0)
-            return Rest(*place) if table.mass_kg is None else FreeBody(*place, table.mass_kg)
+            return table.build(Rest if table.mass_kg is None else FreeBody)
         case ObjectPathTable() as path:
             return Along(_trajectory(path), path.repeats)
         case ObjectTrajectoryTable() as along:

@@ -402,8 +402,7 @@ def _lighting(lighting: Lighting, settings: SceneFile) -> Lighting:
 
 
 def _start(settings: SceneFile) -> StartPose | None:
-    start = settings.start
-    return None if start is None else StartPose(start.position_m, start.yaw_deg)
+    return None if settings.start is None else settings.start.build(StartPose)
 
 
 def _landmarks(settings: SceneFile) -> tuple[Landmark, ...]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -64,18 +65,16 @@ def _with_lamps(scene: Scene, lamps: tuple[Light, ...]) -> Lighting:
 
 
 def _lamp(table: LampTable) -> Light:
-    kind = LightKind(table.kind)
-    light = Light(kind, table.color, table.intensity, casts_shadow=table.shadows)
+    others: dict[str, Any] = {"casts_shadow": table.shadows}
     if table.position_m is not None:
-        light = replace(light, position_m=np.array(table.position_m))
+        others["position_m"] = np.array(table.position_m)
     if table.direction is not None:
-        direction = np.array(table.direction)
-        light = replace(light, direction=direction / np.linalg.norm(direction))
-    if kind is LightKind.SPOT:
+        others["direction"] = np.array(table.direction) / np.linalg.norm(table.direction)
+    if table.kind is LightKind.SPOT:
         inner = math.radians(table.inner_deg or 0.0)
         outer = math.radians(45.0 if table.outer_deg is None else table.outer_deg)
-        light = replace(light, cone_cosines=(math.cos(inner), math.cos(outer)))
-    return light if table.range_m is None else replace(light, range_m=table.range_m)
+        others["cone_cosines"] = (math.cos(inner), math.cos(outer))
+    return table.build(Light, **others)
 
 
 def _sun(table: SunTable) -> list[Light]:
@@ -84,21 +83,19 @@ def _sun(table: SunTable) -> list[Light]:
     if position.elevation_deg <= 0.0:
         return []
     level = table.illuminance_lx or sun_illuminance_lx(position.elevation_deg)
-    direction = position.direction(table.north_deg)
     return [
-        Light(
-            LightKind.DIRECTIONAL,
-            table.color,
-            level,
-            direction=direction,
+        table.build(
+            Light,
+            kind=LightKind.DIRECTIONAL,
+            intensity=level,
+            direction=position.direction(table.north_deg),
             casts_shadow=table.shadows,
         )
     ]
 
 
 def _fog(table: FogTable) -> Fog:
-    if table.attenuation_per_m is not None:
-        return Fog(table.color, table.attenuation_per_m)
-    assert table.visibility_m is not None
+    if table.visibility_m is None:
+        return table.build(Fog)
     extinction = -math.log(_VISIBLE_CONTRAST) / table.visibility_m
-    return Fog(table.color, (extinction,) * 3)
+    return table.build(Fog, attenuation_per_m=(extinction,) * 3)

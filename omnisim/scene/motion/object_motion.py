@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import AfterValidator
+from pydantic import AfterValidator, Field
 
 from omnisim.core.files.parameters import AboveZero, Number, Parameters, Point
 from omnisim.core.poses import pose_from_rotation, rotation_from_yaw, rotation_type
@@ -34,15 +34,12 @@ class ObjectMotion(Protocol):
 
 @dataclass(frozen=True)
 class Rest:
-    """Static pose.
+    """Static pose."""
 
-    Attributes:
-        position_m: position of the object's origin.
-        yaw_deg: heading of the object.
-    """
-
-    position_m: Vector
-    yaw_deg: float = 0.0
+    position_m: Point = (0.0, 0.0, 0.0)
+    """Position of a static object's origin in the world, m. Default: the world's origin."""
+    yaw_deg: Number = 0.0
+    """Heading of a static object, degrees. Default: 0."""
 
     def pose_at(self, time_s: float) -> Pose:
         """Pose (4, 4), the same at all times."""
@@ -51,13 +48,10 @@ class Rest:
 
 @dataclass(frozen=True)
 class FreeBody(Rest):
-    """Static pose of a body that physics can push.
+    """Static pose of a body that physics can push."""
 
-    Attributes:
-        mass_kg: mass of the object.
-    """
-
-    mass_kg: float = 1.0
+    mass_kg: Annotated[Number, Field(ge=1e-3, le=1e6)] = 1.0
+    """Mass, kg, of a static object that robots can push with `--physics`. Default: immovable."""
 
 
 @dataclass(frozen=True, eq=False)
