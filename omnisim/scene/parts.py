@@ -378,7 +378,7 @@ class Light:
     position_m: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
     direction: NDArray[np.float64] = field(default_factory=lambda: np.array([0.0, 0.0, -1.0]))
     range_m: Positive = math.inf
-    """Distance at which the light of a point or spot lamp ends, m."""
+    """Distance at which the light of a point or spot lamp ends, m. Default: infinite."""
     cone_cosines: tuple[float, float] = (1.0, 0.0)
     casts_shadow: bool = True
 

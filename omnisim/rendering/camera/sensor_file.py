@@ -1,6 +1,7 @@
 """Sensor files: the paper's three groups of USARBot.ini (section 2.4) in TOML.
 
-`paper.toml` beside this module has every key, with its default and a comment.
+`paper.toml` beside this module has every key, with its default and its help: written by
+`python docs/_ext/reference_pages.py`.
 """
 
 from __future__ import annotations
