@@ -17,24 +17,19 @@ RANGE_EDGES_M = np.logspace(-1.0, 3.0, 41)
 
 @dataclass
 class Statistics:
-    """Counts over samples and pixels.
+    """Counts over samples and pixels."""
 
-    Attributes:
-        samples: number of samples.
-        redrawn: number of rejected attempts.
-        scenes, cameras: number of samples by name.
-        classes: number of pixels by class; requires the channel semantic.
-        brightness: number of valid pixels by mean sRGB value, 16 bins from black to white.
-        ranges: number of pixels by bin between `RANGE_EDGES_M`, end bins with all ranges beyond;
-            requires the channel range.
-    """
-
-    samples: int = 0
-    redrawn: int = 0
+    samples: int = 0  # number of samples
+    redrawn: int = 0  # number of rejected attempts
+    # scenes, cameras: number of samples by name
     scenes: Counter[str] = field(default_factory=Counter)
     cameras: Counter[str] = field(default_factory=Counter)
+    # number of pixels by class; requires the channel semantic
     classes: Counter[str] = field(default_factory=Counter)
+    # number of valid pixels by mean sRGB value, 16 bins from black to white
     brightness: Counter[int] = field(default_factory=Counter)
+    # number of pixels by bin between `RANGE_EDGES_M`, end bins with all ranges beyond; requires the
+    # channel range
     ranges: Counter[int] = field(default_factory=Counter)
 
     def add_frame(self, frame: Frame) -> None:

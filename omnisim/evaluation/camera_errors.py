@@ -23,21 +23,14 @@ class CameraErrors:
 
     A calibration does not determine the lens's orientation in its housing. The rays are therefore
     aligned with the true ones by the best rotation first.
-
-    Attributes:
-        model: name of the estimated model.
-        focal_length: relative error of the focal length at the axis; NaN: the axis is outside of
-            the image.
-        rms_px: root mean square distance of the pixels of true rays from the true pixels.
-        max_px: largest such distance.
-        covered: share of the true rays that the estimated model projects to a pixel.
     """
 
-    model: str
+    model: str  # name of the estimated model
+    # relative error of the focal length at the axis; NaN: the axis is outside of the image
     focal_length: float
-    rms_px: float
-    max_px: float
-    covered: float
+    rms_px: float  # root mean square distance of the pixels of true rays from the true pixels
+    max_px: float  # largest such distance
+    covered: float  # share of the true rays that the estimated model projects to a pixel
 
     @property
     def summary(self) -> str:

@@ -214,23 +214,15 @@ Status = Literal["ok", "not installed", "failed", "crashed", "timed out"]
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """Outcome of an estimator on a run.
+    """Outcome of an estimator on a run."""
 
-    Attributes:
-        estimator: name of the estimator, or the user's command.
-        status: "ok", or the kind of failure.
-        reason: message of the failure, or the camera's errors in one line; empty: neither.
-        seconds: time taken by the estimator, without starting its process; None: unknown.
-        errors: errors of the trajectory; None: no trajectory.
-        camera: errors of the calibrated camera; None: no calibration.
-    """
-
-    estimator: str
-    status: Status
-    reason: str = ""
+    estimator: str  # name of the estimator, or the user's command
+    status: Status  # "ok", or the kind of failure
+    reason: str = ""  # message of the failure, or the camera's errors in one line; empty: neither
+    # time taken by the estimator, without starting its process; None: unknown
     seconds: float | None = None
-    errors: TrajectoryErrors | None = None
-    camera: CameraErrors | None = None
+    errors: TrajectoryErrors | None = None  # errors of the trajectory; None: no trajectory
+    camera: CameraErrors | None = None  # errors of the calibrated camera; None: no calibration
 
     def as_dict(self) -> dict[str, Any]:
         """JSON object that `outcome_from` reads."""

@@ -13,18 +13,12 @@ CONFIDENCE = 0.95
 
 
 class SeedMean(NamedTuple):
-    """Mean over seeds.
+    """Mean over seeds."""
 
-    Attributes:
-        mean: mean of the finite values; NaN: there are none.
-        half_width: half of the mean's `CONFIDENCE` interval, by Student's t; NaN: fewer than two
-            finite values.
-        seeds: number of finite values.
-    """
-
-    mean: float
+    mean: float  # mean of the finite values; NaN: there are none
+    # half of the mean's `CONFIDENCE` interval, by Student's t; NaN: fewer than two finite values
     half_width: float
-    seeds: int
+    seeds: int  # number of finite values
 
 
 def over_seeds(values: Sequence[float]) -> SeedMean:

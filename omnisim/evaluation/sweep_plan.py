@@ -101,20 +101,13 @@ class SweepPlan(Table):
 
 @dataclass(frozen=True)
 class SweepPoint:
-    """Point of a sweep: a drive, and the calibration errors of its estimators.
+    """Point of a sweep: a drive, and the calibration errors of its estimators."""
 
-    Attributes:
-        variation: index of the variation; None: the unchanged drive.
-        label: label of the varied value.
-        seed: seed of the drive.
-        drive: drive to record; points that differ in calibration only share it.
-        calibration: calibration errors by the name of the sensor.
-    """
-
-    variation: int | None
-    label: str
-    seed: int
-    drive: SweptDrive
+    variation: int | None  # index of the variation; None: the unchanged drive
+    label: str  # label of the varied value
+    seed: int  # seed of the drive
+    drive: SweptDrive  # drive to record; points that differ in calibration only share it
+    # calibration errors by the name of the sensor
     calibration: Mapping[str, CalibrationError] = field(default_factory=dict)
 
 

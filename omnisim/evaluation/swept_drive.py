@@ -19,25 +19,18 @@ ROBOT, SCENE = "robot.toml", "scene.toml"
 
 @dataclass(frozen=True)
 class SweptDrive:
-    """Drive of a sweep.
+    """Drive of a sweep."""
 
-    Attributes:
-        scene: absolute path of a scene file, or name of a built-in scene.
-        path: absolute path of a file, or name of one of the scene's paths.
-        robot: tables of the robot file.
-        options: options of `omnisim drive`, without their dashes.
-        files: tables of the changed sensor files, by their file names in `robot`.
-        scene_tables: tables of a scene file that extends `scene`; empty: none.
-        seed: seed of the drive.
-    """
-
-    scene: str
-    path: str
-    robot: Mapping[str, Any]
+    scene: str  # absolute path of a scene file, or name of a built-in scene
+    path: str  # absolute path of a file, or name of one of the scene's paths
+    robot: Mapping[str, Any]  # tables of the robot file
+    # options of `omnisim drive`, without their dashes
     options: Mapping[str, Any] = field(default_factory=dict)
+    # tables of the changed sensor files, by their file names in `robot`
     files: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    # tables of a scene file that extends `scene`; empty: none
     scene_tables: Mapping[str, Any] = field(default_factory=dict)
-    seed: int = 0
+    seed: int = 0  # seed of the drive
 
     @cached_property
     def name(self) -> str:

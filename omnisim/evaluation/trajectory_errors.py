@@ -23,38 +23,25 @@ SEGMENTS = 10  # segments of the path for drift
 
 @dataclass(frozen=True, eq=False)
 class TrajectoryErrors:
-    """Errors of an estimated trajectory.
+    """Errors of an estimated trajectory."""
 
-    Attributes:
-        kind: kind of the alignment.
-        alignment: transform from the estimate's world to the true one.
-        poses: number of estimated poses with a true state.
-        path_length_m: length of the true path between the first and the last of these poses.
-        ate_m: root mean square distance of the aligned positions (absolute trajectory error).
-        rpe_m, rpe_deg: root mean square error of the motion between successive poses (relative
-            pose error), after scaling by the alignment.
-        drift: mean error of the motion over a tenth of the path, as a share of that length.
-        drift_degpm: mean error of the rotation over a tenth of the path, per meter.
-        scale: ratio of true to estimated lengths.
-        yaw_deg: root mean square error of the aligned headings.
-        gravity_deg: root mean square angle between the true and the estimated direction of gravity
-            in the robot's frame, without alignment; NaN: not estimated.
-        lost: share of the drive's duration in `lost_intervals`.
-    """
-
-    kind: AlignmentKind
-    alignment: Alignment
-    poses: int
-    path_length_m: float
-    ate_m: float
+    kind: AlignmentKind  # kind of the alignment
+    alignment: Alignment  # transform from the estimate's world to the true one
+    poses: int  # number of estimated poses with a true state
+    path_length_m: float  # length of the true path between the first and the last of these poses
+    ate_m: float  # root mean square distance of the aligned positions (absolute trajectory error)
+    # rpe_m, rpe_deg: root mean square error of the motion between successive poses (relative pose
+    # error), after scaling by the alignment
     rpe_m: float
     rpe_deg: float
-    drift: float
-    drift_degpm: float
-    scale: float
-    yaw_deg: float
+    drift: float  # mean error of the motion over a tenth of the path, as a share of that length
+    drift_degpm: float  # mean error of the rotation over a tenth of the path, per meter
+    scale: float  # ratio of true to estimated lengths
+    yaw_deg: float  # root mean square error of the aligned headings
+    # root mean square angle between the true and the estimated direction of gravity in the robot's
+    # frame, without alignment; NaN: not estimated
     gravity_deg: float
-    lost: float
+    lost: float  # share of the drive's duration in `lost_intervals`
 
 
 def match_times(
@@ -192,17 +179,11 @@ _RANK_TOLERANCE = 1e-12  # as a share of the largest singular value
 
 @dataclass(frozen=True, eq=False)
 class Alignment:
-    """Similarity transform from an estimate's world to the true world.
+    """Similarity transform from an estimate's world to the true world."""
 
-    Attributes:
-        rotation: (3, 3) rotation matrix.
-        translation_m: (3,) translation in the true world.
-        scale: factor of the estimate's lengths, applied first.
-    """
-
-    rotation: Floats
-    translation_m: Floats
-    scale: float = 1.0
+    rotation: Floats  # (3, 3) rotation matrix
+    translation_m: Floats  # (3,) translation in the true world
+    scale: float = 1.0  # factor of the estimate's lengths, applied first
 
     def apply(self, poses: Floats) -> Floats:
         """Aligned poses (n, 4, 4); rotations stay rotations."""

@@ -48,16 +48,11 @@ class SeenRays(NamedTuple):
 
 @dataclass(frozen=True)
 class Centrality:
-    """Deviation of a system's rays from a single viewpoint.
+    """Deviation of a system's rays from a single viewpoint."""
 
-    Attributes:
-        viewpoint_m: (3,) point nearest to all rays, in the sensor's optical frame.
-        misses_m: (n,) distances between this point and rays spread evenly over the image.
-        errors: errors of the central model with the rays' directions and this viewpoint.
-    """
-
-    viewpoint_m: Floats
-    misses_m: Floats
+    viewpoint_m: Floats  # (3,) point nearest to all rays, in the sensor's optical frame
+    misses_m: Floats  # (n,) distances between this point and rays spread evenly over the image
+    # errors of the central model with the rays' directions and this viewpoint
     errors: tuple[CentralError, ...]
 
 

@@ -96,17 +96,11 @@ class OpticsFile(Table):
 
 
 class OpticsTables(NamedTuple):
-    """Table of an optical system in a file.
+    """Table of an optical system in a file."""
 
-    Attributes:
-        table: keys of an optics file.
-        source: file that has them, to which paths are relative.
-        at: key of the table in the file; empty: the file itself.
-    """
-
-    table: dict[str, Any]
-    source: str
-    at: str
+    table: dict[str, Any]  # keys of an optics file
+    source: str  # file that has them, to which paths are relative
+    at: str  # key of the table in the file; empty: the file itself
 
 
 def read_optics_tables(path: str | Path) -> OpticsTables:

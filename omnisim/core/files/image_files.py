@@ -155,16 +155,11 @@ def write_numbers(
 
 
 class ExrData(NamedTuple):
-    """Contents of an EXR file of data.
+    """Contents of an EXR file of data."""
 
-    Attributes:
-        values: (height, width) float32 arrays by channel name.
-        metadata: omnisim's metadata; None if the file has none.
-        attributes: other attributes of the file that are strings or numbers.
-    """
-
-    values: dict[str, NDArray[np.float32]]
-    metadata: dict[str, Any] | None
+    values: dict[str, NDArray[np.float32]]  # (height, width) float32 arrays by channel name
+    metadata: dict[str, Any] | None  # omnisim's metadata; None if the file has none
+    # other attributes of the file that are strings or numbers
     attributes: dict[str, str | int | float]
 
 

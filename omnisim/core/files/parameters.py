@@ -83,15 +83,12 @@ NOT_IN_FILES = {"in_files": False}  # metadata of a field that is no setting, su
 
 @dataclasses.dataclass(frozen=True)
 class Typical:
-    """Usual range of a number, in the unit of its field: a slider's, and the reference's.
+    """Usual range of a number, in the unit of its field: a slider's, and the reference's."""
 
-    Attributes:
-        low, high: ends of the range.
-        of_low, of_high: kinds of devices at the ends; empty: not stated.
-    """
-
+    # low, high: ends of the range
     low: float
     high: float
+    # of_low, of_high: kinds of devices at the ends; empty: not stated
     of_low: str = ""
     of_high: str = ""
 

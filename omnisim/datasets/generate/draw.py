@@ -26,65 +26,40 @@ MAX_TRIES = 200  # for an object's place at the required distances
 
 @dataclass(frozen=True)
 class SampleIndices:
-    """Indices of a sample's scene, rig and setups, the same for all attempts.
+    """Indices of a sample's scene, rig and setups, the same for all attempts."""
 
-    Attributes:
-        scene: index of the scene in the plan.
-        rig: index of the rig in the plan.
-        light: index of the light's setup; 0 if the light does not vary.
-        camera: index of the cameras' setup; 0 if the cameras do not vary.
-    """
-
-    scene: int
-    rig: int
-    light: int
-    camera: int
+    scene: int  # index of the scene in the plan
+    rig: int  # index of the rig in the plan
+    light: int  # index of the light's setup; 0 if the light does not vary
+    camera: int  # index of the cameras' setup; 0 if the cameras do not vary
 
 
 @dataclass(frozen=True, eq=False)
 class ObjectPlacement:
-    """Object of a sample, with its pose.
+    """Object of a sample, with its pose."""
 
-    Attributes:
-        name: name of its instance.
-        object: index of the object's table in the plan.
-        world_from_object: (4, 4) pose.
-    """
-
-    name: str
-    object: int
-    world_from_object: NDArray[np.float64]
+    name: str  # name of its instance
+    object: int  # index of the object's table in the plan
+    world_from_object: NDArray[np.float64]  # (4, 4) pose
 
 
 @dataclass(frozen=True, eq=False)
 class Draw:
-    """All inputs of one attempt at a sample.
+    """All inputs of one attempt at a sample."""
 
-    Attributes:
-        number: number of the sample.
-        attempt: number of the attempt, from 0.
-        indices: indices of scene, rig and setups.
-        position_m: (3,) viewpoint, before the shift.
-        yaw_deg, pitch_deg, roll_deg: attitude of the vehicle.
-        shift_m: (3,) shift of the camera along the vehicle's axes.
-        time_s: time of the world.
-        exposure_ev: exposure in stops, in addition to the camera's.
-        colors: linear RGB by instance name.
-        objects: placed objects.
-    """
-
-    number: int
-    attempt: int
-    indices: SampleIndices
-    position_m: NDArray[np.float64]
+    number: int  # number of the sample
+    attempt: int  # number of the attempt, from 0
+    indices: SampleIndices  # indices of scene, rig and setups
+    position_m: NDArray[np.float64]  # (3,) viewpoint, before the shift
+    # yaw_deg, pitch_deg, roll_deg: attitude of the vehicle
     yaw_deg: float
     pitch_deg: float
     roll_deg: float
-    shift_m: tuple[float, float, float]
-    time_s: float
-    exposure_ev: float
-    colors: dict[str, tuple[float, float, float]]
-    objects: tuple[ObjectPlacement, ...]
+    shift_m: tuple[float, float, float]  # (3,) shift of the camera along the vehicle's axes
+    time_s: float  # time of the world
+    exposure_ev: float  # exposure in stops, in addition to the camera's
+    colors: dict[str, tuple[float, float, float]]  # linear RGB by instance name
+    objects: tuple[ObjectPlacement, ...]  # placed objects
 
 
 def draw_indices(plan: Plan, number: int) -> SampleIndices:
@@ -137,19 +112,15 @@ def draw(prepared: PreparedPlan, number: int, attempt: int) -> Draw:
 
 @dataclass(frozen=True, eq=False)
 class _Viewpoint:
-    """Viewpoint and its base attitude; drawn angles are added to it.
+    """Viewpoint and its base attitude; drawn angles are added to it."""
 
-    Attributes:
-        position_m: (3,) position in the world.
-        yaw_deg, pitch_deg, roll_deg: attitude.
-        turns_along: the attitude follows a path, an object or a file; a drawn yaw is added only if
-            the plan sets `yaw_deg`.
-    """
-
-    position_m: NDArray[np.float64]
+    position_m: NDArray[np.float64]  # (3,) position in the world
+    # yaw_deg, pitch_deg, roll_deg: attitude
     yaw_deg: float = 0.0
     pitch_deg: float = 0.0
     roll_deg: float = 0.0
+    # the attitude follows a path, an object or a file; a drawn yaw is added only if the plan sets
+    # `yaw_deg`
     turns_along: bool = False
 
 

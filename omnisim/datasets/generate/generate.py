@@ -34,19 +34,12 @@ PROBED_SAMPLES = 12  # per worker, for an estimate
 
 @dataclass(frozen=True)
 class Estimate:
-    """Size of a data set, and the time to generate it.
+    """Size of a data set, and the time to generate it."""
 
-    Attributes:
-        samples: number of samples in all shards.
-        sample_bytes: mean size of a sample in its shard.
-        samples_per_s: rate of all workers together.
-        start_s: time until a worker's first sample.
-    """
-
-    samples: int
-    sample_bytes: float
-    samples_per_s: float
-    start_s: float
+    samples: int  # number of samples in all shards
+    sample_bytes: float  # mean size of a sample in its shard
+    samples_per_s: float  # rate of all workers together
+    start_s: float  # time until a worker's first sample
 
     @property
     def seconds(self) -> float:

@@ -27,15 +27,10 @@ ROUNDING = 1e-9  # of a parameter that is computed from others
 
 @dataclass(frozen=True, eq=False)
 class PlanRig:
-    """Cameras of a plan that take samples together.
+    """Cameras of a plan that take samples together."""
 
-    Attributes:
-        title: name in the data set.
-        cameras: cameras by name; a single camera's name is empty.
-    """
-
-    title: str
-    cameras: dict[str, OmniCamera]
+    title: str  # name in the data set
+    cameras: dict[str, OmniCamera]  # cameras by name; a single camera's name is empty
 
     @property
     def first(self) -> OmniCamera:

@@ -28,15 +28,10 @@ _SRGB_FROM_XYZ = np.array(
 
 @dataclass(frozen=True, eq=False)
 class DrawnLight:
-    """Scene with drawn light.
+    """Scene with drawn light."""
 
-    Attributes:
-        scene: scene with the lighting.
-        values: drawn values, of JSON types.
-    """
-
-    scene: Scene
-    values: dict[str, Any]
+    scene: Scene  # scene with the lighting
+    values: dict[str, Any]  # drawn values, of JSON types
 
 
 def draw_light(scene: Scene, vary: VaryTable, stream: Shares, plan: Path) -> DrawnLight:

@@ -41,23 +41,14 @@ TRIED = 0.001, 0.5, 0.999
 
 @dataclass(frozen=True, eq=False)
 class PlanObject:
-    """Object to place.
+    """Object to place."""
 
-    Attributes:
-        title: name of its instances.
-        scene: shape of the object.
-        low_m: (3,) lowest coordinates of its bounds.
-        radius_m: radius of its footprint about the middle of its bounds.
-        middle_m: (2,) middle of its bounds on the floor plan.
-        height_m: height of its bounds.
-    """
-
-    title: str
-    scene: Scene
-    low_m: NDArray[np.float64]
-    radius_m: float
-    middle_m: NDArray[np.float64]
-    height_m: float
+    title: str  # name of its instances
+    scene: Scene  # shape of the object
+    low_m: NDArray[np.float64]  # (3,) lowest coordinates of its bounds
+    radius_m: float  # radius of its footprint about the middle of its bounds
+    middle_m: NDArray[np.float64]  # (2,) middle of its bounds on the floor plan
+    height_m: float  # height of its bounds
 
 
 class PreparedPlan:

@@ -34,18 +34,12 @@ PROBE_PX = 48  # shorter side of the range images that judge samples of plans wi
 
 @dataclass(frozen=True, eq=False)
 class RenderedSample:
-    """Rendered sample.
+    """Rendered sample."""
 
-    Attributes:
-        drawn: drawn inputs of the sample.
-        frames: frames by camera name; a single camera's name is empty.
-        light: drawn values of the light; empty: the scene's own light.
-        shares: visible shares of instances, by camera name and instance ID; empty: not requested.
-    """
-
-    drawn: Draw
-    frames: dict[str, Frame]
-    light: dict[str, Any]
+    drawn: Draw  # drawn inputs of the sample
+    frames: dict[str, Frame]  # frames by camera name; a single camera's name is empty
+    light: dict[str, Any]  # drawn values of the light; empty: the scene's own light
+    # visible shares of instances, by camera name and instance ID; empty: not requested
     shares: dict[str, dict[int, float]] = field(default_factory=dict)
 
 

@@ -33,21 +33,13 @@ _DAMAGE = (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, 
 
 @dataclass(frozen=True, eq=False)
 class ShardSummary:
-    """Finished shard.
+    """Finished shard."""
 
-    Attributes:
-        number: number of the shard.
-        plan: fingerprint of its plan.
-        sha256: hash of its tar.
-        size_bytes: size of its tar.
-        statistics: statistics of its samples.
-    """
-
-    number: int
-    plan: str
-    sha256: str
-    size_bytes: int
-    statistics: Statistics
+    number: int  # number of the shard
+    plan: str  # fingerprint of its plan
+    sha256: str  # hash of its tar
+    size_bytes: int  # size of its tar
+    statistics: Statistics  # statistics of its samples
 
     @property
     def name(self) -> str:

@@ -25,19 +25,12 @@ _THREADS = "LP_NUM_THREADS"  # environment variable of Mesa's rasterizer
 
 
 class Job(NamedTuple):
-    """Arguments of all workers.
+    """Arguments of all workers."""
 
-    Attributes:
-        plan: path of the plan.
-        folder: folder of the data set.
-        device: EGL index of the GPU; None: the first.
-        samples: samples per shard; None: the plan's.
-    """
-
-    plan: Path
-    folder: Path
-    device: int | None = None
-    samples: int | None = None
+    plan: Path  # path of the plan
+    folder: Path  # folder of the data set
+    device: int | None = None  # EGL index of the GPU; None: the first
+    samples: int | None = None  # samples per shard; None: the plan's
 
 
 class ShardProgress(NamedTuple):

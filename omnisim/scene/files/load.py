@@ -126,22 +126,15 @@ def _folder(source: str | Path) -> Path:
 
 
 class _Options(NamedTuple):
-    """Options that override the files.
-
-    Attributes:
-        is_shape: load geometry only: no start pose, no nested objects.
-        sky: sky in place of those of the TOML files.
-        keeps_sky: use the skies and suns of the TOML files.
-        takes_baked: use the baked light of the scene's own TOML file.
-    """
+    """Options that override the files."""
 
     axes: FileAxes
     resources: tuple[Path, ...]
     animation: str | None
-    is_shape: bool = False
-    sky: SkyTable | None = None
-    keeps_sky: bool = True
-    takes_baked: bool = False
+    is_shape: bool = False  # load geometry only: no start pose, no nested objects
+    sky: SkyTable | None = None  # sky in place of those of the TOML files
+    keeps_sky: bool = True  # use the skies and suns of the TOML files
+    takes_baked: bool = False  # use the baked light of the scene's own TOML file
 
 
 def _load_source(

@@ -22,17 +22,11 @@ def builtin_scenes() -> list[str]:
 
 
 class SceneSource(NamedTuple):
-    """Files of a scene.
+    """Files of a scene."""
 
-    Attributes:
-        mesh_file: path of the mesh file; None: the scene extends another.
-        settings: settings of the TOML file, or the defaults.
-        toml: path of the TOML file; None: no TOML file.
-    """
-
-    mesh_file: Path | None
-    settings: SceneFile
-    toml: Path | None
+    mesh_file: Path | None  # path of the mesh file; None: the scene extends another
+    settings: SceneFile  # settings of the TOML file, or the defaults
+    toml: Path | None  # path of the TOML file; None: no TOML file
 
     @property
     def base(self) -> str | Path | None:

@@ -24,13 +24,9 @@ _SAMPLES = 128
 
 @dataclass(frozen=True, eq=False)
 class Environment:
-    """Environment map of distant light.
+    """Environment map of distant light."""
 
-    Attributes:
-        radiance: (height, width, 3) float32, linear RGB in display brightness; width is
-            twice the height.
-    """
-
+    # (height, width, 3) float32, linear RGB in display brightness; width is twice the height
     radiance: NDArray[np.float32]
 
     def __repr__(self) -> str:

@@ -286,15 +286,10 @@ _EXTINCTION = 0.21  # optical depth of a clear sky
 
 
 class SunPosition(NamedTuple):
-    """Direction toward the sun.
+    """Direction toward the sun."""
 
-    Attributes:
-        elevation_deg: elevation above the horizon; negative: below it.
-        azimuth_deg: azimuth from north toward east.
-    """
-
-    elevation_deg: float
-    azimuth_deg: float
+    elevation_deg: float  # elevation above the horizon; negative: below it
+    azimuth_deg: float  # azimuth from north toward east
 
     def direction(self, north_deg: float) -> NDArray[np.float64]:
         """Direction of travel (3,) of the sun's light, world frame.

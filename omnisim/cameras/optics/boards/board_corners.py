@@ -25,16 +25,12 @@ MIN_CORNERS = 6  # per board, to determine its pose
 class BoardCorners:
     """Board corners in one image.
 
-    Attributes:
-        points_m: (n, 2) positions on the flat board.
-        pixels_px: (n, 2) positions in the image.
-
     Raises:
         OpticsError: there are too few corners, or the shapes are wrong.
     """
 
-    points_m: Floats
-    pixels_px: Floats
+    points_m: Floats  # (n, 2) positions on the flat board
+    pixels_px: Floats  # (n, 2) positions in the image
 
     def __post_init__(self) -> None:
         shapes = np.shape(self.points_m), np.shape(self.pixels_px)

@@ -34,37 +34,25 @@ _WIDER = 1.1  # widens rims, so that a step that moves a rim hides no corner
 
 @dataclass(frozen=True, eq=False)
 class FittedParameter:
-    """A system parameter fitted to the corners.
+    """A system parameter fitted to the corners."""
 
-    Attributes:
-        name: key of the parameter.
-        before, value: value in the file, and fitted value.
-        sigma: standard deviation, for independent errors as large as the residuals.
-    """
-
-    name: str
+    name: str  # key of the parameter
+    # before, value: value in the file, and fitted value
     before: float
     value: float
-    sigma: float
+    sigma: float  # standard deviation, for independent errors as large as the residuals
 
 
 @dataclass(frozen=True, eq=False)
 class SystemCalibration:
-    """An optical system fitted to corners.
+    """An optical system fitted to corners."""
 
-    Attributes:
-        system: fitted system.
-        table: table of its optics file.
-        parameters: fitted parameters.
-        poses: (boards, 4, 4) poses of the boards in the sensor's optical frame.
-        before_px, errors_px: (n, 2) reprojection errors of all corners after fitting only the
-            poses, and after fitting the parameters too.
-    """
-
-    system: OpticalSystem
-    table: dict[str, Any]
-    parameters: tuple[FittedParameter, ...]
-    poses: Floats
+    system: OpticalSystem  # fitted system
+    table: dict[str, Any]  # table of its optics file
+    parameters: tuple[FittedParameter, ...]  # fitted parameters
+    poses: Floats  # (boards, 4, 4) poses of the boards in the sensor's optical frame
+    # before_px, errors_px: (n, 2) reprojection errors of all corners after fitting only the poses,
+    # and after fitting the parameters too
     before_px: Floats
     errors_px: Floats
 
