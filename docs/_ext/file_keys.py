@@ -123,7 +123,7 @@ def _mounts() -> Iterator[str]:
 
 
 def _shapes() -> Iterator[str]:
-    from omnisim.cameras.optics.surface_tables import shape_schemas
+    from omnisim.cameras.optics.system_file import shape_schemas
 
     for name, table in shape_schemas().items():
         yield f'## `[[surfaces]]`, `shape = "{name}"`\n\n{file_keys.summary(table)}'

@@ -9,9 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from omnisim.core.errors import PlanError
-from omnisim.datasets.generate.shard import ShardSummary, find_shard
-from omnisim.datasets.statistics import Statistics
-from omnisim.datasets.tar_file import file_sha256
+from omnisim.datasets.generate.shard import ShardSummary, Statistics, file_sha256, find_shard
 
 MANIFEST = "manifest.json"
 

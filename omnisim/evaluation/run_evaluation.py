@@ -24,14 +24,15 @@ from omnisim.core.trajectories import Trajectory, read_trajectory
 from omnisim.core.version import __version__
 from omnisim.datasets.export.lens_camera import LensCamera
 from omnisim.datasets.export.recording import Recording
-from omnisim.evaluation.camera_errors import CameraErrors, camera_errors
 from omnisim.evaluation.child_process import ChildProcesses
 from omnisim.evaluation.estimator import Estimator
 from omnisim.evaluation.estimator_registry import estimator_named
 from omnisim.evaluation.estimator_worker import CAMERA, DONE, ESTIMATE
 from omnisim.evaluation.trajectory_errors import (
     Alignment,
+    CameraErrors,
     TrajectoryErrors,
+    camera_errors,
     match_times,
     trajectory_errors,
 )

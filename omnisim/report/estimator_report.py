@@ -14,14 +14,18 @@ from omnisim.core.poses import inverse
 from omnisim.core.trajectories import read_trajectory
 from omnisim.core.trajectories.trajectory import step_lengths_m
 from omnisim.datasets.export.recording import Recording
-from omnisim.evaluation.camera_errors import CameraErrors
 from omnisim.evaluation.drive_sweep import PointResult
 from omnisim.evaluation.estimator_registry import estimator_named
 from omnisim.evaluation.estimator_worker import ESTIMATE
 from omnisim.evaluation.run_evaluation import Outcome, estimator_folder, true_trajectory
 from omnisim.evaluation.seed_statistics import SeedMean, over_seeds
 from omnisim.evaluation.sweep_plan import BASE, SweepPlan, shown_points
-from omnisim.evaluation.trajectory_errors import TrajectoryErrors, lost_intervals, match_times
+from omnisim.evaluation.trajectory_errors import (
+    CameraErrors,
+    TrajectoryErrors,
+    lost_intervals,
+    match_times,
+)
 from omnisim.plots.estimator_plots import (
     LostRow,
     SweepLine,

@@ -5,8 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from omnisim.cameras.optics.surface_tables import shape_schemas
-from omnisim.cameras.optics.system_file import OpticsFile
+from omnisim.cameras.optics.system_file import OpticsFile, shape_schemas
 from omnisim.core.files.file_keys import keys_of
 from omnisim.core.files.parameters import Table, table_of
 from omnisim.perception.localization.filter_parameters import FilterParameters

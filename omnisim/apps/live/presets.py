@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from omnisim.apps.live.camera_document import SENSOR, CameraDocument
-from omnisim.cameras.optics.surface_tables import AlignmentTable
+from omnisim.cameras.optics.system_file import AlignmentTable
 from omnisim.core.errors import OutputError, did_you_mean
 from omnisim.rendering.camera.degradations import preset_names
 

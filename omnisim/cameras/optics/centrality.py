@@ -14,6 +14,7 @@ from omnisim.cameras import Pixels, Rays
 from omnisim.cameras.camera import as_directions, as_pixels
 from omnisim.cameras.central_error import CentralError
 from omnisim.cameras.optics.shapes.shape import Floats
+from omnisim.cameras.optics.system import OpticalSystem
 from omnisim.cameras.optics.tracing import TracedRays
 from omnisim.core.errors import OpticsError
 
@@ -265,3 +266,25 @@ def _across(directions: Floats) -> Floats:
     first = np.cross(directions, smallest)
     first /= np.linalg.norm(first, axis=-1, keepdims=True)
     return np.stack((first, np.cross(directions, first)), axis=-1)
+
+
+# Lateral chromatic aberration: red-blue offset of distant points, in pixels.
+
+
+def lateral_color_px(system: OpticalSystem) -> Floats:
+    """Distances (n,) in pixels between the R and B images of points at infinity.
+
+    The points are spread evenly over the image. The result is empty for systems of mirrors alone,
+    which do not refract; points that are not seen in both colors are omitted.
+
+    Raises:
+        OpticsError: no pixel sees anything.
+    """
+    if all(surface.is_mirror for surface in system.surfaces):
+        return np.empty(0)
+    directions = seen_rays(system).directions
+    red, blue = (
+        one.pixel_from_ray(directions) for one in (system.of_color("R"), system.of_color("B"))
+    )
+    apart: Floats = np.linalg.norm(red.positions_px - blue.positions_px, axis=1)
+    return apart[red.valid & blue.valid]

@@ -18,7 +18,13 @@ from omnisim.datasets.dataset_manifest import MANIFEST, Manifest
 from omnisim.datasets.free_space import PATTERN
 from omnisim.datasets.generate.prepared_plan import PreparedPlan
 from omnisim.datasets.generate.samples import Shards
-from omnisim.datasets.generate.shard import ShardMaker, ShardSummary, find_shard
+from omnisim.datasets.generate.shard import (
+    RANGE_EDGES_M,
+    ShardMaker,
+    ShardSummary,
+    Statistics,
+    find_shard,
+)
 from omnisim.datasets.generate.workers import (
     Job,
     ShardProgress,
@@ -26,7 +32,6 @@ from omnisim.datasets.generate.workers import (
     scratch_folder,
     threads_shared,
 )
-from omnisim.datasets.statistics import RANGE_EDGES_M, Statistics
 
 PLAN, SHARDS = "plan.json", "shard-*.tar"
 PROBED_SAMPLES = 12  # per worker, for an estimate

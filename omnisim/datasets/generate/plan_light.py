@@ -13,7 +13,7 @@ import numpy as np
 from omnisim.core.errors import PlanError
 from omnisim.core.files.parameters import parse_table
 from omnisim.datasets.generate.distributions import Shares
-from omnisim.datasets.generate.plan_vary import VaryLightTable, VarySkyTable, VaryTable
+from omnisim.datasets.generate.plan import VaryLightTable, VarySkyTable, VaryTable
 from omnisim.scene import Scene
 from omnisim.scene.files.scene_file import SceneFile
 from omnisim.scene.light.sky import sun_position, with_sky

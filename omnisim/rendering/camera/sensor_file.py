@@ -25,7 +25,6 @@ from omnisim.cameras.mirrors.tessellation import sectors_and_rings
 from omnisim.cameras.models.field_of_view import field_notes
 from omnisim.core import poses
 from omnisim.core.errors import NoticeWarning, OpticsError, SensorFileError
-from omnisim.core.files.extended_tables import extended
 from omnisim.core.files.parameters import (
     AboveZero,
     Coordinate,
@@ -35,7 +34,7 @@ from omnisim.core.files.parameters import (
     overriding,
     parse_table,
 )
-from omnisim.core.files.toml_file import read_tables
+from omnisim.core.files.toml_file import extended, read_tables
 from omnisim.rendering.auto_mesh import max_polygons
 from omnisim.rendering.camera.degradations.degradation_file import parse_degradation
 from omnisim.rendering.camera.quality import (

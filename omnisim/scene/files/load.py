@@ -14,9 +14,14 @@ from numpy.typing import NDArray
 
 from omnisim.core.errors import NoticeWarning, SceneError, printable
 from omnisim.core.files.sources import recorded_sources, source_digest
-from omnisim.scene.files.dynamic_objects import load_objects
-from omnisim.scene.files.extension import extend, with_moving_instances, with_objects
-from omnisim.scene.files.material_changes import changes_light, with_materials
+from omnisim.scene.files.extension import (
+    changes_light,
+    extend,
+    load_objects,
+    with_materials,
+    with_moving_instances,
+    with_objects,
+)
 from omnisim.scene.files.readers import check_format, read_file
 from omnisim.scene.files.scene_file import SceneFile
 from omnisim.scene.files.source import NO_SKY, SceneSource, resolve_source, shining_sun, sky_table

@@ -10,7 +10,6 @@ from pydantic import AfterValidator, Field, ValidationInfo, field_validator, mod
 
 from omnisim.core.errors import did_you_mean
 from omnisim.core.files.parameters import AboveZero, Flag, Name, Number, Point, Table, overriding
-from omnisim.scene.files.material_keys import MaterialTable
 from omnisim.scene.light.light_tables import FogTable, LampTable, LightTable, SkyTable, SunTable
 from omnisim.scene.motion.object_motion import FreeBody, Orbit, Shuttle
 from omnisim.scene.parts import (
@@ -18,8 +17,10 @@ from omnisim.scene.parts import (
     LabelRule,
     Landmark,
     LinearRgb,
+    Material,
     NamedStart,
     ScenePath,
+    Shares,
     StartPose,
 )
 
@@ -162,6 +163,38 @@ class LabelFile(Table):
     """Label file: classes for a scene without any, or in place of its own."""
 
     labels: Annotated[LabelTables, Field(min_length=1)]
+
+
+KEYS = (
+    "metallic", "roughness", "specular", "specular_color", "ior", "clearcoat",
+    "clearcoat_roughness", "transmission", "thickness_m", "attenuation_color",
+    "attenuation_distance_m", "dispersion", "emissive",
+)  # fmt: skip
+
+
+@overriding(Material, *KEYS)
+class MaterialTable(Table):
+    """Change of materials of the mesh file or of the base scene.
+
+    Values replace the file's factors, and multiply its maps and vertex colors, as in glTF. Of
+    several tables that match a material, each is applied, in their order.
+    """
+
+    names: Annotated[tuple[Name, ...], Field(min_length=1)]
+    """Patterns of material names with the wildcards `*` and `?`."""
+    base_color: Shares | None = None
+    """Linear RGB; multiplied with the texture."""
+
+    @property
+    def changes(self) -> dict[str, Any]:
+        """Values of the keys that are given, by the names of `Material`'s attributes."""
+        return self.model_dump(exclude={"names"}, exclude_none=True)
+
+    @model_validator(mode="after")
+    def _has_changes(self) -> MaterialTable:
+        if not self.changes:
+            raise ValueError("expected a key besides names, such as roughness")
+        return self
 
 
 class SceneFile(Table):

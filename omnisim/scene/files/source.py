@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from omnisim.core.errors import SceneError, did_you_mean
-from omnisim.core.files.extended_tables import base_source
-from omnisim.core.files.toml_file import find_beside, read_toml
+from omnisim.core.files.toml_file import base_source, find_beside, read_toml
 from omnisim.core.package_files import SCENES, built_in
 from omnisim.scene.files.scene_file import SceneFile
 from omnisim.scene.light.light_tables import SkyTable, SunTable

@@ -19,12 +19,12 @@ from pydantic import ConfigDict, Field
 
 from omnisim.core.errors import OutputError, SceneError
 from omnisim.core.files.image_files import read_radiance
-from omnisim.core.files.npz_file import read_arrays
+from omnisim.core.files.number_files import read_arrays
 from omnisim.core.files.parameters import Point, Positive, Table, parse_table
 from omnisim.core.files.sources import read_source
 from omnisim.scene.light.baked_light import FACTORS, MAX_HALF, BakedLight, Probes
-from omnisim.scene.light.emissive_light import without_even_light
 from omnisim.scene.light.lighting import background_light
+from omnisim.scene.light.lit_scene import without_even_light
 from omnisim.scene.model import Mesh, Scene
 from omnisim.scene.parts import LightRectangle
 

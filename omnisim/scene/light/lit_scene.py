@@ -1,4 +1,4 @@
-"""Light of a scene from the tables of its TOML file: lamps, sun, fog, shadows and exposure."""
+"""Light of a scene: from the tables of its TOML file, or of emissive surfaces instead of lamps."""
 
 from __future__ import annotations
 
@@ -10,9 +10,15 @@ import numpy as np
 
 from omnisim.scene.files.scene_file import SceneFile
 from omnisim.scene.light.light_tables import FogTable, LampTable, SunTable
-from omnisim.scene.light.lighting import FILL_AMBIENT, expose, is_even
+from omnisim.scene.light.lighting import (
+    DEFAULT_LIGHTING,
+    FILL_AMBIENT,
+    background_light,
+    expose,
+    is_even,
+)
 from omnisim.scene.light.sky import sun_illuminance_lx, sun_position
-from omnisim.scene.model import Scene
+from omnisim.scene.model import Material, Scene
 from omnisim.scene.parts import Fog, Light, Lighting, LightKind
 
 # Contrast that remains at the visibility distance.
@@ -99,3 +105,22 @@ def _fog(table: FogTable) -> Fog:
         return table.build(Fog)
     extinction = -math.log(_VISIBLE_CONTRAST) / table.visibility_m
     return table.build(Fog, attenuation_per_m=(extinction,) * 3)
+
+
+def without_even_light(scene: Scene) -> Scene:
+    """Scene lit by its emissive surfaces alone, if it has no lamps and they are bright.
+
+    A background brighter than white counts too: it is the sky outside.
+    """
+    lighting = scene.lighting
+    is_even = lighting.lights is DEFAULT_LIGHTING.lights and not lighting.is_matte
+    if not (is_even and any(map(is_bright, scene.materials))):
+        return scene
+    sky = background_light(scene.background)
+    shone = replace(lighting, lights=(), ambient=sky)
+    return replace(scene, lighting=shone)
+
+
+def is_bright(material: Material) -> bool:
+    """True for emission brighter than white: a lamp's tubes, but not a screen."""
+    return not material.unlit and max(material.emissive) > 1.0

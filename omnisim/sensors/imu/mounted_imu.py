@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.errors import RunError
-from omnisim.core.files.number_table import BLOCK, write_table
+from omnisim.core.files.number_files import BLOCK, write_table
 from omnisim.core.files.parameters import Level, overriding
 from omnisim.core.files.written_files import is_written
 from omnisim.core.poses import rotation_angles

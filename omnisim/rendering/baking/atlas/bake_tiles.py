@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from omnisim.core.errors import OutputError
 from omnisim.core.files.atomic_file import atomic_write, write_text
-from omnisim.core.files.npz_file import read_arrays
+from omnisim.core.files.number_files import read_arrays
 
 Arrays = dict[str, NDArray[Any]]
 Progress = Callable[[str, int], Callable[[Iterable[int]], Iterable[int]]]
