@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from omnisim.core.errors import OmnisimError, OutputError
-from omnisim.core.files.fingerprint import fingerprint
+from omnisim.core.files.sources import fingerprint
 from omnisim.datasets.export.recording import Recording
 from omnisim.datasets.generate.workers import threads_shared
 from omnisim.evaluation.calibration_error import write_given_run

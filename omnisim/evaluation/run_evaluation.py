@@ -19,7 +19,7 @@ from omnisim.cameras.calibration import load_calibration
 from omnisim.core.errors import OmnisimError, OutputError
 from omnisim.core.extras import install_hint, is_installed
 from omnisim.core.files.atomic_file import write_text
-from omnisim.core.files.fingerprint import fingerprint
+from omnisim.core.files.sources import fingerprint
 from omnisim.core.trajectories import Trajectory, read_trajectory
 from omnisim.core.version import __version__
 from omnisim.datasets.export.lens_camera import LensCamera

@@ -15,8 +15,8 @@ from pydantic import Field, model_validator
 
 from omnisim.core.errors import OmnisimError, PlanError, did_you_mean
 from omnisim.core.files.atomic_file import write_text
-from omnisim.core.files.fingerprint import fingerprint
 from omnisim.core.files.parameters import AboveZero, Name, Seed, Table, parse_table
+from omnisim.core.files.sources import fingerprint
 from omnisim.core.files.toml_file import (
     extended,
     read_tables,

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
+import statistics
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
+import scipy  # its submodules load on first use
 from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera
@@ -290,3 +293,30 @@ def _focal_length_px(camera: CentralCamera) -> float:
         return float("nan")
     spans = np.linalg.norm(ends.positions_px[::2] - ends.positions_px[1::2], axis=1)
     return float(spans.mean() / (2.0 * np.arctan(NEAR_AXIS_RAD)))
+
+
+# Mean of a measure over seeds, with its confidence interval.
+
+
+CONFIDENCE = 0.95
+
+
+class SeedMean(NamedTuple):
+    """Mean over seeds."""
+
+    mean: float  # mean of the finite values; NaN: there are none
+    # half of the mean's `CONFIDENCE` interval, by Student's t; NaN: fewer than two finite values
+    half_width: float
+    seeds: int  # number of finite values
+
+
+def over_seeds(values: Sequence[float]) -> SeedMean:
+    """Mean of the finite values among those of independent seeds."""
+    known = [value for value in values if math.isfinite(value)]
+    count = len(known)
+    if count < 2:
+        return SeedMean(known[0] if known else math.nan, math.nan, count)
+    quantile = float(scipy.special.stdtrit(count - 1, 0.5 + 0.5 * CONFIDENCE))
+    return SeedMean(
+        statistics.fmean(known), quantile * statistics.stdev(known) / math.sqrt(count), count
+    )

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omnisim.core.files.fingerprint import fingerprint
+from omnisim.core.files.sources import fingerprint
 from omnisim.core.short_repr import counted, short_repr
 from omnisim.ground_truth.boxes_3d import OrientedBox
 from omnisim.scene import editing

@@ -18,7 +18,7 @@ from typing import Any, ClassVar, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.core.files.written_files import is_written
+from omnisim.core.files.atomic_file import is_written
 from omnisim.core.short_repr import short_repr
 from omnisim.core.trajectories import Trajectory
 from omnisim.core.trajectories.body_motion import BodyMotion

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from omnisim.cameras import CentralCamera, HyperbolicCamera
 from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.cameras.optics import OpticalSystem, Surface, caustic_points
-from omnisim.cameras.optics.tracing import Fate
+from omnisim.cameras.optics.surface import Fate
 
 RAYS = 15
 _POINTS = 81  # points per curve

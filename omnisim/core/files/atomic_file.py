@@ -172,3 +172,14 @@ def _check_target(path: Path) -> None:
     except OSError:
         Path.cwd()  # if it no longer exists, that is the fault
         raise OutputError(f"{path}: the folder {folder} cannot be written to") from None
+
+
+# Finished files of a run.
+
+
+def is_written(path: Path) -> bool:
+    """True if a file exists and is not empty."""
+    try:
+        return path.stat().st_size > 0
+    except FileNotFoundError:
+        return False

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from omnisim.core.errors import PlanError, did_you_mean
 from omnisim.core.extras import require_extra
-from omnisim.core.files.fingerprint import fingerprint
-from omnisim.core.files.sources import note_file, note_sources, recorded_sources
+from omnisim.core.files.sources import fingerprint, note_file, note_sources, recorded_sources
 from omnisim.core.trajectories import parse_trajectory
 from omnisim.core.version import __version__
 from omnisim.datasets.free_space import (

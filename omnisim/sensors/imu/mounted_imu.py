@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.errors import RunError
+from omnisim.core.files.atomic_file import is_written
 from omnisim.core.files.number_files import BLOCK, write_table
 from omnisim.core.files.parameters import Level, overriding
-from omnisim.core.files.written_files import is_written
 from omnisim.core.poses import rotation_angles
 from omnisim.core.random_numbers import key_of
 from omnisim.core.trajectories import Trajectory

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from omnisim.cameras import NonCentralCamera
 from omnisim.core.errors import OmnisimError, RobotFileError, RunError
 from omnisim.core.extras import missing_packages
+from omnisim.core.files.atomic_file import is_written
 from omnisim.core.files.image_files import read_image
 from omnisim.core.files.toml_file import find_beside
-from omnisim.core.files.written_files import is_written
 from omnisim.core.trajectories import Trajectory
 from omnisim.core.world import WorldState
 from omnisim.ground_truth.boxes_3d import boxes_json

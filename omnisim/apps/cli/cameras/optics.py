@@ -30,7 +30,7 @@ from omnisim.cameras.optics.centrality import lateral_color_px, measure_centrali
 from omnisim.cameras.optics.design import Design
 from omnisim.cameras.optics.profile_file import sampled, write_profile
 from omnisim.cameras.optics.shapes.shape import Floats
-from omnisim.cameras.optics.surface import Surface
+from omnisim.cameras.optics.surface import Fate, Surface
 from omnisim.cameras.optics.system import OpticalSystem
 from omnisim.cameras.optics.system_file import (
     input_files,
@@ -38,7 +38,6 @@ from omnisim.cameras.optics.system_file import (
     read_optics_file,
     read_optics_tables,
 )
-from omnisim.cameras.optics.tracing import Fate
 from omnisim.core.errors import OpticsError
 from omnisim.core.files.atomic_file import check_distinct, check_suffix, check_target, write_text
 from omnisim.core.files.toml_file import Comment, toml_text
