@@ -311,10 +311,7 @@ def _store(path: Path, data: bytes) -> None:
 
 
 def _encode(
-    path: Path,
-    pixels: NDArray[Any],
-    attributes: Attributes,
-    channel_names: tuple[str, ...] = (),
+    path: Path, pixels: NDArray[Any], attributes: Attributes, channel_names: tuple[str, ...] = ()
 ) -> bytes:
     """Encode an image (height, width, channels) as a file in memory.
 

@@ -142,11 +142,7 @@ class _Options(NamedTuple):
     takes_baked: bool = False  # use the baked light of the scene's own TOML file
 
 
-def _load_source(
-    source: str | Path,
-    options: _Options,
-    outer: tuple[Path, ...],
-) -> Scene:
+def _load_source(source: str | Path, options: _Options, outer: tuple[Path, ...]) -> Scene:
     """Load a scene that the outer TOML files extend, or use as the shape of an object."""
     try:
         files = resolve_source(source)
@@ -241,10 +237,7 @@ def _with_sky(scene: Scene, files: SceneSource, folder: Path) -> Scene:
 
 
 def _load_extended(
-    name: str,
-    files: SceneSource,
-    options: _Options,
-    outer: tuple[Path, ...],
+    name: str, files: SceneSource, options: _Options, outer: tuple[Path, ...]
 ) -> Scene:
     """Load the base scene that a TOML file extends, and add the TOML file's content."""
     settings, toml = files.settings, files.toml
@@ -300,11 +293,7 @@ def _with_materials(
     return changed.identified(SourceDigests(light, light))
 
 
-def _load_mesh_file(
-    source: str | Path,
-    files: SceneSource,
-    options: _Options,
-) -> Scene:
+def _load_mesh_file(source: str | Path, files: SceneSource, options: _Options) -> Scene:
     path, settings = files.mesh_file, files.settings
     assert path is not None
     try:

@@ -131,9 +131,7 @@ def lookup(pixels: NDArray[np.float32], uv: NDArray[np.float64]) -> NDArray[np.f
 
 
 def _between_levels(
-    levels: tuple[NDArray[np.float32], ...],
-    uv: NDArray[np.float64],
-    steps: NDArray[np.floating],
+    levels: tuple[NDArray[np.float32], ...], uv: NDArray[np.float64], steps: NDArray[np.floating]
 ) -> NDArray[np.float32]:
     """Values (n, 3) at texture coordinates (n, 2), interpolated between levels at steps (n,)."""
     steps = np.minimum(steps, len(levels) - 1)

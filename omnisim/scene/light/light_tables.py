@@ -7,15 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from omnisim.core.files.parameters import (
-    Flag,
-    Name,
-    Number,
-    Point,
-    Positive,
-    Table,
-    overriding,
-)
+from omnisim.core.files.parameters import Flag, Name, Number, Point, Positive, Table, overriding
 from omnisim.scene.parts import Fog, Light, LightKind, LinearRgb
 
 
