@@ -76,9 +76,14 @@ def evaluate_estimator(
     label = "" if given == run else given.name
     inputs = fingerprint(manifest, name, _version(estimator), label)
     before = _read_outcome(folder / OUTCOME, inputs)
-    if before is not None and _is_final(before, estimator):
+    if before is not None and (
+        before.status == "ok" or (before.status == "failed" and estimator.is_repeatable)
+    ):  # another attempt would have the same outcome
         return before
-    _make_folder(folder)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as reason:
+        raise OutputError(f"{folder}: cannot be created: {reason.strerror}") from None
     if estimator.module and not is_installed(estimator.module):
         outcome = Outcome(name, "not installed", install_hint(estimator.extra))
     else:
@@ -95,13 +100,6 @@ def estimator_folder(name: str) -> str:
         return name
     words = re.sub(r"[^A-Za-z0-9]+", "-", name).strip("-")[:30]
     return f"{words}-{fingerprint(name)[:6]}"
-
-
-def _make_folder(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as reason:
-        raise OutputError(f"{folder}: cannot be created: {reason.strerror}") from None
 
 
 def _version(estimator: Estimator) -> str:
@@ -122,11 +120,6 @@ def _read_outcome(path: Path, inputs: str) -> Outcome | None:
         return outcome_from(content)
     except (OSError, ValueError, KeyError, TypeError):
         return None
-
-
-def _is_final(outcome: Outcome, estimator: Estimator) -> bool:
-    """True if another attempt would have the same outcome."""
-    return outcome.status == "ok" or (outcome.status == "failed" and estimator.is_repeatable)
 
 
 def _run_worker(
@@ -150,7 +143,10 @@ def _outcome(
     try:
         done = json.loads((folder / DONE).read_text(encoding="utf-8"))
     except (OSError, ValueError):
-        return Outcome(name, "crashed", _last_words(folder / OUTPUT, status))
+        text = (folder / OUTPUT).read_text(encoding="utf-8", errors="replace").strip()
+        last = text.splitlines()[-1][-_TAIL:] if text else "without a message"
+        ended = signal.Signals(-status).name if status < 0 else f"exit status {status}"
+        return Outcome(name, "crashed", f"{ended}: {last}")
     shutil.rmtree(folder / "work", ignore_errors=True)
     if "failure" in done:
         return Outcome(name, "failed", done["failure"], done["seconds"])
@@ -197,14 +193,6 @@ def true_trajectory(recording: Recording, times_s: NDArray[np.float64]) -> Traje
     times = np.concatenate((truth.times_s, other_s))
     order = np.argsort(times)
     return Trajectory(times[order], np.concatenate((truth.world_from_base, poses))[order])
-
-
-def _last_words(path: Path, status: int) -> str:
-    """Exit status or signal of a process, and the last line of its output."""
-    text = path.read_text(encoding="utf-8", errors="replace").strip()
-    last = text.splitlines()[-1][-_TAIL:] if text else "without a message"
-    ended = signal.Signals(-status).name if status < 0 else f"exit status {status}"
-    return f"{ended}: {last}"
 
 
 # Outcome of an estimator on a run.

@@ -318,12 +318,9 @@ def _plain(value: Any) -> Any:
         return [_plain(one) for one in value]
     if isinstance(value, str) and value.startswith("/") and Path(value).is_file():
         return [value, fingerprint(Path(value).read_bytes().hex())]
-    is_whole = isinstance(value, int) and not isinstance(value, bool)
-    return float(value) if is_whole else value if _is_simple(value) else str(value)
-
-
-def _is_simple(value: Any) -> bool:
-    return value is None or isinstance(value, bool | float | str)
+    if isinstance(value, int) and not isinstance(value, bool):
+        return float(value)
+    return value if value is None or isinstance(value, bool | float | str) else str(value)
 
 
 # Changes of keys in the tables of scene, robot and sensor files.
@@ -398,16 +395,12 @@ def _sensor_file(sensor: Tables, where: str) -> dict[str, Any]:
 
 def with_seed(robot: Tables, seed: int) -> dict[str, Any]:
     """Robot with `seed` added to the seeds of its sensors."""
+    seeded = [name for name, kind in MOUNT_TYPES.items() if "seed" in kind.model_fields]
     sensors = [
-        {**one, "seed": one.get("seed", 0) + seed} if _has_seed(one) else one
+        {**one, "seed": one.get("seed", 0) + seed} if one.get("type") in seeded else one
         for one in robot.get("sensors", ())
     ]
     return {**robot, "sensors": sensors} if sensors else dict(robot)
-
-
-def _has_seed(sensor: Tables) -> bool:
-    kind = MOUNT_TYPES.get(str(sensor.get("type")))
-    return kind is not None and "seed" in kind.model_fields
 
 
 def with_value(tables: Tables, keys: list[str], value: Any, where: str) -> dict[str, Any]:

@@ -80,7 +80,8 @@ def write_image(
     """
     data = image_bytes(path, pixels, metadata, jpeg_quality)
     check_target(path)
-    _store(path, data)
+    with atomic_write(path) as partial:
+        partial.write_bytes(data)
 
 
 def image_bytes(
@@ -297,17 +298,14 @@ def _write(
     metadata: Metadata | None,
     channel_names: tuple[str, ...] = (),
 ) -> None:
-    _store(path, _encode(path, pixels, _with_metadata(attributes, metadata), channel_names))
+    data = _encode(path, pixels, _with_metadata(attributes, metadata), channel_names)
+    with atomic_write(path) as partial:
+        partial.write_bytes(data)
 
 
 def _with_metadata(attributes: Attributes, metadata: Metadata | None) -> Attributes:
     own = {} if metadata is None else {METADATA_KEY: json.dumps(metadata)}
     return {"Software": f"omnisim {__version__}", **attributes, **own}
-
-
-def _store(path: Path, data: bytes) -> None:
-    with atomic_write(path) as partial:
-        partial.write_bytes(data)
 
 
 def _encode(
@@ -435,17 +433,34 @@ class _ErrorStream:
         # A child has only the thread that forked: those that held the lock are not in it.
         os.register_at_fork(after_in_child=self._restart)
 
+    def _forget(self) -> None:
+        self._lock = threading.Lock()
+        self._users = 0
+        self._kept: int | None = None
+
+    def _restart(self) -> None:
+        if self._users:
+            self._variable.value = self._kept
+        self._forget()
+
     @contextmanager
     def discarded(self) -> Iterator[None]:
         """Discard what is written to C's `stderr` within the block, in all threads."""
         if not self._is_glibc:
             yield
             return
-        self._enter()
+        with self._lock:
+            self._users += 1
+            if self._users == 1:
+                self._kept = self._variable.value
+                self._variable.value = self._sink or self._kept
         try:
             yield
         finally:
-            self._leave()
+            with self._lock:
+                self._users -= 1
+                if self._users == 0:
+                    self._variable.value = self._kept
 
     @cached_property
     def _variable(self) -> ctypes.c_void_p:
@@ -462,29 +477,6 @@ class _ErrorStream:
         create.argtypes = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_char_p
         create.restype = ctypes.c_void_p
         return create(None, _LINE_BYTES, b"w")
-
-    def _forget(self) -> None:
-        self._lock = threading.Lock()
-        self._users = 0
-        self._kept: int | None = None
-
-    def _restart(self) -> None:
-        if self._users:
-            self._variable.value = self._kept
-        self._forget()
-
-    def _enter(self) -> None:
-        with self._lock:
-            self._users += 1
-            if self._users == 1:
-                self._kept = self._variable.value
-                self._variable.value = self._sink or self._kept
-
-    def _leave(self) -> None:
-        with self._lock:
-            self._users -= 1
-            if self._users == 0:
-                self._variable.value = self._kept
 
 
 quiet_libraries = _ErrorStream().discarded

@@ -11,8 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core import poses
 from omnisim.core.errors import PlanError
-from omnisim.core.poses import pose, roll_pitch_yaw_from_rotation
+from omnisim.core.poses import roll_pitch_yaw_from_rotation
 from omnisim.core.srgb import linear_from_srgb
 from omnisim.datasets.free_space import FreeSpace
 from omnisim.datasets.generate.distributions import Distribution, Stream
@@ -128,20 +129,19 @@ def _place(prepared: PreparedPlan, scene: int, stream: Stream) -> _Viewpoint:
     table = prepared.plan.viewpoints
     match table.where:
         case "free":
-            on_floor = _on_floor(prepared.free_space(scene), stream)
+            free = prepared.free_space(scene)
+            cells = free.free_cells()
+            cell = cells[stream.whole(len(cells))]
+            on_floor = free.point_in(cell, (stream.share(), stream.share()))
             return _Viewpoint(on_floor + (0.0, 0.0, table.height_m.draw(stream)))
         case "path":
             return _along(prepared, scene, stream)
         case "around":
             return _around(prepared, scene, stream)
         case _:
-            return _of_file(prepared.poses[stream.whole(len(prepared.poses))])
-
-
-def _on_floor(free: FreeSpace, stream: Stream) -> NDArray[np.float64]:
-    cells = free.free_cells()
-    cell = cells[stream.whole(len(cells))]
-    return free.point_in(cell, (stream.share(), stream.share()))
+            pose = prepared.poses[stream.whole(len(prepared.poses))]
+            roll, pitch, yaw = map(math.degrees, roll_pitch_yaw_from_rotation(pose[:3, :3]))
+            return _Viewpoint(pose[:3, 3], yaw, pitch, roll, turns_along=True)
 
 
 def _along(prepared: PreparedPlan, scene: int, stream: Stream) -> _Viewpoint:
@@ -182,12 +182,6 @@ def _above(
     return np.array((*point_m, floor_m + prepared.plan.viewpoints.height_m.draw(stream)))
 
 
-def _of_file(world_from_base: NDArray[np.float64]) -> _Viewpoint:
-    """Viewpoint from a pose (4, 4) of a file, as position, yaw, pitch and roll."""
-    roll, pitch, yaw = map(math.degrees, roll_pitch_yaw_from_rotation(world_from_base[:3, :3]))
-    return _Viewpoint(world_from_base[:3, 3], yaw, pitch, roll, turns_along=True)
-
-
 def _colors(
     prepared: PreparedPlan, scene: int, stream: Stream
 ) -> dict[str, tuple[float, float, float]]:
@@ -221,7 +215,12 @@ def _objects(prepared: PreparedPlan, drawn: Draw, stream: Stream) -> tuple[Objec
         for number in range(min_count + stream.whole(max_count - min_count + 1)):
             point = _apart(free, occupied, shape, drawn.position_m[:2], table.distance_m, stream)
             occupied.append((point[:2], shape.radius_m))
-            world_from_object = _pose_on_floor(shape, point, table.yaw_deg.draw(stream))
+            # rotated about its middle, and on the floor
+            centered = np.eye(4)
+            centered[:3, 3] = -shape.middle_m[0], -shape.middle_m[1], -shape.low_m[2]
+            turn = poses.pose((0.0, 0.0, 0.0), yaw_deg=table.yaw_deg.draw(stream))
+            world_from_object: NDArray[np.float64] = turn @ centered
+            world_from_object[:3, 3] += point
             placed.append(ObjectPlacement(f"{shape.title}_{number}", index, world_from_object))
     return tuple(placed)
 
@@ -259,15 +258,3 @@ def _apart(
         f"objects: {shape.title}: no free place of {shape.radius_m:.2g} m in {MAX_TRIES} draws: "
         "expected fewer or smaller objects, or another distance_m"
     )
-
-
-def _pose_on_floor(
-    shape: PlanObject, point_m: NDArray[np.float64], yaw_deg: float
-) -> NDArray[np.float64]:
-    """Pose (4, 4) that rotates an object about its middle and puts it on the floor."""
-    turned = pose((0.0, 0.0, 0.0), yaw_deg=yaw_deg)
-    centered = np.eye(4)
-    centered[:3, 3] = -shape.middle_m[0], -shape.middle_m[1], -shape.low_m[2]
-    world_from_object: NDArray[np.float64] = turned @ centered
-    world_from_object[:3, 3] += point_m
-    return world_from_object

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -29,7 +30,6 @@ from omnisim.datasets.generate.workers import (
     Job,
     ShardProgress,
     make_shards,
-    scratch_folder,
     threads_shared,
 )
 
@@ -168,9 +168,8 @@ class Generation:
 
     def _found(self, number: int) -> ShardSummary | None:
         summary = find_shard(self.job.folder, number)
-        return (
-            summary if summary is not None and summary.plan == self.prepared.fingerprint else None
-        )
+        is_own = summary is not None and summary.plan == self.prepared.fingerprint
+        return summary if is_own else None
 
     def _own_folder(self) -> None:
         """Claim the folder for this plan.
@@ -208,7 +207,8 @@ def estimate(path: Path, workers: int = 1, device: int | None = None) -> Estimat
             drawn.
     """
     begin_s = time.perf_counter()
-    with scratch_folder() as folder:
+    with tempfile.TemporaryDirectory(prefix="omnisim-") as name:
+        folder = Path(name)
         prepared = PreparedPlan.read(path, folder)
         prepared.check()
         read_s = time.perf_counter() - begin_s

@@ -161,11 +161,12 @@ class PreparedPlan:
 
     def _find_free_space(self, number: int) -> FreeSpace:
         free_cells = self.plan.viewpoints
+        highest_m = free_cells.height_m.high
         tallest = max((one.height_m for one in self.objects), default=0.0)
         return find_free_space(
             self.scene(number),
             free_cells.radius_m,
-            max(_top(free_cells.height_m.high), min(tallest, 2.0)),
+            max(highest_m if np.isfinite(highest_m) else 2.0, min(tallest, 2.0)),
             free_cells.step_m,
             self.plan.scenes[number].floor_m,
             # along paths and around objects, the floor is needed everywhere
@@ -287,7 +288,3 @@ class PreparedPlan:
         for part in parts:
             digest.update(f"\n{part}".encode())
         return digest.hexdigest()[:16]
-
-
-def _top(height_m: float) -> float:
-    return height_m if np.isfinite(height_m) else 2.0

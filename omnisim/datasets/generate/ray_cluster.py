@@ -92,12 +92,10 @@ def make_shards_on_ray(
         actor = ray.remote(num_cpus=1, max_restarts=RESTARTS, max_task_retries=RESTARTS)(_Maker)
         makers = [actor.options(runtime_env=ONE_THREAD).remote(job) for _ in range(count)]
         pool = ray.util.ActorPool(makers)
-        steps: Iterator[int | str] = pool.map_unordered(_begin, list(shards))
+        steps: Iterator[int | str] = pool.map_unordered(
+            lambda maker, number: maker.make.remote(number), list(shards)
+        )
         for result in steps:
             if isinstance(result, str):
                 raise PlanError(result)
             yield ShardProgress(result, True)
-
-
-def _begin(maker: Any, number: int) -> Any:
-    return maker.make.remote(number)

@@ -76,7 +76,10 @@ class SampleRenderer:
         """
         plan, reason = self._prepared.plan, ""
         for attempt in range(plan.reject.attempts):
-            rendered = self._attempt(draw(self._prepared, number, attempt))
+            drawn = draw(self._prepared, number, attempt)
+            stage, rig = self._open(drawn.indices)
+            with stage.current():  # throughout, not image by image
+                rendered = self._render(drawn, stage, rig)
             if isinstance(rendered, RenderedSample):
                 return rendered
             reason = rendered
@@ -95,13 +98,8 @@ class SampleRenderer:
         self._stage, self._light, self._opened = None, None, (-1, -1)
         self._rays = StageRays()
 
-    def _attempt(self, drawn: Draw) -> RenderedSample | str:
-        """Render an attempt; return the reason if it is rejected."""
-        stage, rig = self._open(drawn.indices)
-        with stage.current():  # throughout, not image by image
-            return self._render(drawn, stage, rig)
-
     def _render(self, drawn: Draw, stage: Stage, rig: _OpenRig) -> RenderedSample | str:
+        """Render an attempt; return the reason if it is rejected."""
         plan = self._prepared.plan
         assert self._light is not None
         scene, first = self._light.scene, rig.cameras.first
@@ -128,11 +126,10 @@ class SampleRenderer:
         pending: dict[str, Pending[Frame]] = {}
         for name, renderer in rig.renderers.items():
             judges = not pending and "range" in plan.channels
+            own = renderer.camera.degradation.exposure  # None, or metered: not to be set
+            ev = None if own is None or own.auto else own.ev + drawn.exposure_ev
             pending[name] = renderer.submit(
-                state,
-                also=plan.channels,
-                frame_number=drawn.number,
-                exposure_ev=_exposure_ev(renderer, drawn),
+                state, also=plan.channels, frame_number=drawn.number, exposure_ev=ev
             )
             if judges and (reason := rejected(pending[name].result(), plan.reject)):
                 return reason
@@ -204,12 +201,6 @@ class _OpenRig:
             renderer.close()
         if "probe" in self.__dict__:
             self.probe.close()
-
-
-def _exposure_ev(renderer: Renderer, drawn: Draw) -> float | None:
-    """Exposure of an image in stops; None: the camera's own."""
-    exposure = renderer.camera.degradation.exposure
-    return None if exposure is None or exposure.auto else exposure.ev + drawn.exposure_ev
 
 
 def rejected(frame: Frame, rules: RejectTable) -> str:

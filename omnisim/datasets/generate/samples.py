@@ -152,7 +152,10 @@ class Shards:
         try:
             with tarfile.open(path) as tar:
                 if shard not in self._members:
-                    self._members[shard] = _by_key(tar)
+                    # by the number at the start of their names
+                    found = self._members[shard] = {}
+                    for member in filter(tarfile.TarInfo.isfile, tar.getmembers()):
+                        found.setdefault(member.name.partition(".")[0], []).append(member)
                 keys = list(self._members[shard])
                 count = self.manifest.shards[shard].statistics.samples
                 if len(keys) != count:
@@ -179,12 +182,3 @@ def _metadata(folder: Path) -> dict[str, Any]:
     """Camera, pose and draw of the sample whose files are in a folder."""
     (path,) = folder.glob("?????????.json")
     return json.loads(path.read_text(encoding="utf-8"))
-
-
-def _by_key(tar: tarfile.TarFile) -> dict[str, list[tarfile.TarInfo]]:
-    """Members of a tar, by the number at the start of their names."""
-    members: dict[str, list[tarfile.TarInfo]] = {}
-    for member in tar.getmembers():
-        if member.isfile():
-            members.setdefault(member.name.partition(".")[0], []).append(member)
-    return members

@@ -5,7 +5,6 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
-import tempfile
 from collections import Counter, deque
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -166,10 +165,3 @@ def threads_shared(workers: int) -> Iterator[None]:
         yield
     finally:
         del os.environ[_THREADS]
-
-
-@contextmanager
-def scratch_folder() -> Iterator[Path]:
-    """Temporary folder for discarded samples."""
-    with tempfile.TemporaryDirectory(prefix="omnisim-") as name:
-        yield Path(name)

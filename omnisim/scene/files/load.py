@@ -115,19 +115,14 @@ def read_scene(
     with recorded_sources() as sources:
         scene = _load_source(source, options, ())
     assert scene.given is not None
-    content = source_digest(sources.digest(_folder(source)), options)
+    files = resolve_source(source)
+    path = files.toml or files.mesh_file
+    assert path is not None
+    content = source_digest(sources.digest(path.parent), options)
     scene = scene.identified(SourceDigests(content, scene.given.light))
     if baked is None or str(baked) == NO_BAKED_LIGHT:
         return scene
     return _with_baked_light(scene, Path(baked))
-
-
-def _folder(source: str | Path) -> Path:
-    """Folder of a scene's files."""
-    file = resolve_source(source)
-    path = file.toml or file.mesh_file
-    assert path is not None
-    return path.parent
 
 
 class _Options(NamedTuple):
@@ -148,8 +143,10 @@ def _load_source(source: str | Path, options: _Options, outer: tuple[Path, ...])
         files = resolve_source(source)
     except OSError as reason:  # a name too long, or a folder without permission
         raise SceneError(f"{source}: cannot be read: {reason.strerror}") from None
-    if not options.keeps_sky:
-        files = _with_sky_option(files, None if outer else options.sky)
+    if not options.keeps_sky:  # also of the base scenes; a clear sky keeps the files' sun
+        sky = None if outer else options.sky
+        is_clear = sky is not None and sky.file is None
+        files = files.with_sky(sky, shining_sun(files) if is_clear else None)
     folder = Path() if options.sky is not None or files.toml is None else files.toml.parent
     if files.toml is None:
         return _lit(_load_mesh_file(source, files, options), files, folder)
@@ -180,15 +177,6 @@ def _load_source(source: str | Path, options: _Options, outer: tuple[Path, ...])
     return _with_baked_light(scene, files.toml.parent / files.settings.light.baked)
 
 
-def _with_sky_option(files: SceneSource, sky: SkyTable | None) -> SceneSource:
-    """Source with another sky, which also replaces the skies of its base scenes.
-
-    A clear sky keeps the sun of the TOML files.
-    """
-    is_clear = sky is not None and sky.file is None
-    return files.with_sky(sky, shining_sun(files) if is_clear else None)
-
-
 def _with_baked_light(scene: Scene, folder: Path) -> Scene:
     from omnisim.scene.light.baked import with_baked_light  # reads images, slow to import
 
@@ -206,7 +194,11 @@ def _lit(scene: Scene, files: SceneSource, folder: Path) -> Scene:
     given = scene.given
     assert given is not None
     with recorded_sources() as sources:
-        lit = _with_sky(lit_scene(scene, files.settings), files, folder)
+        lit = lit_scene(scene, files.settings)
+        if files.settings.sky is not None:
+            from omnisim.scene.light.sky import with_sky  # reads images, slow to import
+
+            lit = with_sky(lit, files.settings, str(files.toml or files.mesh_file), folder)
     keys = _light_keys(files.settings)
     if not keys:
         return lit.identified(given)
@@ -225,15 +217,6 @@ def _light_keys(settings: SceneFile) -> dict[str, Any]:
     if settings.sky is not None:
         keys["sky"] = settings.sky.model_dump(mode="json", exclude={"file"})
     return {key: value for key, value in keys.items() if value or key == "sky"}
-
-
-def _with_sky(scene: Scene, files: SceneSource, folder: Path) -> Scene:
-    """Scene under the sky of its settings, if there is one; `folder` resolves the map's path."""
-    if files.settings.sky is None:
-        return scene
-    from omnisim.scene.light.sky import with_sky  # reads images, slow to import
-
-    return with_sky(scene, files.settings, str(files.toml or files.mesh_file), folder)
 
 
 def _load_extended(
@@ -301,7 +284,11 @@ def _load_mesh_file(source: str | Path, files: SceneSource, options: _Options) -
         if path.stat().st_size == 0:
             raise SceneError(f"{path}: is an empty file")
         try:
-            axes, animation = _axes_overrides(settings, options.axes), settings.animation
+            up_axis, unit = options.axes
+            axes = FileAxes(
+                up_axis or settings.up_axis, settings.meters_per_unit if unit is None else unit
+            )
+            animation = settings.animation
             if options.animation is not None:
                 animation = options.animation
             choice = AnimationChoice(animation, moves_objects=not options.is_shape)
@@ -403,9 +390,3 @@ def _landmarks(settings: SceneFile) -> tuple[Landmark, ...]:
         )
         landmarks.append(Landmark(table.name, table.position_m, table.footprint_m, bands))
     return tuple(landmarks)
-
-
-def _axes_overrides(settings: SceneFile, axes: FileAxes) -> FileAxes:
-    """Overrides for a file, from `axes` or else from `settings`."""
-    unit = settings.meters_per_unit if axes.meters_per_unit is None else axes.meters_per_unit
-    return FileAxes(axes.up_axis or settings.up_axis, unit)

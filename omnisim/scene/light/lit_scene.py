@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from omnisim.scene.files.scene_file import SceneFile
-from omnisim.scene.light.light_tables import FogTable, LampTable, SunTable
+from omnisim.scene.light.light_tables import LampTable, SunTable
 from omnisim.scene.light.lighting import (
     DEFAULT_LIGHTING,
     FILL_AMBIENT,
@@ -54,8 +54,11 @@ def lit_scene(scene: Scene, settings: SceneFile) -> Scene:
                 environment=lighting.environment.scaled(table.exposure / lighting.exposure),
             )
         lighting = replace(lighting, exposure=table.exposure)
-    if settings.fog is not None:
-        lighting = replace(lighting, fog=_fog(settings.fog))
+    if (fog := settings.fog) is not None:
+        others = {}
+        if fog.visibility_m is not None:
+            others["attenuation_per_m"] = (-math.log(_VISIBLE_CONTRAST) / fog.visibility_m,) * 3
+        lighting = replace(lighting, fog=fog.build(Fog, **others))
     return scene if lighting is scene.lighting else replace(scene, lighting=lighting)
 
 
@@ -98,13 +101,6 @@ def _sun(table: SunTable) -> list[Light]:
             casts_shadow=table.shadows,
         )
     ]
-
-
-def _fog(table: FogTable) -> Fog:
-    if table.visibility_m is None:
-        return table.build(Fog)
-    extinction = -math.log(_VISIBLE_CONTRAST) / table.visibility_m
-    return table.build(Fog, attenuation_per_m=(extinction,) * 3)
 
 
 def without_even_light(scene: Scene) -> Scene:
