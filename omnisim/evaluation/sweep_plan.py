@@ -157,11 +157,7 @@ def read_plan(path: Path) -> tuple[SweepPlan, list[SweepPoint]]:
 
 
 def _given_point(path: Path, plan: SweepPlan) -> SweepPoint:
-    """Point of the unchanged drive, with seed 0.
-
-    Raises:
-        PlanError: the robot file cannot be found or read.
-    """
+    """Point of the unchanged drive, with seed 0."""
     folder = path.parent
     source = folder / plan.robot
     if not source.is_file():
@@ -184,11 +180,7 @@ def _found(folder: Path, name: str) -> str:
 
 
 def _varied(point: SweepPoint, keys: list[str], value: Any, where: str, folder: Path) -> SweepPoint:
-    """Point with another value of a key.
-
-    Raises:
-        PlanError: no such key, an invalid value, or a missing file.
-    """
+    """Point with another value of a key."""
     drive = point.drive
     root, rest = keys[0], keys[1:]
     if keys in (["scene"], ["path"]):
@@ -213,11 +205,7 @@ def _varied(point: SweepPoint, keys: list[str], value: Any, where: str, folder: 
 
 
 def _with_error(point: SweepPoint, keys: list[str], value: Any, where: str) -> SweepPoint:
-    """Point with another calibration error of one or more sensors.
-
-    Raises:
-        PlanError: no such sensor or key, or an invalid value.
-    """
+    """Point with another calibration error of one or more sensors."""
     names = matching_sensors(point.drive.robot, keys[0] if len(keys) == 2 else "", where)
     errors = dict(point.calibration)
     for name in names:

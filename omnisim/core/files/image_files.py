@@ -345,11 +345,7 @@ def _memory_file() -> Iterator[tuple[int, Path]]:
 
 
 def _read(path: Path, kind: oiio.BASETYPE | None = None) -> tuple[oiio.ImageSpec, NDArray[Any]]:
-    """Read a file's header and pixels (height, width, channels), as stored or as `kind`.
-
-    Raises:
-        OutputError: the file is missing or not an image.
-    """
+    """Read a file's header and pixels (height, width, channels), as stored or as `kind`."""
     note_file(path)
     _check_png(path)
     with _utf8_header(path), quiet_libraries():  # libpng prints its errors

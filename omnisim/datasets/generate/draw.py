@@ -242,9 +242,6 @@ def _apart(
         viewpoint_m: (2,) position of the viewpoint.
         distance_m: distance from the viewpoint.
         stream: stream of random numbers.
-
-    Raises:
-        PlanError: no such point was found.
     """
     for _ in range(MAX_TRIES):
         angle, distance = 2.0 * math.pi * stream.share(), distance_m.draw(stream)

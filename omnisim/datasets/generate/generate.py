@@ -172,11 +172,7 @@ class Generation:
         return summary if is_own else None
 
     def _own_folder(self) -> None:
-        """Claim the folder for this plan.
-
-        Raises:
-            OutputError: it holds another plan or other files, or cannot be written.
-        """
+        """Claim the folder for this plan."""
         folder = self.job.folder
         content = {"plan": self.prepared.fingerprint, "content": self.prepared.plan.content()}
         text = self._claim = json.dumps(content, indent=1) + "\n"

@@ -100,11 +100,7 @@ class RigFile:
     def _varied(
         self, model: CentralCamera, parameters: Mapping[str, Distribution], stream: Shares
     ) -> CentralCamera:
-        """Camera model with drawn offsets added to its parameters.
-
-        Raises:
-            PlanError: a parameter is unknown, dependent on others, or invalid with its offset.
-        """
+        """Camera model with drawn offsets added to its parameters."""
         if not parameters:
             return model
         wanted: dict[str, Any] = dict(model.parameters())
@@ -139,11 +135,7 @@ class RigFile:
         return parse_degradation(tables, self._place("").removesuffix(": "), self._plan.parent)
 
     def _exposed(self, camera: OmniCamera) -> OmniCamera:
-        """Camera whose exposure can be set for each image.
-
-        Raises:
-            PlanError: the camera meters its exposure.
-        """
+        """Camera whose exposure can be set for each image."""
         degradation = camera.degradation
         if degradation.is_metered:
             raise PlanError(

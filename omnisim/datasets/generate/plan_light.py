@@ -57,11 +57,7 @@ def draw_light(scene: Scene, vary: VaryTable, stream: Shares, plan: Path) -> Dra
 
 
 def _draw_sky(table: VarySkyTable, stream: Shares, plan: Path) -> dict[str, Any]:
-    """Drawn keys and values for a scene file's [sky].
-
-    Raises:
-        PlanError: the sun is below the horizon.
-    """
+    """Drawn keys and values for a scene file's [sky]."""
     yaw_deg, brightness = table.yaw_deg.draw(stream), table.brightness.draw(stream)
     if table.files:
         file = table.files[min(int(stream.share() * len(table.files)), len(table.files) - 1)]

@@ -259,11 +259,7 @@ def setup_rig(prepared: PreparedPlan, rig: int, setup: int) -> PlanRig:
 
 
 def _draw(prepared: PreparedPlan, setup: int, purpose: int, make: Callable[[Stream], T]) -> T:
-    """Result of `make` with the first stream that gives a valid one.
-
-    Raises:
-        PlanError: no draw was valid.
-    """
+    """Result of `make` with the first stream that gives a valid one."""
     fault = ""
     for attempt in range(ATTEMPTS):
         try:

@@ -105,11 +105,7 @@ class Shards:
         )
 
     def _shard_of(self, row: int) -> tuple[int, Path]:
-        """Number and path of the shard of a sample.
-
-        Raises:
-            IndexError: beyond the last sample.
-        """
+        """Number and path of the shard of a sample."""
         if not -len(self) <= row < len(self):
             raise IndexError(f"sample {row}: expected one of {len(self)}")
         shard = bisect.bisect_right(self._ends, row % len(self))

@@ -12,7 +12,6 @@ REASONS = {
     # what a file names, or says of itself, and what was found or made of it
     "SceneFile.background -> Scene",  # optional; the mesh file may have one, too
     "SceneFile.labels -> Scene",  # with the IDs and colors that the tables leave out
-    "SceneFile.up_axis -> FileAxes",  # optional; an option takes its place
     "ObjectTable.name -> DynamicObject",  # of any object of a scene
     "SweepPlan.drive -> SweepPoint",  # options; a drive, which is another thing
     "Plan.min_area_px -> BoxLimits",  # with a check against channels; stored in this order

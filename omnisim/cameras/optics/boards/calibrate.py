@@ -209,11 +209,7 @@ class _Problem:
         ]
 
     def _sigmas(self, jacobian: Floats, errors: Floats) -> Floats:
-        """Standard deviations (parameters,) of the parameters.
-
-        Raises:
-            OpticsError: the corners do not determine the parameters.
-        """
+        """Standard deviations (parameters,) of the parameters."""
         if self._count == 0:
             return np.zeros(0)
         scale = np.linalg.norm(jacobian, axis=0)
@@ -228,11 +224,7 @@ class _Problem:
         return (np.sqrt(variances) / scale)[: self._count]
 
     def _check(self, undetermined: NDArray[np.bool_]) -> None:
-        """Reject parameters (n,) that the corners do not determine.
-
-        Raises:
-            OpticsError: a parameter is undetermined; names all that are.
-        """
+        """Reject parameters (n,) that the corners do not determine."""
         if undetermined.any():
             names = [
                 self._parameters.names[index] for index in np.flatnonzero(undetermined).tolist()
