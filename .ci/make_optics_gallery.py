@@ -23,7 +23,7 @@ from omnisim.cameras.mirrors.mirror_mesh import PAPER_POLYGON_COUNTS, MeshError 
 from omnisim.cameras.optics import OpticalSystem, measure_centrality, read_optics_file  # noqa: E402
 from omnisim.cameras.optics.mesh_error import SystemMeshErrors  # noqa: E402
 from omnisim.cameras.optics.mesh_rays import has_mesh  # noqa: E402
-from omnisim.cameras.optics.tracing import Fate  # noqa: E402
+from omnisim.cameras.optics.surface import Fate  # noqa: E402
 from omnisim.core.bilinear import corner_and_weights, interpolate  # noqa: E402
 from omnisim.plots.contact_sheet import contact_sheet  # noqa: E402
 from omnisim.plots.optics_plot import optics_figure  # noqa: E402

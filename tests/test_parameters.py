@@ -268,6 +268,22 @@ def test_a_table_has_fields_of_a_class():
     assert (texts["far_m"], texts["near_m"]) == ("Its own.", "Nearest surface.")
 
 
+@overriding(Lens, "near_m", "own", "half_deg", defaults={}, are_first=True)
+class Ordered(Table):
+    """A lens, and a key of its own."""
+
+    last: Number = 1.0
+    own: Number = 2.0
+
+
+def test_fields_of_a_class_are_first_and_make_it_again():
+    assert list(Ordered.model_fields) == ["near_m", "own", "half_deg", "last"]
+    table = parse_table({"half_deg": 90.0}, Ordered, SensorFileError)
+    assert table.build(Lens, far_m=3.0) == Lens(half_rad=math.radians(90.0), far_m=3.0)
+    with pytest.raises(SensorFileError, match="known keys: near_m, own, half_deg, last"):
+        parse_table({"half_deg": 90.0, "color": 3.0}, Ordered, SensorFileError)
+
+
 def test_suggestions():
     known = ("range", "normals", "normals_camera")
     assert did_you_mean("rnage", known) == "did you mean 'range'?"

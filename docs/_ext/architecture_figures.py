@@ -55,7 +55,7 @@ WAYS: dict[str, tuple[str, ...]] = {
         "datasets.generate.draw:draw",
         "rendering.stage:Stage.open",
         "rendering.renderer:Renderer.submit",
-        "datasets.tar_file:write_tar",
+        "datasets.generate.shard:write_tar",
         "datasets.dataset_manifest:Manifest.to_json",
     ),
 }

@@ -6,6 +6,7 @@ import types
 import typing
 from collections.abc import Iterator
 from datetime import datetime
+from enum import EnumType
 from typing import Any, get_args, get_origin
 
 import pydantic
@@ -61,8 +62,9 @@ def _name(annotation: Any) -> str:
     origin = get_origin(annotation)
     if origin is typing.Annotated:
         return _name(get_args(annotation)[0])
-    if origin is typing.Literal:
-        return " or ".join(f"`{word!r}`".replace("'", '"') for word in get_args(annotation))
+    if origin is typing.Literal or isinstance(annotation, EnumType):
+        words = get_args(annotation) or [one.value for one in annotation]
+        return " or ".join(f"`{word!r}`".replace("'", '"') for word in words)
     if origin in (typing.Union, types.UnionType):
         names = [_name(part) for part in get_args(annotation) if part is not type(None)]
         if "number" in names:  # whole ones are numbers
@@ -76,14 +78,14 @@ def _name(annotation: Any) -> str:
     if origin is dict:
         value = get_args(annotation)[1]
         return "table" if value is Any else f"table of {_name(value)}"
-    words = {
+    kinds = {
         float: "number",
         int: "whole number",
         str: "text",
         bool: "true or false",
         datetime: "time",
     }
-    return words.get(annotation, getattr(annotation, "__name__", str(annotation)))
+    return kinds.get(annotation, getattr(annotation, "__name__", str(annotation)))
 
 
 def key_pages() -> dict[str, str]:
@@ -121,7 +123,7 @@ def _mounts() -> Iterator[str]:
 
 
 def _shapes() -> Iterator[str]:
-    from omnisim.cameras.optics.surface_tables import shape_schemas
+    from omnisim.cameras.optics.system_file import shape_schemas
 
     for name, table in shape_schemas().items():
         yield f'## `[[surfaces]]`, `shape = "{name}"`\n\n{file_keys.summary(table)}'

@@ -1,5 +1,7 @@
 """Reference pages from the code: whole pages, and tables between two comments of a page.
 
+The default sensor file is one of them.
+
 `make docs` renews them; `python docs/_ext/reference_pages.py` does without Sphinx.
 """
 
@@ -10,9 +12,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from command_line import command_line_page
+from default_sensor_file import default_sensor_file
 from error_table import errors_page
 from export_formats import export_formats
 from file_keys import key_pages
+from omnisim.rendering.camera.sensor_file import DEFAULT_SENSOR_FILE
 from python_names import python_names
 from scene_formats import scene_format_pages
 
@@ -31,6 +35,7 @@ def reference_pages() -> Iterator[tuple[Path, str]]:
     whole = {"command-line": command_line_page(), "errors": errors_page()}
     for name, text in whole.items():
         yield REFERENCE / f"{name}.md", text
+    yield DEFAULT_SENSOR_FILE, default_sensor_file()
     blocks = {
         "export-formats": export_formats(),
         "python-names": python_names(),

@@ -36,9 +36,10 @@ def camera_from_table(parameters: Mapping[str, Any], source: str, key: str) -> C
                 message = f"{name}: unknown key; {hint}"
         raise SensorFileError(f"{source}: {key}.{message}") from None
     known = camera.parameters()
-    for name in parameters.keys() - known.keys():
-        hint = did_you_mean(name, known)
-        raise SensorFileError(f"{source}: {key}.{name}: unknown key; {hint}")
+    for name in parameters:
+        if name not in known:
+            hint = did_you_mean(name, known)
+            raise SensorFileError(f"{source}: {key}.{name}: unknown key; {hint}")
     return camera
 
 

@@ -36,14 +36,11 @@ from omnisim.core.short_repr import short_repr
 class MirroredCamera:
     """Camera below a mirror, described by the parameters of a lens.
 
-    Attributes:
-        lens: lens with the rays (x, y, −z) for this camera's rays (x, y, z).
-
     Raises:
         OpticsError: the lens is already a mirror.
     """
 
-    lens: CentralCamera
+    lens: CentralCamera  # lens with the rays (x, y, −z) for this camera's rays (x, y, z)
 
     def __repr__(self) -> str:
         return short_repr(self, repr(self.lens))

@@ -26,18 +26,12 @@ GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 
 @dataclass(frozen=True)
 class CocoSettings:
-    """Settings of a folder of images with boxes.
+    """Settings of a folder of images with boxes."""
 
-    Attributes:
-        is_yolo: True: YOLO's layout instead of COCO's.
-        limits: limits for annotated objects.
-        with_polygons: True: masks as polygons; False: as run lengths.
-        splits: share of the samples by split name; empty: one file for all samples.
-    """
-
-    is_yolo: bool = False
-    limits: BoxLimits = field(default_factory=BoxLimits)
-    with_polygons: bool = False
+    is_yolo: bool = False  # True: YOLO's layout instead of COCO's
+    limits: BoxLimits = field(default_factory=BoxLimits)  # limits for annotated objects
+    with_polygons: bool = False  # True: masks as polygons; False: as run lengths
+    # share of the samples by split name; empty: one file for all samples
     splits: Mapping[str, float] = field(default_factory=dict)
 
     def split_of(self, number: int) -> str:

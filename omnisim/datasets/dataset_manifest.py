@@ -9,30 +9,20 @@ from pathlib import Path
 from typing import Any
 
 from omnisim.core.errors import PlanError
-from omnisim.datasets.generate.shard import ShardSummary, find_shard
-from omnisim.datasets.statistics import Statistics
-from omnisim.datasets.tar_file import file_sha256
+from omnisim.datasets.generate.shard import ShardSummary, Statistics, file_sha256, find_shard
 
 MANIFEST = "manifest.json"
 
 
 @dataclass(frozen=True, eq=False)
 class Manifest:
-    """Manifest of a finished data set.
+    """Manifest of a finished data set."""
 
-    Attributes:
-        title: title of the data set.
-        license: license of the data set; None: not stated.
-        plan: fingerprint of the plan.
-        channels: names of the channels of ground truth.
-        shards: summaries of the shards, by number.
-    """
-
-    title: str
-    license: str | None
-    plan: str
-    channels: tuple[str, ...]
-    shards: tuple[ShardSummary, ...]
+    title: str  # title of the data set
+    license: str | None  # license of the data set; None: not stated
+    plan: str  # fingerprint of the plan
+    channels: tuple[str, ...]  # names of the channels of ground truth
+    shards: tuple[ShardSummary, ...]  # summaries of the shards, by number
 
     @property
     def size_bytes(self) -> int:

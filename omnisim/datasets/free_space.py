@@ -35,22 +35,16 @@ LARGE_CELLS = 16.0  # larger triangles of the floor are looked up cell by cell
 
 @dataclass(frozen=True, eq=False)
 class FreeSpace:
-    """Free floor of a scene for a footprint.
+    """Free floor of a scene for a footprint."""
 
-    Attributes:
-        low_m: (2,) corner of the floor plan with the smallest x and y, world frame.
-        cell_m: side of a cell.
-        floor_m: (rows, columns) height of each cell's floor, rows along y, columns along x; NaN: no
-            floor.
-        clearance_m: (rows, columns) horizontal distance from each cell to the nearest obstacle.
-        is_free: (rows, columns) True: the footprint can stand in the cell.
-    """
-
+    # (2,) corner of the floor plan with the smallest x and y, world frame
     low_m: NDArray[np.float64]
-    cell_m: float
+    cell_m: float  # side of a cell
+    # (rows, columns) height of each cell's floor, rows along y, columns along x; NaN: no floor
     floor_m: NDArray[np.float32]
+    # (rows, columns) horizontal distance from each cell to the nearest obstacle
     clearance_m: NDArray[np.float32]
-    is_free: NDArray[np.bool_]
+    is_free: NDArray[np.bool_]  # (rows, columns) True: the footprint can stand in the cell
 
     def __repr__(self) -> str:
         return short_repr(self, f"{self.area_m2:.1f} m² free")

@@ -139,11 +139,7 @@ def _groups(shards: Shards) -> list[_Group]:
 
 
 def _recording(shards: Shards, group: _Group, files: _Files) -> Recording:
-    """Recording of a group's samples; a sample's number is its time in seconds.
-
-    Raises:
-        OmnisimError: a camera that differs between samples.
-    """
+    """Recording of a group's samples; a sample's number is its time in seconds."""
     first: dict[str, Any] = {}
     mounts: dict[str, NDArray[np.float64]] = {}
     numbers, poses = [], []

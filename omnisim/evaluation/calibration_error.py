@@ -95,11 +95,7 @@ def write_given_run(run: Recording, errors: Mapping[str, CalibrationError], fold
 
 
 def _write_sensor(run: Recording, name: str, error: CalibrationError, folder: Path) -> None:
-    """Replace the files of a miscalibrated sensor.
-
-    Raises:
-        EstimatorError: the sensor has no focal length or no stamps to change.
-    """
+    """Replace the files of a miscalibrated sensor."""
     is_camera, is_imu = (folder / CALIBRATION).exists(), (folder / PARAMETERS).exists()
     if error.focal_scale != 1.0 and not is_camera:
         raise EstimatorError(f"{name}: focal_scale: expected a camera")

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from omnisim.core.errors import OmnisimError, OutputError
-from omnisim.core.files.fingerprint import fingerprint
+from omnisim.core.files.sources import fingerprint
 from omnisim.datasets.export.recording import Recording
 from omnisim.datasets.generate.workers import threads_shared
 from omnisim.evaluation.calibration_error import write_given_run
@@ -22,19 +22,13 @@ _TAIL = 300  # characters of a failed drive's message
 
 @dataclass(frozen=True, eq=False)
 class PointResult:
-    """Outcomes of all estimators at a point of a sweep.
+    """Outcomes of all estimators at a point of a sweep."""
 
-    Attributes:
-        point: drive and calibration error.
-        outcomes: outcome of each estimator; if the drive failed, each states the drive's error.
-        run: folder of the run.
-        estimates: folder with a subfolder for each estimator.
-    """
-
-    point: SweepPoint
+    point: SweepPoint  # drive and calibration error
+    # outcome of each estimator; if the drive failed, each states the drive's error
     outcomes: tuple[Outcome, ...]
-    run: Path
-    estimates: Path
+    run: Path  # folder of the run
+    estimates: Path  # folder with a subfolder for each estimator
 
 
 def run_sweep(

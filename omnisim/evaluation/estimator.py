@@ -20,26 +20,19 @@ class Estimator(ABC):
 
     Each subclass has its own module in `omnisim.evaluation.estimators`, and an entry in
     `ESTIMATORS`.
-
-    Attributes:
-        title: display name, with the required sensors.
-        package: name of the required Python package; "": none.
-        module: module of that package.
-        extra: extra of omnisim that installs the package.
-        alignment: unknowns of the estimate's world: "se3": its pose; "sim3": its scale, too;
-            "none": the method starts at the true pose.
-        is_level: True if the method observes the direction of gravity.
-        is_repeatable: True if a failure recurs: it is then kept, and not tried again.
-        min_path_m: length of a path below which the method's error in percent says little.
     """
 
-    title: ClassVar[str]
-    package: ClassVar[str] = ""
-    module: ClassVar[str] = ""
-    extra: ClassVar[str] = "estimators"
+    title: ClassVar[str]  # display name, with the required sensors
+    package: ClassVar[str] = ""  # name of the required Python package; "": none
+    module: ClassVar[str] = ""  # module of that package
+    extra: ClassVar[str] = "estimators"  # extra of omnisim that installs the package
+    # unknowns of the estimate's world: "se3": its pose; "sim3": its scale, too; "none": the method
+    # starts at the true pose
     alignment: ClassVar[AlignmentKind] = "se3"
-    is_level: ClassVar[bool] = False
+    is_level: ClassVar[bool] = False  # True if the method observes the direction of gravity
+    # True if a failure recurs: it is then kept, and not tried again
     is_repeatable: ClassVar[bool] = True
+    # length of a path below which the error in percent says little
     min_path_m: ClassVar[float] = 0.0
 
     @abstractmethod

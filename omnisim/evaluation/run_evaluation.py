@@ -19,19 +19,20 @@ from omnisim.cameras.calibration import load_calibration
 from omnisim.core.errors import OmnisimError, OutputError
 from omnisim.core.extras import install_hint, is_installed
 from omnisim.core.files.atomic_file import write_text
-from omnisim.core.files.fingerprint import fingerprint
+from omnisim.core.files.sources import fingerprint
 from omnisim.core.trajectories import Trajectory, read_trajectory
 from omnisim.core.version import __version__
 from omnisim.datasets.export.lens_camera import LensCamera
 from omnisim.datasets.export.recording import Recording
-from omnisim.evaluation.camera_errors import CameraErrors, camera_errors
 from omnisim.evaluation.child_process import ChildProcesses
 from omnisim.evaluation.estimator import Estimator
 from omnisim.evaluation.estimator_registry import estimator_named
 from omnisim.evaluation.estimator_worker import CAMERA, DONE, ESTIMATE
 from omnisim.evaluation.trajectory_errors import (
     Alignment,
+    CameraErrors,
     TrajectoryErrors,
+    camera_errors,
     match_times,
     trajectory_errors,
 )
@@ -75,9 +76,14 @@ def evaluate_estimator(
     label = "" if given == run else given.name
     inputs = fingerprint(manifest, name, _version(estimator), label)
     before = _read_outcome(folder / OUTCOME, inputs)
-    if before is not None and _is_final(before, estimator):
+    if before is not None and (
+        before.status == "ok" or (before.status == "failed" and estimator.is_repeatable)
+    ):  # another attempt would have the same outcome
         return before
-    _make_folder(folder)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as reason:
+        raise OutputError(f"{folder}: cannot be created: {reason.strerror}") from None
     if estimator.module and not is_installed(estimator.module):
         outcome = Outcome(name, "not installed", install_hint(estimator.extra))
     else:
@@ -94,13 +100,6 @@ def estimator_folder(name: str) -> str:
         return name
     words = re.sub(r"[^A-Za-z0-9]+", "-", name).strip("-")[:30]
     return f"{words}-{fingerprint(name)[:6]}"
-
-
-def _make_folder(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as reason:
-        raise OutputError(f"{folder}: cannot be created: {reason.strerror}") from None
 
 
 def _version(estimator: Estimator) -> str:
@@ -121,11 +120,6 @@ def _read_outcome(path: Path, inputs: str) -> Outcome | None:
         return outcome_from(content)
     except (OSError, ValueError, KeyError, TypeError):
         return None
-
-
-def _is_final(outcome: Outcome, estimator: Estimator) -> bool:
-    """True if another attempt would have the same outcome."""
-    return outcome.status == "ok" or (outcome.status == "failed" and estimator.is_repeatable)
 
 
 def _run_worker(
@@ -149,7 +143,10 @@ def _outcome(
     try:
         done = json.loads((folder / DONE).read_text(encoding="utf-8"))
     except (OSError, ValueError):
-        return Outcome(name, "crashed", _last_words(folder / OUTPUT, status))
+        text = (folder / OUTPUT).read_text(encoding="utf-8", errors="replace").strip()
+        last = text.splitlines()[-1][-_TAIL:] if text else "without a message"
+        ended = signal.Signals(-status).name if status < 0 else f"exit status {status}"
+        return Outcome(name, "crashed", f"{ended}: {last}")
     shutil.rmtree(folder / "work", ignore_errors=True)
     if "failure" in done:
         return Outcome(name, "failed", done["failure"], done["seconds"])
@@ -198,14 +195,6 @@ def true_trajectory(recording: Recording, times_s: NDArray[np.float64]) -> Traje
     return Trajectory(times[order], np.concatenate((truth.world_from_base, poses))[order])
 
 
-def _last_words(path: Path, status: int) -> str:
-    """Exit status or signal of a process, and the last line of its output."""
-    text = path.read_text(encoding="utf-8", errors="replace").strip()
-    last = text.splitlines()[-1][-_TAIL:] if text else "without a message"
-    ended = signal.Signals(-status).name if status < 0 else f"exit status {status}"
-    return f"{ended}: {last}"
-
-
 # Outcome of an estimator on a run.
 
 
@@ -214,23 +203,15 @@ Status = Literal["ok", "not installed", "failed", "crashed", "timed out"]
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """Outcome of an estimator on a run.
+    """Outcome of an estimator on a run."""
 
-    Attributes:
-        estimator: name of the estimator, or the user's command.
-        status: "ok", or the kind of failure.
-        reason: message of the failure, or the camera's errors in one line; empty: neither.
-        seconds: time taken by the estimator, without starting its process; None: unknown.
-        errors: errors of the trajectory; None: no trajectory.
-        camera: errors of the calibrated camera; None: no calibration.
-    """
-
-    estimator: str
-    status: Status
-    reason: str = ""
+    estimator: str  # name of the estimator, or the user's command
+    status: Status  # "ok", or the kind of failure
+    reason: str = ""  # message of the failure, or the camera's errors in one line; empty: neither
+    # time taken by the estimator, without starting its process; None: unknown
     seconds: float | None = None
-    errors: TrajectoryErrors | None = None
-    camera: CameraErrors | None = None
+    errors: TrajectoryErrors | None = None  # errors of the trajectory; None: no trajectory
+    camera: CameraErrors | None = None  # errors of the calibrated camera; None: no calibration
 
     def as_dict(self) -> dict[str, Any]:
         """JSON object that `outcome_from` reads."""

@@ -2,29 +2,33 @@
 
 from __future__ import annotations
 
+import json
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from fnmatch import fnmatchcase
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import Field, model_validator
 
 from omnisim.core.errors import OmnisimError, PlanError, did_you_mean
-from omnisim.core.files.extended_tables import extended, with_absolute_files
+from omnisim.core.files.atomic_file import write_text
 from omnisim.core.files.parameters import AboveZero, Name, Seed, Table, parse_table
-from omnisim.core.files.toml_file import read_tables, read_toml
+from omnisim.core.files.sources import fingerprint
+from omnisim.core.files.toml_file import (
+    extended,
+    read_tables,
+    read_toml,
+    toml_text,
+    with_absolute_files,
+)
 from omnisim.core.package_files import SWEEPS, sweep_names
 from omnisim.evaluation.calibration_error import CalibrationError
 from omnisim.evaluation.estimator_registry import estimator_named
-from omnisim.evaluation.swept_drive import SweptDrive
-from omnisim.evaluation.varied_tables import (
-    matching_sensors,
-    missing_files,
-    varied_robot,
-    with_seed,
-    with_value,
-)
 from omnisim.robots.robot_lookup import find_robot
+from omnisim.sensors.sensor_registry import SENSOR_TYPES
 
 Value = bool | int | float | str | list[Any] | dict[str, Any]
 Keys = tuple[str, ...]
@@ -101,20 +105,13 @@ class SweepPlan(Table):
 
 @dataclass(frozen=True)
 class SweepPoint:
-    """Point of a sweep: a drive, and the calibration errors of its estimators.
+    """Point of a sweep: a drive, and the calibration errors of its estimators."""
 
-    Attributes:
-        variation: index of the variation; None: the unchanged drive.
-        label: label of the varied value.
-        seed: seed of the drive.
-        drive: drive to record; points that differ in calibration only share it.
-        calibration: calibration errors by the name of the sensor.
-    """
-
-    variation: int | None
-    label: str
-    seed: int
-    drive: SweptDrive
+    variation: int | None  # index of the variation; None: the unchanged drive
+    label: str  # label of the varied value
+    seed: int  # seed of the drive
+    drive: SweptDrive  # drive to record; points that differ in calibration only share it
+    # calibration errors by the name of the sensor
     calibration: Mapping[str, CalibrationError] = field(default_factory=dict)
 
 
@@ -160,11 +157,7 @@ def read_plan(path: Path) -> tuple[SweepPlan, list[SweepPoint]]:
 
 
 def _given_point(path: Path, plan: SweepPlan) -> SweepPoint:
-    """Point of the unchanged drive, with seed 0.
-
-    Raises:
-        PlanError: the robot file cannot be found or read.
-    """
+    """Point of the unchanged drive, with seed 0."""
     folder = path.parent
     source = folder / plan.robot
     if not source.is_file():
@@ -187,11 +180,7 @@ def _found(folder: Path, name: str) -> str:
 
 
 def _varied(point: SweepPoint, keys: list[str], value: Any, where: str, folder: Path) -> SweepPoint:
-    """Point with another value of a key.
-
-    Raises:
-        PlanError: no such key, an invalid value, or a missing file.
-    """
+    """Point with another value of a key."""
     drive = point.drive
     root, rest = keys[0], keys[1:]
     if keys in (["scene"], ["path"]):
@@ -216,11 +205,7 @@ def _varied(point: SweepPoint, keys: list[str], value: Any, where: str, folder: 
 
 
 def _with_error(point: SweepPoint, keys: list[str], value: Any, where: str) -> SweepPoint:
-    """Point with another calibration error of one or more sensors.
-
-    Raises:
-        PlanError: no such sensor or key, or an invalid value.
-    """
+    """Point with another calibration error of one or more sensors."""
     names = matching_sensors(point.drive.robot, keys[0] if len(keys) == 2 else "", where)
     errors = dict(point.calibration)
     for name in names:
@@ -254,3 +239,179 @@ def shown_points(
         own = base + own
     for label in dict.fromkeys(one.label for one in own):
         yield label, [one for one in own if one.label == label]
+
+
+# Drive of a sweep: its settings, and the input files of `omnisim drive`.
+
+
+ROBOT, SCENE = "robot.toml", "scene.toml"
+
+
+@dataclass(frozen=True)
+class SweptDrive:
+    """Drive of a sweep."""
+
+    scene: str  # absolute path of a scene file, or name of a built-in scene
+    path: str  # absolute path of a file, or name of one of the scene's paths
+    robot: Mapping[str, Any]  # tables of the robot file
+    # options of `omnisim drive`, without their dashes
+    options: Mapping[str, Any] = field(default_factory=dict)
+    # tables of the changed sensor files, by their file names in `robot`
+    files: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    # tables of a scene file that extends `scene`; empty: none
+    scene_tables: Mapping[str, Any] = field(default_factory=dict)
+    seed: int = 0  # seed of the drive
+
+    @cached_property
+    def name(self) -> str:
+        """Folder name of the drive; equal drives, of equal files, have equal names."""
+        robot = re.sub(r"[^A-Za-z0-9-]+", "-", str(self.robot.get("name", "robot")))[:30]
+        given = (self.scene, self.path, self.robot, self.options, self.files, self.scene_tables)
+        digest = fingerprint(json.dumps(_plain(given), sort_keys=True))
+        return f"{robot}-seed{self.seed}-{digest[:8]}"
+
+    def write(self, folder: Path) -> list[str]:
+        """Write robot, scene and sensor files to a folder.
+
+        Returns:
+            Arguments of `omnisim drive` that record the drive.
+
+        Raises:
+            OutputError: a file cannot be written.
+        """
+        for name, tables in self.files.items():
+            write_text(folder / name, toml_text(tables))
+        write_text(folder / ROBOT, toml_text(self.robot))
+        scene = self.scene
+        if self.scene_tables:
+            write_text(folder / SCENE, toml_text({"extends": scene, **self.scene_tables}))
+            scene = str((folder / SCENE).absolute())
+        arguments = [scene, "--robot", str((folder / ROBOT).absolute()), "--path", self.path]
+        arguments += ["--seed", str(self.seed)]
+        for key, value in self.options.items():
+            flag = f"--{key.replace('_', '-')}"
+            if value is not False:
+                arguments += [flag] if value is True else [flag, str(value)]
+        return arguments
+
+
+def _plain(value: Any) -> Any:
+    """JSON value with integers as floats, so that 1 and 1.0 give the same name.
+
+    The absolute path of a file is followed by a hash of its contents.
+    """
+    if isinstance(value, Mapping):
+        return {str(key): _plain(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(one) for one in value]
+    if isinstance(value, str) and value.startswith("/") and Path(value).is_file():
+        return [value, fingerprint(Path(value).read_bytes().hex())]
+    if isinstance(value, int) and not isinstance(value, bool):
+        return float(value)
+    return value if value is None or isinstance(value, bool | float | str) else str(value)
+
+
+# Changes of keys in the tables of scene, robot and sensor files.
+
+
+Tables = Mapping[str, Any]
+
+
+def varied_robot(
+    robot: Tables, files: Mapping[str, Tables], keys: list[str], value: Any, where: str
+) -> tuple[dict[str, Any], dict[str, Tables]]:
+    """Robot with a changed value, and all changed sensor files by name.
+
+    Args:
+        robot: tables of the robot file.
+        files: tables of sensor files that are already changed, by their file names in `robot`.
+        keys: key path. A sensor's keys follow "sensors" and its name, or a pattern of names; keys
+            after its "file" are keys of the sensor file.
+        value: new value.
+        where: file and key, for messages.
+
+    Raises:
+        PlanError: no such sensor or table, or a sensor file that cannot be read.
+    """
+    changed = dict(files)
+    if keys[0] != "sensors":
+        return with_value(robot, keys, value, where), changed
+    names = matching_sensors(robot, keys[1] if len(keys) > 2 else "", where)
+    sensors = []
+    for sensor in robot["sensors"]:
+        if sensor.get("name") not in names:
+            sensors.append(sensor)
+        elif keys[2] == "file" and len(keys) > 3:
+            file = f"{sensor['name']}.toml"
+            tables = changed.get(file)
+            if tables is None:
+                tables = _sensor_file(sensor, where)
+            other = with_value(tables, keys[3:], value, where)
+            if file not in changed and other == tables:  # the value is unchanged
+                sensors.append(sensor)
+                continue
+            changed[file] = other
+            sensors.append({**sensor, "file": file})
+        else:
+            sensors.append(with_value(sensor, keys[2:], value, where))
+    return {**robot, "sensors": sensors}, changed
+
+
+def matching_sensors(robot: Tables, pattern: str, where: str) -> list[str]:
+    """Names of the robot's sensors that match a pattern such as cam_*.
+
+    Raises:
+        PlanError: no sensor matches.
+    """
+    names = [str(one.get("name")) for one in robot.get("sensors", ())]
+    matches = [name for name in names if pattern and fnmatchcase(name, pattern)]
+    if not matches:
+        raise PlanError(
+            f"{where}: expected a sensor of the robot, and one of its keys; sensors: "
+            f"{', '.join(names) or 'none'}"
+        )
+    return matches
+
+
+def _sensor_file(sensor: Tables, where: str) -> dict[str, Any]:
+    if not str(sensor.get("file", "")).endswith(".toml"):
+        raise PlanError(f"{where}: sensor {sensor['name']!r} has no sensor file (.toml)")
+    source = Path(sensor["file"])
+    tables = extended(read_tables(source, PlanError), str(source), PlanError)
+    return with_absolute_files(tables, source.parent)
+
+
+def with_seed(robot: Tables, seed: int) -> dict[str, Any]:
+    """Robot with `seed` added to the seeds of its sensors."""
+    seeded = [name for name, kind in SENSOR_TYPES.items() if "seed" in kind.model_fields]
+    sensors = [
+        {**one, "seed": one.get("seed", 0) + seed} if one.get("type") in seeded else one
+        for one in robot.get("sensors", ())
+    ]
+    return {**robot, "sensors": sensors} if sensors else dict(robot)
+
+
+def with_value(tables: Tables, keys: list[str], value: Any, where: str) -> dict[str, Any]:
+    """Tables with a new value at a key path; missing tables on the path are added.
+
+    Raises:
+        PlanError: a key of the path is not a table.
+    """
+    if len(keys) == 1:
+        return {**tables, keys[0]: value}
+    inner = tables.get(keys[0], {})
+    if not isinstance(inner, Mapping):
+        raise PlanError(f"{where}: {keys[0]!r} is not a table: it has no key {keys[1]!r}")
+    return {**tables, keys[0]: with_value(inner, keys[1:], value, where)}
+
+
+def missing_files(value: Any, key: str, folder: Path) -> Iterator[str]:
+    """Values of `file` keys that are neither files in a folder nor absolute paths."""
+    if isinstance(value, Mapping):
+        for inner, one in value.items():
+            yield from missing_files(one, inner, folder)
+    elif isinstance(value, list):
+        for one in value:
+            yield from missing_files(one, key, folder)
+    elif key == "file" and not (isinstance(value, str) and (folder / value).is_file()):
+        yield str(value)

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import math
+import statistics
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
+import scipy  # its submodules load on first use
 from numpy.typing import NDArray
 
-from omnisim.core.errors import TrajectoryError
-from omnisim.core.poses import inverse, rotation_angles
+from omnisim.cameras import CentralCamera
+from omnisim.cameras.camera import pixel_grid
+from omnisim.core.errors import EstimatorError, TrajectoryError
+from omnisim.core.poses import inverse, nearest_rotation, rotation_angles
 from omnisim.core.trajectories import Trajectory
 from omnisim.core.trajectories.trajectory import step_lengths_m
 
@@ -23,38 +28,25 @@ SEGMENTS = 10  # segments of the path for drift
 
 @dataclass(frozen=True, eq=False)
 class TrajectoryErrors:
-    """Errors of an estimated trajectory.
+    """Errors of an estimated trajectory."""
 
-    Attributes:
-        kind: kind of the alignment.
-        alignment: transform from the estimate's world to the true one.
-        poses: number of estimated poses with a true state.
-        path_length_m: length of the true path between the first and the last of these poses.
-        ate_m: root mean square distance of the aligned positions (absolute trajectory error).
-        rpe_m, rpe_deg: root mean square error of the motion between successive poses (relative
-            pose error), after scaling by the alignment.
-        drift: mean error of the motion over a tenth of the path, as a share of that length.
-        drift_degpm: mean error of the rotation over a tenth of the path, per meter.
-        scale: ratio of true to estimated lengths.
-        yaw_deg: root mean square error of the aligned headings.
-        gravity_deg: root mean square angle between the true and the estimated direction of gravity
-            in the robot's frame, without alignment; NaN: not estimated.
-        lost: share of the drive's duration in `lost_intervals`.
-    """
-
-    kind: AlignmentKind
-    alignment: Alignment
-    poses: int
-    path_length_m: float
-    ate_m: float
+    kind: AlignmentKind  # kind of the alignment
+    alignment: Alignment  # transform from the estimate's world to the true one
+    poses: int  # number of estimated poses with a true state
+    path_length_m: float  # length of the true path between the first and the last of these poses
+    ate_m: float  # root mean square distance of the aligned positions (absolute trajectory error)
+    # rpe_m, rpe_deg: root mean square error of the motion between successive poses (relative pose
+    # error), after scaling by the alignment
     rpe_m: float
     rpe_deg: float
-    drift: float
-    drift_degpm: float
-    scale: float
-    yaw_deg: float
+    drift: float  # mean error of the motion over a tenth of the path, as a share of that length
+    drift_degpm: float  # mean error of the rotation over a tenth of the path, per meter
+    scale: float  # ratio of true to estimated lengths
+    yaw_deg: float  # root mean square error of the aligned headings
+    # root mean square angle between the true and the estimated direction of gravity in the robot's
+    # frame, without alignment; NaN: not estimated
     gravity_deg: float
-    lost: float
+    lost: float  # share of the drive's duration in `lost_intervals`
 
 
 def match_times(
@@ -192,17 +184,11 @@ _RANK_TOLERANCE = 1e-12  # as a share of the largest singular value
 
 @dataclass(frozen=True, eq=False)
 class Alignment:
-    """Similarity transform from an estimate's world to the true world.
+    """Similarity transform from an estimate's world to the true world."""
 
-    Attributes:
-        rotation: (3, 3) rotation matrix.
-        translation_m: (3,) translation in the true world.
-        scale: factor of the estimate's lengths, applied first.
-    """
-
-    rotation: Floats
-    translation_m: Floats
-    scale: float = 1.0
+    rotation: Floats  # (3, 3) rotation matrix
+    translation_m: Floats  # (3,) translation in the true world
+    scale: float = 1.0  # factor of the estimate's lengths, applied first
 
     def apply(self, poses: Floats) -> Floats:
         """Aligned poses (n, 4, 4); rotations stay rotations."""
@@ -237,3 +223,100 @@ def align(estimate: Floats, truth: Floats, kind: AlignmentKind) -> Alignment:
     rotation = left @ np.diag(signs) @ right
     scale = float(sizes @ signs / spread) if kind == "sim3" else 1.0
     return Alignment(rotation, centers[1] - scale * rotation @ centers[0], scale)
+
+
+# Errors of a calibrated camera.
+
+
+STEP_PX = 8  # spacing of the grid over the image
+NEAR_AXIS_RAD = 1e-3
+
+
+@dataclass(frozen=True)
+class CameraErrors:
+    """Errors of a calibrated camera over all pixels that have a true ray.
+
+    A calibration does not determine the lens's orientation in its housing. The rays are therefore
+    aligned with the true ones by the best rotation first.
+    """
+
+    model: str  # name of the estimated model
+    # relative error of the focal length at the axis; NaN: the axis is outside of the image
+    focal_length: float
+    rms_px: float  # root mean square distance of the pixels of true rays from the true pixels
+    max_px: float  # largest such distance
+    covered: float  # share of the true rays that the estimated model projects to a pixel
+
+    @property
+    def summary(self) -> str:
+        """Model and errors in one line of text."""
+        return (
+            f"{self.model}: focal length {100.0 * self.focal_length:+z.3f} %, {self.rms_px:.3f} px "
+            f"RMS, at most {self.max_px:.3g} px, over {100.0 * self.covered:.4g} % of the image"
+        )
+
+
+def camera_errors(estimate: CentralCamera, truth: CentralCamera) -> CameraErrors:
+    """Compare a calibrated camera with the true one.
+
+    Args:
+        estimate: calibrated camera.
+        truth: true camera, of the same image size.
+
+    Raises:
+        EstimatorError: the two cameras have no rays in common.
+    """
+    pixels = pixel_grid(truth.width_px, truth.height_px)[::STEP_PX, ::STEP_PX].reshape(-1, 2)
+    true_rays, rays = truth.ray_from_pixel(pixels), estimate.ray_from_pixel(pixels)
+    both = true_rays.valid & rays.valid
+    if both.sum() < 3:
+        raise EstimatorError("the calibrated camera has no rays in common with the true one")
+    turned = rays.directions[both].T @ true_rays.directions[both]
+    estimate_from_true = nearest_rotation(turned)
+    seen = true_rays.valid
+    found = estimate.pixel_from_ray(true_rays.directions[seen] @ estimate_from_true.T)
+    offsets = np.linalg.norm(found.positions_px - pixels[seen], axis=1)[found.valid]
+    return CameraErrors(
+        estimate.model_name,
+        _focal_length_px(estimate) / _focal_length_px(truth) - 1.0,
+        float(np.sqrt(np.mean(np.square(offsets)))),
+        float(offsets.max()),
+        float(found.valid.mean()),
+    )
+
+
+def _focal_length_px(camera: CentralCamera) -> float:
+    """Pixels per radian at the axis, mean of u and v; NaN: the axis has no pixel."""
+    small = NEAR_AXIS_RAD * np.array([(1, 0), (-1, 0), (0, 1), (0, -1)], dtype=np.float64)
+    ends = camera.pixel_from_ray(np.column_stack((small, np.ones(4))))
+    if not ends.valid.all():
+        return float("nan")
+    spans = np.linalg.norm(ends.positions_px[::2] - ends.positions_px[1::2], axis=1)
+    return float(spans.mean() / (2.0 * np.arctan(NEAR_AXIS_RAD)))
+
+
+# Mean of a measure over seeds, with its confidence interval.
+
+
+CONFIDENCE = 0.95
+
+
+class SeedMean(NamedTuple):
+    """Mean over seeds."""
+
+    mean: float  # mean of the finite values; NaN: there are none
+    # half of the mean's `CONFIDENCE` interval, by Student's t; NaN: fewer than two finite values
+    half_width: float
+    seeds: int  # number of finite values
+
+
+def over_seeds(values: Sequence[float]) -> SeedMean:
+    """Mean of the finite values among those of independent seeds."""
+    known = [value for value in values if math.isfinite(value)]
+    count = len(known)
+    if count < 2:
+        return SeedMean(known[0] if known else math.nan, math.nan, count)
+    quantile = float(scipy.special.stdtrit(count - 1, 0.5 + 0.5 * CONFIDENCE))
+    return SeedMean(
+        statistics.fmean(known), quantile * statistics.stdev(known) / math.sqrt(count), count
+    )

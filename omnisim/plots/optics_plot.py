@@ -9,7 +9,7 @@ from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 
 from omnisim.cameras.optics import OpticalSystem, Rod, Surface, caustic_points, ray_jacobians
-from omnisim.cameras.optics.tracing import Fate
+from omnisim.cameras.optics.surface import Fate
 from omnisim.plots.style import BLUE, DPI, GRAY, GREEN, ORANGE, label_axes
 
 _RAYS = 25  # number of drawn rays

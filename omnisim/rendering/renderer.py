@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from omnisim.core.array_types import Float64s
 from omnisim.core.errors import GraphicsError, OmnisimError, OutputError, RunError
+from omnisim.core.files.atomic_file import is_written
 from omnisim.core.files.image_files import read_image
-from omnisim.core.files.written_files import is_written
 from omnisim.core.poses import check_pose, check_poses, inverse
 from omnisim.core.srgb import srgb8_from_linear
 from omnisim.core.world import Motion, ObjectPart, WorldState, time_of

@@ -18,9 +18,13 @@ from omnisim.evaluation.drive_sweep import PointResult
 from omnisim.evaluation.estimator_registry import estimator_named
 from omnisim.evaluation.estimator_worker import ESTIMATE
 from omnisim.evaluation.run_evaluation import Outcome, estimator_folder, true_trajectory
-from omnisim.evaluation.seed_statistics import over_seeds
 from omnisim.evaluation.sweep_plan import BASE, SweepPlan, shown_points
-from omnisim.evaluation.trajectory_errors import TrajectoryErrors, lost_intervals, match_times
+from omnisim.evaluation.trajectory_errors import (
+    TrajectoryErrors,
+    lost_intervals,
+    match_times,
+    over_seeds,
+)
 from omnisim.plots.estimator_plots import (
     LostRow,
     SweepLine,

@@ -12,7 +12,6 @@ from typing import Annotated, Any, TypeVar
 from pydantic import Field
 
 from omnisim.core.errors import RobotFileError, TrajectoryError
-from omnisim.core.files.extended_tables import extended
 from omnisim.core.files.parameters import (
     Coordinate,
     Length,
@@ -22,7 +21,7 @@ from omnisim.core.files.parameters import (
     Table,
     parse_table,
 )
-from omnisim.core.files.toml_file import read_tables
+from omnisim.core.files.toml_file import extended, read_tables
 from omnisim.core.short_repr import short_repr
 from omnisim.core.trajectories.odometry import OdometryErrors
 from omnisim.robots.kinematics import Kinematics

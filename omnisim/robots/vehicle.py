@@ -12,8 +12,7 @@ from typing import Any, Literal, TypeVar
 import numpy as np
 
 from omnisim.core.errors import RobotFileError, SceneError, did_you_mean
-from omnisim.core.files.fingerprint import fingerprint
-from omnisim.core.files.sources import recorded_sources, source_digest
+from omnisim.core.files.sources import fingerprint, recorded_sources, source_digest
 from omnisim.core.files.toml_file import find_beside
 from omnisim.core.poses import pose_from_rotation
 from omnisim.core.short_repr import point_text, short_repr

@@ -20,10 +20,9 @@ from numpy.typing import NDArray
 
 from omnisim.core.errors import RunError, TrajectoryError
 from omnisim.core.extras import is_installed, require_extra
-from omnisim.core.files.atomic_file import write_text
-from omnisim.core.files.fingerprint import fingerprint
-from omnisim.core.files.number_table import write_table
-from omnisim.core.files.written_files import is_written
+from omnisim.core.files.atomic_file import is_written, write_text
+from omnisim.core.files.number_files import write_table
+from omnisim.core.files.sources import fingerprint
 from omnisim.core.short_repr import counted, short_repr
 from omnisim.core.trajectories import Trajectory, read_trajectory, write_trajectory
 from omnisim.core.trajectories.body_motion import BodyMotion

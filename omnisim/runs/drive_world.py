@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from omnisim.core.files.fingerprint import fingerprint
-from omnisim.core.files.written_files import is_written
+from omnisim.core.files.atomic_file import is_written
+from omnisim.core.files.sources import fingerprint
 from omnisim.core.trajectories import Trajectory, write_trajectory
 from omnisim.core.trajectories.body_motion import BodyMotion
 from omnisim.core.world import Pose, WorldState

@@ -50,8 +50,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.errors import RunError, did_you_mean
-from omnisim.core.files.atomic_file import write_text
-from omnisim.core.files.written_files import is_written
+from omnisim.core.files.atomic_file import is_written, write_text
 from omnisim.core.short_repr import counted, short_repr
 from omnisim.core.trajectories import read_trajectory
 from omnisim.core.trajectories.trajectory import MAX_S

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.errors import RunError
-from omnisim.core.files.number_table import BLOCK, write_table
+from omnisim.core.files.number_files import BLOCK, write_table
 from omnisim.core.poses import (
     pose_from_rotation,
     quaternion_from_rotation,

@@ -55,7 +55,7 @@ def label_rules(tables: tuple[LabelTable, ...]) -> tuple[LabelRule, ...]:
     free = (number for number in itertools.count(1) if number not in used_ids)
     ids = [next(free) if table.id is None else table.id for table in tables]
     return tuple(
-        LabelRule(number, table.name, table.color or distinct_color(number), table.nodes)
+        table.build(LabelRule, id=number, color=table.color or distinct_color(number))
         for number, table in zip(ids, tables, strict=True)
     )
 

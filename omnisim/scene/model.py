@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from omnisim.core.arrays import Floats
-from omnisim.core.files.fingerprint import fingerprint
+from omnisim.core.files.sources import fingerprint
 from omnisim.core.poses import proper_rotation
 from omnisim.core.short_repr import counted, short_repr
 from omnisim.ground_truth.boxes import OrientedBox

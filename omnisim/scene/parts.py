@@ -53,7 +53,9 @@ class AlphaMode(Enum):
 Shares = tuple[Fraction, Fraction, Fraction]
 MAX_EMISSION = 65504.0  # largest half float, the precision of images
 Emission = Annotated[Number, Field(ge=0.0, le=MAX_EMISSION)]
-LinearRgb = tuple[Level, Level, Level]
+LinearRgb = tuple[NotNegative, NotNegative, NotNegative]
+Byte = Annotated[int, Field(ge=0, le=255, strict=True)]
+MAX_CLASS = 60_000  # channels have 16 bits; the rest is reserved for unlabeled instances
 IDENTITY_UV = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
 
 
@@ -319,18 +321,26 @@ class LightKind(Enum):
 class Light:
     """Directional, point or spot light.
 
+    Attributes:
+        position_m: (3,) world frame; unused for a directional light.
+        direction: (3,) unit vector, world frame, along which the light travels; unused for a point
+            light.
+        cone_cosines: cosines of a spot light's inner and outer half-angles.
+        casts_shadow: True: surfaces block the light, except those within `LAMP_NEAR_M`.
+
     Source: glTF extension KHR_lights_punctual.
     """
 
-    kind: LightKind  # light type
-    color: tuple[float, float, float]  # linear RGB
-    intensity: float  # illuminance, lx (directional), or luminous intensity, cd (point and spot)
-    # (3,) world frame; unused for a directional light
-    position_m: Floats = field(default_factory=lambda: np.zeros(3))
-    # (3,) unit vector, world frame, along which the light travels; unused for a point light
-    direction: Floats = field(default_factory=lambda: np.array([0.0, 0.0, -1.0]))
-    range_m: float = math.inf  # distance at which the light of a point or spot light ends
-    # cosines of a spot light's inner and outer half-angles
+    kind: LightKind
+    """Type of lamp, as in glTF; directional lamps are infinitely far away."""
+    color: LinearRgb
+    """Linear RGB, multiplied with the intensity or illuminance."""
+    intensity: Positive
+    """Illuminance of a directional lamp, lx, or luminous intensity of others, cd."""
+    position_m: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+    direction: NDArray[np.float64] = field(default_factory=lambda: np.array([0.0, 0.0, -1.0]))
+    range_m: Positive = math.inf
+    """Distance at which the light of a point or spot lamp ends, m. Default: infinite."""
     cone_cosines: tuple[float, float] = (1.0, 0.0)
     casts_shadow: bool = True  # True: surfaces block the light, except those within `LAMP_NEAR_M`
 
@@ -350,8 +360,10 @@ class Fog:
     Over a distance of d meters, the fraction exp(−attenuation · d) of each channel remains.
     """
 
-    color: tuple[float, float, float]  # linear RGB at infinite distance
-    attenuation_per_m: tuple[float, float, float]  # attenuation coefficients of R, G and B
+    color: LinearRgb
+    """Linear RGB at infinite distance."""
+    attenuation_per_m: tuple[NotNegative, NotNegative, NotNegative]
+    """Attenuation of R, G and B per meter, instead of visibility_m: water absorbs red first."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -408,8 +420,10 @@ class Lighting:
 class StartPose:
     """Default camera pose: position of the effective viewpoint, world frame, and heading."""
 
-    position_m: tuple[float, float, float]
-    yaw_deg: float = 0.0
+    position_m: Point
+    """Position in the world, m, z up."""
+    yaw_deg: Number = 0.0
+    """Heading, degrees counter-clockwise from the world's x."""
 
 
 @dataclass(frozen=True)
@@ -500,12 +514,16 @@ class ScenePath(Parameters, name="path"):
 
 @dataclass(frozen=True)
 class LabelRule:
-    """Class of instances, assigned by patterns of their names."""
+    """Class of instances; `omnisim/scene/labels.py` explains the keys."""
 
-    id: int  # class ID ≥ 1, unique
-    name: str  # class name, unique
-    color: tuple[int, int, int]  # 8-bit sRGB, for images
-    nodes: tuple[str, ...]  # patterns of instance names, with the wildcards `*` and `?`
+    id: Annotated[int, Field(ge=1, le=MAX_CLASS, strict=True)]
+    """ID of the class in the channel, unique. Default: the next free one."""
+    name: Name
+    """Name of the class, unique."""
+    color: tuple[Byte, Byte, Byte]
+    """8-bit sRGB for images. Default: chosen automatically."""
+    nodes: Annotated[tuple[Name, ...], Field(min_length=1)]
+    """Patterns of node names with the wildcards `*` and `?`; the first match decides."""
 
     def __repr__(self) -> str:
         return short_repr(self, str(self.id), repr(self.name), " ".join(self.nodes))

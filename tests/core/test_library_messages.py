@@ -10,8 +10,7 @@ from contextlib import ExitStack
 import pytest
 
 from omnisim.core.errors import OutputError
-from omnisim.core.files.image_files import read_image
-from omnisim.core.files.library_messages import quiet_libraries
+from omnisim.core.files.image_files import quiet_libraries, read_image
 
 LIBRARY = ctypes.CDLL(None)
 pytestmark = pytest.mark.skipif(
@@ -103,7 +102,7 @@ def test_a_child_forked_meanwhile_has_its_own(damaged):
     """Its parent's other threads, which hold the silence, are not in it."""
     printed = run(
         "import ctypes, os, threading\n"
-        "from omnisim.core.files.library_messages import quiet_libraries\n"
+        "from omnisim.core.files.image_files import quiet_libraries\n"
         "library = ctypes.CDLL(None)\n"
         "def tell(text):\n"
         "    library.fputs(text, ctypes.c_void_p.in_dll(library, 'stderr'))\n"

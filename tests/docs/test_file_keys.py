@@ -5,12 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from omnisim.cameras.optics.surface_tables import shape_schemas
-from omnisim.cameras.optics.system_file import OpticsFile
+from omnisim.cameras.optics.system_file import OpticsFile, shape_schemas
 from omnisim.core.files.file_keys import keys_of
 from omnisim.core.files.parameters import Table, table_of
 from omnisim.perception.localization.filter_parameters import FilterParameters
 from omnisim.rendering.camera.degradations.degradation_file import EFFECTS
+from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.sensor_file import SensorFile
 from omnisim.robots.robot_file import RobotFile
 from omnisim.scene.files.scene_file import LabelFile, SceneFile
@@ -64,6 +64,16 @@ def test_pages_have_a_row_for_each_key(monkeypatch):
     assert "| `read_noise_e` | number, ≥ 0 | `5.0` |" in pages["degradation-keys"]
     assert '## `[[sensors]]`, `type = "lms200"`' in pages["robot-file-keys"]
     assert "| `gate` | " in pages["filter-file-keys"]
+
+
+def test_examples_in_the_default_sensor_file_are_valid(monkeypatch):
+    monkeypatch.syspath_prepend(str(EXTENSION))
+    examples = dict(importlib.import_module("default_sensor_file").EXAMPLES)
+    of_calibration = ("calibration", "camera")
+    lens = {key: one for key, one in examples["lens"].items() if key not in of_calibration}
+    assert OmniCamera.from_table({"lens": lens}).model.model_name == lens["model"]
+    for name in ("mirror", "virtual_cameras", "camera", "degradation"):
+        assert OmniCamera.from_table({name: examples[name]}) != OmniCamera()
 
 
 def test_pages_are_as_the_code_has_them(monkeypatch):

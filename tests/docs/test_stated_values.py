@@ -15,7 +15,7 @@ from omnisim.core.package_files import preset_names
 from omnisim.datasets.export.export_formats import FORMATS as EXPORTS
 from omnisim.datasets.export.export_formats import LAYOUTS
 from omnisim.datasets.export.ros2 import bag_format
-from omnisim.datasets.generate.plan_vary import VaryTable
+from omnisim.datasets.generate.plan import VaryTable
 from omnisim.rendering.auto_mesh import MAX_ERROR_PX
 from omnisim.rendering.baking.settings import DEFAULT_SAMPLES, DEFAULT_TEXELS
 from omnisim.rendering.camera.quality import NEAR_PER_SIZE

@@ -8,9 +8,9 @@ import pytest
 from omnisim.cameras import KannalaBrandtCamera, UnifiedCamera
 from omnisim.core.errors import EstimatorError, MeasurementError
 from omnisim.core.poses import rotation_from_roll_pitch_yaw
-from omnisim.evaluation.camera_errors import camera_errors
 from omnisim.evaluation.estimator_registry import estimator_named
 from omnisim.evaluation.run_evaluation import Outcome, outcome_from
+from omnisim.evaluation.trajectory_errors import camera_errors
 from omnisim.measurement.geometry import BoardView
 from omnisim.validation.plain_scenes import board_corners_m, board_poses_in_front
 

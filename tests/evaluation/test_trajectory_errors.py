@@ -6,11 +6,11 @@ import pytest
 from omnisim.core.errors import TrajectoryError
 from omnisim.core.poses import pose, pose_from_rotation
 from omnisim.core.trajectories import Trajectory
-from omnisim.evaluation.seed_statistics import over_seeds
 from omnisim.evaluation.trajectory_errors import (
     ALIGNMENTS,
     align,
     lost_intervals,
+    over_seeds,
     trajectory_errors,
 )
 from tests.evaluation.evo_oracle import check_errors

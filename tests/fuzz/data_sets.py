@@ -11,10 +11,8 @@ from omnisim.datasets.dataset_manifest import MANIFEST, Manifest
 from omnisim.datasets.generate.distributions import ConstantShares
 from omnisim.datasets.generate.prepared_plan import PreparedPlan
 from omnisim.datasets.generate.samples import Shards
-from omnisim.datasets.generate.shard import ShardSummary, shard_stem
+from omnisim.datasets.generate.shard import ShardSummary, Statistics, shard_stem, write_tar
 from omnisim.datasets.recorded_runs import write_recordings
-from omnisim.datasets.statistics import Statistics
-from omnisim.datasets.tar_file import write_tar
 from omnisim.rendering.camera.omnicamera import OmniCamera
 
 PLAN = """channels = ["range", "semantic"]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from omnisim.core.errors import RobotFileError, SensorFileError
-from omnisim.core.files.fingerprint import fingerprint
+from omnisim.core.files.sources import fingerprint
 from omnisim.core.package_files import SCENES
 from omnisim.core.poses import pose
 from omnisim.robots import builtin_robots, parse_robot

@@ -4,7 +4,7 @@ import shutil
 
 import pytest
 
-from omnisim.core.files.fingerprint import fingerprint
+from omnisim.core.files.sources import fingerprint
 from omnisim.core.package_files import SCENES
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.route import Route, route_digest

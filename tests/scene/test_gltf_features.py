@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from omnisim.core.errors import SceneError
-from omnisim.core.files.fingerprint import fingerprint
+from omnisim.core.files.sources import fingerprint
 from omnisim.core.package_files import SCENES
 from omnisim.scene import load_scene
 from omnisim.scene.formats.gltf import document

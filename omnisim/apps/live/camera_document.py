@@ -16,8 +16,7 @@ from typing import Any
 import pydantic
 
 from omnisim.cameras import HyperbolicCamera
-from omnisim.cameras.optics.surface_tables import AlignmentTable
-from omnisim.cameras.optics.system_file import OpticsFile
+from omnisim.cameras.optics.system_file import AlignmentTable, OpticsFile
 from omnisim.core.errors import OutputError, SceneError, SensorFileError, did_you_mean
 from omnisim.core.files.file_keys import keys_of
 from omnisim.core.files.toml_file import read_toml, toml_text

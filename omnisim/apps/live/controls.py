@@ -13,9 +13,8 @@ import pydantic
 from omnisim.apps.live.camera_document import LIGHT, SENSOR, SIZE, CameraDocument
 from omnisim.cameras import CAMERA_MODELS, HyperbolicCamera
 from omnisim.cameras.optics.surface import Rod
-from omnisim.cameras.optics.surface_tables import SurfaceTable, shape_schemas
 from omnisim.cameras.optics.system_file import CameraTable as OpticsCamera
-from omnisim.cameras.optics.system_file import OpticsFile
+from omnisim.cameras.optics.system_file import OpticsFile, SurfaceTable, shape_schemas
 from omnisim.core.files.file_keys import Limit, keys_of, summary
 from omnisim.core.files.parameters import Table, Typical, table_of
 from omnisim.rendering.camera.degradations.degradation_file import EFFECTS

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from omnisim.cameras import CentralCamera, HyperbolicCamera, PerspectiveCamera
 from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.cameras.optics import OpticalSystem, Surface, caustic_points
-from omnisim.cameras.optics.tracing import Fate
+from omnisim.cameras.optics.surface import Fate
 from omnisim.core.poses import pose_from_rotation
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.stage import Stage

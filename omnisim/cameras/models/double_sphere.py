@@ -25,9 +25,14 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from omnisim.cameras.camera import Rays, Uniforms
-from omnisim.cameras.focal_camera import TwoFocalCamera
+from omnisim.cameras.focal_camera import (
+    TwoFocalCamera,
+    cosine_limit,
+    lift_alpha,
+    plane_limit,
+    project_alpha,
+)
 from omnisim.cameras.plane_camera import PlaneCamera, PlanePoints
-from omnisim.cameras.unified_sphere import cosine_limit, lift_alpha, plane_limit, project_alpha
 from omnisim.core.files.parameters import Fraction, Number
 
 

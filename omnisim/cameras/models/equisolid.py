@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.fisheye import FisheyeCamera
+from omnisim.cameras.focal_camera import FisheyeCamera
 from omnisim.cameras.parametric_camera import WideTheta
 
 

@@ -19,9 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.cameras.camera import Rays, Uniforms
-from omnisim.cameras.focal_camera import TwoFocalCamera
+from omnisim.cameras.focal_camera import TwoFocalCamera, lift_alpha, plane_limit, project_alpha
 from omnisim.cameras.plane_camera import PlaneCamera, PlanePoints
-from omnisim.cameras.unified_sphere import lift_alpha, plane_limit, project_alpha
 from omnisim.core.files.parameters import AboveZero, Fraction
 
 

@@ -14,7 +14,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.fisheye import FisheyeCamera
+from omnisim.cameras.focal_camera import FisheyeCamera
 from omnisim.cameras.parametric_camera import ThetaMax
 from omnisim.core.files.parameters import Typical
 

@@ -21,8 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.distortion_inverse import undistort
-from omnisim.cameras.monotone import first_root, solve_polynomial
+from omnisim.cameras.monotone import first_root, solve_polynomial, undistort
 from omnisim.cameras.plane_camera import PlanePoints, unit_vectors
 
 ROUNDING = 1e-14  # tolerance between a distorted point and the distortion of its inverse

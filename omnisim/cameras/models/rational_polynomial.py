@@ -28,9 +28,8 @@ from numpy.polynomial import polynomial
 from numpy.typing import NDArray
 
 from omnisim.cameras.camera import Rays, Uniforms
-from omnisim.cameras.distortion_inverse import undistort
 from omnisim.cameras.focal_camera import TwoFocalCamera
-from omnisim.cameras.monotone import first_root, solve_increasing
+from omnisim.cameras.monotone import first_root, solve_increasing, undistort
 from omnisim.cameras.parametric_camera import Coefficients
 from omnisim.cameras.plane_camera import PlaneCamera, PlanePoints, unit_vectors
 from omnisim.core.errors import OpticsError

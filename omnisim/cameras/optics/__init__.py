@@ -13,10 +13,9 @@ from omnisim.cameras.optics.centrality import (
     ray_jacobians,
 )
 from omnisim.cameras.optics.design import Design
-from omnisim.cameras.optics.surface import Rod, Surface
+from omnisim.cameras.optics.surface import Fate, Rod, Surface, TracedRays
 from omnisim.cameras.optics.system import OpticalSystem
 from omnisim.cameras.optics.system_file import read_optics_file
-from omnisim.cameras.optics.tracing import Fate, TracedRays
 
 __all__ = [
     "BoardCorners",

@@ -46,17 +46,14 @@ class CentralView:
     It is exact for points at one distance from the viewpoint. Its optical frame has the sensor's
     axes, but its origin is the viewpoint.
 
-    Attributes:
-        system: optical system.
-        distance_m: distance at which the view is exact; infinite: only directions count.
-        axes: (3, 3) orthogonal view_from_optical; a reflection if files store a mirrored image.
-
     Raises:
         OpticsError: the distance is not positive, or the system sees nothing.
     """
 
-    system: NonCentralCamera
+    system: NonCentralCamera  # optical system
+    # distance at which the view is exact; infinite: only directions count
     distance_m: float = math.inf
+    # (3, 3) orthogonal view_from_optical; a reflection if files store a mirrored image
     axes: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
 
     model_name = "central view of optics"

@@ -5,37 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omnisim.cameras import Pixels, Rays
+from omnisim.cameras import NonCentralCamera, Pixels
 from omnisim.cameras.camera import as_directions, as_pixels
 from omnisim.cameras.central_error import CentralError
 from omnisim.cameras.optics.shapes.shape import Floats
-from omnisim.cameras.optics.tracing import TracedRays
+from omnisim.cameras.optics.system import OpticalSystem
 from omnisim.core.errors import OpticsError
 
 _SAMPLES = 10_000  # approximate number of rays per image
-
-
-class RaySource(Protocol):
-    """Interface of the system to be measured."""
-
-    @property
-    def width_px(self) -> int: ...  # noqa: D102
-
-    @property
-    def height_px(self) -> int: ...  # noqa: D102
-
-    def ray_from_pixel(self, pixels_px: ArrayLike) -> Rays:
-        """Rays of pixels (..., 2), with their origins."""
-        ...
-
-    def pixel_from_ray(self, directions: ArrayLike) -> Pixels:
-        """Pixels of directions (..., 3)."""
-        ...
 
 
 class SeenRays(NamedTuple):
@@ -48,16 +30,11 @@ class SeenRays(NamedTuple):
 
 @dataclass(frozen=True)
 class Centrality:
-    """Deviation of a system's rays from a single viewpoint.
+    """Deviation of a system's rays from a single viewpoint."""
 
-    Attributes:
-        viewpoint_m: (3,) point nearest to all rays, in the sensor's optical frame.
-        misses_m: (n,) distances between this point and rays spread evenly over the image.
-        errors: errors of the central model with the rays' directions and this viewpoint.
-    """
-
-    viewpoint_m: Floats
-    misses_m: Floats
+    viewpoint_m: Floats  # (3,) point nearest to all rays, in the sensor's optical frame
+    misses_m: Floats  # (n,) distances between this point and rays spread evenly over the image
+    # errors of the central model with the rays' directions and this viewpoint
     errors: tuple[CentralError, ...]
 
 
@@ -72,7 +49,7 @@ def common_point(origins_m: Floats, directions: Floats) -> Floats:
     return middle + np.linalg.lstsq(across.sum(axis=0), pull, rcond=1e-12)[0]
 
 
-def measure_centrality(system: RaySource, distances_m: Sequence[float]) -> Centrality:
+def measure_centrality(system: NonCentralCamera, distances_m: Sequence[float]) -> Centrality:
     """Measure the deviation of a system from a single viewpoint.
 
     Args:
@@ -103,7 +80,7 @@ def check_distances(distances_m: Sequence[float]) -> None:
             raise OpticsError(f"at_distance: expected more than 0 and finite, got {distance_m:g}")
 
 
-def seen_rays(system: RaySource) -> SeenRays:
+def seen_rays(system: NonCentralCamera) -> SeenRays:
     """Rays of valid pixels, spread evenly over the image.
 
     Raises:
@@ -158,7 +135,7 @@ def directions_at(
     return lengths[..., None] * directions - toward, (reach >= 0.0) & (lengths > 0.0)
 
 
-def _pixels(system: RaySource) -> Floats:
+def _pixels(system: NonCentralCamera) -> Floats:
     """Positions (n, 2) spread evenly over the image, up to the centers of its outermost pixels."""
     step = max(1.0, np.sqrt(system.width_px * system.height_px / _SAMPLES))
     sides = [
@@ -177,14 +154,6 @@ def _pixels(system: RaySource) -> Floats:
 _STEP_PX = 1e-3
 
 
-class Tracer(Protocol):
-    """Interface of a system that traces rays."""
-
-    def rays(self, pixels_px: ArrayLike) -> TracedRays:
-        """Rays of pixels (..., 2)."""
-        ...
-
-
 class RayJacobians(NamedTuple):
     """Derivatives of rays by pixel; NaN next to pixels that see nothing."""
 
@@ -192,7 +161,7 @@ class RayJacobians(NamedTuple):
     directions: Floats  # (..., 3, 2)
 
 
-def ray_jacobians(system: Tracer, pixels_px: ArrayLike) -> RayJacobians:
+def ray_jacobians(system: OpticalSystem, pixels_px: ArrayLike) -> RayJacobians:
     """Derivatives of the rays of pixels (..., 2), by fourth-order central differences."""
     pixels = as_pixels(pixels_px)
     origins = np.zeros((*pixels.shape[:-1], 3, 2))
@@ -207,7 +176,7 @@ def ray_jacobians(system: Tracer, pixels_px: ArrayLike) -> RayJacobians:
     return RayJacobians(origins, directions)
 
 
-def pixel_jacobians(system: Tracer, pixels_px: ArrayLike, points_m: ArrayLike) -> Floats:
+def pixel_jacobians(system: OpticalSystem, pixels_px: ArrayLike, points_m: ArrayLike) -> Floats:
     """Derivatives (..., 2, 3) of the pixels of points (..., 3) with respect to the points.
 
     Args:
@@ -234,7 +203,7 @@ def pixel_jacobians(system: Tracer, pixels_px: ArrayLike, points_m: ArrayLike) -
     return np.einsum("...ij,...kj->...ik", inverse, across)
 
 
-def caustic_points(system: Tracer, pixels_px: ArrayLike) -> Floats:
+def caustic_points(system: OpticalSystem, pixels_px: ArrayLike) -> Floats:
     """Points (..., 2, 3) where each pixel's ray touches the two sheets of the caustic.
 
     NaN where it touches no sheet, or only at infinity.
@@ -270,3 +239,25 @@ def _across(directions: Floats) -> Floats:
     first = np.cross(directions, smallest)
     first /= np.linalg.norm(first, axis=-1, keepdims=True)
     return np.stack((first, np.cross(directions, first)), axis=-1)
+
+
+# Lateral chromatic aberration: red-blue offset of distant points, in pixels.
+
+
+def lateral_color_px(system: OpticalSystem) -> Floats:
+    """Distances (n,) in pixels between the R and B images of points at infinity.
+
+    The points are spread evenly over the image. The result is empty for systems of mirrors alone,
+    which do not refract; points that are not seen in both colors are omitted.
+
+    Raises:
+        OpticsError: no pixel sees anything.
+    """
+    if all(surface.is_mirror for surface in system.surfaces):
+        return np.empty(0)
+    directions = seen_rays(system).directions
+    red, blue = (
+        one.pixel_from_ray(directions) for one in (system.of_color("R"), system.of_color("B"))
+    )
+    apart: Floats = np.linalg.norm(red.positions_px - blue.positions_px, axis=1)
+    return apart[red.valid & blue.valid]

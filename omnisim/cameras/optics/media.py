@@ -4,17 +4,28 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from typing import Annotated, Literal
+
+from pydantic import Field
 
 from omnisim.cameras.camera import ParameterValue
 from omnisim.core.errors import OpticsError, did_you_mean
+from omnisim.core.files.parameters import described
+
+MAX_INDEX = 5.0
+Primary = Literal["R", "G", "B"]
+Index = Annotated[float, Field(strict=True, ge=1.0, le=MAX_INDEX)]
+Medium = Annotated[
+    Literal["vacuum", "air", "water", "acrylic", "glass"] | Index | tuple[Index, Index, Index],
+    described(
+        "vacuum, air, water, acrylic, glass, a refractive index from 1 to 5, or those of R, G and B"
+    ),
+]
 
 # Vacuum wavelengths: helium's d line, for which catalogs state indices, and the dominant
 # wavelengths of sRGB's primaries.
-Medium = str | float | tuple[float, float, float]  # name, index, or indices for R, G and B
-
-MAX_INDEX = 5.0
 D_LINE_UM = 0.58756
-WAVELENGTHS_UM: Mapping[str, float] = {"R": 0.6114, "G": 0.5491, "B": 0.4642}
+WAVELENGTHS_UM: Mapping[Primary, float] = {"R": 0.6114, "G": 0.5491, "B": 0.4642}
 
 
 def _sellmeier(*terms: tuple[float, float]) -> Callable[[float], float]:
@@ -62,7 +73,7 @@ MEDIA: Mapping[str, Callable[[float], float]] = {
 }
 
 
-def refractive_index(medium: Medium, color: str | None = None) -> float:
+def refractive_index(medium: Medium, color: Primary | None = None) -> float:
     """Refractive index of a medium.
 
     Args:

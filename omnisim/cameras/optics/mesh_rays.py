@@ -20,10 +20,9 @@ from omnisim.cameras import CentralCamera, Rays
 from omnisim.cameras.camera import as_pixels
 from omnisim.cameras.optics.centrality import common_point
 from omnisim.cameras.optics.shapes.shape import Floats
-from omnisim.cameras.optics.surface import Surface
+from omnisim.cameras.optics.surface import Fate, Paths, Surface, deflected, trace
 from omnisim.cameras.optics.surface_mesh import heights_m, rim_of_mesh, tessellate_surface
 from omnisim.cameras.optics.system import OpticalSystem
-from omnisim.cameras.optics.tracing import Fate, Paths, deflected, trace
 from omnisim.core.errors import OpticsError
 
 _STEPS = 200  # maximum number of polygons from the exact point's to the one in front of it

@@ -69,18 +69,14 @@ def profile_lengths_m(shape: Shape, radii_m: Floats) -> Floats:
 
 
 class SampledProfile(NamedTuple):
-    """Points on a shape's profile.
+    """Points on a shape's profile."""
 
-    Attributes:
-        radii_m, heights_m: (n,), starting on the axis.
-        pointed: True if the tip is conical.
-        deviation_m: largest distance along the axis between the shape and the spline through the
-            points, midway between points.
-    """
-
+    # radii_m, heights_m: (n,), starting on the axis
     radii_m: Floats
     heights_m: Floats
-    pointed: bool
+    pointed: bool  # True if the tip is conical
+    # largest distance along the axis between the shape and the spline through the points, midway
+    # between points
     deviation_m: float
 
 

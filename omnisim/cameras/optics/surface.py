@@ -1,21 +1,24 @@
-"""Surfaces of an optical system, and obstacles in the path of its rays."""
+"""Surfaces of an optical system, obstacles before them, and sequential ray tracing through both."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from enum import IntEnum
 from functools import cached_property
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from omnisim.cameras.camera import CameraParameters
 from omnisim.cameras.optics.media import Medium, medium_parameter
 from omnisim.cameras.optics.shapes import Shape
 from omnisim.cameras.optics.shapes.shape import Floats
 from omnisim.core.errors import OpticsError
-from omnisim.core.files.parameters import Coordinate, Length, Parameters
+from omnisim.core.files.parameters import Coordinate, Length, Number, Parameters
 from omnisim.core.poses import check_pose
 
 Place = tuple[Coordinate, Coordinate, Coordinate]
@@ -36,11 +39,6 @@ class Surface:
     Attributes:
         shape: shape, in the surface's own frame.
         system_from_surface: (4, 4) pose of that frame.
-        rim_radius_m: radius of its rim about `rim_center_m`; may be infinite.
-        rim_center_m: (x, y) of the rim in the surface's frame.
-        hole_radius_m: radius of a hole about its axis.
-        medium: medium behind the boundary, as seen from the camera; None: a mirror.
-        name: name in messages.
 
     Raises:
         OmnisimError: the pose is invalid, the hole leaves nothing of the surface, or a rim is
@@ -49,11 +47,16 @@ class Surface:
 
     shape: Shape
     system_from_surface: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
-    rim_radius_m: float = math.inf
-    rim_center_m: tuple[float, float] = (0.0, 0.0)
-    hole_radius_m: float = 0.0
+    rim_radius_m: Length = math.inf
+    """Radius of its rim in meters; default: the extent of its shape."""
+    rim_center_m: tuple[Coordinate, Coordinate] = (0.0, 0.0)
+    """(x, y) of the rim's center relative to the axis, in meters."""
+    hole_radius_m: Annotated[Number, Field(ge=0.0, le=1e3)] = 0.0
+    """Radius of a hole about its axis in meters."""
     medium: Medium | None = None
+    """Medium behind it, seen from the camera; default: it is a mirror."""
     name: str = "surface"
+    """Name in messages; default: the name of its shape."""
 
     def __post_init__(self) -> None:
         check_pose(self.system_from_surface)
@@ -219,3 +222,129 @@ class Rod(Parameters, name="obstacle"):
             ends = np.where(level, np.array([[-np.inf], [np.inf]]), ends)
             enter = np.maximum(np.maximum(sides[0], ends[0]), 0.0)
             return np.where(enter <= np.minimum(sides[1], ends[1]), enter, np.nan)
+
+
+# Sequential ray tracing from a camera through the surfaces of its optical system.
+
+
+class Fate(IntEnum):
+    """Result of tracing a ray from the camera."""
+
+    SEEN = 0  # leaves the system
+    OUTSIDE = 1  # the pixel is outside the camera's own domain
+    MISSED = 2  # misses a surface
+    RIM = 3  # passes outside a surface's rim, or through its hole
+    TOTAL_REFLECTION = 4  # is totally reflected at a boundary
+    SHADOWED = 5  # is blocked by a mirror, its rim or an obstacle
+
+
+class TracedRays(NamedTuple):
+    """Rays of pixels where they leave the system, in its frame."""
+
+    origins_m: Floats  # (..., 3): on the last surface
+    directions: Floats  # (..., 3), unit
+    valid: NDArray[np.bool_]  # (...,)
+    fates: NDArray[np.uint8]  # (...,) values of `Fate`
+
+
+class Paths(NamedTuple):
+    """Paths of rays through a system."""
+
+    points_m: Floats  # (surfaces + 1, n, 3): the camera, and the hit on each surface
+    directions: Floats  # (n, 3), unit: beyond the last surface
+    fates: NDArray[np.uint8]  # (n,) values of `Fate`
+
+
+def trace(
+    surfaces: Sequence[Surface],
+    indices: Sequence[float],
+    obstacles: Sequence[Rod],
+    origins_m: Floats,
+    directions: Floats,
+    fates: NDArray[np.uint8],
+    can_block: bool = True,
+) -> Paths:
+    """Trace rays (n, 3) from a camera; rays with a fate other than SEEN get NaN points.
+
+    Args:
+        surfaces: surfaces of the system, in the order of the rays from the camera.
+        indices: (surfaces + 1) refractive indices between the surfaces.
+        obstacles: opaque parts.
+        origins_m, directions: (n, 3) rays, system frame.
+        fates: (n,) values of `Fate`; only rays with SEEN are traced.
+        can_block: True if mirrors and obstacles block rays that pass them.
+    """
+    points = np.full((len(surfaces) + 1, len(origins_m), 3), np.nan)
+    points[0] = origins_m
+    along, fates = directions.copy(), fates.copy()
+    for number, surface in enumerate(surfaces):
+        rows = np.flatnonzero(fates == Fate.SEEN)
+        begin, toward = points[number, rows], along[rows]
+        lengths, beyond_rim = surface.hits(begin, toward)
+        hit = np.isfinite(lengths)
+        fates[rows[~hit]] = np.where(beyond_rim[~hit], Fate.RIM, Fate.MISSED)
+        rows, toward = rows[hit], toward[hit]
+        at = begin[hit] + lengths[hit, None] * toward
+        if can_block:
+            blocked = _blocked(surfaces, obstacles, number, begin[hit], toward, lengths[hit])
+            fates[rows[blocked]] = Fate.SHADOWED
+        points[number + 1, rows] = at
+        ratio = indices[number] / indices[number + 1]
+        along[rows] = deflected(surface.normals(at), toward, surface.is_mirror, ratio)
+        fates[rows[np.isnan(along[rows, 0])]] = Fate.TOTAL_REFLECTION
+    if not can_block:
+        return Paths(points, along, fates)
+    rows = np.flatnonzero(fates == Fate.SEEN)
+    endless = np.full(len(rows), np.inf)
+    number = len(surfaces)
+    blocked = _blocked(surfaces, obstacles, number, points[number, rows], along[rows], endless)
+    fates[rows[blocked]] = Fate.SHADOWED
+    return Paths(points, along, fates)
+
+
+def deflected(normals: Floats, directions: Floats, is_mirror: bool, ratio: float = 1.0) -> Floats:
+    """Directions (n, 3) beyond a surface; NaN where a boundary reflects totally.
+
+    Args:
+        normals: (n, 3) unit normals where rays meet the surface.
+        directions: (n, 3) directions before the surface.
+        is_mirror: True: reflect, False: refract.
+        ratio: refractive index before a boundary over the index beyond it.
+    """
+    along = np.einsum("nj,nj->n", directions, normals)[:, None]
+    outgoing: Floats
+    if is_mirror:
+        outgoing = directions - 2.0 * along * normals
+    else:
+        normals = np.where(along > 0.0, normals, -normals)
+        cosine = np.abs(along)
+        squared = 1.0 - ratio * ratio * (1.0 - cosine * cosine)
+        root = np.sqrt(np.where(squared >= 0.0, squared, np.nan))
+        outgoing = ratio * directions + (root - ratio * cosine) * normals
+    outgoing /= np.linalg.norm(outgoing, axis=1, keepdims=True)
+    return outgoing
+
+
+def _blocked(
+    surfaces: Sequence[Surface],
+    obstacles: Sequence[Rod],
+    number: int,
+    origins_m: Floats,
+    directions: Floats,
+    lengths_m: Floats,
+) -> NDArray[np.bool_]:
+    """Mask (n,) of path segments to surface `number` that are blocked."""
+    blocked = np.zeros(len(origins_m), dtype=np.bool_)
+    ends_m = np.where(np.isfinite(lengths_m), (1.0 - 1e-9) * lengths_m, np.inf)
+    for obstacle in obstacles:
+        blocked |= obstacle.hits(origins_m, directions) < ends_m
+    for other, surface in enumerate(surfaces):
+        if not surface.is_mirror or other == number:
+            continue
+        leaving = other == number - 1
+        rows = np.arange(len(origins_m))
+        if leaving:
+            rows = np.flatnonzero(surface.may_return(origins_m, directions))
+        hits = surface.hits(origins_m[rows], directions[rows], leaving)
+        blocked[rows] |= hits.lengths_m < ends_m[rows]
+    return blocked

@@ -4,22 +4,281 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import ConfigDict, Field, model_validator
 
 from omnisim.cameras import CAMERA_MODELS, CentralCamera
 from omnisim.cameras.camera_table import camera_from_calibration, camera_from_table
-from omnisim.cameras.optics.surface import Place, Rod
-from omnisim.cameras.optics.surface_tables import AlignmentTable, MediumKey, SurfaceTable
+from omnisim.cameras.optics.media import Medium
+from omnisim.cameras.optics.profile_file import read_profile
+from omnisim.cameras.optics.shapes import (
+    Asphere,
+    Cone,
+    Conic,
+    Hyperbolic,
+    Plane,
+    Polynomial,
+    Shape,
+    TabulatedProfile,
+)
+from omnisim.cameras.optics.surface import Place, Surface
 from omnisim.cameras.optics.system import ORIENTATIONS, OpticalSystem
-from omnisim.core.errors import OmnisimError, SensorFileError
-from omnisim.core.files.extended_tables import extended
-from omnisim.core.files.parameters import Flag, Number, Table, described, parse_table
-from omnisim.core.files.toml_file import read_tables
+from omnisim.core import poses
+from omnisim.core.errors import OmnisimError, OpticsError, SensorFileError
+from omnisim.core.files.parameters import (
+    Coordinate,
+    Length,
+    Number,
+    Parameters,
+    Table,
+    described,
+    overriding,
+    parse_table,
+    table_of,
+)
+from omnisim.core.files.toml_file import extended, read_tables
 from omnisim.core.poses import POSE_TOLERANCE, is_rotation
+
+_Angle = Annotated[Number, Field(ge=-360.0, le=360.0)]
+_Numbers = Annotated[tuple[Number, ...], Field(max_length=1_000_000)]
+_Row = tuple[Coordinate, Coordinate, Coordinate, Coordinate]
+_Pose = Annotated[tuple[_Row, _Row, _Row, _Row], described("a pose, a 4 × 4 matrix")]
+
+
+class AlignmentTable(Table):
+    """Pose of a part: nominal position and misalignment."""
+
+    model_config = ConfigDict(extra="allow", frozen=True)
+
+    position_m: Place | None = None
+    """Meters in the system's frame: x right, y down, z forward, from the nominal camera. Default: 0
+    for a camera; for a hyperbolic mirror, the pinhole is at the focus."""
+    decenter_m: Place = (0.0, 0.0, 0.0)
+    """Offset from the position in meters."""
+    tilt_deg: tuple[_Angle, _Angle, _Angle] = (0.0, 0.0, 0.0)
+    """Rotation in degrees about its own x, y and z axes, as roll, pitch and yaw."""
+    pose: _Pose | None = None
+    """Rows of its pose in the system's frame, instead of position_m, decenter_m and tilt_deg."""
+
+    @model_validator(mode="after")
+    def _pose_alone(self) -> AlignmentTable:
+        if self.pose is not None:
+            for key in ("position_m", "decenter_m", "tilt_deg"):
+                if key in self.model_fields_set:
+                    raise ValueError(f"{key}: pose has it: expected one of them")
+            try:
+                poses.check_pose(self.pose)
+            except OmnisimError as reason:
+                raise ValueError(str(reason)) from None
+        return self
+
+    @property
+    def is_placed(self) -> bool:
+        """True if a position or pose is given."""
+        return self.position_m is not None or self.pose is not None
+
+    def system_from_part(self, position_m: Place) -> NDArray[np.float64]:
+        """Pose (4, 4) in the system frame; `position_m` is the default position."""
+        if self.pose is not None:
+            return np.array(self.pose)
+        at = np.add(self.position_m or position_m, self.decenter_m)
+        roll_deg, pitch_deg, yaw_deg = self.tilt_deg
+        return poses.pose(at, roll_deg=roll_deg, pitch_deg=pitch_deg, yaw_deg=yaw_deg)
+
+
+class TableShape(Table):
+    """Profile through the points of a CSV file or of the table itself, by a cubic spline."""
+
+    file: str | None = None
+    """CSV file with the columns r_m and z_m, relative to this file; r_m increases from 0."""
+    r_m: _Numbers | None = None
+    """Distances from the axis in meters, increasing from 0, instead of file."""
+    z_m: _Numbers | None = None
+    """Heights along the axis in meters, one per r_m."""
+    tip: Literal["smooth", "pointed"] = "smooth"
+    """Profile on the axis: level, or sloped as for a cone."""
+
+    @model_validator(mode="after")
+    def _file_or_points(self) -> TableShape:
+        for key, value in (("r_m", self.r_m), ("z_m", self.z_m)):
+            if self.file is not None and value is not None:
+                raise ValueError(f"{key}: file has it: expected one of them")
+            if self.file is None and value is None:
+                raise ValueError(f"{key}: missing; expected file, or r_m and z_m")
+        return self
+
+    def make_profile(self, folder: Path, where: str) -> TabulatedProfile:
+        """Build the profile; `where` names the table in messages.
+
+        Raises:
+            SensorFileError: the points do not make a profile.
+        """
+        is_pointed = self.tip == "pointed"
+        if self.file is not None:
+            return read_profile(folder / self.file, is_pointed)
+        try:
+            return TabulatedProfile(np.array(self.r_m), np.array(self.z_m), is_pointed)
+        except OpticsError as reason:
+            raise SensorFileError(f"{where}: {reason}") from None
+
+
+class SphereShape(Table):
+    """A sphere."""
+
+    radius_m: Coordinate  # of a conic, any number
+    """Radius in meters; positive: bulges toward the camera."""
+
+
+class PortShape(Table):
+    """Flat window: two boundaries. Its position is the center of the side facing the camera."""
+
+    thickness_m: Length
+    """Thickness of the window in meters."""
+    wall: Medium = "acrylic"
+    """Medium of the window."""
+
+
+class DomeShape(Table):
+    """Spherical window: two concentric boundaries. Its position is its center."""
+
+    radius_m: Length
+    """Radius of the outer side in meters."""
+    thickness_m: Length
+    """Thickness in meters, less than the radius."""
+    wall: Medium = "acrylic"
+    """Medium of the window."""
+
+
+_PARAMETRIC: dict[str, type[Parameters]] = {
+    "conic": Conic,
+    "hyperbolic": Hyperbolic,
+    "cone": Cone,
+    "plane": Plane,
+    "polynomial": Polynomial,
+    "asphere": Asphere,
+}
+SHAPE_TABLES: dict[str, type[Table]] = {
+    "sphere": SphereShape,
+    "table": TableShape,
+    "port": PortShape,
+    "dome": DomeShape,
+}
+ShapeName = Literal[
+    "hyperbolic",
+    "sphere",
+    "conic",
+    "cone",
+    "plane",
+    "polynomial",
+    "asphere",
+    "table",
+    "port",
+    "dome",
+]
+
+
+def shape_schemas() -> dict[str, type[Table]]:
+    """Tables of the shapes' keys, by name."""
+    return {name: table_of(kind) for name, kind in _PARAMETRIC.items()} | SHAPE_TABLES
+
+
+@overriding(
+    Surface,
+    *("name", "shape", "medium", "rim_radius_m", "rim_center_m", "hole_radius_m"),
+    defaults={"name": None, "rim_radius_m": None},
+    are_first=True,
+)
+class SurfaceTable(AlignmentTable):
+    """A mirror or a boundary between media; tables are in the order in which rays meet them.
+
+    The keys of the shape are additional keys of this table.
+    """
+
+    if TYPE_CHECKING:
+        name: str | None
+        medium: Medium | None
+    shape: ShapeName
+    """Shape, which adds its own keys; its axis is z, its vertex the position."""
+
+    def make_surfaces(self, source: str, key: str) -> list[Surface]:
+        """Build the surface, or both boundaries of a window.
+
+        Args:
+            source: file name, for messages.
+            key: key of this table in the file.
+
+        Raises:
+            SensorFileError: the table is invalid; names the key and the expected value.
+        """
+        try:
+            return self._make_surfaces(source, key)
+        except OpticsError as reason:
+            message = str(reason).removeprefix(f"{self.name or self.shape}: ")
+            raise SensorFileError(f"{source}: {key}.{message}") from None
+
+    def _make_surfaces(self, source: str, key: str) -> list[Surface]:
+        given = dict(self.__pydantic_extra__ or {})
+        table = SHAPE_TABLES.get(self.shape) or table_of(_PARAMETRIC[self.shape])
+        shape = parse_table(given, table, SensorFileError, source, key)
+        if isinstance(shape, PortShape | DomeShape):
+            if self.medium is None:
+                message = f"medium: missing; a {self.shape} has one behind it"
+                raise SensorFileError(f"{source}: {key}.{message}")
+            return self._window(shape, self.medium, f"{source}: {key}")
+        surface_shape = self._shape(shape, source, key)
+        position_m = (
+            0.0,
+            0.0,
+            surface_shape.vertex_m if isinstance(surface_shape, Hyperbolic) else 0.0,
+        )
+        if not self.is_placed and not isinstance(surface_shape, Hyperbolic):
+            raise SensorFileError(f"{source}: {key}.position_m: missing")
+        return [self._surface(surface_shape, self.system_from_part(position_m), self.medium)]
+
+    def _shape(self, table: Table, source: str, key: str) -> Shape:
+        if isinstance(table, TableShape):
+            return table.make_profile(Path(source).parent, f"{source}: {key}")
+        values = dict(table)
+        kind = Conic if isinstance(table, SphereShape) else _PARAMETRIC[self.shape]
+        try:
+            shape = kind(**values)
+        except OpticsError as reason:
+            message = str(reason).removeprefix("shape.")
+            raise SensorFileError(f"{source}: {key}.{message}") from None
+        assert isinstance(shape, Shape)
+        return shape
+
+    def _window(self, window: PortShape | DomeShape, medium: Medium, where: str) -> list[Surface]:
+        """Boundaries of a port or dome, the camera's side first."""
+        if not self.is_placed:
+            raise SensorFileError(f"{where}.position_m: missing")
+        center = self.system_from_part((0.0, 0.0, 0.0))
+        if isinstance(window, PortShape):
+            outer = center @ poses.pose((0.0, 0.0, window.thickness_m))
+            shapes: list[Shape] = [Plane(), Plane()]
+            placed = [center, outer]
+        else:
+            if window.thickness_m >= window.radius_m:
+                raise SensorFileError(
+                    f"{where}.thickness_m: expected less than radius_m = {window.radius_m:g}, "
+                    f"got {window.thickness_m:g}"
+                )
+            radii_m = window.radius_m - window.thickness_m, window.radius_m
+            shapes = [Conic(-radius_m) for radius_m in radii_m]
+            placed = [center @ poses.pose((0.0, 0.0, radius_m)) for radius_m in radii_m]
+        media = window.wall, medium
+        return [self._surface(*part) for part in zip(shapes, placed, media, strict=True)]
+
+    def _surface(self, shape: Shape, pose: NDArray[np.float64], medium: Medium | None) -> Surface:
+        name = self.name or self.shape
+        return self.build(Surface, shape=shape, system_from_surface=pose, medium=medium, name=name)
+
+
+# Optics files: a camera and the surfaces in front of it, in TOML.
+
 
 _OF_SENSORS = ("mounting", "polygons")  # keys of [optics] in a sensor file
 _Direction = tuple[Number, Number, Number]
@@ -67,24 +326,20 @@ class CameraTable(AlignmentTable):
         return camera_from_table(parameters, source, key)
 
 
+@overriding(
+    OpticalSystem,
+    *("medium", "looking", "origin_m", "color", "chromatic", "camera", "surfaces", "obstacles"),
+    defaults={},
+    are_first=True,
+)
 class OpticsFile(Table):
     """A complete optics file."""
 
-    medium: MediumKey = "air"
-    """Medium around the camera: a name, a refractive index, or three indices for R, G and B."""
     looking: _Looking | None = None
     """Direction of the camera's axis in a level rig, or the rotation from the system's frame to it;
     default: up into a mirror, else as the camera itself."""
-    origin_m: Place = (0.0, 0.0, 0.0)
-    """Origin of the sensor's frame, meters in the system's frame; default: the camera's pinhole."""
-    color: Literal["R", "G", "B"] | None = None
-    """Primary whose wavelength is refracted; default: helium's d line."""
-    chromatic: Flag = False
-    """Render red, green and blue along rays of their own wavelengths, at three times the cost.
-    Ground truth uses green."""
     camera: CameraTable
     surfaces: Annotated[tuple[SurfaceTable, ...], Field(min_length=1, max_length=16)]
-    obstacles: Annotated[tuple[Rod, ...], Field(max_length=64)] = ()
 
     def orientation(self, where: str) -> NDArray[np.float64] | None:
         """Rotation (3, 3) of `looking`, or None; `where` names the key in messages.
@@ -101,17 +356,11 @@ class OpticsFile(Table):
 
 
 class OpticsTables(NamedTuple):
-    """Table of an optical system in a file.
+    """Table of an optical system in a file."""
 
-    Attributes:
-        table: keys of an optics file.
-        source: file that has them, to which paths are relative.
-        at: key of the table in the file; empty: the file itself.
-    """
-
-    table: dict[str, Any]
-    source: str
-    at: str
+    table: dict[str, Any]  # keys of an optics file
+    source: str  # file that has them, to which paths are relative
+    at: str  # key of the table in the file; empty: the file itself
 
 
 def read_optics_tables(path: str | Path) -> OpticsTables:
@@ -171,16 +420,12 @@ def _make_system(file: OpticsFile, source: str, at: str = "") -> OpticalSystem:
     camera = file.camera.make_camera(source, f"{below}camera")
     orientation = file.orientation(f"{source}: {below}looking")
     try:
-        return OpticalSystem(
-            camera,
-            tuple(surfaces),
-            file.obstacles,
-            file.medium,
-            file.camera.system_from_part((0.0, 0.0, 0.0)),
-            file.origin_m,
-            file.color,
-            orientation,
-            file.chromatic,
+        return file.build(
+            OpticalSystem,
+            camera=camera,
+            surfaces=tuple(surfaces),
+            system_from_camera=file.camera.system_from_part((0.0, 0.0, 0.0)),
+            orientation=orientation,
         )
     except OmnisimError as reason:
         raise SensorFileError(f"{source}: {below}{reason}") from None

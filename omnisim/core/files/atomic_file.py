@@ -127,11 +127,7 @@ def check_suffix(path: Path, *suffixes: str) -> None:
 
 @contextmanager
 def _partial_beside(target: Path, path: Path) -> Iterator[Path]:
-    """Yield a temporary name in a file's folder; remove it and new, empty folders at the end.
-
-    Raises:
-        OutputError: the operating system refuses something; names `path`.
-    """
+    """Yield a temporary name in a file's folder; remove it and new, empty folders at the end."""
     partial = target.with_name(f".omnisim-{secrets.token_hex(6)}.partial")
     new_folders: list[Path] = []
     partials[partial] = new_folders
@@ -172,3 +168,14 @@ def _check_target(path: Path) -> None:
     except OSError:
         Path.cwd()  # if it no longer exists, that is the fault
         raise OutputError(f"{path}: the folder {folder} cannot be written to") from None
+
+
+# Finished files of a run.
+
+
+def is_written(path: Path) -> bool:
+    """True if a file exists and is not empty."""
+    try:
+        return path.stat().st_size > 0
+    except FileNotFoundError:
+        return False

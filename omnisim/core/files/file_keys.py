@@ -28,38 +28,24 @@ FAR = 1e9  # larger limits only keep numbers within float32
 
 
 class Limit(NamedTuple):
-    """Limit of a number.
+    """Limit of a number."""
 
-    Attributes:
-        value: the limit.
-        is_open: True if the limit itself is excluded.
-    """
-
-    value: float
-    is_open: bool
+    value: float  # the limit
+    is_open: bool  # True if the limit itself is excluded
 
 
 class Key(NamedTuple):
-    """Key of a table.
+    """Key of a table."""
 
-    Attributes:
-        name: its name.
-        field: its type, rules and default.
-        help: its help, with the usual range.
-        default: its default; None: it has none.
-        inner: schema of the tables that it holds; None: it holds values.
-        low, high: tightest limits; limits far beyond any use are left out.
-        typical: usual range; None: not stated.
-    """
-
-    name: str
-    field: FieldInfo
-    help: str
-    default: Any
-    inner: InnerTable | None
+    name: str  # its name
+    field: FieldInfo  # its type, rules and default
+    help: str  # its help, with the usual range
+    default: Any  # its default; None: it has none
+    inner: InnerTable | None  # schema of the tables that it holds; None: it holds values
+    # low, high: tightest limits; limits far beyond any use are left out
     low: Limit | None
     high: Limit | None
-    typical: Typical | None
+    typical: Typical | None  # usual range; None: not stated
 
 
 def keys_of(model: type[pydantic.BaseModel]) -> Iterator[Key]:

@@ -6,11 +6,14 @@ every format here supports.
 
 from __future__ import annotations
 
+import ctypes
 import json
 import os
+import threading
 import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -20,7 +23,6 @@ from numpy.typing import NDArray
 
 from omnisim.core.errors import OutputError
 from omnisim.core.files.atomic_file import atomic_write, check_suffix, check_target
-from omnisim.core.files.library_messages import quiet_libraries
 from omnisim.core.files.sources import note_file
 from omnisim.core.version import __version__
 
@@ -78,7 +80,8 @@ def write_image(
     """
     data = image_bytes(path, pixels, metadata, jpeg_quality)
     check_target(path)
-    _store(path, data)
+    with atomic_write(path) as partial:
+        partial.write_bytes(data)
 
 
 def image_bytes(
@@ -155,16 +158,11 @@ def write_numbers(
 
 
 class ExrData(NamedTuple):
-    """Contents of an EXR file of data.
+    """Contents of an EXR file of data."""
 
-    Attributes:
-        values: (height, width) float32 arrays by channel name.
-        metadata: omnisim's metadata; None if the file has none.
-        attributes: other attributes of the file that are strings or numbers.
-    """
-
-    values: dict[str, NDArray[np.float32]]
-    metadata: dict[str, Any] | None
+    values: dict[str, NDArray[np.float32]]  # (height, width) float32 arrays by channel name
+    metadata: dict[str, Any] | None  # omnisim's metadata; None if the file has none
+    # other attributes of the file that are strings or numbers
     attributes: dict[str, str | int | float]
 
 
@@ -300,7 +298,9 @@ def _write(
     metadata: Metadata | None,
     channel_names: tuple[str, ...] = (),
 ) -> None:
-    _store(path, _encode(path, pixels, _with_metadata(attributes, metadata), channel_names))
+    data = _encode(path, pixels, _with_metadata(attributes, metadata), channel_names)
+    with atomic_write(path) as partial:
+        partial.write_bytes(data)
 
 
 def _with_metadata(attributes: Attributes, metadata: Metadata | None) -> Attributes:
@@ -308,16 +308,8 @@ def _with_metadata(attributes: Attributes, metadata: Metadata | None) -> Attribu
     return {"Software": f"omnisim {__version__}", **attributes, **own}
 
 
-def _store(path: Path, data: bytes) -> None:
-    with atomic_write(path) as partial:
-        partial.write_bytes(data)
-
-
 def _encode(
-    path: Path,
-    pixels: NDArray[Any],
-    attributes: Attributes,
-    channel_names: tuple[str, ...] = (),
+    path: Path, pixels: NDArray[Any], attributes: Attributes, channel_names: tuple[str, ...] = ()
 ) -> bytes:
     """Encode an image (height, width, channels) as a file in memory.
 
@@ -353,11 +345,7 @@ def _memory_file() -> Iterator[tuple[int, Path]]:
 
 
 def _read(path: Path, kind: oiio.BASETYPE | None = None) -> tuple[oiio.ImageSpec, NDArray[Any]]:
-    """Read a file's header and pixels (height, width, channels), as stored or as `kind`.
-
-    Raises:
-        OutputError: the file is missing or not an image.
-    """
+    """Read a file's header and pixels (height, width, channels), as stored or as `kind`."""
     note_file(path)
     _check_png(path)
     with _utf8_header(path), quiet_libraries():  # libpng prints its errors
@@ -416,3 +404,75 @@ def _parse_metadata(text: object) -> dict[str, Any] | None:
 
 def _one_line(error: str) -> str:
     return " ".join(error.split()) or "no reason given"
+
+
+# Silence of libraries in C that print errors which they also return.
+#
+# Standard error itself stays: Python's messages, progress bars, other threads and new processes
+# write to the descriptor. Only C's stream `stderr`, through which libraries print, is replaced
+# meanwhile.
+
+
+_LINE_BYTES = 256
+
+
+class _ErrorStream:
+    """C's variable `stderr`, which is another stream while any thread wants silence.
+
+    It is left alone without glibc: in other C libraries it is constant.
+    """
+
+    def __init__(self) -> None:
+        self._library = ctypes.CDLL(None)
+        self._is_glibc = hasattr(self._library, "gnu_get_libc_version")
+        self._forget()
+        # A child has only the thread that forked: those that held the lock are not in it.
+        os.register_at_fork(after_in_child=self._restart)
+
+    def _forget(self) -> None:
+        self._lock = threading.Lock()
+        self._users = 0
+        self._kept: int | None = None
+
+    def _restart(self) -> None:
+        if self._users:
+            self._variable.value = self._kept
+        self._forget()
+
+    @contextmanager
+    def discarded(self) -> Iterator[None]:
+        """Discard what is written to C's `stderr` within the block, in all threads."""
+        if not self._is_glibc:
+            yield
+            return
+        with self._lock:
+            self._users += 1
+            if self._users == 1:
+                self._kept = self._variable.value
+                self._variable.value = self._sink or self._kept
+        try:
+            yield
+        finally:
+            with self._lock:
+                self._users -= 1
+                if self._users == 0:
+                    self._variable.value = self._kept
+
+    @cached_property
+    def _variable(self) -> ctypes.c_void_p:
+        return ctypes.c_void_p.in_dll(self._library, "stderr")
+
+    @cached_property
+    def _sink(self) -> int | None:
+        """Address of a stream into memory, which ignores what is more than a line.
+
+        It needs no descriptor, which could be the number of a closed standard error. It is never
+        closed, since a thread may be writing to it.
+        """
+        create = self._library.fmemopen
+        create.argtypes = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_char_p
+        create.restype = ctypes.c_void_p
+        return create(None, _LINE_BYTES, b"w")
+
+
+quiet_libraries = _ErrorStream().discarded

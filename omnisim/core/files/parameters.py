@@ -38,15 +38,7 @@ import types
 import typing
 from collections.abc import Callable, Iterator, Mapping
 from enum import Enum
-from typing import (
-    Annotated,
-    Any,
-    ClassVar,
-    TypeVar,
-    get_args,
-    get_origin,
-    get_type_hints,
-)
+from typing import Annotated, Any, ClassVar, TypeVar, cast, get_args, get_origin, get_type_hints
 
 import annotated_types
 import numpy as np
@@ -82,15 +74,12 @@ NOT_IN_FILES = {"in_files": False}  # metadata of a field that is no setting, su
 
 @dataclasses.dataclass(frozen=True)
 class Typical:
-    """Usual range of a number, in the unit of its field: a slider's, and the reference's.
+    """Usual range of a number, in the unit of its field: a slider's, and the reference's."""
 
-    Attributes:
-        low, high: ends of the range.
-        of_low, of_high: kinds of devices at the ends; empty: not stated.
-    """
-
+    # low, high: ends of the range
     low: float
     high: float
+    # of_low, of_high: kinds of devices at the ends; empty: not stated
     of_low: str = ""
     of_high: str = ""
 
@@ -98,6 +87,9 @@ class Typical:
         ends = ((self.low, self.of_low), (self.high, self.of_high))
         words = (f"{end:,g}".replace(",", " ") + (kind and f" ({kind})") for end, kind in ends)
         return f"typically {' to '.join(words)}"
+
+
+T = TypeVar("T")
 
 
 class Table(pydantic.BaseModel):
@@ -113,6 +105,20 @@ class Table(pydantic.BaseModel):
         str_strip_whitespace=True,
         defer_build=True,  # until a file is read; most kinds of tables are never needed
     )
+
+    def build(self, kind: type[T], /, **others: Any) -> T:
+        """Object of a dataclass whose fields are keys of this table, see `overriding`.
+
+        Args:
+            kind: dataclass. Its defaults stand for keys without a value.
+            others: fields that are not in the table, or not as they are.
+        """
+        file_key = getattr(kind, "file_key", str)
+        for field in dataclasses.fields(cast("Any", kind)):
+            key = file_key(field.name)
+            if field.name not in others and (value := getattr(self, key, None)) is not None:
+                others[field.name] = value if key == field.name else mapped(math.radians, value)
+        return kind(**others)
 
 
 TableT = TypeVar("TableT", bound=Table)
@@ -314,7 +320,7 @@ def _file_fields(kind: type, file_key: Callable[[str], str]) -> Iterator[tuple[s
 
 
 def overriding(
-    kind: type, *names: str, defaults: Mapping[str, Any] | None = None
+    kind: type, *names: str, defaults: Mapping[str, Any] | None = None, are_first: bool = False
 ) -> Callable[[type[TableT]], type[TableT]]:
     """Decorator that adds the fields of a class to the keys of a table.
 
@@ -323,6 +329,7 @@ def overriding(
         names: keys of the fields to add; empty: all.
         defaults: defaults that differ from the class's; None: each key is optional, as a value that
             is given takes the place of that of a device.
+        are_first: True: first keys of the table, in the order of `names`, which may have its own.
     """
 
     def add(base: type[TableT]) -> type[TableT]:
@@ -335,6 +342,10 @@ def overriding(
             base.__name__, __base__=base, __doc__=base.__doc__, __module__=base.__module__, **fields
         )
         made.fields_of = kind
+        if are_first:
+            own = made.model_fields
+            order = dict.fromkeys((*names, *fields, *own))
+            made.__pydantic_fields__ = {key: own[key] for key in order}
         return made
 
     return add

@@ -31,15 +31,10 @@ _KINDS = {
 
 
 class InnerTable(NamedTuple):
-    """Table in the table of a key.
+    """Table in the table of a key."""
 
-    Attributes:
-        model: schema of the inner table.
-        is_list: True if the key holds a list of such tables.
-    """
-
-    model: type[pydantic.BaseModel]
-    is_list: bool
+    model: type[pydantic.BaseModel]  # schema of the inner table
+    is_list: bool  # True if the key holds a list of such tables
 
 
 def table_in(annotation: Any) -> InnerTable | None:

@@ -37,15 +37,10 @@ MAX_SEED = 2**63 - 1
 
 @dataclass(frozen=True)
 class Distribution:
-    """Distribution of a number.
+    """Distribution of a number."""
 
-    Attributes:
-        kind: kind of the distribution.
-        numbers: parameters, as in the file.
-    """
-
-    kind: Kind
-    numbers: tuple[float, ...]
+    kind: Kind  # kind of the distribution
+    numbers: tuple[float, ...]  # parameters, as in the file
 
     def __repr__(self) -> str:
         numbers = f"[{', '.join(map(str, self.numbers))}]"

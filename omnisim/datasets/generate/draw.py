@@ -11,8 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core import poses
 from omnisim.core.errors import PlanError
-from omnisim.core.poses import pose, roll_pitch_yaw_from_rotation
+from omnisim.core.poses import roll_pitch_yaw_from_rotation
 from omnisim.core.srgb import linear_from_srgb
 from omnisim.datasets.free_space import FreeSpace
 from omnisim.datasets.generate.distributions import Distribution, Stream
@@ -26,65 +27,40 @@ MAX_TRIES = 200  # for an object's place at the required distances
 
 @dataclass(frozen=True)
 class SampleIndices:
-    """Indices of a sample's scene, rig and setups, the same for all attempts.
+    """Indices of a sample's scene, rig and setups, the same for all attempts."""
 
-    Attributes:
-        scene: index of the scene in the plan.
-        rig: index of the rig in the plan.
-        light: index of the light's setup; 0 if the light does not vary.
-        camera: index of the cameras' setup; 0 if the cameras do not vary.
-    """
-
-    scene: int
-    rig: int
-    light: int
-    camera: int
+    scene: int  # index of the scene in the plan
+    rig: int  # index of the rig in the plan
+    light: int  # index of the light's setup; 0 if the light does not vary
+    camera: int  # index of the cameras' setup; 0 if the cameras do not vary
 
 
 @dataclass(frozen=True, eq=False)
 class ObjectPlacement:
-    """Object of a sample, with its pose.
+    """Object of a sample, with its pose."""
 
-    Attributes:
-        name: name of its instance.
-        object: index of the object's table in the plan.
-        world_from_object: (4, 4) pose.
-    """
-
-    name: str
-    object: int
-    world_from_object: NDArray[np.float64]
+    name: str  # name of its instance
+    object: int  # index of the object's table in the plan
+    world_from_object: NDArray[np.float64]  # (4, 4) pose
 
 
 @dataclass(frozen=True, eq=False)
 class Draw:
-    """All inputs of one attempt at a sample.
+    """All inputs of one attempt at a sample."""
 
-    Attributes:
-        number: number of the sample.
-        attempt: number of the attempt, from 0.
-        indices: indices of scene, rig and setups.
-        position_m: (3,) viewpoint, before the shift.
-        yaw_deg, pitch_deg, roll_deg: attitude of the vehicle.
-        shift_m: (3,) shift of the camera along the vehicle's axes.
-        time_s: time of the world.
-        exposure_ev: exposure in stops, in addition to the camera's.
-        colors: linear RGB by instance name.
-        objects: placed objects.
-    """
-
-    number: int
-    attempt: int
-    indices: SampleIndices
-    position_m: NDArray[np.float64]
+    number: int  # number of the sample
+    attempt: int  # number of the attempt, from 0
+    indices: SampleIndices  # indices of scene, rig and setups
+    position_m: NDArray[np.float64]  # (3,) viewpoint, before the shift
+    # yaw_deg, pitch_deg, roll_deg: attitude of the vehicle
     yaw_deg: float
     pitch_deg: float
     roll_deg: float
-    shift_m: tuple[float, float, float]
-    time_s: float
-    exposure_ev: float
-    colors: dict[str, tuple[float, float, float]]
-    objects: tuple[ObjectPlacement, ...]
+    shift_m: tuple[float, float, float]  # (3,) shift of the camera along the vehicle's axes
+    time_s: float  # time of the world
+    exposure_ev: float  # exposure in stops, in addition to the camera's
+    colors: dict[str, tuple[float, float, float]]  # linear RGB by instance name
+    objects: tuple[ObjectPlacement, ...]  # placed objects
 
 
 def draw_indices(plan: Plan, number: int) -> SampleIndices:
@@ -137,19 +113,15 @@ def draw(prepared: PreparedPlan, number: int, attempt: int) -> Draw:
 
 @dataclass(frozen=True, eq=False)
 class _Viewpoint:
-    """Viewpoint and its base attitude; drawn angles are added to it.
+    """Viewpoint and its base attitude; drawn angles are added to it."""
 
-    Attributes:
-        position_m: (3,) position in the world.
-        yaw_deg, pitch_deg, roll_deg: attitude.
-        turns_along: the attitude follows a path, an object or a file; a drawn yaw is added only if
-            the plan sets `yaw_deg`.
-    """
-
-    position_m: NDArray[np.float64]
+    position_m: NDArray[np.float64]  # (3,) position in the world
+    # yaw_deg, pitch_deg, roll_deg: attitude
     yaw_deg: float = 0.0
     pitch_deg: float = 0.0
     roll_deg: float = 0.0
+    # the attitude follows a path, an object or a file; a drawn yaw is added only if the plan sets
+    # `yaw_deg`
     turns_along: bool = False
 
 
@@ -157,20 +129,19 @@ def _place(prepared: PreparedPlan, scene: int, stream: Stream) -> _Viewpoint:
     table = prepared.plan.viewpoints
     match table.where:
         case "free":
-            on_floor = _on_floor(prepared.free_space(scene), stream)
+            free = prepared.free_space(scene)
+            cells = free.free_cells()
+            cell = cells[stream.whole(len(cells))]
+            on_floor = free.point_in(cell, (stream.share(), stream.share()))
             return _Viewpoint(on_floor + (0.0, 0.0, table.height_m.draw(stream)))
         case "path":
             return _along(prepared, scene, stream)
         case "around":
             return _around(prepared, scene, stream)
         case _:
-            return _of_file(prepared.poses[stream.whole(len(prepared.poses))])
-
-
-def _on_floor(free: FreeSpace, stream: Stream) -> NDArray[np.float64]:
-    cells = free.free_cells()
-    cell = cells[stream.whole(len(cells))]
-    return free.point_in(cell, (stream.share(), stream.share()))
+            pose = prepared.poses[stream.whole(len(prepared.poses))]
+            roll, pitch, yaw = map(math.degrees, roll_pitch_yaw_from_rotation(pose[:3, :3]))
+            return _Viewpoint(pose[:3, 3], yaw, pitch, roll, turns_along=True)
 
 
 def _along(prepared: PreparedPlan, scene: int, stream: Stream) -> _Viewpoint:
@@ -211,12 +182,6 @@ def _above(
     return np.array((*point_m, floor_m + prepared.plan.viewpoints.height_m.draw(stream)))
 
 
-def _of_file(world_from_base: NDArray[np.float64]) -> _Viewpoint:
-    """Viewpoint from a pose (4, 4) of a file, as position, yaw, pitch and roll."""
-    roll, pitch, yaw = map(math.degrees, roll_pitch_yaw_from_rotation(world_from_base[:3, :3]))
-    return _Viewpoint(world_from_base[:3, 3], yaw, pitch, roll, turns_along=True)
-
-
 def _colors(
     prepared: PreparedPlan, scene: int, stream: Stream
 ) -> dict[str, tuple[float, float, float]]:
@@ -250,7 +215,12 @@ def _objects(prepared: PreparedPlan, drawn: Draw, stream: Stream) -> tuple[Objec
         for number in range(min_count + stream.whole(max_count - min_count + 1)):
             point = _apart(free, occupied, shape, drawn.position_m[:2], table.distance_m, stream)
             occupied.append((point[:2], shape.radius_m))
-            world_from_object = _pose_on_floor(shape, point, table.yaw_deg.draw(stream))
+            # rotated about its middle, and on the floor
+            centered = np.eye(4)
+            centered[:3, 3] = -shape.middle_m[0], -shape.middle_m[1], -shape.low_m[2]
+            turn = poses.pose((0.0, 0.0, 0.0), yaw_deg=table.yaw_deg.draw(stream))
+            world_from_object: NDArray[np.float64] = turn @ centered
+            world_from_object[:3, 3] += point
             placed.append(ObjectPlacement(f"{shape.title}_{number}", index, world_from_object))
     return tuple(placed)
 
@@ -272,9 +242,6 @@ def _apart(
         viewpoint_m: (2,) position of the viewpoint.
         distance_m: distance from the viewpoint.
         stream: stream of random numbers.
-
-    Raises:
-        PlanError: no such point was found.
     """
     for _ in range(MAX_TRIES):
         angle, distance = 2.0 * math.pi * stream.share(), distance_m.draw(stream)
@@ -288,15 +255,3 @@ def _apart(
         f"objects: {shape.title}: no free place of {shape.radius_m:.2g} m in {MAX_TRIES} draws: "
         "expected fewer or smaller objects, or another distance_m"
     )
-
-
-def _pose_on_floor(
-    shape: PlanObject, point_m: NDArray[np.float64], yaw_deg: float
-) -> NDArray[np.float64]:
-    """Pose (4, 4) that rotates an object about its middle and puts it on the floor."""
-    turned = pose((0.0, 0.0, 0.0), yaw_deg=yaw_deg)
-    centered = np.eye(4)
-    centered[:3, 3] = -shape.middle_m[0], -shape.middle_m[1], -shape.low_m[2]
-    world_from_object: NDArray[np.float64] = turned @ centered
-    world_from_object[:3, 3] += point_m
-    return world_from_object

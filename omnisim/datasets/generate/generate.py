@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -18,15 +19,19 @@ from omnisim.datasets.dataset_manifest import MANIFEST, Manifest
 from omnisim.datasets.free_space import PATTERN
 from omnisim.datasets.generate.prepared_plan import PreparedPlan
 from omnisim.datasets.generate.samples import Shards
-from omnisim.datasets.generate.shard import ShardMaker, ShardSummary, find_shard
+from omnisim.datasets.generate.shard import (
+    RANGE_EDGES_M,
+    ShardMaker,
+    ShardSummary,
+    Statistics,
+    find_shard,
+)
 from omnisim.datasets.generate.workers import (
     Job,
     ShardProgress,
     make_shards,
-    scratch_folder,
     threads_shared,
 )
-from omnisim.datasets.statistics import RANGE_EDGES_M, Statistics
 
 PLAN, SHARDS = "plan.json", "shard-*.tar"
 PROBED_SAMPLES = 12  # per worker, for an estimate
@@ -34,19 +39,12 @@ PROBED_SAMPLES = 12  # per worker, for an estimate
 
 @dataclass(frozen=True)
 class Estimate:
-    """Size of a data set, and the time to generate it.
+    """Size of a data set, and the time to generate it."""
 
-    Attributes:
-        samples: number of samples in all shards.
-        sample_bytes: mean size of a sample in its shard.
-        samples_per_s: rate of all workers together.
-        start_s: time until a worker's first sample.
-    """
-
-    samples: int
-    sample_bytes: float
-    samples_per_s: float
-    start_s: float
+    samples: int  # number of samples in all shards
+    sample_bytes: float  # mean size of a sample in its shard
+    samples_per_s: float  # rate of all workers together
+    start_s: float  # time until a worker's first sample
 
     @property
     def seconds(self) -> float:
@@ -170,16 +168,11 @@ class Generation:
 
     def _found(self, number: int) -> ShardSummary | None:
         summary = find_shard(self.job.folder, number)
-        return (
-            summary if summary is not None and summary.plan == self.prepared.fingerprint else None
-        )
+        is_own = summary is not None and summary.plan == self.prepared.fingerprint
+        return summary if is_own else None
 
     def _own_folder(self) -> None:
-        """Claim the folder for this plan.
-
-        Raises:
-            OutputError: it holds another plan or other files, or cannot be written.
-        """
+        """Claim the folder for this plan."""
         folder = self.job.folder
         content = {"plan": self.prepared.fingerprint, "content": self.prepared.plan.content()}
         text = self._claim = json.dumps(content, indent=1) + "\n"
@@ -210,7 +203,8 @@ def estimate(path: Path, workers: int = 1, device: int | None = None) -> Estimat
             drawn.
     """
     begin_s = time.perf_counter()
-    with scratch_folder() as folder:
+    with tempfile.TemporaryDirectory(prefix="omnisim-") as name:
+        folder = Path(name)
         prepared = PreparedPlan.read(path, folder)
         prepared.check()
         read_s = time.perf_counter() - begin_s

@@ -27,15 +27,10 @@ ROUNDING = 1e-9  # of a parameter that is computed from others
 
 @dataclass(frozen=True, eq=False)
 class PlanRig:
-    """Cameras of a plan that take samples together.
+    """Cameras of a plan that take samples together."""
 
-    Attributes:
-        title: name in the data set.
-        cameras: cameras by name; a single camera's name is empty.
-    """
-
-    title: str
-    cameras: dict[str, OmniCamera]
+    title: str  # name in the data set
+    cameras: dict[str, OmniCamera]  # cameras by name; a single camera's name is empty
 
     @property
     def first(self) -> OmniCamera:
@@ -105,11 +100,7 @@ class RigFile:
     def _varied(
         self, model: CentralCamera, parameters: Mapping[str, Distribution], stream: Shares
     ) -> CentralCamera:
-        """Camera model with drawn offsets added to its parameters.
-
-        Raises:
-            PlanError: a parameter is unknown, dependent on others, or invalid with its offset.
-        """
+        """Camera model with drawn offsets added to its parameters."""
         if not parameters:
             return model
         wanted: dict[str, Any] = dict(model.parameters())
@@ -144,11 +135,7 @@ class RigFile:
         return parse_degradation(tables, self._place("").removesuffix(": "), self._plan.parent)
 
     def _exposed(self, camera: OmniCamera) -> OmniCamera:
-        """Camera whose exposure can be set for each image.
-
-        Raises:
-            PlanError: the camera meters its exposure.
-        """
+        """Camera whose exposure can be set for each image."""
         degradation = camera.degradation
         if degradation.is_metered:
             raise PlanError(

@@ -13,7 +13,7 @@ import numpy as np
 from omnisim.core.errors import PlanError
 from omnisim.core.files.parameters import parse_table
 from omnisim.datasets.generate.distributions import Shares
-from omnisim.datasets.generate.plan_vary import VaryLightTable, VarySkyTable, VaryTable
+from omnisim.datasets.generate.plan import VaryLightTable, VarySkyTable, VaryTable
 from omnisim.scene import Scene
 from omnisim.scene.files.scene_file import SceneFile
 from omnisim.scene.light.sky import sun_position, with_sky
@@ -28,15 +28,10 @@ _SRGB_FROM_XYZ = np.array(
 
 @dataclass(frozen=True, eq=False)
 class DrawnLight:
-    """Scene with drawn light.
+    """Scene with drawn light."""
 
-    Attributes:
-        scene: scene with the lighting.
-        values: drawn values, of JSON types.
-    """
-
-    scene: Scene
-    values: dict[str, Any]
+    scene: Scene  # scene with the lighting
+    values: dict[str, Any]  # drawn values, of JSON types
 
 
 def draw_light(scene: Scene, vary: VaryTable, stream: Shares, plan: Path) -> DrawnLight:
@@ -62,11 +57,7 @@ def draw_light(scene: Scene, vary: VaryTable, stream: Shares, plan: Path) -> Dra
 
 
 def _draw_sky(table: VarySkyTable, stream: Shares, plan: Path) -> dict[str, Any]:
-    """Drawn keys and values for a scene file's [sky].
-
-    Raises:
-        PlanError: the sun is below the horizon.
-    """
+    """Drawn keys and values for a scene file's [sky]."""
     yaw_deg, brightness = table.yaw_deg.draw(stream), table.brightness.draw(stream)
     if table.files:
         file = table.files[min(int(stream.share() * len(table.files)), len(table.files) - 1)]

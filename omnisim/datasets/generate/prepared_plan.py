@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from omnisim.core.errors import PlanError, did_you_mean
 from omnisim.core.extras import require_extra
-from omnisim.core.files.fingerprint import fingerprint
-from omnisim.core.files.sources import note_file, note_sources, recorded_sources
+from omnisim.core.files.sources import fingerprint, note_file, note_sources, recorded_sources
 from omnisim.core.trajectories import parse_trajectory
 from omnisim.core.version import __version__
 from omnisim.datasets.free_space import (
@@ -41,23 +40,14 @@ TRIED = 0.001, 0.5, 0.999
 
 @dataclass(frozen=True, eq=False)
 class PlanObject:
-    """Object to place.
+    """Object to place."""
 
-    Attributes:
-        title: name of its instances.
-        scene: shape of the object.
-        low_m: (3,) lowest coordinates of its bounds.
-        radius_m: radius of its footprint about the middle of its bounds.
-        middle_m: (2,) middle of its bounds on the floor plan.
-        height_m: height of its bounds.
-    """
-
-    title: str
-    scene: Scene
-    low_m: NDArray[np.float64]
-    radius_m: float
-    middle_m: NDArray[np.float64]
-    height_m: float
+    title: str  # name of its instances
+    scene: Scene  # shape of the object
+    low_m: NDArray[np.float64]  # (3,) lowest coordinates of its bounds
+    radius_m: float  # radius of its footprint about the middle of its bounds
+    middle_m: NDArray[np.float64]  # (2,) middle of its bounds on the floor plan
+    height_m: float  # height of its bounds
 
 
 class PreparedPlan:
@@ -171,11 +161,12 @@ class PreparedPlan:
 
     def _find_free_space(self, number: int) -> FreeSpace:
         free_cells = self.plan.viewpoints
+        highest_m = free_cells.height_m.high
         tallest = max((one.height_m for one in self.objects), default=0.0)
         return find_free_space(
             self.scene(number),
             free_cells.radius_m,
-            max(_top(free_cells.height_m.high), min(tallest, 2.0)),
+            max(highest_m if np.isfinite(highest_m) else 2.0, min(tallest, 2.0)),
             free_cells.step_m,
             self.plan.scenes[number].floor_m,
             # along paths and around objects, the floor is needed everywhere
@@ -297,7 +288,3 @@ class PreparedPlan:
         for part in parts:
             digest.update(f"\n{part}".encode())
         return digest.hexdigest()[:16]
-
-
-def _top(height_m: float) -> float:
-    return height_m if np.isfinite(height_m) else 2.0

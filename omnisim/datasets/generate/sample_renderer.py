@@ -34,18 +34,12 @@ PROBE_PX = 48  # shorter side of the range images that judge samples of plans wi
 
 @dataclass(frozen=True, eq=False)
 class RenderedSample:
-    """Rendered sample.
+    """Rendered sample."""
 
-    Attributes:
-        drawn: drawn inputs of the sample.
-        frames: frames by camera name; a single camera's name is empty.
-        light: drawn values of the light; empty: the scene's own light.
-        shares: visible shares of instances, by camera name and instance ID; empty: not requested.
-    """
-
-    drawn: Draw
-    frames: dict[str, Frame]
-    light: dict[str, Any]
+    drawn: Draw  # drawn inputs of the sample
+    frames: dict[str, Frame]  # frames by camera name; a single camera's name is empty
+    light: dict[str, Any]  # drawn values of the light; empty: the scene's own light
+    # visible shares of instances, by camera name and instance ID; empty: not requested
     shares: dict[str, dict[int, float]] = field(default_factory=dict)
 
 
@@ -82,7 +76,10 @@ class SampleRenderer:
         """
         plan, reason = self._prepared.plan, ""
         for attempt in range(plan.reject.attempts):
-            rendered = self._attempt(draw(self._prepared, number, attempt))
+            drawn = draw(self._prepared, number, attempt)
+            stage, rig = self._open(drawn.indices)
+            with stage.current():  # throughout, not image by image
+                rendered = self._render(drawn, stage, rig)
             if isinstance(rendered, RenderedSample):
                 return rendered
             reason = rendered
@@ -101,13 +98,8 @@ class SampleRenderer:
         self._stage, self._light, self._opened = None, None, (-1, -1)
         self._rays = StageRays()
 
-    def _attempt(self, drawn: Draw) -> RenderedSample | str:
-        """Render an attempt; return the reason if it is rejected."""
-        stage, rig = self._open(drawn.indices)
-        with stage.current():  # throughout, not image by image
-            return self._render(drawn, stage, rig)
-
     def _render(self, drawn: Draw, stage: Stage, rig: _OpenRig) -> RenderedSample | str:
+        """Render an attempt; return the reason if it is rejected."""
         plan = self._prepared.plan
         assert self._light is not None
         scene, first = self._light.scene, rig.cameras.first
@@ -134,11 +126,10 @@ class SampleRenderer:
         pending: dict[str, Pending[Frame]] = {}
         for name, renderer in rig.renderers.items():
             judges = not pending and "range" in plan.channels
+            own = renderer.camera.degradation.exposure  # None, or metered: not to be set
+            ev = None if own is None or own.auto else own.ev + drawn.exposure_ev
             pending[name] = renderer.submit(
-                state,
-                also=plan.channels,
-                frame_number=drawn.number,
-                exposure_ev=_exposure_ev(renderer, drawn),
+                state, also=plan.channels, frame_number=drawn.number, exposure_ev=ev
             )
             if judges and (reason := rejected(pending[name].result(), plan.reject)):
                 return reason
@@ -212,12 +203,6 @@ class _OpenRig:
             self.probe.close()
 
 
-def _exposure_ev(renderer: Renderer, drawn: Draw) -> float | None:
-    """Exposure of an image in stops; None: the camera's own."""
-    exposure = renderer.camera.degradation.exposure
-    return None if exposure is None or exposure.auto else exposure.ev + drawn.exposure_ev
-
-
 def rejected(frame: Frame, rules: RejectTable) -> str:
     """Reason to reject a frame with ranges; empty: accepted."""
     has_ray = frame.valid if frame.has_ray is None else frame.has_ray
@@ -274,11 +259,7 @@ def setup_rig(prepared: PreparedPlan, rig: int, setup: int) -> PlanRig:
 
 
 def _draw(prepared: PreparedPlan, setup: int, purpose: int, make: Callable[[Stream], T]) -> T:
-    """Result of `make` with the first stream that gives a valid one.
-
-    Raises:
-        PlanError: no draw was valid.
-    """
+    """Result of `make` with the first stream that gives a valid one."""
     fault = ""
     for attempt in range(ATTEMPTS):
         try:

@@ -105,11 +105,7 @@ class Shards:
         )
 
     def _shard_of(self, row: int) -> tuple[int, Path]:
-        """Number and path of the shard of a sample.
-
-        Raises:
-            IndexError: beyond the last sample.
-        """
+        """Number and path of the shard of a sample."""
         if not -len(self) <= row < len(self):
             raise IndexError(f"sample {row}: expected one of {len(self)}")
         shard = bisect.bisect_right(self._ends, row % len(self))
@@ -152,7 +148,10 @@ class Shards:
         try:
             with tarfile.open(path) as tar:
                 if shard not in self._members:
-                    self._members[shard] = _by_key(tar)
+                    # by the number at the start of their names
+                    found = self._members[shard] = {}
+                    for member in filter(tarfile.TarInfo.isfile, tar.getmembers()):
+                        found.setdefault(member.name.partition(".")[0], []).append(member)
                 keys = list(self._members[shard])
                 count = self.manifest.shards[shard].statistics.samples
                 if len(keys) != count:
@@ -179,12 +178,3 @@ def _metadata(folder: Path) -> dict[str, Any]:
     """Camera, pose and draw of the sample whose files are in a folder."""
     (path,) = folder.glob("?????????.json")
     return json.loads(path.read_text(encoding="utf-8"))
-
-
-def _by_key(tar: tarfile.TarFile) -> dict[str, list[tarfile.TarInfo]]:
-    """Members of a tar, by the number at the start of their names."""
-    members: dict[str, list[tarfile.TarInfo]] = {}
-    for member in tar.getmembers():
-        if member.isfile():
-            members.setdefault(member.name.partition(".")[0], []).append(member)
-    return members

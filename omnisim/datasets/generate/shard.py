@@ -7,23 +7,26 @@ number and camera name, `000000012.left.png`. `shard-000003.json` has a shard's 
 
 from __future__ import annotations
 
+import hashlib
 import json
+import tarfile
 import tempfile
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from omnisim.core.errors import PlanError
-from omnisim.core.files.atomic_file import write_text
+from omnisim.core.files.atomic_file import atomic_write, write_text
 from omnisim.datasets.generate.prepared_plan import PreparedPlan
 from omnisim.datasets.generate.sample_renderer import RenderedSample, SampleRenderer
-from omnisim.datasets.statistics import Statistics
-from omnisim.datasets.tar_file import write_tar
 from omnisim.ground_truth.boxes import BoxLimits
 from omnisim.ground_truth.channel_files import limit_boxes
+from omnisim.ground_truth.frame import Frame
 
 MAX_WAITING = 4  # samples rendered but not yet written
 KEY_DIGITS = 9
@@ -33,21 +36,13 @@ _DAMAGE = (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, 
 
 @dataclass(frozen=True, eq=False)
 class ShardSummary:
-    """Finished shard.
+    """Finished shard."""
 
-    Attributes:
-        number: number of the shard.
-        plan: fingerprint of its plan.
-        sha256: hash of its tar.
-        size_bytes: size of its tar.
-        statistics: statistics of its samples.
-    """
-
-    number: int
-    plan: str
-    sha256: str
-    size_bytes: int
-    statistics: Statistics
+    number: int  # number of the shard
+    plan: str  # fingerprint of its plan
+    sha256: str  # hash of its tar
+    size_bytes: int  # size of its tar
+    statistics: Statistics  # statistics of its samples
 
     @property
     def name(self) -> str:
@@ -180,3 +175,112 @@ class ShardMaker:
             (scratch / f"{key}.json").write_text(json.dumps(content), encoding="utf-8")
         except OSError as reason:
             raise PlanError(f"{scratch}: cannot be written: {reason.strerror}") from None
+
+
+# Statistics of a shard's images, for a data set's card.
+
+
+BRIGHTNESS_BINS = 16
+# Edges of the histogram of ranges, meters: ten per decade, 0.1 m to 1 km.
+RANGE_EDGES_M = np.logspace(-1.0, 3.0, 41)
+
+
+@dataclass
+class Statistics:
+    """Counts over samples and pixels."""
+
+    samples: int = 0  # number of samples
+    redrawn: int = 0  # number of rejected attempts
+    # scenes, cameras: number of samples by name
+    scenes: Counter[str] = field(default_factory=Counter)
+    cameras: Counter[str] = field(default_factory=Counter)
+    # number of pixels by class; requires the channel semantic
+    classes: Counter[str] = field(default_factory=Counter)
+    # number of valid pixels by mean sRGB value, 16 bins from black to white
+    brightness: Counter[int] = field(default_factory=Counter)
+    # number of pixels by bin between `RANGE_EDGES_M`, end bins with all ranges beyond; requires the
+    # channel range
+    ranges: Counter[int] = field(default_factory=Counter)
+
+    def add_frame(self, frame: Frame) -> None:
+        """Count the pixels of an image."""
+        levels = frame.rgb[frame.valid].mean(axis=1).astype(np.intp) * BRIGHTNESS_BINS // 256
+        self.brightness.update(_counts(levels, BRIGHTNESS_BINS))
+        if "range" in frame.channels:
+            ranges = np.asarray(frame.channels["range"])
+            hit = ranges[np.isfinite(ranges) & (ranges > 0.0)]
+            bins = np.clip(np.digitize(hit, RANGE_EDGES_M) - 1, 0, len(RANGE_EDGES_M) - 2)
+            self.ranges.update(_counts(bins, len(RANGE_EDGES_M) - 1))
+        if "semantic" in frame.channels and frame.labels is not None:
+            ids = np.asarray(frame.channels["semantic"])
+            counts = np.bincount(ids.ravel().astype(np.intp))
+            for label in frame.labels.classes:
+                if label.id < len(counts) and counts[label.id]:
+                    self.classes[label.name] += int(counts[label.id])
+
+    def update(self, other: Statistics) -> None:
+        """Add other counts."""
+        self.samples += other.samples
+        self.redrawn += other.redrawn
+        for name in ("scenes", "cameras", "classes", "brightness", "ranges"):
+            getattr(self, name).update(getattr(other, name))
+
+    def to_json(self) -> dict[str, Any]:
+        """Counts, of JSON types."""
+        return {
+            "samples": self.samples,
+            "redrawn": self.redrawn,
+            **{name: dict(sorted(getattr(self, name).items())) for name in _NAMED},
+            "brightness": [self.brightness[k] for k in range(BRIGHTNESS_BINS)],
+            "range_edges_m": [round(edge, 6) for edge in RANGE_EDGES_M.tolist()],
+            "ranges": [self.ranges[k] for k in range(len(RANGE_EDGES_M) - 1)],
+        }
+
+    @classmethod
+    def from_json(cls, content: Any) -> Statistics:
+        """Counts from the output of `to_json`.
+
+        Raises:
+            KeyError, TypeError, ValueError, AttributeError: the content is invalid.
+        """
+        counts = cls(int(content["samples"]), int(content["redrawn"]))
+        for name in _NAMED:
+            getattr(counts, name).update({str(k): int(v) for k, v in content[name].items()})
+        counts.brightness.update(dict(enumerate(map(int, content["brightness"]))))
+        counts.ranges.update(dict(enumerate(map(int, content["ranges"]))))
+        return counts
+
+
+_NAMED = ("scenes", "cameras", "classes")
+
+
+def _counts(values: Any, size: int) -> dict[int, int]:
+    return dict(enumerate(np.bincount(values, minlength=size).tolist()))
+
+
+# Tar files that depend only on their members: no times, no owners, sorted by name.
+
+
+def write_tar(path: Path, folder: Path) -> tuple[str, int]:
+    """Write all files of a folder to a tar, atomically.
+
+    Returns:
+        SHA-256 of the tar, hexadecimal, and its size in bytes.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    with atomic_write(path) as partial:
+        with tarfile.open(partial, "w", format=tarfile.USTAR_FORMAT) as tar:
+            for file in sorted(folder.iterdir()):
+                member = tarfile.TarInfo(file.name)
+                member.size, member.mode = file.stat().st_size, 0o644
+                with file.open("rb") as content:
+                    tar.addfile(member, content)
+        return file_sha256(partial), partial.stat().st_size
+
+
+def file_sha256(path: Path) -> str:
+    """SHA-256 of a file, hexadecimal."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

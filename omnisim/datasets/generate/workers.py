@@ -5,7 +5,6 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
-import tempfile
 from collections import Counter, deque
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -25,19 +24,12 @@ _THREADS = "LP_NUM_THREADS"  # environment variable of Mesa's rasterizer
 
 
 class Job(NamedTuple):
-    """Arguments of all workers.
+    """Arguments of all workers."""
 
-    Attributes:
-        plan: path of the plan.
-        folder: folder of the data set.
-        device: EGL index of the GPU; None: the first.
-        samples: samples per shard; None: the plan's.
-    """
-
-    plan: Path
-    folder: Path
-    device: int | None = None
-    samples: int | None = None
+    plan: Path  # path of the plan
+    folder: Path  # folder of the data set
+    device: int | None = None  # EGL index of the GPU; None: the first
+    samples: int | None = None  # samples per shard; None: the plan's
 
 
 class ShardProgress(NamedTuple):
@@ -173,10 +165,3 @@ def threads_shared(workers: int) -> Iterator[None]:
         yield
     finally:
         del os.environ[_THREADS]
-
-
-@contextmanager
-def scratch_folder() -> Iterator[Path]:
-    """Temporary folder for discarded samples."""
-    with tempfile.TemporaryDirectory(prefix="omnisim-") as name:
-        yield Path(name)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from omnisim.cameras import KannalaBrandtCamera
 from omnisim.cameras.calibration.linear_fit import FITTED, ParameterVector
-from omnisim.cameras.optics.boards.board_pose import move_jacobians, pose_from_directions
+from omnisim.cameras.optics.boards.board_corners import move_jacobians, pose_from_directions
 from omnisim.cameras.parametric_camera import ParametricCamera
 from omnisim.core.errors import MeasurementError, OpticsError
 from omnisim.measurement.geometry.boards import BoardView

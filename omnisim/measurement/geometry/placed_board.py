@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from omnisim.cameras import NonCentralCamera
 from omnisim.cameras.calibration.linear_fit import ParameterVector
 from omnisim.cameras.camera import CentralCamera, Pixels
-from omnisim.cameras.optics.boards.board_pose import pose_from_directions
+from omnisim.cameras.optics.boards.board_corners import pose_from_directions
 from omnisim.core.errors import MeasurementError, OpticsError
 from omnisim.measurement.geometry.boards import BoardView
 from omnisim.measurement.geometry.bundle_adjustment import Corners, adjust

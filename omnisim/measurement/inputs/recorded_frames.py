@@ -153,11 +153,7 @@ def _bag_files(bag: Path, topic: str, folder: Path) -> list[Path]:
 
 
 def _topic(bag: Path, topic: str, names: list[str]) -> str:
-    """Choose the image topic: the selected one, or the only one.
-
-    Raises:
-        MeasurementError: no such topic, no image topic, or several without a selection.
-    """
+    """Choose the image topic: the selected one, or the only one."""
     if not names:
         raise MeasurementError(f"{bag}: expected a topic of images, got none")
     if topic and topic not in names:
@@ -192,11 +188,7 @@ def _message_files(bag: Path, messages: Iterable[tuple[int, Any]], folder: Path)
 
 
 def _pixels(bag: Path, message: Any) -> NDArray[Any]:
-    """Pixels (height, width, channels) of an image message.
-
-    Raises:
-        MeasurementError: an unknown encoding, or too few bytes.
-    """
+    """Pixels (height, width, channels) of an image message."""
     encoding = message.encoding
     is_mosaic = encoding.startswith("bayer_")
     if encoding not in _CHANNELS and not is_mosaic:

@@ -24,7 +24,7 @@ from pydantic import Field
 
 from omnisim.core.errors import LocalizationError
 from omnisim.core.files.atomic_file import atomic_write, check_suffix
-from omnisim.core.files.npz_file import read_arrays
+from omnisim.core.files.number_files import read_arrays
 from omnisim.core.files.parameters import Number, Parameters, Table, parse_table
 from omnisim.scene.model import Landmark
 

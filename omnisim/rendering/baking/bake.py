@@ -22,7 +22,7 @@ from scipy.sparse.csgraph import connected_components
 from omnisim.core.array_types import Float32s, Float64s, Indices, Mask
 from omnisim.core.errors import OutputError
 from omnisim.core.files.atomic_file import atomic_write, write_text
-from omnisim.core.files.npz_file import read_arrays
+from omnisim.core.files.number_files import read_arrays
 from omnisim.rendering.baking.denoising import TexelSurfaces, denoised
 from omnisim.rendering.baking.emitters import (
     LUMINANCE,

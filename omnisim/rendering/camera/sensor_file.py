@@ -1,6 +1,7 @@
 """Sensor files: the paper's three groups of USARBot.ini (section 2.4) in TOML.
 
-`paper.toml` beside this module has every key, with its default and a comment.
+`paper.toml` beside this module has every key, with its default and its help: written by
+`python docs/_ext/reference_pages.py`.
 """
 
 from __future__ import annotations
@@ -24,7 +25,6 @@ from omnisim.cameras.mirrors.mirror_mesh import sectors_and_rings
 from omnisim.cameras.models.field_of_view import field_notes
 from omnisim.core import poses
 from omnisim.core.errors import NoticeWarning, OpticsError, SensorFileError
-from omnisim.core.files.extended_tables import extended
 from omnisim.core.files.parameters import (
     AboveZero,
     Coordinate,
@@ -34,7 +34,7 @@ from omnisim.core.files.parameters import (
     overriding,
     parse_table,
 )
-from omnisim.core.files.toml_file import read_tables
+from omnisim.core.files.toml_file import extended, read_tables
 from omnisim.rendering.auto_mesh import max_polygons
 from omnisim.rendering.camera.degradations.degradation_file import parse_degradation
 from omnisim.rendering.camera.quality import (

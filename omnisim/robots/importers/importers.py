@@ -8,8 +8,7 @@ from typing import NamedTuple
 
 from omnisim.core.errors import RobotFileError
 from omnisim.core.extras import require_extra
-from omnisim.core.files.fingerprint import fingerprint
-from omnisim.core.files.sources import note_file, recorded_sources, source_digest
+from omnisim.core.files.sources import fingerprint, note_file, recorded_sources, source_digest
 from omnisim.robots import Robot
 from omnisim.robots.importers.imported_robot import ImportedRobot
 from omnisim.robots.vehicle import Vehicle

@@ -1,17 +1,44 @@
-"""Extension of scenes by starts, paths, landmarks and dynamic objects with unique names."""
+"""Changes by a scene's TOML file: materials, objects, and the content of its base scene."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, assert_never
 
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.core.errors import SceneError
-from omnisim.core.poses import inverse
+from omnisim.core.errors import SceneError, TrajectoryError, did_you_mean
+from omnisim.core.files.toml_file import find_beside
+from omnisim.core.poses import inverse, pose_from_rotation, rotation_from_yaw
+from omnisim.scene.files.scene_file import (
+    MaterialTable,
+    ObjectPathTable,
+    ObjectTable,
+    ObjectTrajectoryTable,
+)
 from omnisim.scene.formats.imported_scene import ImportedObject
-from omnisim.scene.model import DynamicObject, Instance, Landmark, NamedStart, Scene, ScenePath
+from omnisim.scene.model import (
+    AlphaMode,
+    DynamicObject,
+    Instance,
+    Landmark,
+    Material,
+    NamedStart,
+    Scene,
+    ScenePath,
+    Texture,
+)
+from omnisim.scene.motion.object_motion import Along, FreeBody, Orbit, Rest, Rolling, Shuttle
+from omnisim.scene.planar_mirrors import is_smooth
+from omnisim.scene.surface_reflectance import MIN_ROUGHNESS
+
+if TYPE_CHECKING:
+    from omnisim.core.trajectories import Trajectory
+
 
 Named = Sequence[NamedStart | ScenePath | Landmark | DynamicObject]
 
@@ -102,3 +129,175 @@ def _check_distinct(
     for each in second:
         if each.name in names:
             raise SceneError(f"{where}: name = {each.name!r}: {whose} has one")
+
+
+# Changes of materials by the [[materials]] tables of a scene's TOML file.
+
+
+_WITH_GLOSS = ("roughness", "ior", "specular_color")
+
+
+def with_materials(scene: Scene, tables: Sequence[MaterialTable], source: Path) -> Scene:
+    """Scene with changed materials, also of its dynamic objects.
+
+    Args:
+        scene: scene of a mesh file, or a base scene.
+        tables: changes, applied in their order.
+        source: their file, for messages.
+
+    Raises:
+        SceneError: a pattern without a matching material.
+    """
+    if not tables:
+        return scene
+    shapes = (scene, *(one.shape for one in scene.objects))
+    names = dict.fromkeys(one.name for shape in shapes for one in shape.materials)
+    notices = list(scene.notices)
+    if scene.lighting.is_matte:
+        notices.append(
+            f"{source.name}: materials: of shading 'matte', which shows base colors only"
+        )
+    changes_of: dict[str, dict[str, Any]] = {}
+    for number, table in enumerate(tables):
+        for pattern in table.names:
+            matched = [name for name in names if _matches(name, pattern)]
+            if not matched:
+                hint = did_you_mean(pattern, names, "the scene has")
+                raise SceneError(
+                    f"{source}: materials.{number}.names: no material {pattern!r}; {hint}"
+                )
+            for name in matched:
+                changes_of.setdefault(name, {}).update(table.changes)
+    changed: dict[int, Material] = {}
+    for shape in shapes:
+        for material in shape.materials:
+            if material.name in changes_of and id(material) not in changed:
+                changes = changes_of[material.name]
+                changed[id(material)] = _changed(material, changes)
+                notices += _without_effect(changed[id(material)], changes, source.name)
+    objects = tuple(
+        dataclasses.replace(one, shape=_with_changed(one.shape, changed)) for one in scene.objects
+    )
+    scene = _with_changed(scene, changed)
+    return dataclasses.replace(scene, objects=objects, notices=tuple(dict.fromkeys(notices)))
+
+
+def changes_light(before: Scene, after: Scene) -> bool:
+    """True if other materials change the light on static surfaces, and so a bake.
+
+    The roughness and strength of gloss do not, unless it is a mirror: bakes spread what it reflects
+    like a matte surface. For mirrors and glass all properties count.
+    """
+    if len(before.materials) != len(after.materials):  # a slab of glass begins or ends
+        return True
+    pairs = zip(before.materials, after.materials, strict=True)
+    return any(_lit_properties(one) != _lit_properties(other) for one, other in pairs)
+
+
+def _matches(name: str, pattern: str) -> bool:
+    return fnmatchcase(name, pattern.replace("[", "[[]"))
+
+
+def _changed(material: Material, changes: Mapping[str, Any]) -> Material:
+    """Material with other properties; one that begins to transmit light is no longer blended."""
+    properties = dict(changes)
+    alpha = material.base_color[3]
+    if properties.get("transmission") and material.is_blended:
+        properties["alpha_mode"], alpha = AlphaMode.OPAQUE, 1.0
+    red, green, blue = properties.get("base_color", material.base_color[:3])
+    properties["base_color"] = (red, green, blue, alpha)
+    return dataclasses.replace(material, **properties)
+
+
+def _without_effect(material: Material, changes: Mapping[str, Any], source: str) -> list[str]:
+    """Notices on changes that a material does not show."""
+    where = f"{source}: materials: {material.name!r}"
+    if material.unlit:
+        others = [key for key in changes if key != "base_color"]
+        return [f"{where} is unlit: no effect of {', '.join(others)}"] if others else []
+    is_glossy = material.metallic or material.specular or material.transmission
+    keys = [] if is_glossy else [key for key in changes if key in _WITH_GLOSS]
+    return [f"{where}: no effect of {', '.join(keys)} without specular or metallic"] if keys else []
+
+
+def _with_changed(scene: Scene, changed: Mapping[int, Material]) -> Scene:
+    materials = tuple(changed.get(id(one), one) for one in scene.materials)
+    return dataclasses.replace(scene, materials=materials)
+
+
+def _lit_properties(material: Material) -> tuple[Any, ...]:
+    """Plain properties on which light depends; textures and arrays are left out."""
+    if not (material.transmission or is_smooth(material, MIN_ROUGHNESS)):
+        return material.base_color, material.alpha_mode, material.emissive
+    values = (getattr(material, field.name) for field in dataclasses.fields(material))
+    return tuple(one for one in values if not isinstance(one, Texture | np.ndarray))
+
+
+# Dynamic objects of a scene's TOML file: their shapes and motions.
+
+
+# Loader of an object's shape from a file, with an up axis and an animation.
+LoadShape = Callable[[Path, str | None, str | None], Scene]
+
+
+def load_objects(
+    tables: tuple[ObjectTable, ...], folder: Path, load_shape: LoadShape
+) -> tuple[DynamicObject, ...]:
+    """Load the dynamic objects of a scene's TOML file.
+
+    Args:
+        tables: validated object tables.
+        folder: folder of the TOML file, the base of relative paths.
+        load_shape: loader for a mesh file or a scene TOML file.
+
+    Raises:
+        SceneError: an object is invalid; names object, key, actual and expected value.
+    """
+    return tuple(_load_object(table, folder, load_shape) for table in tables)
+
+
+def _load_object(table: ObjectTable, folder: Path, load_shape: LoadShape) -> DynamicObject:
+    where = f"object {table.name!r}"
+    path = find_beside(folder, table.file, f"{where}: file", SceneError)
+    # the name enters fingerprints, so it must not depend on this machine's paths
+    shape = load_shape(path, table.up_axis, table.animation)
+    shape = shape.altered("", name=table.file)
+    if shape.objects:
+        raise SceneError(f"{where}: file = {table.file!r}: expected no [[objects]] in an object")
+    try:
+        motion = _motion(table, folder)
+    except TrajectoryError as reason:
+        raise SceneError(f"{where}: {reason}") from None
+    if table.rolling_radius_m is not None and not isinstance(motion, Rest):
+        return DynamicObject(table.name, shape, Rolling(motion, table.rolling_radius_m))
+    return DynamicObject(table.name, shape, motion)
+
+
+def _motion(table: ObjectTable, folder: Path) -> Along | Orbit | Shuttle | Rest:
+    match table.motion:
+        case None:
+            return table.build(Rest if table.mass_kg is None else FreeBody)
+        case ObjectPathTable() as path:
+            return Along(_trajectory(path), path.repeats)
+        case ObjectTrajectoryTable() as along:
+            from omnisim.core.trajectories import read_trajectory
+
+            return Along(read_trajectory(folder / along.file), along.repeats)
+        case Orbit() | Shuttle() as motion:
+            return motion
+        case other:
+            assert_never(other)
+
+
+def _trajectory(path: ObjectPathTable) -> Trajectory:
+    from omnisim.core.trajectories import Trajectory
+
+    yaw_deg = path.yaw_deg or (0.0,) * len(path.times_s)
+    for key, values in (("positions_m", path.positions_m), ("yaw_deg", yaw_deg)):
+        if len(values) != len(path.times_s):
+            raise TrajectoryError(
+                f"path.{key}: expected {len(path.times_s)}, one for each of times_s, "
+                f"got {len(values)}"
+            )
+    poses = pose_from_rotation(rotation_from_yaw(np.radians(yaw_deg)), np.array(path.positions_m))
+    return Trajectory(np.array(path.times_s), poses)

@@ -14,9 +14,14 @@ from numpy.typing import NDArray
 
 from omnisim.core.errors import NoticeWarning, SceneError, printable
 from omnisim.core.files.sources import recorded_sources, source_digest
-from omnisim.scene.files.dynamic_objects import load_objects
-from omnisim.scene.files.extension import extend, with_moving_instances, with_objects
-from omnisim.scene.files.material_changes import changes_light, with_materials
+from omnisim.scene.files.extension import (
+    changes_light,
+    extend,
+    load_objects,
+    with_materials,
+    with_moving_instances,
+    with_objects,
+)
 from omnisim.scene.files.readers import check_format, read_file
 from omnisim.scene.files.scene_file import SceneFile
 from omnisim.scene.files.source import NO_SKY, SceneSource, resolve_source, shining_sun, sky_table
@@ -110,52 +115,38 @@ def read_scene(
     with recorded_sources() as sources:
         scene = _load_source(source, options, ())
     assert scene.given is not None
-    content = source_digest(sources.digest(_folder(source)), options)
+    files = resolve_source(source)
+    path = files.toml or files.mesh_file
+    assert path is not None
+    content = source_digest(sources.digest(path.parent), options)
     scene = scene.identified(SourceDigests(content, scene.given.light))
     if baked is None or str(baked) == NO_BAKED_LIGHT:
         return scene
     return _with_baked_light(scene, Path(baked))
 
 
-def _folder(source: str | Path) -> Path:
-    """Folder of a scene's files."""
-    file = resolve_source(source)
-    path = file.toml or file.mesh_file
-    assert path is not None
-    return path.parent
-
-
 class _Options(NamedTuple):
-    """Options that override the files.
-
-    Attributes:
-        is_shape: load geometry only: no start pose, no nested objects.
-        sky: sky in place of those of the TOML files.
-        keeps_sky: use the skies and suns of the TOML files.
-        takes_baked: use the baked light of the scene's own TOML file.
-    """
+    """Options that override the files."""
 
     axes: FileAxes
     resources: tuple[Path, ...]
     animation: str | None
-    is_shape: bool = False
-    sky: SkyTable | None = None
-    keeps_sky: bool = True
-    takes_baked: bool = False
+    is_shape: bool = False  # load geometry only: no start pose, no nested objects
+    sky: SkyTable | None = None  # sky in place of those of the TOML files
+    keeps_sky: bool = True  # use the skies and suns of the TOML files
+    takes_baked: bool = False  # use the baked light of the scene's own TOML file
 
 
-def _load_source(
-    source: str | Path,
-    options: _Options,
-    outer: tuple[Path, ...],
-) -> Scene:
+def _load_source(source: str | Path, options: _Options, outer: tuple[Path, ...]) -> Scene:
     """Load a scene that the outer TOML files extend, or use as the shape of an object."""
     try:
         files = resolve_source(source)
     except OSError as reason:  # a name too long, or a folder without permission
         raise SceneError(f"{source}: cannot be read: {reason.strerror}") from None
-    if not options.keeps_sky:
-        files = _with_sky_option(files, None if outer else options.sky)
+    if not options.keeps_sky:  # also of the base scenes; a clear sky keeps the files' sun
+        sky = None if outer else options.sky
+        is_clear = sky is not None and sky.file is None
+        files = files.with_sky(sky, shining_sun(files) if is_clear else None)
     folder = Path() if options.sky is not None or files.toml is None else files.toml.parent
     if files.toml is None:
         return _lit(_load_mesh_file(source, files, options), files, folder)
@@ -186,15 +177,6 @@ def _load_source(
     return _with_baked_light(scene, files.toml.parent / files.settings.light.baked)
 
 
-def _with_sky_option(files: SceneSource, sky: SkyTable | None) -> SceneSource:
-    """Source with another sky, which also replaces the skies of its base scenes.
-
-    A clear sky keeps the sun of the TOML files.
-    """
-    is_clear = sky is not None and sky.file is None
-    return files.with_sky(sky, shining_sun(files) if is_clear else None)
-
-
 def _with_baked_light(scene: Scene, folder: Path) -> Scene:
     from omnisim.scene.light.baked import with_baked_light  # reads images, slow to import
 
@@ -212,7 +194,11 @@ def _lit(scene: Scene, files: SceneSource, folder: Path) -> Scene:
     given = scene.given
     assert given is not None
     with recorded_sources() as sources:
-        lit = _with_sky(lit_scene(scene, files.settings), files, folder)
+        lit = lit_scene(scene, files.settings)
+        if files.settings.sky is not None:
+            from omnisim.scene.light.sky import with_sky  # reads images, slow to import
+
+            lit = with_sky(lit, files.settings, str(files.toml or files.mesh_file), folder)
     keys = _light_keys(files.settings)
     if not keys:
         return lit.identified(given)
@@ -233,20 +219,8 @@ def _light_keys(settings: SceneFile) -> dict[str, Any]:
     return {key: value for key, value in keys.items() if value or key == "sky"}
 
 
-def _with_sky(scene: Scene, files: SceneSource, folder: Path) -> Scene:
-    """Scene under the sky of its settings, if there is one; `folder` resolves the map's path."""
-    if files.settings.sky is None:
-        return scene
-    from omnisim.scene.light.sky import with_sky  # reads images, slow to import
-
-    return with_sky(scene, files.settings, str(files.toml or files.mesh_file), folder)
-
-
 def _load_extended(
-    name: str,
-    files: SceneSource,
-    options: _Options,
-    outer: tuple[Path, ...],
+    name: str, files: SceneSource, options: _Options, outer: tuple[Path, ...]
 ) -> Scene:
     """Load the base scene that a TOML file extends, and add the TOML file's content."""
     settings, toml = files.settings, files.toml
@@ -302,11 +276,7 @@ def _with_materials(
     return changed.identified(SourceDigests(light, light))
 
 
-def _load_mesh_file(
-    source: str | Path,
-    files: SceneSource,
-    options: _Options,
-) -> Scene:
+def _load_mesh_file(source: str | Path, files: SceneSource, options: _Options) -> Scene:
     path, settings = files.mesh_file, files.settings
     assert path is not None
     try:
@@ -314,7 +284,11 @@ def _load_mesh_file(
         if path.stat().st_size == 0:
             raise SceneError(f"{path}: is an empty file")
         try:
-            axes, animation = _axes_overrides(settings, options.axes), settings.animation
+            up_axis, unit = options.axes
+            axes = FileAxes(
+                up_axis or settings.up_axis, settings.meters_per_unit if unit is None else unit
+            )
+            animation = settings.animation
             if options.animation is not None:
                 animation = options.animation
             choice = AnimationChoice(animation, moves_objects=not options.is_shape)
@@ -402,8 +376,7 @@ def _lighting(lighting: Lighting, settings: SceneFile) -> Lighting:
 
 
 def _start(settings: SceneFile) -> StartPose | None:
-    start = settings.start
-    return None if start is None else StartPose(start.position_m, start.yaw_deg)
+    return None if settings.start is None else settings.start.build(StartPose)
 
 
 def _landmarks(settings: SceneFile) -> tuple[Landmark, ...]:
@@ -417,9 +390,3 @@ def _landmarks(settings: SceneFile) -> tuple[Landmark, ...]:
         )
         landmarks.append(Landmark(table.name, table.position_m, table.footprint_m, bands))
     return tuple(landmarks)
-
-
-def _axes_overrides(settings: SceneFile, axes: FileAxes) -> FileAxes:
-    """Overrides for a file, from `axes` or else from `settings`."""
-    unit = settings.meters_per_unit if axes.meters_per_unit is None else axes.meters_per_unit
-    return FileAxes(axes.up_axis or settings.up_axis, unit)

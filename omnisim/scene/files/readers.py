@@ -30,24 +30,16 @@ Read = tuple[ImportedScene, NDArray[np.float64]]  # contents and world_from_file
 
 @dataclass(frozen=True, eq=False)
 class SourceFile:
-    """Scene file with everything its reader may need; the content is read on first use.
+    """Scene file with everything its reader may need; the content is read on first use."""
 
-    Attributes:
-        path: path of the file.
-        axes: overrides of the file's up axis and unit.
-        folders: folders of models and packages, see `load_scene`.
-        animation: glTF animation to play.
-        urdf_materials: "robot" or "mesh", see `SceneFile`; None: not stated.
-        textures, assets: store and resolver for all images and other files of the scene.
-    """
-
-    path: Path
-    axes: FileAxes
-    folders: Sequence[Path]
-    animation: AnimationChoice
+    path: Path  # path of the file
+    axes: FileAxes  # overrides of the file's up axis and unit
+    folders: Sequence[Path]  # folders of models and packages, see `load_scene`
+    animation: AnimationChoice  # glTF animation to play
+    # textures, assets: store and resolver for all images and other files of the scene
     textures: TextureStore
     assets: AssetResolver
-    urdf_materials: str | None
+    urdf_materials: str | None  # "robot" or "mesh", see `SceneFile`; None: not stated
 
     @cached_property
     def data(self) -> bytes:
@@ -66,17 +58,11 @@ class SourceFile:
 
 
 class SceneFormat(NamedTuple):
-    """Scene file format.
+    """Scene file format."""
 
-    Attributes:
-        suffixes: file suffixes.
-        read: reader function.
-        extra: name of the extra that it requires; None: no extra.
-    """
-
-    suffixes: tuple[str, ...]
-    read: Callable[[SourceFile], Read]
-    extra: str | None = None
+    suffixes: tuple[str, ...]  # file suffixes
+    read: Callable[[SourceFile], Read]  # reader function
+    extra: str | None = None  # name of the extra that it requires; None: no extra
 
 
 # Every reader except glTF's is slow to import, or requires an extra.

@@ -10,13 +10,19 @@ from pydantic import AfterValidator, Field, ValidationInfo, field_validator, mod
 
 from omnisim.core.errors import did_you_mean
 from omnisim.core.files.parameters import AboveZero, Flag, Name, Number, Point, Table, overriding
-from omnisim.scene.files.material_keys import MaterialTable
 from omnisim.scene.light.light_tables import FogTable, LampTable, LightTable, SkyTable, SunTable
-from omnisim.scene.motion.object_motion import Orbit, Shuttle
-from omnisim.scene.parts import ColorBand, Landmark, LinearRgb, NamedStart, ScenePath
-
-Byte = Annotated[int, Field(ge=0, le=255, strict=True)]
-MAX_CLASS = 60_000  # channels have 16 bits; the rest is reserved for unlabeled instances
+from omnisim.scene.motion.object_motion import FreeBody, Orbit, Shuttle
+from omnisim.scene.parts import (
+    ColorBand,
+    LabelRule,
+    Landmark,
+    LinearRgb,
+    Material,
+    NamedStart,
+    ScenePath,
+    Shares,
+    StartPose,
+)
 
 
 def _distinct(key: str) -> AfterValidator:
@@ -32,13 +38,9 @@ def _distinct(key: str) -> AfterValidator:
     return AfterValidator(check)
 
 
+@overriding(StartPose, defaults={})
 class StartTable(Table):
     """Default camera pose. If omitted, it is near the middle of the scene, clear of surfaces."""
-
-    position_m: Point
-    """Position in the world, m, z up."""
-    yaw_deg: Number = 0.0
-    """Heading, degrees counter-clockwise from the world's x."""
 
 
 @overriding(ColorBand, "color", "top_m", defaults={})
@@ -98,9 +100,14 @@ class ObjectTrajectoryTable(Table):
 MotionTable = ObjectPathTable | ObjectTrajectoryTable | Orbit | Shuttle
 
 
+@overriding(FreeBody)
 class ObjectTable(Table):
     """Dynamic object, moved by one of path, trajectory, orbit and shuttle; static without them."""
 
+    if TYPE_CHECKING:
+        position_m: Point | None
+        yaw_deg: float | None
+        mass_kg: float | None
     name: Name
     """Name of the object, unique."""
     file: Name
@@ -109,12 +116,6 @@ class ObjectTable(Table):
     """Up axis of the mesh file. Default: that of its format."""
     animation: Name | None = None
     """Name of the glTF animation that deforms the object's meshes. Default: no animation."""
-    position_m: Point | None = None
-    """Position of a static object's origin in the world, m. Default: the world's origin."""
-    yaw_deg: Number | None = None
-    """Heading of a static object, degrees. Default: 0."""
-    mass_kg: Annotated[Number, Field(ge=1e-3, le=1e6)] | None = None
-    """Mass, kg, of a static object that robots can push with `--physics`. Default: immovable."""
     rolling_radius_m: AboveZero | None = None
     """Radius of a ball that rolls along its motion without slipping. Default: no rolling."""
     path: ObjectPathTable | None = None
@@ -141,17 +142,18 @@ class ObjectTable(Table):
         return next((value for _, value in self if isinstance(value, MotionTable)), None)
 
 
+@overriding(
+    LabelRule,
+    *("name", "nodes", "color", "id"),
+    defaults={"color": None, "id": None},
+    are_first=True,
+)
 class LabelTable(Table):
     """Class of instances; `omnisim/scene/labels.py` explains the keys."""
 
-    name: Name
-    """Name of the class, unique."""
-    nodes: Annotated[tuple[Name, ...], Field(min_length=1)]
-    """Patterns of node names with the wildcards `*` and `?`; the first match decides."""
-    color: tuple[Byte, Byte, Byte] | None = None
-    """8-bit sRGB for images. Default: chosen automatically."""
-    id: Annotated[int, Field(ge=1, le=MAX_CLASS, strict=True)] | None = None
-    """ID of the class in the channel. Default: the next free one."""
+    if TYPE_CHECKING:
+        id: int | None
+        color: tuple[int, int, int] | None
 
 
 LabelTables = Annotated[tuple[LabelTable, ...], _distinct("name"), _distinct("id")]
@@ -161,6 +163,38 @@ class LabelFile(Table):
     """Label file: classes for a scene without any, or in place of its own."""
 
     labels: Annotated[LabelTables, Field(min_length=1)]
+
+
+KEYS = (
+    "metallic", "roughness", "specular", "specular_color", "ior", "clearcoat",
+    "clearcoat_roughness", "transmission", "thickness_m", "attenuation_color",
+    "attenuation_distance_m", "dispersion", "emissive",
+)  # fmt: skip
+
+
+@overriding(Material, *KEYS)
+class MaterialTable(Table):
+    """Change of materials of the mesh file or of the base scene.
+
+    Values replace the file's factors, and multiply its maps and vertex colors, as in glTF. Of
+    several tables that match a material, each is applied, in their order.
+    """
+
+    names: Annotated[tuple[Name, ...], Field(min_length=1)]
+    """Patterns of material names with the wildcards `*` and `?`."""
+    base_color: Shares | None = None
+    """Linear RGB; multiplied with the texture."""
+
+    @property
+    def changes(self) -> dict[str, Any]:
+        """Values of the keys that are given, by the names of `Material`'s attributes."""
+        return self.model_dump(exclude={"names"}, exclude_none=True)
+
+    @model_validator(mode="after")
+    def _has_changes(self) -> MaterialTable:
+        if not self.changes:
+            raise ValueError("expected a key besides names, such as roughness")
+        return self
 
 
 class SceneFile(Table):

@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from omnisim.core.errors import SceneError, did_you_mean
-from omnisim.core.files.extended_tables import base_source
-from omnisim.core.files.toml_file import find_beside, read_toml
+from omnisim.core.files.toml_file import base_source, find_beside, read_toml
 from omnisim.core.package_files import SCENES, built_in
 from omnisim.scene.files.scene_file import SceneFile
 from omnisim.scene.light.light_tables import SkyTable, SunTable
@@ -22,17 +21,11 @@ def builtin_scenes() -> list[str]:
 
 
 class SceneSource(NamedTuple):
-    """Files of a scene.
+    """Files of a scene."""
 
-    Attributes:
-        mesh_file: path of the mesh file; None: the scene extends another.
-        settings: settings of the TOML file, or the defaults.
-        toml: path of the TOML file; None: no TOML file.
-    """
-
-    mesh_file: Path | None
-    settings: SceneFile
-    toml: Path | None
+    mesh_file: Path | None  # path of the mesh file; None: the scene extends another
+    settings: SceneFile  # settings of the TOML file, or the defaults
+    toml: Path | None  # path of the TOML file; None: no TOML file
 
     @property
     def base(self) -> str | Path | None:

@@ -12,15 +12,10 @@ from omnisim.core.files.sources import source_digest
 
 @dataclass(frozen=True)
 class SourceDigests:
-    """Digests of a scene's sources: files, keys, options and edits.
+    """Digests of a scene's sources: files, keys, options and edits."""
 
-    Attributes:
-        content: digest of all sources.
-        light: digest of the inputs of baked light: static surfaces, materials and lights.
-    """
-
-    content: str
-    light: str
+    content: str  # digest of all sources
+    light: str  # digest of the inputs of baked light: static surfaces, materials and lights
 
     def edited(self, *change: Any) -> SourceDigests:
         """Digests after an edit, given by its name and its arguments."""

@@ -19,12 +19,12 @@ from pydantic import ConfigDict, Field
 
 from omnisim.core.errors import OutputError, SceneError
 from omnisim.core.files.image_files import read_radiance
-from omnisim.core.files.npz_file import read_arrays
+from omnisim.core.files.number_files import read_arrays
 from omnisim.core.files.parameters import Point, Positive, Table, parse_table
 from omnisim.core.files.sources import read_source
 from omnisim.scene.light.baked_light import FACTORS, MAX_HALF, BakedLight, Probes
-from omnisim.scene.light.emissive_light import without_even_light
 from omnisim.scene.light.lighting import background_light
+from omnisim.scene.light.lit_scene import without_even_light
 from omnisim.scene.model import Mesh, Scene
 from omnisim.scene.parts import LightRectangle
 
@@ -71,7 +71,9 @@ def with_baked_light(scene: Scene, folder: Path) -> Scene:
     if not folder.is_dir():
         raise SceneError(f"{folder}: no such folder: {_advice(scene, folder)}")
     contents = _read_contents(folder / CONTENTS)
-    if not _is_of(contents.fingerprint, scene):
+    own = contents.fingerprint
+    # older versions stored the fingerprint of the content
+    if own != baked_fingerprint(scene) and own != content_fingerprint(scene):
         raise SceneError(
             f"{folder}: the bake does not match {scene.name}: geometry or lights have changed "
             f"since: {_advice(scene, folder, ' --force')}"
@@ -80,10 +82,13 @@ def with_baked_light(scene: Scene, folder: Path) -> Scene:
     backs = _rectangles(contents.back_rects, "back_rects", scene, folder / CONTENTS)
     baked = BakedLight(_read_irradiance(folder / IRRADIANCE), _read_probes(folder, contents.probes))
     lighting = without_even_light(scene).lighting
-    used = sorted({scene.instances[number].mesh for number in rectangles})
+    meshes, path = list(scene.meshes), folder / UNWRAPPING
+    stored = _read_unwrapping(path)
+    for number in sorted({scene.instances[number].mesh for number in rectangles}):
+        meshes[number] = _split_mesh(meshes[number], number, stored, path)
     return dataclasses.replace(
         scene,
-        meshes=_split_meshes(scene.meshes, used, folder / UNWRAPPING),
+        meshes=tuple(meshes),
         instances=tuple(
             dataclasses.replace(
                 one, light_rectangle=rectangles[number], light_back_rectangle=backs.get(number)
@@ -94,11 +99,6 @@ def with_baked_light(scene: Scene, folder: Path) -> Scene:
         ),
         lighting=dataclasses.replace(lighting, baked=baked),
     )
-
-
-def _is_of(fingerprint: str, scene: Scene) -> bool:
-    """True if a bake belongs to the scene, also by the content fingerprint of older versions."""
-    return fingerprint == baked_fingerprint(scene) or fingerprint == content_fingerprint(scene)
 
 
 def _advice(scene: Scene, folder: Path, more: str = "") -> str:
@@ -168,14 +168,6 @@ def _read_probes(folder: Path, grid: _Grid) -> Probes:
         np.array(grid.origin_m), np.array(grid.spacing_m),
         np.where(valid[..., None, None], factors, 0.0).astype(np.float32), valid,
     )  # fmt: skip
-
-
-def _split_meshes(meshes: tuple[Mesh, ...], used: list[int], path: Path) -> tuple[Mesh, ...]:
-    stored = _read_unwrapping(path)
-    split = list(meshes)
-    for number in used:
-        split[number] = _split_mesh(meshes[number], number, stored, path)
-    return tuple(split)
 
 
 def _read_unwrapping(path: Path) -> dict[str, NDArray[Any]]:
@@ -307,36 +299,30 @@ class _Digest:
     def add(self, value: Any) -> None:
         """Add numbers, text, arrays, enumerations, sequences and data classes of these."""
         if isinstance(value, np.ndarray):
-            self._hash.update(self._of_array(value))
+            if id(value) not in self._known:
+                one = hashlib.sha256(f"{value.dtype.str}{value.shape}".encode())
+                one.update(np.ascontiguousarray(value).data)
+                self._known[id(value)] = value, one.digest()  # the reference keeps the id unique
+            self._hash.update(self._known[id(value)][1])
         elif isinstance(value, tuple | list):
             self._tag("sequence", len(value))
-            for one in value:
-                self.add(one)
+            for item in value:
+                self.add(item)
         elif dataclasses.is_dataclass(value):
-            self._add_fields(value)
+            # only fields with non-default values: later versions may have more fields
+            for field in dataclasses.fields(value):
+                given = getattr(value, field.name)
+                is_default = not isinstance(given, np.ndarray) and given == field.default
+                if field.name not in _NAMES and not is_default:
+                    self._tag("field", field.name)
+                    self.add(given)
+            self._tag("end", type(value).__name__)
         elif isinstance(value, Enum):
             self._tag("case", value.value)
         elif isinstance(value, bool | int | float):
             self._hash.update(struct.pack("<d", value))
         else:
             self._tag("other", value)
-
-    def _add_fields(self, value: Any) -> None:
-        """Add the fields with non-default values only: later versions may have more fields."""
-        for field in dataclasses.fields(value):
-            given = getattr(value, field.name)
-            is_default = not isinstance(given, np.ndarray) and given == field.default
-            if field.name not in _NAMES and not is_default:
-                self._tag("field", field.name)
-                self.add(given)
-        self._tag("end", type(value).__name__)
-
-    def _of_array(self, array: np.ndarray[Any, Any]) -> bytes:
-        if id(array) not in self._known:
-            one = hashlib.sha256(f"{array.dtype.str}{array.shape}".encode())
-            one.update(np.ascontiguousarray(array).data)
-            self._known[id(array)] = array, one.digest()  # the reference keeps the id unique
-        return self._known[id(array)][1]
 
     def _tag(self, kind: str, value: object) -> None:
         self._hash.update(f"{kind} {value!r};".encode())

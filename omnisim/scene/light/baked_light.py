@@ -25,20 +25,14 @@ _NEIGHBORS = [(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0,
 
 @dataclass(frozen=True, eq=False)
 class Probes:
-    """Irradiance probes on a regular grid.
+    """Irradiance probes on a regular grid."""
 
-    Attributes:
-        origin_m: (3,) position of the first probe, world frame.
-        spacing_m: (3,) distances between probes.
-        factors: (nx, ny, nz, 9, 3) float32 coefficients of the polynomials in
-            `environment.spherical_harmonics`.
-        valid: (nx, ny, nz) mask of the probes outside walls.
-    """
-
-    origin_m: NDArray[np.float64]
-    spacing_m: NDArray[np.float64]
+    origin_m: NDArray[np.float64]  # (3,) position of the first probe, world frame
+    spacing_m: NDArray[np.float64]  # (3,) distances between probes
+    # (nx, ny, nz, 9, 3) float32 coefficients of the polynomials in
+    # `environment.spherical_harmonics`
     factors: NDArray[np.float32]
-    valid: NDArray[np.bool_]
+    valid: NDArray[np.bool_]  # (nx, ny, nz) mask of the probes outside walls
 
     def __repr__(self) -> str:
         return short_repr(self, " × ".join(map(str, self.valid.shape)))
@@ -78,15 +72,11 @@ class Probes:
 
 @dataclass(frozen=True, eq=False)
 class BakedLight:
-    """Baked light of a scene, including shadows and bounces.
+    """Baked light of a scene, including shadows and bounces."""
 
-    Attributes:
-        irradiance: (height, width, 3) float16 lightmap, top row first, with a region per instance.
-        probes: light of surfaces without a region.
-    """
-
+    # (height, width, 3) float16 lightmap, top row first, with a region per instance
     irradiance: NDArray[np.float16]
-    probes: Probes
+    probes: Probes  # light of surfaces without a region
 
     def __repr__(self) -> str:
         height, width = self.irradiance.shape[:2]

@@ -24,13 +24,9 @@ _SAMPLES = 128
 
 @dataclass(frozen=True, eq=False)
 class Environment:
-    """Environment map of distant light.
+    """Environment map of distant light."""
 
-    Attributes:
-        radiance: (height, width, 3) float32, linear RGB in display brightness; width is
-            twice the height.
-    """
-
+    # (height, width, 3) float32, linear RGB in display brightness; width is twice the height
     radiance: NDArray[np.float32]
 
     def __repr__(self) -> str:
@@ -135,9 +131,7 @@ def lookup(pixels: NDArray[np.float32], uv: NDArray[np.float64]) -> NDArray[np.f
 
 
 def _between_levels(
-    levels: tuple[NDArray[np.float32], ...],
-    uv: NDArray[np.float64],
-    steps: NDArray[np.floating],
+    levels: tuple[NDArray[np.float32], ...], uv: NDArray[np.float64], steps: NDArray[np.floating]
 ) -> NDArray[np.float32]:
     """Values (n, 3) at texture coordinates (n, 2), interpolated between levels at steps (n,)."""
     steps = np.minimum(steps, len(levels) - 1)

@@ -3,21 +3,12 @@
 from __future__ import annotations
 
 from datetime import datetime
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from omnisim.core.files.parameters import (
-    Flag,
-    Name,
-    NotNegative,
-    Number,
-    Point,
-    Positive,
-    Table,
-)
-
-LinearRgb = tuple[NotNegative, NotNegative, NotNegative]
+from omnisim.core.files.parameters import Flag, Name, Number, Point, Positive, Table, overriding
+from omnisim.scene.parts import Fog, Light, LightKind, LinearRgb
 
 
 def _native(value: Any) -> Any:
@@ -65,21 +56,22 @@ class LightTable(Table):
         return bool(self.model_fields_set - {"baked"})
 
 
+@overriding(
+    Light,
+    *("kind", "position_m", "direction", "intensity", "color", "range_m"),
+    defaults={"color": (1.0, 1.0, 1.0), "range_m": None},
+    are_first=True,
+)
 class LampTable(Table):
     """Lamp, in addition to those of the mesh file."""
 
-    kind: Literal["directional", "point", "spot"]
-    """Type of lamp, as in glTF; directional lamps are infinitely far away."""
+    if TYPE_CHECKING:
+        kind: LightKind
+    # a light has both as arrays, and always
     position_m: Point | None = None
     """Position of a point or spot lamp in the world, m."""
     direction: Point | None = None
     """Direction of travel of the light of a directional or spot lamp, of any length."""
-    intensity: Positive
-    """Illuminance of a directional lamp, lx, or luminous intensity of others, cd."""
-    color: LinearRgb = (1.0, 1.0, 1.0)
-    """Linear RGB, multiplied with the intensity."""
-    range_m: Positive | None = None
-    """Distance at which the light of a point or spot lamp ends, m. Default: infinite."""
     inner_deg: Annotated[Number, Field(ge=0.0, lt=90.0)] | None = None
     """Half-angle of a spot lamp's cone of full brightness, degrees. Default: 0."""
     outer_deg: Annotated[Number, Field(gt=0.0, le=90.0)] | None = None
@@ -89,15 +81,16 @@ class LampTable(Table):
 
     @model_validator(mode="after")
     def _fits_kind(self) -> LampTable:
+        kind = self.kind.value
         needed = {"directional": ("direction",), "point": ("position_m",)}.get(
-            self.kind, ("position_m", "direction")
+            kind, ("position_m", "direction")
         )
         for key in ("position_m", "direction", "inner_deg", "outer_deg", "range_m"):
             given = getattr(self, key) is not None
             if key in needed and not given:
-                raise ValueError(f"{key}: missing; a {self.kind} lamp has one")
-            if given and key in _FOREIGN[self.kind]:
-                raise ValueError(f"{key}: expected none of a {self.kind} lamp")
+                raise ValueError(f"{key}: missing; a {kind} lamp has one")
+            if given and key in _FOREIGN[kind]:
+                raise ValueError(f"{key}: expected none of a {kind} lamp")
         if self.direction == (0.0, 0.0, 0.0):
             raise ValueError("direction: expected a length other than 0")
         if not (self.inner_deg or 0.0) < (45.0 if self.outer_deg is None else self.outer_deg):
@@ -112,9 +105,12 @@ _FOREIGN = {
 }
 
 
+@overriding(Light, "color", defaults={"color": (1.0, 0.97, 0.90)})
 class SunTable(Table):
     """Sun in a clear sky for a time and place: a directional lamp."""
 
+    if TYPE_CHECKING:
+        color: LinearRgb
     time: Time
     """Time with its UTC offset, such as 2026-06-21T12:00:00+02:00."""
     latitude_deg: Annotated[Number, Field(ge=-90.0, le=90.0)]
@@ -125,21 +121,19 @@ class SunTable(Table):
     """Direction of north, degrees counter-clockwise from the world's x. Default: the world's y."""
     illuminance_lx: Positive | None = None
     """Illuminance of a surface that faces the sun, lx. Default: computed from its elevation."""
-    color: LinearRgb = (1.0, 0.97, 0.90)
-    """Linear RGB, multiplied with the illuminance."""
     shadows: Flag = True
     """Cast shadows."""
 
 
+@overriding(Fog, "color", defaults={}, are_first=True)
+@overriding(Fog, "attenuation_per_m")
 class FogTable(Table):
     """Homogeneous fog or water between the camera and the surfaces."""
 
-    color: LinearRgb
-    """Linear RGB at infinite distance."""
+    if TYPE_CHECKING:
+        attenuation_per_m: tuple[float, float, float] | None
     visibility_m: Positive | None = None
     """Distance at which 5 % of the contrast remains, m."""
-    attenuation_per_m: tuple[NotNegative, NotNegative, NotNegative] | None = None
-    """Attenuation of R, G and B per meter, instead of visibility_m: water absorbs red first."""
 
     @model_validator(mode="after")
     def _one_measure(self) -> FogTable:

@@ -1,17 +1,24 @@
-"""Light of a scene from the tables of its TOML file: lamps, sun, fog, shadows and exposure."""
+"""Light of a scene: from the tables of its TOML file, or of emissive surfaces instead of lamps."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from omnisim.scene.files.scene_file import SceneFile
-from omnisim.scene.light.light_tables import FogTable, LampTable, SunTable
-from omnisim.scene.light.lighting import FILL_AMBIENT, expose, is_even
+from omnisim.scene.light.light_tables import LampTable, SunTable
+from omnisim.scene.light.lighting import (
+    DEFAULT_LIGHTING,
+    FILL_AMBIENT,
+    background_light,
+    expose,
+    is_even,
+)
 from omnisim.scene.light.sky import sun_illuminance_lx, sun_position
-from omnisim.scene.model import Scene
+from omnisim.scene.model import Material, Scene
 from omnisim.scene.parts import Fog, Light, Lighting, LightKind
 
 # Contrast that remains at the visibility distance.
@@ -47,8 +54,11 @@ def lit_scene(scene: Scene, settings: SceneFile) -> Scene:
                 environment=lighting.environment.scaled(table.exposure / lighting.exposure),
             )
         lighting = replace(lighting, exposure=table.exposure)
-    if settings.fog is not None:
-        lighting = replace(lighting, fog=_fog(settings.fog))
+    if (fog := settings.fog) is not None:
+        others = {}
+        if fog.visibility_m is not None:
+            others["attenuation_per_m"] = (-math.log(_VISIBLE_CONTRAST) / fog.visibility_m,) * 3
+        lighting = replace(lighting, fog=fog.build(Fog, **others))
     return scene if lighting is scene.lighting else replace(scene, lighting=lighting)
 
 
@@ -64,18 +74,16 @@ def _with_lamps(scene: Scene, lamps: tuple[Light, ...]) -> Lighting:
 
 
 def _lamp(table: LampTable) -> Light:
-    kind = LightKind(table.kind)
-    light = Light(kind, table.color, table.intensity, casts_shadow=table.shadows)
+    others: dict[str, Any] = {"casts_shadow": table.shadows}
     if table.position_m is not None:
-        light = replace(light, position_m=np.array(table.position_m))
+        others["position_m"] = np.array(table.position_m)
     if table.direction is not None:
-        direction = np.array(table.direction)
-        light = replace(light, direction=direction / np.linalg.norm(direction))
-    if kind is LightKind.SPOT:
+        others["direction"] = np.array(table.direction) / np.linalg.norm(table.direction)
+    if table.kind is LightKind.SPOT:
         inner = math.radians(table.inner_deg or 0.0)
         outer = math.radians(45.0 if table.outer_deg is None else table.outer_deg)
-        light = replace(light, cone_cosines=(math.cos(inner), math.cos(outer)))
-    return light if table.range_m is None else replace(light, range_m=table.range_m)
+        others["cone_cosines"] = (math.cos(inner), math.cos(outer))
+    return table.build(Light, **others)
 
 
 def _sun(table: SunTable) -> list[Light]:
@@ -84,21 +92,31 @@ def _sun(table: SunTable) -> list[Light]:
     if position.elevation_deg <= 0.0:
         return []
     level = table.illuminance_lx or sun_illuminance_lx(position.elevation_deg)
-    direction = position.direction(table.north_deg)
     return [
-        Light(
-            LightKind.DIRECTIONAL,
-            table.color,
-            level,
-            direction=direction,
+        table.build(
+            Light,
+            kind=LightKind.DIRECTIONAL,
+            intensity=level,
+            direction=position.direction(table.north_deg),
             casts_shadow=table.shadows,
         )
     ]
 
 
-def _fog(table: FogTable) -> Fog:
-    if table.attenuation_per_m is not None:
-        return Fog(table.color, table.attenuation_per_m)
-    assert table.visibility_m is not None
-    extinction = -math.log(_VISIBLE_CONTRAST) / table.visibility_m
-    return Fog(table.color, (extinction,) * 3)
+def without_even_light(scene: Scene) -> Scene:
+    """Scene lit by its emissive surfaces alone, if it has no lamps and they are bright.
+
+    A background brighter than white counts too: it is the sky outside.
+    """
+    lighting = scene.lighting
+    is_even = lighting.lights is DEFAULT_LIGHTING.lights and not lighting.is_matte
+    if not (is_even and any(map(is_bright, scene.materials))):
+        return scene
+    sky = background_light(scene.background)
+    shone = replace(lighting, lights=(), ambient=sky)
+    return replace(scene, lighting=shone)
+
+
+def is_bright(material: Material) -> bool:
+    """True for emission brighter than white: a lamp's tubes, but not a screen."""
+    return not material.unlit and max(material.emissive) > 1.0

@@ -101,11 +101,7 @@ def _with_own_sun(lighting: Lighting, table: SkyTable, light_table: LightTable) 
 def _around_sun(
     lighting: Lighting, table: SkyTable, sun: SunTable, light: LightTable, toml: str
 ) -> Lighting:
-    """Lighting with a clear sky around a sun in lux; sky, sun and lamps share one exposure.
-
-    Raises:
-        SceneError: the sun is below the horizon.
-    """
+    """Lighting with a clear sky around a sun in lux; sky, sun and lamps share one exposure."""
     position = sun_position(sun.time, sun.latitude_deg, sun.longitude_deg)
     if position.elevation_deg <= 0.0:
         raise SceneError(f"{toml}: sky: expected a sun above the horizon, or an environment map")
@@ -125,11 +121,7 @@ def _level_luminance(radiance: NDArray[np.float32]) -> float:
 
 
 def _read_map(path: Path) -> NDArray[np.float32]:
-    """Environment map (height, width, 3) from a file.
-
-    Raises:
-        SceneError: an unsupported format, a wrong shape or invalid radiance.
-    """
+    """Environment map (height, width, 3) from a file."""
     if path.suffix.lower() not in SUFFIXES:
         raise SceneError(f"{path}: expected an environment map (.hdr, .exr), got {path.suffix!r}")
     try:
@@ -286,15 +278,10 @@ _EXTINCTION = 0.21  # optical depth of a clear sky
 
 
 class SunPosition(NamedTuple):
-    """Direction toward the sun.
+    """Direction toward the sun."""
 
-    Attributes:
-        elevation_deg: elevation above the horizon; negative: below it.
-        azimuth_deg: azimuth from north toward east.
-    """
-
-    elevation_deg: float
-    azimuth_deg: float
+    elevation_deg: float  # elevation above the horizon; negative: below it
+    azimuth_deg: float  # azimuth from north toward east
 
     def direction(self, north_deg: float) -> NDArray[np.float64]:
         """Direction of travel (3,) of the sun's light, world frame.

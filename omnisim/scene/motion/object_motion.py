@@ -11,7 +11,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Protocol
 
 import numpy as np
-from pydantic import AfterValidator
+from pydantic import AfterValidator, Field
 
 from omnisim.core.arrays import Floats
 from omnisim.core.files.parameters import AboveZero, Number, Parameters, Point
@@ -36,8 +36,10 @@ class ObjectMotion(Protocol):
 class Rest:
     """Static pose."""
 
-    position_m: Vector  # position of the object's origin
-    yaw_deg: float = 0.0  # heading of the object
+    position_m: Point = (0.0, 0.0, 0.0)
+    """Position of a static object's origin in the world, m. Default: the world's origin."""
+    yaw_deg: Number = 0.0
+    """Heading of a static object, degrees. Default: 0."""
 
     def pose_at(self, time_s: float) -> Pose:
         """Pose (4, 4), the same at all times."""
@@ -48,7 +50,8 @@ class Rest:
 class FreeBody(Rest):
     """Static pose of a body that physics can push."""
 
-    mass_kg: float = 1.0  # mass of the object
+    mass_kg: Annotated[Number, Field(ge=1e-3, le=1e6)] = 1.0
+    """Mass, kg, of a static object that robots can push with `--physics`. Default: immovable."""
 
 
 @dataclass(frozen=True, eq=False)

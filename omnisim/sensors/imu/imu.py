@@ -32,9 +32,9 @@ import scipy  # its submodules load when first used
 from numpy.typing import NDArray
 
 from omnisim.core.errors import RunError
-from omnisim.core.files.number_table import BLOCK, write_table
+from omnisim.core.files.atomic_file import is_written
+from omnisim.core.files.number_files import BLOCK, write_table
 from omnisim.core.files.parameters import Level, Parameters, overriding
-from omnisim.core.files.written_files import is_written
 from omnisim.core.poses import rotation_angles
 from omnisim.core.random_numbers import key_of, normal, pcg4d
 from omnisim.core.trajectories import Trajectory

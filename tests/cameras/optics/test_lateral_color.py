@@ -8,8 +8,7 @@ import pytest
 
 from omnisim.cameras import EquidistantCamera
 from omnisim.cameras.optics import OpticalSystem, Surface
-from omnisim.cameras.optics.centrality import seen_rays
-from omnisim.cameras.optics.lateral_color import lateral_color_px
+from omnisim.cameras.optics.centrality import lateral_color_px, seen_rays
 from omnisim.cameras.optics.media import refractive_index
 from omnisim.cameras.optics.shapes import Plane
 from tests.cameras.optics.examples import SYSTEMS, at, behind_a_dome, port

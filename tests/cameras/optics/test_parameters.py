@@ -13,7 +13,7 @@ from omnisim.cameras.optics.shapes import Conic, Polynomial
 from omnisim.cameras.optics.system_file import parse_optics
 from omnisim.core import poses
 from omnisim.core.errors import OmnisimError, OpticsError
-from omnisim.core.files.fingerprint import fingerprint
+from omnisim.core.files.sources import fingerprint
 from omnisim.rendering.camera.captured_image import camera_of_parameters
 from tests.cameras.optics.examples import EXAMPLES, SYSTEMS, pinhole
 

@@ -3,8 +3,7 @@
 import pytest
 
 from omnisim.core.errors import RobotFileError
-from omnisim.core.files.extended_tables import extended
-from omnisim.core.files.toml_file import read_tables, toml_text
+from omnisim.core.files.toml_file import extended, read_tables, toml_text
 
 BASE = {
     "name": "base",

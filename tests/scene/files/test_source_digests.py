@@ -8,7 +8,7 @@ import pytest
 import trimesh
 from PIL import Image
 
-from omnisim.core.files.fingerprint import fingerprint
+from omnisim.core.files.sources import fingerprint
 from omnisim.scene import read_scene
 from omnisim.scene.light.baked import baked_fingerprint
 from omnisim.scene.model import Scene

@@ -10,7 +10,7 @@ from PIL import Image
 
 from omnisim.core.errors import SceneError
 from omnisim.core.extras import is_installed
-from omnisim.core.files.fingerprint import fingerprint
+from omnisim.core.files.sources import fingerprint
 from omnisim.scene import load_scene
 from omnisim.scene.formats.features import ROBOT_TABLES, TABLES, Support, feature_table
 from tests.fuzz.readers import READERS

@@ -26,12 +26,11 @@ from omnisim.cameras.calibration.ray_table import write_ray_table
 from omnisim.cameras.optics.boards.board_corners import read_corners
 from omnisim.cameras.optics.boards.calibrate import calibrate_system
 from omnisim.cameras.optics.central_view import DISTANCES_M
-from omnisim.cameras.optics.centrality import measure_centrality
+from omnisim.cameras.optics.centrality import lateral_color_px, measure_centrality
 from omnisim.cameras.optics.design import Design
-from omnisim.cameras.optics.lateral_color import lateral_color_px
 from omnisim.cameras.optics.profile_file import sampled, write_profile
 from omnisim.cameras.optics.shapes.shape import Floats
-from omnisim.cameras.optics.surface import Surface
+from omnisim.cameras.optics.surface import Fate, Surface
 from omnisim.cameras.optics.system import OpticalSystem
 from omnisim.cameras.optics.system_file import (
     input_files,
@@ -39,7 +38,6 @@ from omnisim.cameras.optics.system_file import (
     read_optics_file,
     read_optics_tables,
 )
-from omnisim.cameras.optics.tracing import Fate
 from omnisim.core.errors import OpticsError
 from omnisim.core.files.atomic_file import check_distinct, check_suffix, check_target, write_text
 from omnisim.core.files.toml_file import Comment, toml_text

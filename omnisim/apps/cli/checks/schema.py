@@ -50,7 +50,7 @@ def file_schema(kind: str) -> Json:
         keys = {"properties": _part(OpticsFile, defs)["properties"]}
         defs["OpticsTable"] |= {"if": {"required": ["surfaces"]}, "then": keys}
     if kind in ("sensor", "optics"):
-        from omnisim.cameras.optics.surface_tables import shape_schemas
+        from omnisim.cameras.optics.system_file import shape_schemas
 
         parts = defs if kind == "optics" else defs["OpticsFile"]["$defs"]
         parts["SurfaceTable"] |= _by_kind("shape", shape_schemas(), defs)

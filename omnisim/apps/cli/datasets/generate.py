@@ -126,7 +126,7 @@ def _generate(request: GenerateRequest) -> None:
         print_note(notice)
     if request.engine == "ray":
         require_extra("ray", "omnisim generate --engine ray")
-        from omnisim.datasets.generate.ray_engine import make_shards_on_ray
+        from omnisim.datasets.generate.ray_cluster import make_shards_on_ray
 
         steps = make_shards_on_ray(generation.job, generation.missing, request.address)
     else:

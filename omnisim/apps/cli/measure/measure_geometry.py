@@ -18,7 +18,7 @@ from omnisim.apps.cli.measure.measured_files import (
 )
 from omnisim.apps.cli.measure.requests import MeasureGeometryRequest
 from omnisim.cameras.optics.boards.board_corners import BoardCorners, read_corners, write_corners
-from omnisim.cameras.optics.boards.free_parameters import FreeParameters
+from omnisim.cameras.optics.boards.calibrate import FreeParameters
 from omnisim.cameras.optics.system import OpticalSystem
 from omnisim.cameras.optics.system_file import OpticsTables, parse_optics, read_optics_tables
 from omnisim.core.errors import MeasurementError, OpticsError

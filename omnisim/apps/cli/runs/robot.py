@@ -11,8 +11,7 @@ from omnisim.apps.cli.options import refuse_given
 from omnisim.apps.cli.runs.requests import CheckRobotRequest, ImportRequest, ShowRobotRequest
 from omnisim.core.errors import OutputError
 from omnisim.core.files.atomic_file import check_target
-from omnisim.core.files.extended_tables import with_absolute_files
-from omnisim.core.files.toml_file import toml_text
+from omnisim.core.files.toml_file import toml_text, with_absolute_files
 from omnisim.core.short_repr import number_text, point_text
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.robots import (

@@ -6,6 +6,7 @@ with its point (`pixel_jacobians`), and against the motion of its own ray at tha
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -15,13 +16,17 @@ import numpy as np
 import scipy  # its submodules load on first use
 from numpy.typing import NDArray
 
-from omnisim.cameras.optics.boards.board_corners import BoardCorners
-from omnisim.cameras.optics.boards.board_pose import first_pose, move_jacobians, moved_pose
-from omnisim.cameras.optics.boards.free_parameters import FreeParameters
+from omnisim.cameras.optics.boards.board_corners import (
+    BoardCorners,
+    first_pose,
+    move_jacobians,
+    moved_pose,
+)
 from omnisim.cameras.optics.central_view import CentralView
 from omnisim.cameras.optics.centrality import pixel_jacobians
 from omnisim.cameras.optics.shapes.shape import Floats
 from omnisim.cameras.optics.system import OpticalSystem
+from omnisim.cameras.optics.system_file import parse_optics
 from omnisim.core.errors import OmnisimError, OpticsError
 
 _STEP = 1e-6  # step of derivatives, relative to a parameter, or absolute below 1
@@ -34,37 +39,25 @@ _WIDER = 1.1  # widens rims, so that a step that moves a rim hides no corner
 
 @dataclass(frozen=True, eq=False)
 class FittedParameter:
-    """A system parameter fitted to the corners.
+    """A system parameter fitted to the corners."""
 
-    Attributes:
-        name: key of the parameter.
-        before, value: value in the file, and fitted value.
-        sigma: standard deviation, for independent errors as large as the residuals.
-    """
-
-    name: str
+    name: str  # key of the parameter
+    # before, value: value in the file, and fitted value
     before: float
     value: float
-    sigma: float
+    sigma: float  # standard deviation, for independent errors as large as the residuals
 
 
 @dataclass(frozen=True, eq=False)
 class SystemCalibration:
-    """An optical system fitted to corners.
+    """An optical system fitted to corners."""
 
-    Attributes:
-        system: fitted system.
-        table: table of its optics file.
-        parameters: fitted parameters.
-        poses: (boards, 4, 4) poses of the boards in the sensor's optical frame.
-        before_px, errors_px: (n, 2) reprojection errors of all corners after fitting only the
-            poses, and after fitting the parameters too.
-    """
-
-    system: OpticalSystem
-    table: dict[str, Any]
-    parameters: tuple[FittedParameter, ...]
-    poses: Floats
+    system: OpticalSystem  # fitted system
+    table: dict[str, Any]  # table of its optics file
+    parameters: tuple[FittedParameter, ...]  # fitted parameters
+    poses: Floats  # (boards, 4, 4) poses of the boards in the sensor's optical frame
+    # before_px, errors_px: (n, 2) reprojection errors of all corners after fitting only the poses,
+    # and after fitting the parameters too
     before_px: Floats
     errors_px: Floats
 
@@ -216,11 +209,7 @@ class _Problem:
         ]
 
     def _sigmas(self, jacobian: Floats, errors: Floats) -> Floats:
-        """Standard deviations (parameters,) of the parameters.
-
-        Raises:
-            OpticsError: the corners do not determine the parameters.
-        """
+        """Standard deviations (parameters,) of the parameters."""
         if self._count == 0:
             return np.zeros(0)
         scale = np.linalg.norm(jacobian, axis=0)
@@ -235,14 +224,95 @@ class _Problem:
         return (np.sqrt(variances) / scale)[: self._count]
 
     def _check(self, undetermined: NDArray[np.bool_]) -> None:
-        """Reject parameters (n,) that the corners do not determine.
-
-        Raises:
-            OpticsError: a parameter is undetermined; names all that are.
-        """
+        """Reject parameters (n,) that the corners do not determine."""
         if undetermined.any():
             names = [
                 self._parameters.names[index] for index in np.flatnonzero(undetermined).tolist()
             ]
             message = "not determined by the corners: expected fewer free parameters"
             raise OpticsError(f"{', '.join(names)}: {message}")
+
+
+# Numbers in an optics file that a calibration may change, addressed by their keys.
+
+
+_ZEROS = ("decenter_m", "tilt_deg")  # 0 if left out
+_Path = tuple[str | int, ...]
+
+
+class FreeParameters:
+    """Numbers in an optics file's table, addressed by keys.
+
+    A key names a number, or a list to select all its numbers: `camera.focal_length_px`,
+    `surfaces.0.decenter_m`, `surfaces.0.tilt_deg.2`.
+
+    Args:
+        table: table of the optics file.
+        keys: keys of the free numbers.
+        source: file name, for messages.
+
+    Attributes:
+        names: keys of the numbers, in the order of `values`.
+        values: (n,) values in the table.
+
+    Raises:
+        OpticsError: a key names no number, or a number is named twice.
+    """
+
+    def __init__(self, table: Mapping[str, Any], keys: Sequence[str], source: str):
+        self._source, self._paths = source, list[_Path]()
+        self._table: dict[str, Any] = copy.deepcopy(dict(table))
+        for key in keys:
+            for path in self._find(key):
+                if path in self._paths:
+                    raise OpticsError(f"{source}: {key}: expected each number once, got it twice")
+                self._paths.append(path)
+        self.names = [".".join(map(str, path)) for path in self._paths]
+        values = [_at(self._table, path) for path in self._paths]
+        self.values: Floats = np.array(values, dtype=np.float64)
+
+    def table(self, values: Floats) -> dict[str, Any]:
+        """The file's table with other values (n,)."""
+        changed = copy.deepcopy(self._table)
+        for path, value in zip(self._paths, values.tolist(), strict=True):
+            _at(changed, path[:-1])[path[-1]] = value
+        return changed
+
+    def system(self, values: Floats) -> OpticalSystem:
+        """Build the optical system with other values (n,).
+
+        Raises:
+            SensorFileError: a value is invalid for the system.
+        """
+        return parse_optics(self.table(values), self._source)
+
+    def _find(self, key: str) -> list[_Path]:
+        """Paths to the numbers of a key; optional keys that are missing are added to the table."""
+        path: _Path = tuple(int(part) if part.isdecimal() else part for part in key.split("."))
+        for end in (len(path) - 1, len(path) - 2):
+            holder = _at(self._table, path[:end]) if end > 0 else None
+            if isinstance(holder, dict) and path[end] in _ZEROS and "pose" not in holder:
+                holder.setdefault(path[end], [0.0, 0.0, 0.0])
+        value = _at(self._table, path)
+        if isinstance(value, list) and value and all(map(_is_number, value)):
+            return [(*path, index) for index in range(len(value))]
+        if not _is_number(value):
+            actual = "no such key" if value is None else f"{value!r:.60}"
+            raise OpticsError(f"{self._source}: {key}: expected a number, got {actual}")
+        return [path]
+
+
+def _at(table: Any, path: _Path) -> Any:
+    """Value at a path in tables and lists, or None."""
+    for part in path:
+        if isinstance(table, dict):
+            table = table.get(part)
+        elif isinstance(table, list) and isinstance(part, int) and part < len(table):
+            table = table[part]
+        else:
+            return None
+    return table
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)

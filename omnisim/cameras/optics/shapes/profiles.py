@@ -300,19 +300,14 @@ class Asphere(Parameters, Profile, name="shape"):
 class TabulatedProfile(Profile):
     """Profile through points, by a cubic spline: its curvature is continuous.
 
-    Attributes:
-        radii_m: (n,) radii, ascending from 0.
-        table_heights_m: (n,) heights.
-        pointed: True if the tip may be conical; False: the profile is level on the axis.
-
     Raises:
         OpticsError: the points do not make a profile.
     """
 
     shape_name = "table"
-    radii_m: Floats
-    table_heights_m: Floats
-    pointed: bool = False
+    radii_m: Floats  # (n,) radii, ascending from 0
+    table_heights_m: Floats  # (n,) heights
+    pointed: bool = False  # True if the tip may be conical; False: the profile is level on the axis
 
     def __post_init__(self) -> None:
         radii_m, heights_m = self.radii_m, self.table_heights_m

@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 
 from omnisim.cameras.optics import calibrate_system
-from omnisim.cameras.optics.boards.board_corners import BoardCorners, read_corners, write_corners
-from omnisim.cameras.optics.boards.board_pose import first_pose
-from omnisim.cameras.optics.boards.calibrate import _Problem
-from omnisim.cameras.optics.boards.free_parameters import FreeParameters
+from omnisim.cameras.optics.boards.board_corners import (
+    BoardCorners,
+    first_pose,
+    read_corners,
+    write_corners,
+)
+from omnisim.cameras.optics.boards.calibrate import FreeParameters, _Problem
 from omnisim.cameras.optics.central_view import CentralView
 from omnisim.cameras.optics.system_file import parse_optics
 from omnisim.core import poses

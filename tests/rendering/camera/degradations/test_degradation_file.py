@@ -6,7 +6,7 @@ import re
 import pytest
 
 from omnisim.core.errors import OpticsError, SensorFileError
-from omnisim.core.files.fingerprint import fingerprint
+from omnisim.core.files.sources import fingerprint
 from omnisim.core.package_files import PRESETS
 from omnisim.rendering.camera.degradations import (
     Bayer,

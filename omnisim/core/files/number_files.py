@@ -1,9 +1,9 @@
-"""Reading of external NumPy archives (.npz): plain arrays, or a one-line error."""
+"""Arrays of numbers in files: NPZ archives, and CSV with nine digits, written in blocks."""
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.errors import OmnisimError
+from omnisim.core.files.atomic_file import atomic_write
 from omnisim.core.files.sources import note_file
 
 
@@ -49,3 +50,23 @@ def read_arrays(
     if not all(isinstance(one, np.ndarray) for one in arrays.values()):  # bytes of another file
         raise error(f"{path}: is no {kind}: {expected}")
     return arrays
+
+
+# Tables of numbers: CSV with nine digits, written in blocks.
+
+
+BLOCK = 10_000  # rows per block, which bounds memory
+
+
+def write_table(path: Path, columns: str, blocks: Iterable[NDArray[np.float64]]) -> None:
+    """Write blocks (n, columns) one below the other, atomically.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    with atomic_write(path) as partial, partial.open("w", encoding="utf-8", newline="\n") as file:
+        file.write(f"{columns}\n")
+        for block in blocks:
+            file.writelines(
+                ",".join(f"{value:.9f}" for value in row) + "\n" for row in block.tolist()
+            )
