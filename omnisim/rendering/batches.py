@@ -15,7 +15,7 @@ from omnisim.ground_truth import CHANNELS
 from omnisim.rendering.backend import CameraBackend
 from omnisim.rendering.batch_arrays import IMAGES, batch_arrays, check_contents
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.instrument import Instrument, ReadingT
+from omnisim.rendering.instrument import Instrument, ReadingT_co
 from omnisim.rendering.readback import Pending, ScenePoses
 
 # World states, or vehicle poses (n, 4, 4) if nothing else moves.
@@ -24,7 +24,7 @@ Arrays = Mapping[str, NDArray[Any]]
 PendingBatch = Pending[dict[str, NDArray[Any]]]
 
 
-class BatchRenderer(Instrument[OmniCamera, CameraBackend, ReadingT]):
+class BatchRenderer(Instrument[OmniCamera, CameraBackend, ReadingT_co]):
     """Renders batches of a camera."""
 
     _last_poses: ScenePoses | None

@@ -31,8 +31,8 @@ from omnisim.core.files.parameters import (
     Seed,
     overriding,
 )
+from omnisim.core.rate import LATE
 from omnisim.core.short_repr import short_repr
-from omnisim.core.trajectories.rate import LATE
 from omnisim.core.world import Motion, ObjectPart, WorldState
 from omnisim.ground_truth.lidar_beams import EchoLimits, LidarBeams, LidarPoses
 from omnisim.rendering.backend import BeamCaster, LabelCache
