@@ -21,12 +21,12 @@ from omnisim.rendering.shared_scene import Closeable, SharedScene
 from omnisim.scene import Scene
 from omnisim.scene.labels import BODY
 
-SensorT = TypeVar("SensorT", bound=SensorSettings)
-PassesT = TypeVar("PassesT", bound=Passes)
-ReadingT = TypeVar("ReadingT", bound=Reading)
+SensorT_co = TypeVar("SensorT_co", bound=SensorSettings, covariant=True)
+PassesT_co = TypeVar("PassesT_co", bound=Passes, covariant=True)
+ReadingT_co = TypeVar("ReadingT_co", bound=Reading, covariant=True)
 
 
-class Instrument(Closeable, EditableScene, Generic[SensorT, PassesT, ReadingT]):
+class Instrument(Closeable, EditableScene, Generic[SensorT_co, PassesT_co, ReadingT_co]):
     """Sensor that is open on a stage, with its passes there, until it is closed.
 
     `omnisim.Stage.open` and `omnisim.open_sensor` create them. Use it as a context manager, or call
@@ -49,13 +49,13 @@ class Instrument(Closeable, EditableScene, Generic[SensorT, PassesT, ReadingT]):
         SceneError: a hidden name that is not in the body.
     """
 
-    def __init__(self, stage: SharedScene, sensor: SensorT, mount: Mount[object]):
+    def __init__(self, stage: SharedScene, sensor: SensorT_co, mount: Mount[object]):
         self._stage, self.sensor, self.mount, self.owns_stage = stage, sensor, mount, False
         self.hidden = frozenset(mount.hides)
         self.vehicle = mount.vehicle or next(iter(stage.vehicles), BODY)
         parts = self._hidden_parts()
         with stage.current():
-            self._passes: PassesT | None = self._open_passes(parts)
+            self._passes: PassesT_co | None = self._open_passes(parts)
         self._edits = stage.edits
 
     def __repr__(self) -> str:
@@ -63,14 +63,14 @@ class Instrument(Closeable, EditableScene, Generic[SensorT, PassesT, ReadingT]):
         return short_repr(self, repr(self.scene.name), self.sensor.summary(), closed)
 
     @abstractmethod
-    def _open_passes(self, hidden: frozenset[ObjectPart]) -> PassesT:
+    def _open_passes(self, hidden: frozenset[ObjectPart]) -> PassesT_co:
         """Open the passes, once, with the stage's context current."""
 
     @abstractmethod
-    def begin(self, moment: Moment) -> Pending[ReadingT]:
+    def begin(self, moment: Moment) -> Pending[ReadingT_co]:
         """Begin to measure, see `measure`; images are drawn until the result is requested."""
 
-    def measure(self, moment: Moment | WorldState | ArrayLike, number: int = 0) -> ReadingT:
+    def measure(self, moment: Moment | WorldState | ArrayLike, number: int = 0) -> ReadingT_co:
         """Measure the world at a moment.
 
         Args:
@@ -144,7 +144,7 @@ class Instrument(Closeable, EditableScene, Generic[SensorT, PassesT, ReadingT]):
         return state.world_from_object[self.vehicle] @ self.mount.base_from_sensor
 
     @contextmanager
-    def _current(self) -> Iterator[PassesT]:
+    def _current(self) -> Iterator[PassesT_co]:
         """Make the stage's context current for a `with` block that uses the passes."""
         if self._passes is None:
             raise GraphicsError("this renderer is closed: open a new one")

@@ -348,7 +348,9 @@ class Renderer(Instrument[OmniCamera, CameraBackend, RecordedFrame]):
             frame_number=moment.number,
             exposure_ev=self._exposure_ev(moment),
         )
-        return pending.then(lambda frame: RecordedFrame(frame, moment.number, mount.channel_format))
+        return pending.then(
+            lambda frame: RecordedFrame(frame, moment.number, ChannelFormat(mount.channel_format))
+        )
 
     def _exposure_ev(self, moment: Moment) -> float | None:
         """Exposure reached by auto-exposure, EV; None: the image itself determines it."""

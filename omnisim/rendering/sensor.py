@@ -13,18 +13,21 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar, Generic, Protocol, TypeGuard, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, Protocol, TypeGuard, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from omnisim.core import poses
+from omnisim.core.files.parameters import Coordinate, Number, Table
 from omnisim.core.short_repr import short_repr
-from omnisim.core.trajectories import Trajectory
-from omnisim.core.trajectories.body_motion import BodyMotion
-from omnisim.core.trajectories.rate import SensorRate
 from omnisim.core.world import Motion, WorldState
-from omnisim.ground_truth.channel_files import ChannelFormat
-from omnisim.rendering.contract import Pending
+
+if TYPE_CHECKING:  # slow to import, and not needed by cameras without a vehicle
+    from omnisim.core.rate import SensorRate
+    from omnisim.core.trajectories import Trajectory
+    from omnisim.core.trajectories.body_motion import BodyMotion
+    from omnisim.rendering.readback import Pending
 
 TABLE_SUFFIX = ".csv"
 SensorT = TypeVar("SensorT")
@@ -101,7 +104,7 @@ class Mount(Generic[SensorT_co]):
         vehicle: name of the vehicle in the world; None: the stage's first.
         seed: noise seed of sensors without their own.
         unlit: show plain base colors; for cameras.
-        channel_format: file format of the ground truth.
+        channel_format: file format of the ground truth, a `ChannelFormat`.
         boxes_3d: also record the oriented boxes of the visible instances.
     """
 
@@ -115,7 +118,7 @@ class Mount(Generic[SensorT_co]):
     vehicle: str | None = None
     seed: int | str = 0
     unlit: bool = False
-    channel_format: ChannelFormat = ChannelFormat.AUTO
+    channel_format: str = "auto"
     boxes_3d: bool = False
 
     def __repr__(self) -> str:
@@ -239,3 +242,23 @@ class SensorSettings(ABC):
     def note(self, mount: Mount[object], times_s: NDArray[np.float64]) -> str | None:
         """Notice on what measurements at times (n,) omit; None if they omit nothing."""
         return None
+
+
+class MountingTable(Table):
+    """Pose of the sensor on its vehicle; its position is that of the effective viewpoint."""
+
+    position_m: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)
+    """Meters in the base frame: x forward, y left, z up."""
+    roll_deg: Number = 0.0
+    """Degrees about x."""
+    pitch_deg: Number = 0.0
+    """Degrees about y; positive: nose down."""
+    yaw_deg: Number = 0.0
+    """Degrees about z, counter-clockwise seen from above."""
+
+    @property
+    def base_from_mount(self) -> NDArray[np.float64]:
+        """Pose (4, 4) on the vehicle."""
+        return poses.pose(
+            self.position_m, roll_deg=self.roll_deg, pitch_deg=self.pitch_deg, yaw_deg=self.yaw_deg
+        )

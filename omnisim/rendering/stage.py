@@ -5,20 +5,22 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Collection
 from pathlib import Path
-from typing import Any, Protocol, TypeAlias, TypeVar, overload, runtime_checkable
+from typing import Protocol, TypeAlias, TypeVar, overload, runtime_checkable
 
 from numpy.typing import ArrayLike
 
 from omnisim.core.poses import check_pose
+from omnisim.rendering.backend import Passes
 from omnisim.rendering.camera.omnicamera import CameraLike, OmniCamera
 from omnisim.rendering.instrument import Instrument
 from omnisim.rendering.renderer import Renderer
-from omnisim.rendering.sensor import Mount
+from omnisim.rendering.sensor import Mount, Reading, SensorSettings
 from omnisim.rendering.shared_scene import BackendName, SharedScene
 from omnisim.scene import Scene
 
-InstrumentT = TypeVar("InstrumentT", bound=Instrument[Any, Any, Any])
-InstrumentT_co = TypeVar("InstrumentT_co", bound=Instrument[Any, Any, Any], covariant=True)
+AnyInstrument: TypeAlias = Instrument[SensorSettings, Passes, Reading]
+InstrumentT = TypeVar("InstrumentT", bound=AnyInstrument)
+InstrumentT_co = TypeVar("InstrumentT_co", bound=AnyInstrument, covariant=True)
 
 
 @runtime_checkable
@@ -63,18 +65,6 @@ class Stage(SharedScene):
     @overload
     def open(
         self,
-        sensor: Opens[InstrumentT],
-        base_from_sensor: ArrayLike | None = None,
-        *,
-        hidden: Collection[str] = (),
-        vehicle: str | None = None,
-        seed: int | str = 0,
-        unlit: bool = False,
-    ) -> InstrumentT: ...
-
-    @overload
-    def open(
-        self,
         sensor: CameraLike = None,
         base_from_sensor: ArrayLike | None = None,
         *,
@@ -83,6 +73,18 @@ class Stage(SharedScene):
         seed: int | str = 0,
         unlit: bool = False,
     ) -> Renderer: ...
+
+    @overload
+    def open(
+        self,
+        sensor: Opens[InstrumentT],
+        base_from_sensor: ArrayLike | None = None,
+        *,
+        hidden: Collection[str] = (),
+        vehicle: str | None = None,
+        seed: int | str = 0,
+        unlit: bool = False,
+    ) -> InstrumentT: ...
 
     def open(
         self,
@@ -135,21 +137,6 @@ class Stage(SharedScene):
 @overload
 def open_sensor(
     scene: Scene | str | Path,
-    sensor: Opens[InstrumentT],
-    base_from_sensor: ArrayLike | None = None,
-    *,
-    body: Scene | None = None,
-    device: int | str | None = None,
-    backend: BackendName = "cube",
-    hidden: Collection[str] = (),
-    seed: int | str = 0,
-    unlit: bool = False,
-) -> InstrumentT: ...
-
-
-@overload
-def open_sensor(
-    scene: Scene | str | Path,
     sensor: CameraLike = None,
     base_from_sensor: ArrayLike | None = None,
     *,
@@ -160,6 +147,21 @@ def open_sensor(
     seed: int | str = 0,
     unlit: bool = False,
 ) -> Renderer: ...
+
+
+@overload
+def open_sensor(
+    scene: Scene | str | Path,
+    sensor: Opens[InstrumentT],
+    base_from_sensor: ArrayLike | None = None,
+    *,
+    body: Scene | None = None,
+    device: int | str | None = None,
+    backend: BackendName = "cube",
+    hidden: Collection[str] = (),
+    seed: int | str = 0,
+    unlit: bool = False,
+) -> InstrumentT: ...
 
 
 def open_sensor(

@@ -126,18 +126,12 @@ def find_contacts(scene: Scene, sweep: Sweep, boxes: BodyBoxes) -> tuple[Contact
         at += begin
         # in the base frame
         corners = (triangles.corners_m[hit] - poses[at, None, :3, 3]) @ poses[at, :3, :3]
-        touching = _touching(corners, parts)
+        touching = np.zeros(len(corners), dtype=bool)
+        for low, high in parts:
+            rest = np.flatnonzero(~touching)
+            touching[rest] = meet_box(corners[rest] - 0.5 * (low + high), 0.5 * (high - low))
         touched.append(np.stack((at[touching], triangles.instances[hit[touching]]), axis=1))
     return _contacts(scene, sweep, np.unique(np.concatenate(touched), axis=0))
-
-
-def _touching(corners_m: NDArray[np.float64], parts_m: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Mask (n,) of the triangles (n, 3, 3) that meet any of the boxes (k, 2, 3)."""
-    touching = np.zeros(len(corners_m), dtype=bool)
-    for low, high in parts_m:
-        rest = np.flatnonzero(~touching)
-        touching[rest] = meet_box(corners_m[rest] - 0.5 * (low + high), 0.5 * (high - low))
-    return touching
 
 
 def check_no_contact(contacts: Sequence[Contact] | None, where: str) -> None:

@@ -88,7 +88,12 @@ class RigRoute:
             raise TrajectoryError(f"{self.path}: has times of its own: expected no --rate")
         is_timed = times_s is not None or self.rate_hz is not None
         if times_s is None:
-            times_s = np.arange(len(poses)) / self._checked_rate_hz(print_note)
+            if self.rate_hz is None:
+                print_note(f"{self.path}: has no times: one pose a second; --rate says otherwise")
+            rate_hz = UNTIMED_HZ if self.rate_hz is None else self.rate_hz
+            if not 1e-9 < rate_hz < 1e9:
+                raise TrajectoryError(f"--rate: expected a finite number above 0, got {rate_hz:g}")
+            times_s = np.arange(len(poses)) / rate_hz
         trajectory = Trajectory(times_s, poses)
         try:
             check_printed_times(trajectory.times_s)
@@ -135,14 +140,6 @@ class RigRoute:
         if file_format == NERFSTUDIO:
             return CAMERA
         return BODY if rig.has_body or file_format == "csv" else CAMERA
-
-    def _checked_rate_hz(self, print_note: Callable[[str], None]) -> float:
-        if self.rate_hz is None:
-            print_note(f"{self.path}: has no times: one pose a second; --rate says otherwise")
-            return UNTIMED_HZ
-        if not 1e-9 < self.rate_hz < 1e9:
-            raise TrajectoryError(f"--rate: expected a finite number above 0, got {self.rate_hz:g}")
-        return self.rate_hz
 
 
 @dataclass(frozen=True, eq=False)

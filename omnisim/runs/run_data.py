@@ -248,14 +248,13 @@ def train_on_run(run: RunData, costs: Costs, track: Track = iter) -> Training:
 def _class_of_instance(run: RunData, colors: Sequence[str]) -> NDArray[np.uint8]:
     """Classes (n,) by instance ID."""
     path = run.folder.path / LABELS
-    classes = {
-        name: index
-        for landmark in run.landmarks
-        for band in landmark.bands
-        for index, color in enumerate(colors, start=1)
-        if color == band.color
-        for name in _node_names(landmark, color)
-    }
+    classes: dict[str, int] = {}
+    for landmark in run.landmarks:
+        for band in landmark.bands:
+            if band.color in colors:
+                classes[f"{landmark.name}_{band.color}"] = 1 + colors.index(band.color)
+                if len(landmark.bands) == 1:
+                    classes[landmark.name] = 1 + colors.index(band.color)
     try:
         labels = Labels.from_json(json.loads(path.read_text(encoding="utf-8")))
     except OSError as reason:
@@ -265,12 +264,6 @@ def _class_of_instance(run: RunData, colors: Sequence[str]) -> NDArray[np.uint8]
     # objects that move with the vehicle are no landmarks, whatever their names
     fixed = (0 if one.object_name else classes.get(one.name, 0) for one in labels.instances)
     return np.array([0, *fixed], dtype=np.uint8)
-
-
-def _node_names(landmark: Landmark, color: str) -> tuple[str, ...]:
-    if len(landmark.bands) == 1:
-        return (landmark.name, f"{landmark.name}_{color}")
-    return (f"{landmark.name}_{color}",)
 
 
 # Single images with their camera, for landmark detection.

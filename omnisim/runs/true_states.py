@@ -15,8 +15,8 @@ from omnisim.core.poses import (
     quaternion_from_rotation,
     rotation_from_quaternion,
 )
+from omnisim.core.rate import printed_s
 from omnisim.core.trajectories.body_motion import BodyMotion, MotionStates
-from omnisim.core.trajectories.rate import printed_s
 from omnisim.core.trajectories.trajectory import MAX_S
 
 COLUMNS = (

@@ -50,7 +50,9 @@ def parse_sensors(robot: SensorTables) -> tuple[SensorTable, ...]:
     for index, table in enumerate(robot.sensors):
         name, kind = table.get("name"), table.get("type")
         where = sensor_source(robot, name if isinstance(name, str) else index)
-        if _has_calibration(table):
+        file = table.get("file")
+        suffix = Path(file).suffix.lower() if isinstance(file, str) else ""
+        if suffix not in ("", ".toml") and table.get("type", "omnicamera") == "omnicamera":
             typed = {"type": "omnicamera", **table}
             tables.append(parse_table(typed, CalibratedCamerasTable, RobotFileError, where))
             continue
@@ -66,13 +68,6 @@ def parse_sensors(robot: SensorTables) -> tuple[SensorTable, ...]:
             raise RobotFileError(f"{where}: a second sensor of this name: expected each name once")
         tables.append(parsed)
     return tuple(tables)
-
-
-def _has_calibration(table: Mapping[str, Any]) -> bool:
-    """True if the table refers to a calibration file with its cameras."""
-    file = table.get("file")
-    is_calibration = isinstance(file, str) and Path(file).suffix.lower() not in ("", ".toml")
-    return is_calibration and table.get("type", "omnicamera") == "omnicamera"
 
 
 def sensor_source(robot: SensorTables, sensor: str | int) -> str:

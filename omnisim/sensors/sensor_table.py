@@ -12,9 +12,8 @@ from pydantic import Field
 
 from omnisim.core.errors import OpticsError, RobotFileError
 from omnisim.core.files.parameters import Coordinate, Level, Number
-from omnisim.core.trajectories.rate import SensorRate
-from omnisim.rendering.camera.sensor_file import MountingTable
-from omnisim.rendering.sensor import Mount, SensorSettings
+from omnisim.core.rate import SensorRate
+from omnisim.rendering.sensor import Mount, MountingTable, SensorSettings
 from omnisim.sensors.sensor_names import Name, SensorName
 
 Rate = Annotated[Number, Field(ge=1e-3, le=1e5)]

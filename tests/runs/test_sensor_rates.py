@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from omnisim.core.errors import RobotFileError, RunError
+from omnisim.core.rate import SensorRate
 from omnisim.core.trajectories import Trajectory, read_trajectory
-from omnisim.core.trajectories.rate import SensorRate
 from omnisim.datasets.export.export import export_run
 from omnisim.datasets.export.recording import Recording
 from omnisim.robots import parse_robot

@@ -22,9 +22,9 @@ from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.sensor_file import (
     CameraTable,
     MirrorTable,
-    MountingTable,
     VirtualCamerasTable,
 )
+from omnisim.rendering.sensor import MountingTable
 from omnisim.scene import Scene
 from omnisim.scene.light.light_tables import FogTable, LightTable, SkyTable
 from omnisim.scene.light.lighting import is_even

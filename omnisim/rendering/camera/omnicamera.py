@@ -21,7 +21,6 @@ from omnisim.core import poses
 from omnisim.core.array_types import Float64s
 from omnisim.core.errors import OpticsError, RunError
 from omnisim.core.extras import missing_packages
-from omnisim.core.files.toml_file import toml_text
 from omnisim.core.short_repr import short_repr
 from omnisim.core.trajectories import Trajectory
 from omnisim.ground_truth.channel_files import ChannelFormat
@@ -43,6 +42,7 @@ from omnisim.rendering.sensor import Mount, SensorSettings
 
 if TYPE_CHECKING:
     from omnisim.cameras.calibration import CalibratedCamera, Calibration
+    from omnisim.core.trajectories import Trajectory
 
 # Inputs from which `OmniCamera.of` makes a sensor; None: the paper's.
 CameraLike: TypeAlias = (
@@ -357,6 +357,8 @@ class OmniCamera(SensorSettings):
 
     def to_toml(self) -> str:
         """Sensor file with every key, mounting included."""
+        from omnisim.core.files.toml_file import toml_text  # few cameras are written
+
         angles = np.degrees(poses.roll_pitch_yaw_from_rotation(self.base_from_rig[:3, :3]))
         # 1e-12°: hides the rounding of the conversion through radians
         roll, pitch, yaw = (round(float(angle), 12) + 0.0 for angle in angles)
@@ -436,9 +438,9 @@ class OmniCamera(SensorSettings):
         """Suffixes of an image, its channels, and its instances' bounding boxes."""
         suffixes, channels = [IMAGE_SUFFIX], manifest["channels"]
         channel_format = manifest["channel_format"]
-        if channels and channel_format is not ChannelFormat.NPY:
+        if channels and channel_format != "npy":
             suffixes.append(CHANNELS_SUFFIX)
-        if channels and channel_format is not ChannelFormat.AUTO:
+        if channels and channel_format != "auto":
             suffixes += [*(f".{name}.npy" for name in channels), DESCRIPTION_SUFFIX]
         if "instance" in channels:
             suffixes.append(BOXES_SUFFIX)

@@ -13,9 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import numpy as np
 import pydantic
-from numpy.typing import NDArray
 from pydantic import ConfigDict, Field, model_validator
 
 from omnisim.cameras import CentralCamera, HyperbolicCamera
@@ -23,11 +21,9 @@ from omnisim.cameras.camera_table import camera_from_calibration, camera_from_ta
 from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.cameras.mirrors.mirror_mesh import sectors_and_rings
 from omnisim.cameras.models.field_of_view import field_notes
-from omnisim.core import poses
 from omnisim.core.errors import NoticeWarning, OpticsError, SensorFileError
 from omnisim.core.files.parameters import (
     AboveZero,
-    Coordinate,
     Number,
     Table,
     described,
@@ -45,6 +41,7 @@ from omnisim.rendering.camera.quality import (
     Size,
     quality_named,
 )
+from omnisim.rendering.sensor import MountingTable
 
 Polygons = int | Literal["auto"] | None  # None: exact
 NARROW_DEG = 5.0  # half of a field of view below which a notice asks about the unit
@@ -64,26 +61,6 @@ FocalLength = Annotated[Literal["fit"] | AboveZero, described("a number > 0 or '
 PrincipalPoint = Annotated[
     Literal["center"] | tuple[Number, Number], described("[u, v] in pixels or 'center'")
 ]
-
-
-class MountingTable(Table):
-    """Pose of the sensor on its vehicle; its position is that of the effective viewpoint."""
-
-    position_m: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)
-    """Meters in the base frame: x forward, y left, z up."""
-    roll_deg: Number = 0.0
-    """Degrees about x."""
-    pitch_deg: Number = 0.0
-    """Degrees about y; positive: nose down."""
-    yaw_deg: Number = 0.0
-    """Degrees about z, counter-clockwise seen from above."""
-
-    @property
-    def base_from_mount(self) -> NDArray[np.float64]:
-        """Pose (4, 4) on the vehicle."""
-        return poses.pose(
-            self.position_m, roll_deg=self.roll_deg, pitch_deg=self.pitch_deg, yaw_deg=self.yaw_deg
-        )
 
 
 @overriding(HyperbolicMirror, defaults={})

@@ -128,7 +128,8 @@ def _pieces_of(
     if hull is not None and hull.volume > THINNEST_M * hull.area:
         is_small = bool(np.all(size <= SMALL_M))
         is_solid = is_small or _is_solid(hull, vertices_m[part], two_sided)
-        if is_solid and not np.any(_inside(hull, region.free_points_m)):
+        heights_m = region.free_points_m @ hull.equations[:, :3].T + hull.equations[:, 3]
+        if is_solid and not np.any(np.all(heights_m < 0.0, axis=1)):
             return [points[hull.vertices]]
     part = part[region.meets(vertices_m[part])]
     return [_slab(vertices_m[facet], two_sided) for facet in convex_facets(vertices_m, part)]
@@ -150,10 +151,6 @@ def _is_solid(
     return bool(areas.sum() >= COVERED * hull.area) or (
         not two_sided and areas.sum() >= 0.5 * hull.area  # such as a box without its bottom
     )
-
-
-def _inside(hull: scipy.spatial.ConvexHull, points_m: NDArray[np.float64]) -> NDArray[np.bool_]:
-    return np.all(points_m @ hull.equations[:, :3].T + hull.equations[:, 3] < 0.0, axis=1)
 
 
 def _slab(corners_m: NDArray[np.float64], two_sided: bool) -> NDArray[np.float64]:
@@ -197,18 +194,14 @@ def connected_parts(triangles: Triangles, vertex_count: int) -> list[Triangles]:
 
 def convex_facets(vertices_m: NDArray[np.float64], triangles: Triangles) -> list[Triangles]:
     """Triangles of each facet: merged across shared edges while flat and convex."""
-    flat = _joined(vertices_m, triangles) if len(triangles) else []
-    return [facet for region in flat for facet in _convex(vertices_m, region)]
-
-
-def _joined(vertices_m: NDArray[np.float64], triangles: Triangles) -> list[Triangles]:
-    """Triangles of each flat region."""
+    if not len(triangles):
+        return []
     normals = area_vectors(vertices_m[triangles])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     first, second = _neighbors(triangles)
     flat = np.einsum("ni,ni->n", normals[first], normals[second]) > np.sqrt(1.0 - FLAT_SINE**2)
-    numbers = _components(first[flat], second[flat], len(triangles))
-    return _grouped(triangles, numbers)
+    regions = _grouped(triangles, _components(first[flat], second[flat], len(triangles)))
+    return [facet for region in regions for facet in _convex(vertices_m, region)]
 
 
 def _convex(vertices_m: NDArray[np.float64], region: Triangles) -> list[Triangles]:
@@ -310,7 +303,10 @@ class Shape:
         if hull is None:
             return None
         corners = vertices_m[hull.vertices]
-        return _ball(corners, hull) or _box(corners, hull) or _hull(corners)
+        if (shape := _ball(corners, hull) or _box(corners, hull)) is not None:
+            return shape
+        center = corners.mean(axis=0)
+        return cls("hull", center, np.eye(3), np.zeros(3), corners - center)
 
 
 def _ball(corners_m: NDArray[np.float64], hull: scipy.spatial.ConvexHull) -> Shape | None:
@@ -336,8 +332,3 @@ def _box(corners_m: NDArray[np.float64], hull: scipy.spatial.ConvexHull) -> Shap
         return None
     center = rotation @ (0.5 * (low + high))
     return Shape("box", center, rotation, 0.5 * (high - low), corners_m - center)
-
-
-def _hull(corners_m: NDArray[np.float64]) -> Shape:
-    center = corners_m.mean(axis=0)
-    return Shape("hull", center, np.eye(3), np.zeros(3), corners_m - center)

@@ -235,7 +235,8 @@ def _drive(
     for k, time_s in enumerate(times_s.tolist()):
         bodies[k], wheels[k] = world.bodies, world.wheels_rad
         for robot, names in zip(robots, world.touched(), strict=True):
-            robot.record_contacts(names, time_s)
+            for name in sorted(names):
+                robot.contact_times_s.setdefault(name, []).append(time_s)
         if k % PERIODS_PER_COMMAND == 0:
             for robot, base in zip(robots, bodies[k], strict=False):
                 robot.check(world, base, k, time_s)
@@ -277,11 +278,6 @@ class _Robot:
         self.name, self.rover, self._driver = name, driver.rover, driver
         self.follower = PathFollower(driver.motion, driver.rover, times_s)
         self.contact_times_s: dict[str, list[float]] = {}
-
-    def record_contacts(self, names: set[str], time_s: float) -> None:
-        """Record contacts."""
-        for name in sorted(names):
-            self.contact_times_s.setdefault(name, []).append(time_s)
 
     def check(
         self, world: SimulatedWorld, base: NDArray[np.float64], command: int, time_s: float
@@ -352,9 +348,13 @@ def static_pieces(
     Raises:
         TrajectoryError: too many pieces.
     """
-    bounds = [_bounds(one) for one in drivers]
-    low = np.min([lowest for lowest, _ in bounds], axis=0)
-    high = np.max([highest for _, highest in bounds], axis=0)
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    for driver in drivers:
+        size_m, places = driver.rover.size_m, driver.planned.positions_m
+        reach_m = PATH_REACH_M + 0.5 * float(np.hypot(*size_m[:2]))
+        top_m = float(size_m[2]) + HEADROOM_M
+        low = np.minimum(low, places.min(axis=0) - reach_m)
+        high = np.maximum(high, places.max(axis=0) + (reach_m, reach_m, top_m))
     for one in objects.values():
         if one.mass_kg is not None:
             low = np.minimum(low, one.pose[:3, 3] - OBJECT_REACH_M)
@@ -371,14 +371,6 @@ def static_pieces(
             f"--physics, got {len(pieces)}"
         )
     return pieces
-
-
-def _bounds(driver: Driver) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Corners (3,) of the box within a robot's reach, lowest first."""
-    size_m, places = driver.rover.size_m, driver.planned.positions_m
-    reach_m = PATH_REACH_M + 0.5 * float(np.hypot(*size_m[:2]))
-    top_m = float(size_m[2]) + HEADROOM_M
-    return places.min(axis=0) - reach_m, places.max(axis=0) + (reach_m, reach_m, top_m)
 
 
 def _solid(one: DynamicObject) -> SolidObject:

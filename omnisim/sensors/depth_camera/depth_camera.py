@@ -26,7 +26,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -275,22 +275,15 @@ class _Views:
         self.second.refresh()
 
 
-class _Depths(NamedTuple):
-    """Depths of a view, (height, width) each.
+def _depths(
+    view: CameraBackend, poses: ScenePoses, has_cosines: bool, through: bool
+) -> tuple[NDArray[np.float32], NDArray[np.float32] | None, NDArray[np.float32] | None]:
+    """Depths of a view at the poses, of the first surfaces or through glass and by mirrors.
 
-    Attributes:
-        z_m: depths along the optical axis; +inf: no surface.
-        incidence_cosines: cosines between normals and rays; None: not determined.
-        shares: share of light that panes and mirrors leave on one way; None: there are none.
+    Returns:
+        Arrays (height, width): depths along the optical axis, +inf without a surface; if wanted,
+        cosines between normals and rays; and, with glass, shares of light that it leaves one way.
     """
-
-    z_m: NDArray[np.float32]
-    incidence_cosines: NDArray[np.float32] | None
-    shares: NDArray[np.float32] | None
-
-
-def _depths(view: CameraBackend, poses: ScenePoses, has_cosines: bool, through: bool) -> _Depths:
-    """Depths of a view at the poses, of the first surfaces or through glass and by mirrors."""
     names = ("range", "z") if through else ("z",)
     names = (*names, "normals_camera") if has_cosines else names
     truth, model = ground_truth_of(view, names), view.setup.sensor.model
@@ -305,13 +298,13 @@ def _depths(view: CameraBackend, poses: ScenePoses, has_cosines: bool, through: 
         rays = model.ray_from_pixel(np.stack((u, v), axis=-1)).directions.astype(np.float32)
         cosines = np.abs(np.einsum("hwc,hwc->hw", channels["normals_camera"], rays))
     if seen is None:
-        return _Depths(z_m, cosines, None)
+        return z_m, cosines, None
     followed = np.isfinite(seen.cosines) | np.isinf(seen.ranges_m)
     followed &= np.isfinite(channels["range"])
     z_m[followed] *= seen.ranges_m[followed] / channels["range"][followed]
     if cosines is not None:
         cosines = np.where(np.isfinite(seen.cosines), seen.cosines, cosines)
-    return _Depths(z_m, cosines, seen.shares)
+    return z_m, cosines, seen.shares
 
 
 @dataclass(frozen=True, eq=False)
@@ -362,7 +355,7 @@ class DepthRenderer(Instrument[DepthCamera, _Views, DepthImage]):
         objects = self._stage.poses_in(now)
         with self._current() as views:
             through = sensor.specular and self._stage.backend.follows_specular()
-            first, second = (
+            (z_m, cosines, shares), (second_z_m, *_) = (
                 _depths(
                     view,
                     ScenePoses(world_from_base @ view.setup.sensor.base_from_rig, objects),
@@ -371,13 +364,12 @@ class DepthRenderer(Instrument[DepthCamera, _Views, DepthImage]):
                 )
                 for view in (views.first, views.second)
             )
-        assert first.incidence_cosines is not None
-        z_m = first.z_m
-        if first.shares is not None:
-            left = first.shares if sensor.is_stereo else first.shares**2
+        assert cosines is not None
+        if shares is not None:
+            left = shares if sensor.is_stereo else shares**2
             z_m = np.where(left >= MIN_SHARE, z_m, np.float32(np.inf))
-        cosines, seed, number = first.incidence_cosines, self.mount.seed, moment.number
-        depths_m = sensor.measure(z_m, second.z_m, cosines, seed, number)
+        seed, number = self.mount.seed, moment.number
+        depths_m = sensor.measure(z_m, second_z_m, cosines, seed, number)
         return Pending.done(DepthImage(depths_m, self._metadata(number=int(number))))
 
 

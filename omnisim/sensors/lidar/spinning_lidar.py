@@ -31,8 +31,8 @@ from omnisim.core.files.parameters import (
     Seed,
     overriding,
 )
+from omnisim.core.rate import LATE
 from omnisim.core.short_repr import short_repr
-from omnisim.core.trajectories.rate import LATE
 from omnisim.core.world import Motion, ObjectPart, WorldState
 from omnisim.ground_truth.hits import EchoLimits, LidarBeams, LidarPoses
 from omnisim.rendering.contract import BeamCaster, LabelCache, Pending

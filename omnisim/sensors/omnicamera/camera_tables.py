@@ -82,14 +82,11 @@ class CalibratedCamerasTable(SensorTable):
                 polygons=None,
                 base_from_rig=base_from_body @ camera.body_from_camera @ inverse(upright),
             )
-            name = self._name(camera.name, len(selected_rig.cameras))
+            name = folder_name(camera.name)
+            if "name" in self.model_fields_set:
+                is_only = len(selected_rig.cameras) == 1
+                name = self.name if is_only else folder_name(f"{self.name}_{camera.name}")
             cameras.append(
                 Mount(sensor, name, self.type, hides=self.hides, time_shift_s=camera.time_shift_s)
             )
         return tuple(cameras)
-
-    def _name(self, camera: str, count: int) -> str:
-        """Name of a camera, which is also the name of its folder."""
-        if "name" not in self.model_fields_set:
-            return folder_name(camera)
-        return self.name if count == 1 else folder_name(f"{self.name}_{camera}")
