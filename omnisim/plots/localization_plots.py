@@ -260,7 +260,6 @@ def consistency_figure(
 
 
 def _draw_landmarks(axes: Axes, landmarks: Sequence[Landmark]) -> None:
-    """Draw footprints in the colors of the two upper bands: the lower outside, the upper inside."""
     for landmark in landmarks:
         bands = landmark.bands[-2:]
         for size, band in zip((1.0, 0.55), bands, strict=False):

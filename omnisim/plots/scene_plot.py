@@ -57,7 +57,6 @@ def scene_figure(scene: Scene) -> Figure:
 
 
 def _extent(scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Corners (2,) of the shown part."""
     low, high = scene.bounds_m()[:, :2]
     if (high - low).max() <= MAX_SIDE_M:
         return low, high

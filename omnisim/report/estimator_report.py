@@ -191,7 +191,6 @@ def error_lines(
 
 
 def _line(estimator: str, seeds: list[list[float]]) -> SweepLine:
-    """Line of an estimator through the means over the seeds."""
     means = [over_seeds(values) for values in seeds]
     halves = [mean.half_width for mean in means]
     return SweepLine(_short(estimator), [mean.mean for mean in means], halves, seeds)
@@ -305,7 +304,6 @@ def _outcomes(results: Sequence[PointResult], estimator: str) -> list[Outcome]:
 
 
 def _failures(outcomes: Sequence[Outcome]) -> list[ResultTable]:
-    """Table of failed estimators with their reasons; empty if all succeeded."""
     failures = dict.fromkeys(
         (each.estimator, each.status, each.reason) for each in outcomes if each.status != "ok"
     )
@@ -317,7 +315,6 @@ def _failures(outcomes: Sequence[Outcome]) -> list[ResultTable]:
 def _panel(
     title: str, recording: Recording, outcomes: Sequence[Outcome], folder: Path
 ) -> TrackPanel:
-    """Panel of the aligned trajectories of all estimators that have one."""
     tracks = {}
     for outcome in outcomes:
         if outcome.errors is None:

@@ -292,7 +292,6 @@ def _channel(name: str, draw: Draw, frame: LiveFrame) -> Part:
 
 
 def _bundle(files: dict[str, bytes]) -> tuple[str, str, bytes]:
-    """Name, media type and bytes of a download: the only file, or a ZIP archive of several."""
     if len(files) == 1:
         ((name, data),) = files.items()
         return name, "application/octet-stream", data

@@ -23,11 +23,10 @@ from omnisim.apps.live.camera_document import (
     scene_text,
     without_overridden,
 )
-from omnisim.apps.live.ground import MAX_TRIANGLES
 from omnisim.apps.live.run_source import LiveFrame
 from omnisim.apps.live.session import Draw, PageState
 from omnisim.apps.live.view_maker import ViewMaker
-from omnisim.apps.live.viewpoint_motion import DIGITS_M, Place
+from omnisim.apps.live.viewpoint_motion import DIGITS_M, MAX_TRIANGLES, Place
 from omnisim.cameras import NonCentralCamera
 from omnisim.core.errors import OmnisimError, SceneError
 from omnisim.core.files.image_files import image_bytes

@@ -103,7 +103,6 @@ def _flat(*boundaries: tuple[float, float]) -> OpticalSystem:
 
 
 def _closed_forms() -> dict[str, tuple[TracedAxialRays, AxialRays]]:
-    """Traced rays and their closed forms, by system."""
     hyperbolic = Hyperbolic()
     panes = zip(np.cumsum((_PORT_M, *_PANES_M)).tolist(), _MEDIA[1:], strict=True)
     port = _flat(*panes)

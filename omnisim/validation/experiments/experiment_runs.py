@@ -33,7 +33,7 @@ from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.run_data import RunData
 from omnisim.runs.run_labels import RunLabels
 from omnisim.validation.experiments.detection_accuracy import compare
-from omnisim.validation.experiments.real_setting import with_wrong_start
+from omnisim.validation.experiments.recordings import with_wrong_start
 
 PIXEL_SIGMA = 2.0  # of 255, of each seed's own noise
 Progress = Callable[[str, int], Callable[[Iterable[int]], Iterable[int]]]
@@ -323,7 +323,6 @@ def observations_from_detections(
 
 
 def _picked(run: RunData, seed: int) -> list[list[Observation]]:
-    """Observations of each step of a run, by simulated picking of landmarks by hand."""
     generator = np.random.default_rng([3, seed])
     landmarks = LandmarkMap.of_scene(run.landmarks)
     poses = run.true_poses

@@ -156,7 +156,6 @@ def run(request: RenderRequest) -> None:
 
 
 def _adjusted(request: RenderRequest, camera: OmniCamera) -> OmniCamera:
-    """Camera with the options of the image."""
     image, truth = request.image, request.truth
     if request.files.faces is not None:
         check_central(camera.model, "--faces")
@@ -185,7 +184,6 @@ def _other_frames(options: FlowOptions) -> dict[str, dict[str, Any]]:
 
 
 def _check_channel_options(options: FlowOptions, channels: Collection[str]) -> None:
-    """Raise an error for options of channels that are not requested."""
     others = {CHANNELS[name].other for name in channels}
     for other, channel in (("next", "flow"), ("previous", "flow_backward")):
         for option, value in _other_frames(options)[other].items():
@@ -218,7 +216,6 @@ def _other_viewpoints(
 
 
 def _check_outputs(request: RenderRequest) -> tuple[str, ...]:
-    """Check all output paths, and return the requested channels."""
     files = request.files
     check_target(request.output)
     extra = {"--rays": files.rays, "--calibration": files.calibration}
@@ -262,7 +259,6 @@ def _write_other_files(
     base: NDArray[np.float64],
     faces: dict[str, NDArray[np.uint8]],
 ) -> None:
-    """Write the requested rays, calibration, faces and overlay, and print their names."""
     files = request.files
     if files.rays is not None:
         from omnisim.cameras.calibration.ray_table import write_ray_table

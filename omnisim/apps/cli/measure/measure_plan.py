@@ -100,7 +100,6 @@ def _named(place: str) -> Iterator[None]:
 
 
 def _read_plan(path: Path, output: Path) -> dict[str, dict[str, Any]]:
-    """Read the arguments of each part."""
     read = read_tables(path, MeasurementError)
     parsed = parse_table(_with_board(read, output), plan_schema(), MeasurementError, str(path))
     tables = {name: _below(path.parent, dict(table)) for name, table in parsed if table is not None}

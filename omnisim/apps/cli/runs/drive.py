@@ -117,7 +117,6 @@ def _check_cameras(request: DriveRequest, vehicles: dict[str, Vehicle]) -> None:
 
 
 def _report(plan: PlannedDrive, whose: str, no_contact: bool) -> None:
-    """Print the contacts and notes of a planned drive."""
     if not plan.drive.vehicle.sensors:
         print_note(f"{plan.drive.vehicle.name} {NO_SENSORS}")
     if no_contact:
@@ -239,7 +238,6 @@ def _drive_of(request: DriveRequest | RecordRequest, vehicle: Vehicle, route: Ro
 
 
 def _as_requested(vehicle: Vehicle, image: MeshImageOptions) -> Vehicle:
-    """Vehicle with the options' settings in all its cameras."""
     return vehicle.with_cameras(
         size_px=image.size_px,
         polygons="same" if image.polygons is None else parse_polygons(image.polygons),
@@ -250,7 +248,6 @@ def _as_requested(vehicle: Vehicle, image: MeshImageOptions) -> Vehicle:
 
 
 def _record(plan: PlannedDrive, folder: Path, force: bool) -> None:
-    """Record a run, or resume an unfinished one, and print a summary."""
     title, done, total = f"{plan.drive.vehicle.name} in {plan.drive.scene.name}", 0, len(plan.truth)
     command = "the same command without --force" if force else "the same command"
 

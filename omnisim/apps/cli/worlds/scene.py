@@ -168,7 +168,6 @@ def _print_tables(document: dict[str, Any], shows_all: bool) -> None:
 
 
 def _lines(document: dict[str, Any]) -> list[tuple[str, str]]:
-    """Names and values of all lines except the instances."""
     low, high = np.array(document["bounds_m"])
     size_m = float((high - low).max())  # of which the decimals resolve a hundredth
     digits = 2 if size_m <= 0.0 else max(2, 2 - math.floor(math.log10(size_m)))
@@ -213,7 +212,6 @@ def _name_width(widths: list[int]) -> int:
 
 
 def _row(instance: dict[str, Any]) -> tuple[str, ...]:
-    """Table cells of an instance."""
     low, high = np.array(instance["min_m"]), np.array(instance["max_m"])
     sizes = [f"{width}×{height}" for width, height in instance["textures_px"]]
     return (

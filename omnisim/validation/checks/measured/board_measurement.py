@@ -140,7 +140,6 @@ def omnidir_rms_px(views: Sequence[BoardView]) -> float:
 
 
 def _images(sensor: OmniCamera, poses: list[Floats], fixture: Fixture) -> list[NDArray[np.uint8]]:
-    """Gray images of boards at poses optical_from_board."""
     images = []
     scene = board_scene()
     with open_sensor(scene, sensor, unlit=True, device=fixture.device) as renderer:
