@@ -8,8 +8,8 @@ each pixel is the average of the texels that rays through the pixel's square hit
 parameters of omnisim's lens are used; the rays are those of r = f θ, Kannala and Brandt (2006,
 Eq. 3).
 
-In scenes of luminous surfaces, unlit surfaces emit their color and are the only light: the converged
-image is then the radiance along reflected and transmitted rays.
+In scenes of luminous surfaces, unlit surfaces emit their color and are the only light: the image is
+then the radiance along reflected and transmitted rays.
 """
 
 from __future__ import annotations
