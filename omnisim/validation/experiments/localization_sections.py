@@ -163,7 +163,6 @@ def side_by_side(simulated: SimulationExperiment, real: RealExperiment) -> Secti
 def gains(simulated: SimulationExperiment) -> Section:
     """Errors of odometry alone, with a 90° camera facing ahead, and an omnidirectional camera."""
     full = simulated.seeds
-    full = simulated.seeds
     forward = [in_field_of_view(each, FORWARD_RAD) for each in simulated.observations]
     errors, parameters = simulated.odometry_errors, simulated.parameters
     ahead = run_seeds(simulated.run, errors, forward, parameters)

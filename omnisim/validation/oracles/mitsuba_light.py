@@ -264,7 +264,6 @@ def trace_lit_fisheye(
             image = rendered(loaded, samples, seed + number, sensor)
             column, row = (texels[on_face] - low).T
             samples_rgb[on_face] = image[row, column]
-            samples_rgb[on_face] = np.array(image, dtype=np.float32)[row, column, :3]
     height, width, side = camera.height_px, camera.width_px, 2 * TEXELS
     return samples_rgb.reshape(height, side, width, side, 3).mean(axis=(1, 3))
 

@@ -111,7 +111,6 @@ def shining(surface: Surface, units_per_m: float) -> mi.Mesh:
         SceneError: a material that Mitsuba does not support.
     """
     material, texture = surface.material, surface.material.texture
-    material, texture = surface.material, surface.material.texture
     coordinates = colors = None
     if surface.texture_coordinates is not None and texture is not None:
         place = f"material {material.name!r}: Mitsuba"

@@ -97,7 +97,6 @@ def detect(request: DetectRequest) -> None:
             empty.append(step)
         if step in shown and request.show is not None:
             title = f"step {step}" if is_run else request.source.name
-            title = f"step {step}" if is_run else request.source.name
             title += f": {pluralize(len(step_detections), 'landmark')}"
             rows.append((title, panorama, step_detections))
     if request.output is not None:
