@@ -62,12 +62,15 @@ class Captions:
         for x, y in corners:
             left = max(0, min(round(x), self.image.width - width))
             top = max(0, min(round(y), self.image.height - height))
-            place = (left, top, left + width, top + height)
-            if not any(_overlap(place, other) for other in self.rectangles):
+            right, bottom = left + width, top + height
+            if not any(
+                left < other[2] and other[0] < right and top < other[3] and other[1] < bottom
+                for other in self.rectangles
+            ):
                 break
         else:
             return False
-        self.rectangles.append(place)
+        self.rectangles.append((left, top, right, bottom))
         red, green, blue = color
         ink = "black" if 0.299 * red + 0.587 * green + 0.114 * blue > _BRIGHT else "white"
         self.draw.rectangle((left, top, left + width - 1, top + height - 1), fill=color)
@@ -165,12 +168,3 @@ def _middle(mask: NDArray[np.bool_]) -> tuple[float, float]:
     inside_px = ndimage.distance_transform_edt(np.pad(coarse, 1))
     row, column = np.unravel_index(int(inside_px.argmax()), inside_px.shape)
     return float(step * (column - 1)), float(step * (row - 1))
-
-
-def _overlap(first: Rectangle, second: Rectangle) -> bool:
-    return (
-        first[0] < second[2]
-        and second[0] < first[2]
-        and first[1] < second[3]
-        and second[1] < first[3]
-    )

@@ -229,7 +229,13 @@ def _sweep_section(
     for label, group in values:
         for estimator in plan.estimators:
             outcomes = _outcomes(group, estimator)
-            rows.append((label, _short(estimator), *_sweep_cells(outcomes)))
+            failed = [outcome for outcome in outcomes if outcome.errors is None]
+            kinds = {outcome.errors.kind for outcome in outcomes if outcome.errors is not None}
+            seconds = over_seeds([each.seconds for each in outcomes if each.seconds is not None])
+            without = f"{len(failed)} of {len(outcomes)} {failed[0].status}" if failed else ""
+            taken = f"{seconds.mean:.1f}" if math.isfinite(seconds.mean) else ""
+            cells = *_cells(outcomes), ", ".join(sorted(kinds)), taken, without
+            rows.append((label, _short(estimator), *cells))
     caption = "Means over the seeds ± half of their 95 % interval by Student's t."
     tables = [ResultTable(caption, SWEEP_COLUMNS, tuple(rows))]
     tables += _failures(
@@ -250,23 +256,13 @@ def _sweep_section(
     times = []
     for estimator in plan.estimators:
         groups = [_outcomes(group, estimator) for _, group in values]
-        seconds = [[each.seconds for each in group if each.seconds is not None] for group in groups]
-        times.append(_line(estimator, seconds))
+        taken_s = [[each.seconds for each in group if each.seconds is not None] for group in groups]
+        times.append(_line(estimator, taken_s))
     panel = SweepPanel("" if variation is None else title, "time taken (s)", labels, times)
     caption = "Time that the estimators took"
     figures.append(CaptionedFigure(f"{name}-times", sweep_figure(panel), caption))
     text = METHOD if variation is None else ""
     return Section(title, text, tables=tables, figures=figures, key=name)
-
-
-def _sweep_cells(outcomes: Sequence[Outcome]) -> tuple[str, ...]:
-    """Cells in the order of `SWEEP_COLUMNS`, without the first two: value and estimator."""
-    failed = [outcome for outcome in outcomes if outcome.errors is None]
-    kinds = {outcome.errors.kind for outcome in outcomes if outcome.errors is not None}
-    seconds = over_seeds([each.seconds for each in outcomes if each.seconds is not None])
-    without = f"{len(failed)} of {len(outcomes)} {failed[0].status}" if failed else ""
-    taken = f"{seconds.mean:.1f}" if math.isfinite(seconds.mean) else ""
-    return *_cells(outcomes), ", ".join(sorted(kinds)), taken, without
 
 
 def _track_figures(

@@ -186,7 +186,16 @@ class LiveServer:
         if self._token is None and not is_local(host):
             return _refusal(http.HTTPStatus.FORBIDDEN, "expected the name of this machine as host")
         if parts.path == STREAM:
-            return self._refuse_stream(request, parse_qs(parts.query))
+            origin = request.headers.get("Origin")
+            if origin is not None and urlsplit(origin).netloc != request.headers.get("Host"):
+                expected = "expected this server's own page as origin"
+                return _refusal(http.HTTPStatus.FORBIDDEN, expected)
+            given = parse_qs(parts.query).get("token", [""])[0].encode()
+            if self._token is not None and not hmac.compare_digest(given, self._token.encode()):
+                return _refusal(http.HTTPStatus.UNAUTHORIZED, "expected the token of the address")
+            if len(self._pages) >= MAX_PAGES:
+                return _refusal(http.HTTPStatus.SERVICE_UNAVAILABLE, "too many pages are open")
+            return None
         name = parts.path.removeprefix("/") or "index.html"
         content = _page_files().get(name)
         if content is None:
@@ -198,17 +207,6 @@ class LiveServer:
             headers["Content-Encoding"] = "gzip"
         headers["Content-Length"] = str(len(content))
         return Response(200, "OK", headers, content)
-
-    def _refuse_stream(self, request: Request, query: dict[str, list[str]]) -> Response | None:
-        origin = request.headers.get("Origin")
-        if origin is not None and urlsplit(origin).netloc != request.headers.get("Host"):
-            return _refusal(http.HTTPStatus.FORBIDDEN, "expected this server's own page as origin")
-        given, token = query.get("token", [""])[0], self._token
-        if token is not None and not hmac.compare_digest(given.encode(), token.encode()):
-            return _refusal(http.HTTPStatus.UNAUTHORIZED, "expected the token of the address")
-        if len(self._pages) >= MAX_PAGES:
-            return _refusal(http.HTTPStatus.SERVICE_UNAVAILABLE, "too many pages are open")
-        return None
 
     async def _serve_page(self, connection: ServerConnection) -> None:
         page = _Page(connection)
@@ -244,7 +242,13 @@ class LiveServer:
                     page.is_ready = True
                     self._session.ask()
             elif isinstance(message, messages.RequestControl):
-                self._take_control(page)
+                if self._driver is page:
+                    return
+                if self._driver is not None and self._now_s() - self._driven_s < IDLE_S:
+                    raise OutputError("another browser is in control right now")
+                self._session.rest()
+                self._driver = page
+                self._tell_roles()
             elif isinstance(message, messages.Save):
                 self._session.look_up(message, reply)
             elif isinstance(message, messages.Probe):
@@ -262,15 +266,6 @@ class LiveServer:
     def _reply(self, page: _Page, data: bytes) -> None:
         if self._loop is not None and not self._loop.is_closed():
             self._loop.call_soon_threadsafe(self._send, page, data)
-
-    def _take_control(self, page: _Page) -> None:
-        if self._driver is page:
-            return
-        if self._driver is not None and self._now_s() - self._driven_s < IDLE_S:
-            raise OutputError("another browser is in control right now")
-        self._session.rest()
-        self._driver = page
-        self._tell_roles()
 
     def _tell_roles(self) -> None:
         for page in self._pages:
@@ -349,13 +344,10 @@ class LivePage:
             open_source = source
             last_step = 10**9  # the source itself limits the step
         self.session = Session(document, pilot, last_step, time_s)
-        self.engine = Engine(self.session, open_source, self._publish)
         token = None if is_local(host) else new_token()
         self.server = LiveServer(self.session, about, host, port, token)
+        self.engine = Engine(self.session, open_source, self.server.publish)
         self._about = about
-
-    def _publish(self, kind: str, data: bytes, change: int) -> None:
-        self.server.publish(kind, data, change)
 
     def open(self) -> None:
         """Start the render thread, and wait until the scene is on the GPU.

@@ -288,7 +288,13 @@ class RealExperiment(Experiment):
     ):
         super().__init__(run, trained, "superscout", progress)
         self.parameters = read_parameters(REAL_PARAMETERS)
-        picked = [_picked(run, seed) for seed in range(SEEDS)]
+        landmarks, poses = LandmarkMap.of_scene(run.landmarks), run.true_poses
+        assert poses is not None
+        generators = (np.random.default_rng([3, seed]) for seed in range(SEEDS))
+        picked = [
+            [pick_landmarks(pose, run.mount, landmarks, Hand(), generator) for pose in poses]
+            for generator in generators
+        ]
         errors, certain = self.odometry_errors, np.zeros((3, 3))
         self.seeds = run_seeds(run, errors, picked, self.parameters, certain, with_wrong_start)
         self.honest = run_seeds(run, errors, picked, parameters, certain, with_wrong_start)
@@ -320,11 +326,3 @@ def observations_from_detections(
         [observation_from_detection(each, parameters.measurement) for each in step]
         for step in detections
     ]
-
-
-def _picked(run: RunData, seed: int) -> list[list[Observation]]:
-    generator = np.random.default_rng([3, seed])
-    landmarks = LandmarkMap.of_scene(run.landmarks)
-    poses = run.true_poses
-    assert poses is not None
-    return [pick_landmarks(pose, run.mount, landmarks, Hand(), generator) for pose in poses]

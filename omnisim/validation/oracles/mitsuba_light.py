@@ -252,7 +252,17 @@ def trace_lit_fisheye(
     """
     pose = check_pose(world_from_optical)
     size_px = 2 * math.ceil(TEXELS * camera.focal_length_px)  # of a face, 2 wide at distance 1
-    faces, texels = _texels(_rays(camera), size_px)
+    side = 2 * TEXELS  # rays are evenly spaced over the pixels, as many per pixel's side
+    sizes_px = camera.width_px, camera.height_px
+    u, v = ((np.arange(count * side) + 0.5) / side - 0.5 for count in sizes_px)
+    x, y = np.meshgrid(u - camera.principal_point_px[0], v - camera.principal_point_px[1])
+    angle = np.minimum(np.hypot(x, y) / camera.focal_length_px, camera.theta_max_rad)
+    azimuth, across = np.arctan2(y, x), np.sin(angle)
+    rays = np.stack((across * np.cos(azimuth), across * np.sin(azimuth), np.cos(angle)), axis=-1)
+    faces = np.argmax(rays @ _FACES[:, 2].T, axis=-1)
+    local = np.einsum("...ij,...j->...i", _FACES[faces], rays)
+    tangents = local[..., :2] / local[..., 2:]
+    texels = np.floor(0.5 * (tangents + 1.0) * size_px).astype(np.intp).clip(0, size_px - 1)
     samples_rgb = np.zeros((*faces.shape, 3), dtype=np.float32)
     with scalar_variant():
         loaded = mi.load_dict(lit_world(scene, pose[:3, 3], UNITS_PER_M, depth))
@@ -264,29 +274,8 @@ def trace_lit_fisheye(
             image = rendered(loaded, samples, seed + number, sensor)
             column, row = (texels[on_face] - low).T
             samples_rgb[on_face] = image[row, column]
-    height, width, side = camera.height_px, camera.width_px, 2 * TEXELS
+    height, width = camera.height_px, camera.width_px
     return samples_rgb.reshape(height, side, width, side, 3).mean(axis=(1, 3))
-
-
-def _rays(camera: EquidistantCamera) -> NDArray[np.float64]:
-    """Rays (rows, columns, 3) evenly spaced over the pixels, 2 × `TEXELS` per pixel's side."""
-    side = 2 * TEXELS
-    sizes_px = camera.width_px, camera.height_px
-    u, v = ((np.arange(count * side) + 0.5) / side - 0.5 for count in sizes_px)
-    x, y = np.meshgrid(u - camera.principal_point_px[0], v - camera.principal_point_px[1])
-    angle = np.minimum(np.hypot(x, y) / camera.focal_length_px, camera.theta_max_rad)
-    azimuth = np.arctan2(y, x)
-    across = np.sin(angle)
-    return np.stack((across * np.cos(azimuth), across * np.sin(azimuth), np.cos(angle)), axis=-1)
-
-
-def _texels(rays: NDArray[np.float64], size_px: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Faces (...,) hit by rays (..., 3), and columns and rows (..., 2) of the hits."""
-    faces = np.argmax(rays @ _FACES[:, 2].T, axis=-1)
-    local = np.einsum("...ij,...j->...i", _FACES[faces], rays)
-    tangents = local[..., :2] / local[..., 2:]
-    places = np.floor(0.5 * (tangents + 1.0) * size_px).astype(np.intp)
-    return faces, np.clip(places, 0, size_px - 1)
 
 
 def _face(
