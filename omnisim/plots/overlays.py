@@ -54,7 +54,6 @@ class Captions:
         """Write a name at the first of some places that is free; False: none is.
 
         Args:
-            text: name.
             color: background.
             corners: top left corners (x, y), which are moved into the image.
         """
@@ -88,7 +87,6 @@ def boxes_overlay(
     Args:
         rgb: (height, width, 3) image.
         instances: (height, width) channel `instance`.
-        labels: labels of the instances.
     """
     times = _magnification(rgb)
     captions = Captions(_magnified(rgb, times))
@@ -119,7 +117,6 @@ def labels_overlay(
     Args:
         rgb: (height, width, 3) image.
         classes: (height, width) channel `semantic`.
-        labels: labels of the classes.
     """
     times = _magnification(rgb)
     colors = labels.class_colors.take(classes, axis=0).astype(np.float32)

@@ -74,8 +74,6 @@ def draw_scene_map(
     """Draw the scene between two corners (2,) of the ground, x to the right and y up.
 
     Args:
-        axes: axes to draw on.
-        scene: scene to draw.
         low_m, high_m: corners of the drawn part.
         ground_m: height of the ground; the section is `CUT_M` above it.
     """

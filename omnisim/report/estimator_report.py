@@ -102,7 +102,6 @@ def run_section(recording: Recording, outcomes: Sequence[Outcome], folder: Path)
 
     Args:
         recording: run with the true poses.
-        outcomes: outcome of each estimator.
         folder: folder with a subfolder for each estimator's trajectory.
     """
     panel = _panel("Trajectories from above", recording, outcomes, folder)
@@ -141,7 +140,6 @@ def sweep_sections(
     """Sections on a sweep: one on the unchanged drive, and one on each variation.
 
     Args:
-        plan: plan of the sweep.
         results: results of all points.
         key: prefix of the figures' names.
         title: prefix of the sections' titles.

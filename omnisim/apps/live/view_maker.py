@@ -137,7 +137,6 @@ def probe(
     Without a ray there is only a `reason`.
 
     Args:
-        message: view, and position in the view.
         frame: image with ground-truth channels.
         views: maker of the unwarped views.
         gaze: direction of the perspective view.

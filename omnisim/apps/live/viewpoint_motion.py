@@ -118,7 +118,6 @@ class Ground:
         """End of a straight way that keeps a distance from all surfaces and slides along them.
 
         Args:
-            start_m, end_m: ends of the way.
             clearance_m: distance to keep; below `MIN_CLEARANCE_M` the way is free.
 
         Returns:

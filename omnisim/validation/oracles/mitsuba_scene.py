@@ -92,7 +92,6 @@ def triangles_of_rings(rings: int, sectors: int, has_hole: bool = False) -> NDAr
 
     Args:
         rings: number of rings of triangles.
-        sectors: vertices per ring.
         has_hole: False: the first ring of vertices is a single point.
     """
     sector = np.arange(sectors)
