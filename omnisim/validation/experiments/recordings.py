@@ -24,17 +24,7 @@ from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.drive import Drive
 from omnisim.runs.route import Route
 from omnisim.runs.run_data import RunData, read_run
-from omnisim.scene import load_scene
-from omnisim.scene.model import (
-    Instance,
-    Light,
-    Lighting,
-    LightKind,
-    Material,
-    Mesh,
-    Scene,
-    ScenePath,
-)
+from omnisim.scene import load_scene, model
 from omnisim.validation.experiments.experiment_runs import Progress
 
 SCENE = "soccer"
@@ -102,7 +92,7 @@ def record_all(folder: Path, device: int | None, progress: Progress) -> Recordin
     """
     scene = load_scene(SCENE)
     with_path = dataclasses.replace(
-        scene, paths=(*scene.paths, ScenePath("learning", TRAINING_WAYPOINTS))
+        scene, paths=(*scene.paths, model.ScenePath("learning", TRAINING_WAYPOINTS))
     )
     p2at = _paper_vehicle("p2at")
     scout = _paper_vehicle("superscout").with_cameras(degradation=real_camera())
@@ -120,7 +110,12 @@ def _paper_vehicle(robot: str) -> Vehicle:
 
 
 def _record(
-    folder: Path, scene: Scene, vehicle: Vehicle, path: str, device: int | None, progress: Progress
+    folder: Path,
+    scene: model.Scene,
+    vehicle: Vehicle,
+    path: str,
+    device: int | None,
+    progress: Progress,
 ) -> RunData:
     drive = Drive(scene, vehicle, Route(path), device=device, channels=("instance",))
     plan = drive.plan()
@@ -140,21 +135,21 @@ def _record(
     return read_run(folder)
 
 
-def cluttered(scene: Scene) -> Scene:
+def cluttered(scene: model.Scene) -> model.Scene:
     """Scene with boxes around the field and a lamp over one corner."""
     materials, meshes = list(scene.materials), list(scene.meshes)
     instances = list(scene.instances)
     for number, (x, y, edge_m, color) in enumerate(CLUTTER, start=1):
-        materials.append(Material(f"clutter_{number:02d}", (*color, 1.0)))
+        materials.append(model.Material(f"clutter_{number:02d}", (*color, 1.0)))
         meshes.append(_box(f"clutter_{number:02d}", edge_m, len(materials) - 1))
         place = pose((x, y, 0.5 * edge_m))
-        instances.append(Instance(f"clutter_box_{number:02d}", len(meshes) - 1, place))
+        instances.append(model.Instance(f"clutter_box_{number:02d}", len(meshes) - 1, place))
     even = [
         dataclasses.replace(light, intensity=EVEN_SHARE * light.intensity)
         for light in scene.lighting.lights
     ]
-    lamp = Light(
-        LightKind.POINT, (1.0, 0.93, 0.80), LAMP_CD, position_m=np.array(LAMP_M),
+    lamp = model.Light(
+        model.LightKind.POINT, (1.0, 0.93, 0.80), LAMP_CD, position_m=np.array(LAMP_M),
         range_m=math.inf, casts_shadow=False,
     )  # fmt: skip
     red, green, blue = scene.lighting.ambient
@@ -164,7 +159,7 @@ def cluttered(scene: Scene) -> Scene:
         meshes=tuple(meshes),
         materials=tuple(materials),
         instances=tuple(instances),
-        lighting=Lighting(ambient, (*even, lamp), scene.lighting.exposure),
+        lighting=model.Lighting(ambient, (*even, lamp), scene.lighting.exposure),
     )
 
 
@@ -175,7 +170,7 @@ def with_wrong_start(odometry: Odometry) -> Odometry:
     return dataclasses.replace(odometry, start=(x + dx, y + dy, yaw + dyaw))
 
 
-def _box(name: str, edge_m: float, material: int) -> Mesh:
+def _box(name: str, edge_m: float, material: int) -> model.Mesh:
     """Flat-shaded cube about the origin."""
     half = 0.5 * edge_m
     positions: list[NDArray[np.float64]] = []
@@ -189,4 +184,4 @@ def _box(name: str, edge_m: float, material: int) -> Mesh:
                 positions.append(half * (normal + a * right + b * up))
             triangles += [(first, first + 1, first + 2), (first, first + 2, first + 3)]
     corners = np.array(positions, dtype=np.float32)
-    return Mesh(name, corners, np.array(triangles, dtype=np.uint32), material)
+    return model.Mesh(name, corners, np.array(triangles, dtype=np.uint32), material)

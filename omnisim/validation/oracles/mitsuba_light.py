@@ -28,24 +28,13 @@ from omnisim.core.poses import check_pose
 from omnisim.scene import Scene
 from omnisim.scene.model import Instance, Light, LightKind, Material
 from omnisim.scene.surface_reflectance import MIN_ROUGHNESS
+from omnisim.validation.oracles import mitsuba_scene as scenes
 from omnisim.validation.oracles.mitsuba_materials import (
     absorbs,
     glass_bsdf,
     medium,
     principled,
     sky,
-)
-from omnisim.validation.oracles.mitsuba_scene import (
-    VERTEX_COLOR,
-    bitmap,
-    emitter,
-    film,
-    mesh_of,
-    metal,
-    pinhole,
-    rendered,
-    rgb,
-    scalar_variant,
 )
 from omnisim.validation.oracles.mitsuba_tracer import RIM_UNITS, mirror_of_metal, mirror_pinhole
 from omnisim.validation.oracles.surfaces import opaque_only
@@ -111,11 +100,11 @@ def trace_lit_mirror(
     """
     pose = check_pose(world_from_optical)
     units_per_m = RIM_UNITS / camera.mirror.rim_radius_m
-    with scalar_variant():
+    with scenes.scalar_variant():
         content = lit_world(scene, pose[:3, 3], units_per_m, depth + 1)
         content["sensor"] = mirror_pinhole(camera, pose[:3, :3], units_per_m, samples)
         content["mirror"] = mirror_of_metal(camera.mirror, pose[:3, :3], units_per_m)
-        return rendered(content, samples, seed)
+        return scenes.rendered(content, samples, seed)
 
 
 def lit_world(
@@ -151,7 +140,7 @@ def lit_world(
     if scene.lighting.environment is not None:
         content["sky"] = sky(scene.lighting.environment)
     elif any(scene.lighting.ambient):
-        content["sky"] = {"type": "constant", "radiance": rgb(scene.lighting.ambient)}
+        content["sky"] = {"type": "constant", "radiance": scenes.rgb(scene.lighting.ambient)}
     return content
 
 
@@ -161,11 +150,11 @@ def _lamp(
     """Emitter of a lamp, times π: Mitsuba's white surface in one lux has a radiance of 1/π."""
     level = math.pi * light.intensity * exposure
     if light.kind is LightKind.DIRECTIONAL:
-        color = rgb(tuple(level * share for share in light.color))
+        color = scenes.rgb(tuple(level * share for share in light.color))
         return {"type": "directional", "direction": light.direction.tolist(), "irradiance": color}
     if light.kind is LightKind.SPOT:
         raise SceneError("spot light: Mitsuba's edge falls off in another way: expected none")
-    color = rgb(tuple(level * units_per_m**2 * share for share in light.color))
+    color = scenes.rgb(tuple(level * units_per_m**2 * share for share in light.color))
     position = ((light.position_m - viewpoint_m) * units_per_m).tolist()
     return {"type": "point", "position": position, "intensity": color}
 
@@ -203,26 +192,26 @@ def _surface(
     if any(material.emissive) and not scene.lighting.is_matte:
         if material.emissive_map is not None:
             raise SceneError(f"material {material.name!r}: emissive_map: expected none for Mitsuba")
-        light = {"type": "area", "radiance": rgb(material.emissive)}
+        light = {"type": "area", "radiance": scenes.rgb(material.emissive)}
         properties["mesh_emitter"] = mi.load_dict(light)
     vertices = positions_m * units_per_m
-    return mesh_of(vertices, triangles, properties, normals, coordinates, colors)
+    return scenes.mesh_of(vertices, triangles, properties, normals, coordinates, colors)
 
 
 def _bsdf(material: Material, kind: str, is_matte: bool) -> dict[str, Any]:
     """BSDF of a material; its kind says whether a texture or vertex colors are its base color."""
     if not is_matte and material.transmission > 0.0:
         return glass_bsdf(material)
-    reflectance = rgb(material.base_color[:3])
+    reflectance = scenes.rgb(material.base_color[:3])
     if kind == "textured":
         assert material.texture is not None
-        reflectance = bitmap(material.texture, material.base_color)
+        reflectance = scenes.bitmap(material.texture, material.base_color)
     elif kind == "colored":
-        reflectance = {"type": "mesh_attribute", "name": VERTEX_COLOR}
+        reflectance = {"type": "mesh_attribute", "name": scenes.VERTEX_COLOR}
     if is_matte:
         nested = {"type": "diffuse", "reflectance": reflectance}
     elif material.metallic == 1.0 and material.roughness <= MIN_ROUGHNESS:
-        nested = metal(1.0) | {"specular_reflectance": reflectance}
+        nested = scenes.metal(1.0) | {"specular_reflectance": reflectance}
     else:
         nested = principled(material) | {"base_color": reflectance}
     return {"type": "twosided", "nested": nested}
@@ -264,14 +253,14 @@ def trace_lit_fisheye(
     tangents = local[..., :2] / local[..., 2:]
     texels = np.floor(0.5 * (tangents + 1.0) * size_px).astype(np.intp).clip(0, size_px - 1)
     samples_rgb = np.zeros((*faces.shape, 3), dtype=np.float32)
-    with scalar_variant():
+    with scenes.scalar_variant():
         loaded = mi.load_dict(lit_world(scene, pose[:3, 3], UNITS_PER_M, depth))
         for number in np.unique(faces).tolist():
             on_face = faces == number
             low, high = texels[on_face].min(axis=0), texels[on_face].max(axis=0) + 1
             axes = _FACES[number] @ pose[:3, :3].T
             sensor = _face(axes, size_px, low, high - low, samples)
-            image = rendered(loaded, samples, seed + number, sensor)
+            image = scenes.rendered(loaded, samples, seed + number, sensor)
             column, row = (texels[on_face] - low).T
             samples_rgb[on_face] = image[row, column]
     height, width = camera.height_px, camera.width_px
@@ -299,7 +288,7 @@ def _face(
         "fov": 90.0,
         "near_clip": 1e-3 * UNITS_PER_M,
         "far_clip": 1e5 * UNITS_PER_M,
-        "film": film(size_px, size_px) | crop,
+        "film": scenes.film(size_px, size_px) | crop,
         "sampler": {"type": "multijitter", "sample_count": samples},
     }
 
@@ -323,16 +312,16 @@ def trace_reflections(
     is_absorbing = any(map(absorbs, scene.materials))
     forward, left, up, position = world_from_base[:3].T
     to_world = np.stack((-left, -up, forward, position), axis=1)
-    with scalar_variant():
+    with scenes.scalar_variant():
         content: dict[str, Any] = {
             "type": "scene",
             "integrator": {"type": "volpath" if is_absorbing else "path", "max_depth": DEPTH},
-            "sensor": pinhole(camera, to_world, 0.01, samples),
+            "sensor": scenes.pinhole(camera, to_world, 0.01, samples),
         }
         for number, instance in enumerate(scene.instances):
             for part, surface in enumerate(_surfaces(scene, instance)):
                 content[f"surface {number}, {part}"] = surface
-        return rendered(content, samples, seed)
+        return scenes.rendered(content, samples, seed)
 
 
 def _surfaces(scene: Scene, instance: Instance) -> list[mi.Mesh]:
@@ -349,7 +338,7 @@ def _surfaces(scene: Scene, instance: Instance) -> list[mi.Mesh]:
     if absorbs(material):
         properties["interior"] = mi.load_dict(medium(material))
     normals = None if mesh.normals is None else mesh.normals @ linear.T
-    return [mesh_of(positions, triangles, properties, normals=normals)]
+    return [scenes.mesh_of(positions, triangles, properties, normals=normals)]
 
 
 def _shining(
@@ -367,13 +356,17 @@ def _shining(
     for number, color in enumerate(distinct):
         corners = triangles[groups.ravel() == number].ravel()
         faces = np.arange(len(corners)).reshape(-1, 3)
-        meshes.append(mesh_of(positions[corners], faces, emitter(rgb(tuple(color.tolist())))))
+        meshes.append(
+            scenes.mesh_of(
+                positions[corners], faces, scenes.emitter(scenes.rgb(tuple(color.tolist())))
+            )
+        )
     return meshes
 
 
 def _mirror_bsdf(material: Material) -> dict[str, Any]:
     if material.transmission > 0.0:
         return glass_bsdf(material)
-    smooth = metal(1.0) | {"specular_reflectance": rgb(material.base_color[:3])}
+    smooth = scenes.metal(1.0) | {"specular_reflectance": scenes.rgb(material.base_color[:3])}
     nested = principled(material) if material.roughness > 0.0 else smooth
     return {"type": "twosided", "nested": nested}
