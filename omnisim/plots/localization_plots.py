@@ -119,8 +119,7 @@ def roc_figure(curves: Mapping[str, Sequence[tuple[str, Roc, float]]]) -> Figure
 
 
 def curves_figure(
-    panels: Mapping[str, Sequence[tuple[str, NDArray[np.float64]]]],
-    levels: Sequence[str],
+    panels: Mapping[str, Sequence[tuple[str, NDArray[np.float64]]]], levels: Sequence[str]
 ) -> Figure:
     """Quantities by level: one panel per quantity, and in it one line per degradation."""
     figure = Figure(figsize=(4.6 * len(panels), 4.0), dpi=DPI, layout="constrained")
