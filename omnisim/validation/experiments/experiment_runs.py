@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -33,10 +33,9 @@ from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.run_data import RunData
 from omnisim.runs.run_labels import RunLabels
 from omnisim.validation.experiments.detection_accuracy import compare
-from omnisim.validation.experiments.recordings import with_wrong_start
+from omnisim.validation.experiments.recordings import Progress, with_wrong_start
 
 PIXEL_SIGMA = 2.0  # of 255, of each seed's own noise
-Progress = Callable[[str, int], Callable[[Iterable[int]], Iterable[int]]]
 REAL_PARAMETERS = Path(__file__).with_name("real_setting.toml")
 SEEDS = 20
 

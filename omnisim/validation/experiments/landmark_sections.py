@@ -17,11 +17,10 @@ from omnisim.report.report import CaptionedFigure, Measure, ResultTable, Section
 from omnisim.runs.run_labels import RunLabels
 from omnisim.validation.experiments.detection_accuracy import DetectionMatch, accuracy
 from omnisim.validation.experiments.experiment_runs import (
-    Progress,
     RealExperiment,
     SimulationExperiment,
 )
-from omnisim.validation.experiments.recordings import Recordings
+from omnisim.validation.experiments.recordings import Progress, Recordings
 from omnisim.validation.experiments.sweep import CAUSES, Outcome, sweep
 
 EDGES_M = np.arange(0.0, 6.01, 0.5)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,8 +26,8 @@ from omnisim.runs.drive import Drive
 from omnisim.runs.route import Route
 from omnisim.runs.run_data import RunData, read_run
 from omnisim.scene import load_scene, model
-from omnisim.validation.experiments.experiment_runs import Progress
 
+Progress = Callable[[str, int], Callable[[Iterable[int]], Iterable[int]]]
 SCENE = "soccer"
 # A path across the field for training, unlike all other drives: landmarks from near and far, and
 # from all sides.

@@ -30,10 +30,10 @@ from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
 from omnisim.runs.run_data import RunData
 from omnisim.validation.experiments.detection_accuracy import accuracy, compare
 from omnisim.validation.experiments.experiment_runs import (
-    Progress,
     observations_from_detections,
     run_seeds,
 )
+from omnisim.validation.experiments.recordings import Progress
 
 NEAR_M = 4.0
 SEEDS = 5  # of the odometry noise, at each level
