@@ -13,12 +13,10 @@ import numpy as np
 from omnisim import load_scene, open_sensor
 from omnisim.core.srgb import srgb8_from_linear
 from omnisim.plots.contact_sheet import save_contact_sheet
-from omnisim.validation.checks.lit_scenes import SETTINGS, in_baked_light
-from omnisim.validation.checks.lit_scenes import FOLDER
+from omnisim.validation.checks.lit_scenes import FOLDER, SETTINGS, in_baked_light
 from omnisim.validation.fixture import linear_image
+from omnisim.validation.image_differences import psnr_db, ssim
 from omnisim.validation.oracles.mitsuba_light import matte_on_both_sides
-from omnisim.validation.image_differences import psnr_db
-from omnisim.validation.image_differences import ssim
 from omnisim.validation.traced_light import inside_rim, sensor_of, traced_light
 
 SIZE_PX = 260

@@ -19,12 +19,12 @@ from omnisim.core.poses import pose
 from omnisim.core.srgb import srgb8_from_linear
 from omnisim.plots.contact_sheet import save_contact_sheet
 from omnisim.scene.model import Fog, Instance, Material, Mesh, Scene, StartPose
-from omnisim.validation.checks.materials import ciede2000, lab_from_linear
 from omnisim.validation.checks.lit_scenes import FOLDER
+from omnisim.validation.checks.materials import ciede2000, lab_from_linear
 from omnisim.validation.fixture import linear_image
+from omnisim.validation.image_differences import psnr_db
 from omnisim.validation.material_chart import BASE_COLOR, ROUGHNESS, sphere
 from omnisim.validation.oracles.mitsuba_light import matte_on_both_sides
-from omnisim.validation.image_differences import psnr_db
 from omnisim.validation.traced_light import inside_rim, small_mirror, traced_light
 
 ROOT = Path(__file__).resolve().parents[1]

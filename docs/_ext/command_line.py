@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from omnisim.apps.cli.app import command_named
+from omnisim.apps.cli.app import COMMANDS, command_named
 from omnisim.apps.cli.command import Command, Group, help_row, usage
-from omnisim.apps.cli.app import COMMANDS
 from omnisim.apps.cli.options import Entry
 
 _HEADER = """# Command line

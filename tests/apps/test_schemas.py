@@ -8,8 +8,8 @@ import pytest
 
 import omnisim
 from omnisim.apps.cli.checks.requests import SchemaRequest
-from omnisim.apps.cli.options import request_fields
 from omnisim.apps.cli.checks.schema import FILES, file_schema
+from omnisim.apps.cli.options import request_fields
 from omnisim.core.package_files import SCENES
 
 jsonschema = pytest.importorskip("jsonschema")

@@ -16,8 +16,8 @@ from omnisim.core.srgb import linear_from_srgb, srgb_from_linear
 from omnisim.rendering.stage import Stage
 from omnisim.scene import load_scene
 from omnisim.scene.model import AlphaMode, Material
-from omnisim.validation.oracles import import_failure
 from omnisim.validation.image_differences import psnr_of_levels_db
+from omnisim.validation.oracles import import_failure
 from tests.scenes import ROOM_HALF_M, room, room_color, room_hit, scene_of, square
 from tests.slow import slow_but
 

@@ -8,8 +8,7 @@ import shlex
 
 import pytest
 
-from omnisim.apps.cli.app import command_named
-from omnisim.apps.cli.app import COMMANDS, GROUPS
+from omnisim.apps.cli.app import COMMANDS, GROUPS, command_named
 from tests.docs.pages import ROOT
 
 PAGES = sorted({ROOT / "README.md", *(ROOT / "docs").rglob("*.md")})

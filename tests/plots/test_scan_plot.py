@@ -8,8 +8,8 @@ from matplotlib.patches import Polygon
 from omnisim import LaserScanner, Scan
 from omnisim.core.errors import OutputError
 from omnisim.core.poses import pose
-from omnisim.plots.style import check_plot_target, write_plot
 from omnisim.plots.scan_plot import scan_figure
+from omnisim.plots.style import check_plot_target, write_plot
 
 
 def scan_with(ranges_m):

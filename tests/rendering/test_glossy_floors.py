@@ -9,9 +9,9 @@ from scipy.ndimage import binary_erosion, median_filter
 from omnisim.core.poses import pose
 from omnisim.rendering.stage import open_sensor
 from omnisim.scene.model import Light, Lighting, LightKind, Material, Mesh
-from omnisim.validation.material_chart import sphere
-from omnisim.validation.image_differences import psnr_of_levels_db
 from omnisim.validation import reflective_rooms
+from omnisim.validation.image_differences import psnr_of_levels_db
+from omnisim.validation.material_chart import sphere
 from tests.scenes import room, scene_of, square
 from tests.slow import slow_but
 

@@ -27,10 +27,9 @@ from omnisim.rendering.truth.sample_rays import sample_rays
 from omnisim.rendering.twist import moved_px
 from omnisim.scene.model import Material
 from omnisim.validation.checks.optics_triangles import pose_beside_nearest, same_triangles
-from omnisim.validation.markers import centroids
-from omnisim.validation.markers import marker_pixels, markers_on_rays
-from omnisim.validation.optical_systems import validation_systems
 from omnisim.validation.image_differences import psnr_of_levels_db
+from omnisim.validation.markers import centroids, marker_pixels, markers_on_rays
+from omnisim.validation.optical_systems import validation_systems
 from tests.cameras.optics.examples import SYSTEMS
 from tests.cameras.optics.samples import all_samples
 from tests.scenes import room, room_color, room_hit, scene_of

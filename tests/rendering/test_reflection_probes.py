@@ -11,8 +11,8 @@ from omnisim.rendering.opengl.drawing import probe_pass
 from omnisim.rendering.rays.shading import reflections
 from omnisim.rendering.stage import Stage, open_sensor
 from omnisim.scene.model import Fog, Instance, Material, Texture
-from omnisim.validation.material_chart import sphere
 from omnisim.validation.image_differences import psnr_db, psnr_of_levels_db
+from omnisim.validation.material_chart import sphere
 from omnisim.validation.traced_light import fisheye
 from tests.rendering.opengl.sheets import CHROME, LAMP, SUN, mixed_scene
 from tests.scenes import room, room_color, room_hit, scene_of, square

@@ -8,9 +8,9 @@ from matplotlib.figure import Figure
 
 from omnisim.core.errors import OutputError
 from omnisim.report import machine
-from omnisim.report.report import Measure
 from omnisim.report.report import (
     CaptionedFigure,
+    Measure,
     Report,
     ResultTable,
     Section,

@@ -11,9 +11,9 @@ from omnisim.scene.model import DynamicObject, Material, Mesh
 from omnisim.scene.motion.object_motion import Rest
 from omnisim.scene.slabs import normal_of_slabs
 from omnisim.sensors import SpinningLidar
-from omnisim.validation.material_chart import sphere
-from omnisim.validation.image_differences import psnr_of_levels_db
 from omnisim.validation import reflective_rooms
+from omnisim.validation.image_differences import psnr_of_levels_db
+from omnisim.validation.material_chart import sphere
 from tests.rendering.rays.test_panes import reflected_by_pane
 from tests.scenes import room, scene_of
 from tests.vehicles import box, scaled

@@ -4,9 +4,9 @@ import contextlib
 import random
 import struct
 
+from omnisim.apps.live.camera_document import preset_lists
 from omnisim.apps.live.controls import control_groups
 from omnisim.apps.live.live_messages import VIEWS
-from omnisim.apps.live.camera_document import preset_lists
 from tests.apps.live.pages import Client, live_settings, served
 from tests.soak.renderers import resident_bytes
 

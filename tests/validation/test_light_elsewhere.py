@@ -11,8 +11,7 @@ from omnisim.rendering.stage import open_sensor
 from omnisim.scene import load_scene
 from omnisim.scene.model import Light, Lighting, LightKind
 from omnisim.validation.fixture import linear_image
-from omnisim.validation.image_differences import psnr_db
-from omnisim.validation.image_differences import ssim
+from omnisim.validation.image_differences import psnr_db, ssim
 from omnisim.validation.traced_light import fisheye, inside_rim, traced_light
 from tests.scenes import needs_warehouse
 

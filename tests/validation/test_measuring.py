@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from omnisim.report.report import Measure
-from omnisim.report.report import Section
+from omnisim.report.report import Measure, Section
 from omnisim.validation.checks.rings import ring_radii
 from omnisim.validation.fixture import max_abs, mean_abs
 from omnisim.validation.markers import centroids, marker_positions, rim_centroids_px

@@ -7,14 +7,9 @@ pytest.importorskip("mitsuba", reason="Mitsuba, the oracle, is missing")
 pytest.importorskip("embreex", reason="embreex, which casts the rays, is missing")
 
 from omnisim.rendering.rays.shading import reflections
-from omnisim.validation.checks.reflections import (
-    MIN_DB,
-    min_by_cube_db,
-    rendered,
-    traced_paths,
-)
-from omnisim.validation.image_differences import psnr_db
 from omnisim.validation import reflective_rooms
+from omnisim.validation.checks.reflections import MIN_DB, min_by_cube_db, rendered, traced_paths
+from omnisim.validation.image_differences import psnr_db
 
 
 @pytest.mark.parametrize("name", MIN_DB)

@@ -16,10 +16,7 @@ from omnisim.plots.style import gallery
 from omnisim.report.report import CaptionedFigure, Measure, ResultTable, Section
 from omnisim.runs.run_labels import RunLabels
 from omnisim.validation.experiments.detection_accuracy import DetectionMatch, accuracy
-from omnisim.validation.experiments.experiment_runs import (
-    RealExperiment,
-    SimulationExperiment,
-)
+from omnisim.validation.experiments.experiment_runs import RealExperiment, SimulationExperiment
 from omnisim.validation.experiments.recordings import Progress, Recordings
 from omnisim.validation.experiments.sweep import CAUSES, Outcome, sweep
 

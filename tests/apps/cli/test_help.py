@@ -6,8 +6,7 @@ from typing import Annotated
 
 import pytest
 
-from omnisim.apps.cli.app import app, command_named
-from omnisim.apps.cli.app import COMMANDS, GROUPS
+from omnisim.apps.cli.app import COMMANDS, GROUPS, app, command_named
 from omnisim.apps.cli.options import ENTRIES, OWN, of, options, request_fields
 from omnisim.core.files.file_keys import keys_of
 from omnisim.core.files.parameters import table_of

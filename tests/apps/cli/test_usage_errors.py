@@ -8,9 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from omnisim.apps.cli.app import command_named
+from omnisim.apps.cli.app import COMMANDS, command_named
 from omnisim.apps.cli.command import Command
-from omnisim.apps.cli.app import COMMANDS
 from omnisim.apps.cli.options import ENTRIES, CommandLineError
 from omnisim.rendering.twist import MAX_MPS, MAX_RADPS
 

@@ -8,8 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from omnisim.apps.live.camera_document import CameraDocument
-from omnisim.apps.live.camera_document import PRESETS_FILE, preset_lists, with_preset
+from omnisim.apps.live.camera_document import (
+    PRESETS_FILE,
+    CameraDocument,
+    preset_lists,
+    with_preset,
+)
 from omnisim.cameras import pixel_grid
 from omnisim.core.errors import OmnisimError, OutputError, SensorFileError
 from omnisim.rendering.camera.omnicamera import OmniCamera

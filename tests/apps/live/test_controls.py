@@ -2,9 +2,8 @@
 
 import pytest
 
-from omnisim.apps.live.camera_document import CameraDocument
+from omnisim.apps.live.camera_document import CameraDocument, preset_lists, with_preset
 from omnisim.apps.live.controls import control_groups
-from omnisim.apps.live.camera_document import preset_lists, with_preset
 from omnisim.core.files.parameters import table_of
 from omnisim.core.files.table_faults import table_in
 from omnisim.rendering.camera.degradations.degradation_file import EFFECTS

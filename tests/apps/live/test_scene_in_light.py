@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from omnisim.apps.cli.app import main
-from omnisim.apps.live.camera_document import CameraDocument
+from omnisim.apps.live.camera_document import CameraDocument, SceneInLight, without_overridden
 from omnisim.apps.live.live_source import LiveSource
-from omnisim.apps.live.camera_document import SceneInLight, without_overridden
 from omnisim.apps.live.session import Draw, PageState
 from omnisim.apps.live.viewpoint_motion import Place
 from omnisim.core.errors import SceneError

@@ -10,9 +10,8 @@ from omnisim.perception.localization.filter import LandmarkMap
 from omnisim.perception.localization.filter_parameters import read_parameters
 from omnisim.perception.localization.track import mean_interval
 from omnisim.validation.experiments.detection_accuracy import DetectionMatch, accuracy, compare
-from omnisim.validation.experiments.experiment_runs import REAL_PARAMETERS
+from omnisim.validation.experiments.experiment_runs import REAL_PARAMETERS, SeedRuns
 from omnisim.validation.experiments.recordings import TRAINING_WAYPOINTS, real_camera
-from omnisim.validation.experiments.experiment_runs import SeedRuns
 
 
 def _detection(name, range_m, bearing_rad, sigma_m=0.01):

@@ -6,8 +6,8 @@ import pytest
 pytest.importorskip("embreex", reason="embreex, which casts the beams, is missing")
 
 from omnisim.rendering.rays import echoes
-from omnisim.validation.oracles.mirrored_beams import beam_measures
 from omnisim.validation import reflective_rooms
+from omnisim.validation.oracles.mirrored_beams import beam_measures
 
 
 def measures():

@@ -9,8 +9,7 @@ from omnisim.scene.model import Light, Lighting, LightKind
 from tests.scenes import ROOM_HALF_M, room, room_color, room_hit, scene_of
 
 pytest.importorskip("mitsuba", reason="Mitsuba is an optional oracle")
-from omnisim.validation.oracles.mitsuba_light import trace_lit_fisheye
-from omnisim.validation.oracles.mitsuba_light import matte_on_both_sides
+from omnisim.validation.oracles.mitsuba_light import matte_on_both_sides, trace_lit_fisheye
 
 LAMP_M, LEVEL = np.array([0.4, -0.3, 0.2]), 3.0
 POSES = {

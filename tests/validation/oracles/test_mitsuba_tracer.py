@@ -19,8 +19,8 @@ from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.stage import open_sensor
 from omnisim.scene import load_scene
 from omnisim.scene.model import Material, Mesh, Texture, Wrap
-from omnisim.validation.oracles.surfaces import opaque_only
 from omnisim.validation.image_differences import psnr_db
+from omnisim.validation.oracles.surfaces import opaque_only
 from tests.scenes import room, room_color, room_hit, scene_of
 
 mi = pytest.importorskip("mitsuba", reason="Mitsuba is an optional oracle")

@@ -5,8 +5,7 @@ import math
 
 import pytest
 
-from omnisim.report.report import Measure
-from omnisim.report.report import Section
+from omnisim.report.report import Measure, Section
 from omnisim.validation import oracles, suite
 
 

@@ -69,8 +69,8 @@ def test_a_robot_without_sensors_says_so(omnisim, needs_opengl, tmp_path):
     assert status == 0
     assert "there before" not in out
     assert (
-        "note: bare has no sensors: only its path and odometry are recorded: add [[sensors]] to its "
-        "robot file\n"
+        "note: bare has no sensors: only its path and odometry are recorded: add [[sensors]] to "
+        "its robot file\n"
     ) in error
 
 
