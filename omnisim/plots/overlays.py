@@ -29,16 +29,12 @@ class Captions:
 
     Args:
         pixels: (height, width, 3) image to draw on.
-
-    Attributes:
-        image: image with the names.
-        rectangles: places of the names.
     """
 
     def __init__(self, pixels: NDArray[np.uint8]):
         self.image = Image.fromarray(np.ascontiguousarray(pixels))
         self.draw = ImageDraw.Draw(self.image)
-        self.rectangles: list[Rectangle] = []
+        self.rectangles: list[Rectangle] = []  # of the names
         short_px = min(self.image.size)
         self.line_px = max(1, round(short_px / _SIDE_PER_LINE))
         font_px = max(_FONT_PX, round(short_px / _SIDE_PER_FONT))
