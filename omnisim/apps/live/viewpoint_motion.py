@@ -22,10 +22,10 @@ from omnisim.scene import Scene
 from omnisim.scene.space.floor import HeightField, TriangleBvh, Triangles, triangles_within
 from omnisim.scene.space.start_pose import nearest_points
 
+Point = tuple[float, float, float]
 MAX_TRIANGLES = 500_000  # larger scenes would delay the first step by seconds
 MIN_CLEARANCE_M = 0.01  # a viewpoint nearer to a surface flies freely: it may be in a plane
 _PUSHES = 4  # away from the nearest surfaces, per step
-Point = tuple[float, float, float]
 _NEARER = 0.999  # of the distance to keep: rounding is no contact
 FLIGHT_MPS, TURN_DEGPS = 1.0, 70.0  # full speed and turn rate of free flight
 SPEED_UP_S = 0.15  # time constant of acceleration in free flight
@@ -189,22 +189,14 @@ class Place:
 
 
 class Pilot(ABC):
-    """Motion of the viewpoint or the robot.
-
-    Attributes:
-        place: current pose.
-        command: motion requested by keys.
-        goal_m: clicked point (x, y) on the ground, or None.
-        blocked_by: instance that blocks the motion; empty: none.
-        has_walls: True: surfaces stop free flight; robots always stop at what they touch.
-    """
+    """Motion of the viewpoint or the robot."""
 
     def __init__(self, place: Place):
-        self.place = place
-        self.has_walls = True
-        self.command = MotionCommand()
-        self.goal_m: tuple[float, float] | None = None
-        self.blocked_by = ""
+        self.place = place  # current pose
+        self.has_walls = True  # surfaces stop free flight; robots always stop at what they touch
+        self.command = MotionCommand()  # requested by keys
+        self.goal_m: tuple[float, float] | None = None  # clicked point (x, y) on the ground
+        self.blocked_by = ""  # instance that blocks the motion; empty: none
 
     @property
     @abstractmethod
