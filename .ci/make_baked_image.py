@@ -13,8 +13,7 @@ import numpy as np
 from omnisim import load_scene, open_sensor
 from omnisim.core.srgb import srgb8_from_linear
 from omnisim.plots.contact_sheet import save_contact_sheet
-from omnisim.validation.checks.baked import SETTINGS, in_baked_light
-from omnisim.validation.checks.shadows import FOLDER
+from omnisim.validation.checks.lit_scenes import FOLDER, SETTINGS, in_baked_light
 from omnisim.validation.fixture import linear_image
 from omnisim.validation.image_differences import psnr_db, ssim
 from omnisim.validation.oracles.mitsuba_light import matte_on_both_sides

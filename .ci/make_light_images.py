@@ -19,8 +19,8 @@ from omnisim.core.poses import pose
 from omnisim.core.srgb import srgb8_from_linear
 from omnisim.plots.contact_sheet import save_contact_sheet
 from omnisim.scene.model import Fog, Instance, Material, Mesh, Scene, StartPose
+from omnisim.validation.checks.lit_scenes import FOLDER
 from omnisim.validation.checks.materials import ciede2000, lab_from_linear
-from omnisim.validation.checks.shadows import FOLDER
 from omnisim.validation.fixture import linear_image
 from omnisim.validation.image_differences import psnr_db
 from omnisim.validation.material_chart import BASE_COLOR, ROUGHNESS, sphere

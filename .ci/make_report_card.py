@@ -20,11 +20,7 @@ from omnisim.core.errors import OmnisimError
 from omnisim.core.package_files import sweep_names
 from omnisim.evaluation.drive_sweep import PointResult, run_sweep
 from omnisim.evaluation.sweep_plan import SweepPlan, find_plan, read_plan
-from omnisim.report.estimator_report import (
-    SWEEP_COLUMNS,
-    lesson_figure,
-    sweep_sections,
-)
+from omnisim.report.estimator_report import SWEEP_COLUMNS, lesson_figure, sweep_sections
 from omnisim.report.report import Report, Section
 
 # Plans whose errors over the varied values are plots of the documentation's page.

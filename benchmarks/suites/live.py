@@ -24,7 +24,7 @@ from benchmarks.bounds import Limits, reaches_goal
 from benchmarks.errors import BenchmarkError
 from benchmarks.options import Options
 from benchmarks.report import Judged, bound_lines, make_report
-from omnisim.apps.live.server import page_bytes
+from omnisim.apps.live.live import page_bytes
 from omnisim.plots import style
 from omnisim.rendering.opengl.gl.context import open_context
 from omnisim.report.machine import ROOT

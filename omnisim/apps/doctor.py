@@ -56,7 +56,7 @@ FASTER = {  # extensions without which there is a slower way
 }  # fmt: skip
 FRAMES, BATCH, RATE_S, MAX_WAIT_S = 24, 64, 1.0, 2.0
 LIMIT_S = 60.0  # of a step
-OTHER_DRIVER = "update the graphics driver, or take another --device"
+OTHER_DRIVER = "update the graphics driver, or choose another --device"
 CHANNELS = ("range", "instance", "semantic", "normals")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -190,7 +191,11 @@ def sweep_grid(rows: Sequence[Sequence[SweepPanel]]) -> Figure:
 def _draw_sweep(axes: Axes, panel: SweepPanel) -> None:
     labels, lines, missing = panel.labels, panel.lines, panel.missing
     label_axes(axes, "", panel.title, panel.quantity)
-    at, is_numeric = _axis_positions(labels)
+    at, is_numeric = np.arange(len(labels), dtype=np.float64), False
+    with suppress(ValueError):
+        numbers = np.array([float(label) for label in labels])
+        is_numeric = bool(np.all(np.diff(numbers) > 0.0))
+        at = numbers if is_numeric else at
     step = float(np.diff(at).min()) if len(at) > 1 else 1.0
     shift = 0.25 * step / max(len(lines), 1)  # so that intervals do not overlap
     for index, line in enumerate(lines):
@@ -218,13 +223,3 @@ def _draw_sweep(axes: Axes, panel: SweepPanel) -> None:
     axes.set_xticks(at, labels, rotation=20 if is_long else 0)
     if missing and not np.all(np.isfinite(means)):
         axes.plot([], [], "x", color=GRAY, label=missing)
-
-
-def _axis_positions(labels: Sequence[str]) -> tuple[Floats, bool]:
-    """Positions (n,) of values on their axis, and True if they are the values as numbers."""
-    try:
-        at = np.array([float(label) for label in labels])
-    except ValueError:
-        return np.arange(len(labels), dtype=np.float64), False
-    is_rising = bool(np.all(np.diff(at) > 0.0))
-    return (at if is_rising else np.arange(len(at), dtype=np.float64)), is_rising

@@ -119,8 +119,7 @@ def roc_figure(curves: Mapping[str, Sequence[tuple[str, Roc, float]]]) -> Figure
 
 
 def curves_figure(
-    panels: Mapping[str, Sequence[tuple[str, NDArray[np.float64]]]],
-    levels: Sequence[str],
+    panels: Mapping[str, Sequence[tuple[str, NDArray[np.float64]]]], levels: Sequence[str]
 ) -> Figure:
     """Quantities by level: one panel per quantity, and in it one line per degradation."""
     figure = Figure(figsize=(4.6 * len(panels), 4.0), dpi=DPI, layout="constrained")
@@ -153,7 +152,18 @@ def paths_figure(panels: Sequence[PathPanel]) -> Figure:
     for column, panel in enumerate(panels):
         axes = figure.add_subplot(1, len(panels), column + 1)
         label_axes(axes, panel.title, "x (m)", "y (m)")
-        _draw_landmarks(axes, panel.landmarks)
+        for landmark in panel.landmarks:
+            # footprints in the colors of the two upper bands: the lower outside, the upper inside
+            x, y = landmark.position_m[:2]
+            for size, band in zip((1.0, 0.55), landmark.bands[-2:], strict=False):
+                width, depth = np.maximum(landmark.footprint_m, 0.18) * size
+                corner, color = (
+                    (x - 0.5 * width, y - 0.5 * depth),
+                    srgb_from_linear(band.linear_rgb),
+                )
+                axes.add_patch(Rectangle(corner, width, depth, lw=0.6, edgecolor=_INK,
+                                         facecolor=color, zorder=2))  # fmt: skip
+            axes.plot(x, y, ".", ms=0.1)  # extends the axes
         track = panel.track
         reckoned, estimated = track.reckoned[:, :2].T, track.poses[:, :2].T
         axes.plot(*reckoned, "--", color=ORANGE, lw=1.3, label="odometry alone", zorder=3)
@@ -257,22 +267,6 @@ def consistency_figure(
         axes.set_ylim(bottom=0.0)
         axes.legend(frameon=False, fontsize=8)
     return figure
-
-
-def _draw_landmarks(axes: Axes, landmarks: Sequence[Landmark]) -> None:
-    """Draw footprints in the colors of the two upper bands: the lower outside, the upper inside."""
-    for landmark in landmarks:
-        bands = landmark.bands[-2:]
-        for size, band in zip((1.0, 0.55), bands, strict=False):
-            width, depth = np.maximum(landmark.footprint_m, 0.18) * size
-            x, y = landmark.position_m[:2]
-            axes.add_patch(
-                Rectangle(
-                    (x - 0.5 * width, y - 0.5 * depth), width, depth, lw=0.6, edgecolor=_INK,
-                    facecolor=srgb_from_linear(band.linear_rgb), zorder=2,
-                )
-            )  # fmt: skip
-        axes.plot(*landmark.position_m[:2], ".", ms=0.1)  # extends the axes
 
 
 def _draw_ellipses(axes: Axes, track: Track) -> None:

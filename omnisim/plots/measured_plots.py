@@ -137,7 +137,6 @@ def residual_figure(
     """Residuals as arrows over the image, and as a cloud.
 
     Args:
-        title: title of the figure.
         size_px: width and height of the images.
         pixels_px: (n, 2) measured corners.
         errors_px: (n, 2) measured minus predicted corners.

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 
-from omnisim.cameras.optics import OpticalSystem, Rod, Surface, caustic_points, ray_jacobians
+from omnisim.cameras.optics import OpticalSystem, Surface, caustic_points, ray_jacobians
 from omnisim.cameras.optics.surface import Fate
 from omnisim.plots.style import BLUE, DPI, GRAY, GREEN, ORANGE, label_axes
 
@@ -44,7 +44,15 @@ def optics_figure(name: str, system: OpticalSystem) -> Figure:
     by_label = dict(zip(labels, handles, strict=True))
     figure.legend(by_label.values(), by_label.keys(), loc="outside lower left", ncols=6, fontsize=8)
     label_axes(resolution, "Angular resolution", "radius in the image (px)", "degrees per pixel")
-    _draw_resolution(resolution, system)
+    pixels = _row(system, _COLUMNS)
+    radii_px = pixels[:, 0] - system.principal_point_px[0]
+    steps = np.degrees(np.linalg.norm(ray_jacobians(system, pixels).directions, axis=1))
+    resolution.plot(radii_px, steps[:, 0], color=ORANGE, label="along the radius")
+    resolution.plot(radii_px, steps[:, 1], color=BLUE, label="across it")
+    shown = steps[np.isfinite(steps)]
+    if len(shown):
+        resolution.set_ylim(0.0, 1.1 * float(np.percentile(shown, 99.0)))
+    resolution.legend(fontsize=8, framealpha=0.9)
     return figure
 
 
@@ -86,7 +94,13 @@ def _draw_section(axes: Axes, system: OpticalSystem, caustic_m: Floats) -> tuple
         is_cut = bool(ends_m.min() <= rod.radius_m and ends_m.max() >= -rod.radius_m)
         style = {"color": "black"} if is_cut else {"fill": False, "linestyle": "--"}
         label = "obstacle" if is_cut else "obstacle beside the section"
-        axes.add_patch(Polygon(1e3 * _outline(rod), label=label, **style))
+        begin, end = np.array((rod.begin_m, rod.end_m))[:, [0, 2]]
+        along = end - begin
+        length_m = float(np.hypot(*along))
+        unit = along / length_m if length_m > 0.0 else np.array([1.0, 0.0])
+        aside = rod.radius_m * np.array([-unit[1], unit[0]])
+        outline = np.stack((begin - aside, end - aside, end + aside, begin + aside))
+        axes.add_patch(Polygon(1e3 * outline, label=label, **style))
     x, _, z = 1e3 * caustic_m.reshape(-1, 3).T
     axes.plot(x, z, ".", color=ORANGE, markersize=2.5, label="caustic")
     x, _, z = 1e3 * system.system_from_camera[:3, 3]
@@ -109,25 +123,3 @@ def _curve(surface: Surface, hits_m: Floats) -> Floats:
     gone = (np.abs(x - middle) > surface.rim_radius_m) | (np.abs(x) < surface.hole_radius_m)
     points = np.column_stack((x, np.zeros_like(x), np.where(gone, np.nan, z)))
     return surface.directions_to_system(points) + surface.system_from_surface[:3, 3]
-
-
-def _outline(rod: Rod) -> Floats:
-    """Outline (4, 2) of a rod, projected along y to a rectangle."""
-    begin, end = np.array((rod.begin_m, rod.end_m))[:, [0, 2]]
-    along = end - begin
-    length_m = float(np.hypot(*along))
-    unit = along / length_m if length_m > 0.0 else np.array([1.0, 0.0])
-    aside = rod.radius_m * np.array([-unit[1], unit[0]])
-    return np.stack((begin - aside, end - aside, end + aside, begin + aside))
-
-
-def _draw_resolution(axes: Axes, system: OpticalSystem) -> None:
-    pixels = _row(system, _COLUMNS)
-    radii_px = pixels[:, 0] - system.principal_point_px[0]
-    steps = np.degrees(np.linalg.norm(ray_jacobians(system, pixels).directions, axis=1))
-    axes.plot(radii_px, steps[:, 0], color=ORANGE, label="along the radius")
-    axes.plot(radii_px, steps[:, 1], color=BLUE, label="across it")
-    shown = steps[np.isfinite(steps)]
-    if len(shown):
-        axes.set_ylim(0.0, 1.1 * float(np.percentile(shown, 99.0)))
-    axes.legend(fontsize=8, framealpha=0.9)

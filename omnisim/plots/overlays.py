@@ -29,16 +29,12 @@ class Captions:
 
     Args:
         pixels: (height, width, 3) image to draw on.
-
-    Attributes:
-        image: image with the names.
-        rectangles: places of the names.
     """
 
     def __init__(self, pixels: NDArray[np.uint8]):
         self.image = Image.fromarray(np.ascontiguousarray(pixels))
         self.draw = ImageDraw.Draw(self.image)
-        self.rectangles: list[Rectangle] = []
+        self.rectangles: list[Rectangle] = []  # of the names
         short_px = min(self.image.size)
         self.line_px = max(1, round(short_px / _SIDE_PER_LINE))
         font_px = max(_FONT_PX, round(short_px / _SIDE_PER_FONT))
@@ -54,7 +50,6 @@ class Captions:
         """Write a name at the first of some places that is free; False: none is.
 
         Args:
-            text: name.
             color: background.
             corners: top left corners (x, y), which are moved into the image.
         """
@@ -62,12 +57,15 @@ class Captions:
         for x, y in corners:
             left = max(0, min(round(x), self.image.width - width))
             top = max(0, min(round(y), self.image.height - height))
-            place = (left, top, left + width, top + height)
-            if not any(_overlap(place, other) for other in self.rectangles):
+            right, bottom = left + width, top + height
+            if not any(
+                left < other[2] and other[0] < right and top < other[3] and other[1] < bottom
+                for other in self.rectangles
+            ):
                 break
         else:
             return False
-        self.rectangles.append(place)
+        self.rectangles.append((left, top, right, bottom))
         red, green, blue = color
         ink = "black" if 0.299 * red + 0.587 * green + 0.114 * blue > _BRIGHT else "white"
         self.draw.rectangle((left, top, left + width - 1, top + height - 1), fill=color)
@@ -85,7 +83,6 @@ def boxes_overlay(
     Args:
         rgb: (height, width, 3) image.
         instances: (height, width) channel `instance`.
-        labels: labels of the instances.
     """
     times = _magnification(rgb)
     captions = Captions(_magnified(rgb, times))
@@ -116,7 +113,6 @@ def labels_overlay(
     Args:
         rgb: (height, width, 3) image.
         classes: (height, width) channel `semantic`.
-        labels: labels of the classes.
     """
     times = _magnification(rgb)
     colors = labels.class_colors.take(classes, axis=0).astype(np.float32)
@@ -165,12 +161,3 @@ def _middle(mask: NDArray[np.bool_]) -> tuple[float, float]:
     inside_px = ndimage.distance_transform_edt(np.pad(coarse, 1))
     row, column = np.unravel_index(int(inside_px.argmax()), inside_px.shape)
     return float(step * (column - 1)), float(step * (row - 1))
-
-
-def _overlap(first: Rectangle, second: Rectangle) -> bool:
-    return (
-        first[0] < second[2]
-        and second[0] < first[2]
-        and first[1] < second[3]
-        and second[1] < first[3]
-    )

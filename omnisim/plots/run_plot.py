@@ -89,7 +89,6 @@ def run_figure(
 
 
 def _draw_run(axes: Axes, run: RunDrawing, color: str) -> None:
-    """Draw the true path with headings, dead reckoning, and the steps of the images."""
     truth, prefix = run.truth, f"{run.name}: " if run.name else ""
     x, y = truth.positions_m[:, 0], truth.positions_m[:, 1]
     if run.reckoned is not None:

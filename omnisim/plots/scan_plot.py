@@ -31,7 +31,16 @@ def scan_figure(scan: Scan) -> Figure:
     height_in = float(np.clip(6.4 * size_m[0] / size_m[1], 2.0, 9.0)) + 1.1
     figure = Figure(figsize=(7.0, height_in), dpi=120, layout="constrained")
     axes = figure.add_subplot()
-    axes.set_title(_title(scan), fontsize=10, parse_math=False)
+    beams, hits = len(scan.ranges_m), int(scan.hit.sum())
+    near = int(np.isneginf(scan.ranges_m).sum())
+    ahead = scan.world_from_scanner[:3, 0]
+    yaw = number_text(np.degrees(np.arctan2(ahead[1], ahead[0])), 4)
+    name = str(scan.metadata.get("scene", "")).rpartition("/")[2]
+    place = point_text(scan.world_from_scanner[:3, 3], 3)
+    title = f"{name + ': ' if name else ''}scan from {place} m at yaw {yaw}°\n"
+    title += f"{hits} of {beams} beams at {scan.scanner.resolution_deg:g}° hit something"
+    title += f", {near} too near" if near else ""
+    axes.set_title(title, fontsize=10, parse_math=False)
     axes.set_xlabel("y, to the left (m)")
     axes.set_ylabel("x, ahead (m)")
     axes.grid(True, color=_GRID, linewidth=0.6)
@@ -41,24 +50,10 @@ def scan_figure(scan: Scan) -> Figure:
     axes.set_ylim(middle[0] - 0.5 * size_m[0], middle[0] + 0.5 * size_m[0])
 
     shown = points_m[:, ::-1]
-    beams = np.stack((np.zeros_like(shown), shown), axis=1)
-    axes.add_collection(LineCollection(list(beams), colors=_BEAM, linewidths=0.4, alpha=0.5))
+    lines = np.stack((np.zeros_like(shown), shown), axis=1)
+    axes.add_collection(LineCollection(list(lines), colors=_BEAM, linewidths=0.4, alpha=0.5))
     axes.plot(shown[:, 0], shown[:, 1], ".", color=_POINT, markersize=3.0)
     half_m = _SCANNER_SIZE * side_m
     corners = [(0.0, 1.6 * half_m), (half_m, -half_m), (-half_m, -half_m)]
     axes.add_patch(Polygon(corners, closed=True, color=_SCANNER, zorder=3))
     return figure
-
-
-def _title(scan: Scan) -> str:
-    beams, hits = len(scan.ranges_m), int(scan.hit.sum())
-    near = int(np.isneginf(scan.ranges_m).sum())
-    ahead = scan.world_from_scanner[:3, 0]
-    yaw_deg = np.degrees(np.arctan2(ahead[1], ahead[0]))
-    name = str(scan.metadata.get("scene", "")).rpartition("/")[2]
-    summary = f"{hits} of {beams} beams at {scan.scanner.resolution_deg:g}° hit something"
-    place = point_text(scan.world_from_scanner[:3, 3], 3)
-    return (
-        f"{name + ': ' if name else ''}scan from {place} m at yaw {number_text(yaw_deg, 4)}°\n"
-        f"{summary}{f', {near} too near' if near else ''}"
-    )

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from omnisim.core.srgb import linear_from_srgb, srgb_from_linear
 from omnisim.plots.style import BLUE, GREEN, ORANGE, plot
 from omnisim.scene import Scene
-from omnisim.scene.model import AlphaMode, Landmark, Material, Mesh
+from omnisim.scene.model import AlphaMode, Landmark
 from omnisim.scene.space.floor import floor_height_m
 
 # Larger scenes are shown around their starts, paths and landmarks, with this margin.
@@ -26,7 +26,15 @@ _PALE = 0.45  # share of white, for lines and points on top
 
 def scene_figure(scene: Scene) -> Figure:
     """Top view of a scene, x to the right, y up: a section 0.9 m above the floor at the start."""
-    low, high = _extent(scene)
+    low, high = scene.bounds_m()[:, :2]
+    if (high - low).max() > MAX_SIDE_M:
+        points = [scene.start.position_m[:2]]
+        points += [start.position_m[:2] for start in scene.starts]
+        points += [landmark.position_m[:2] for landmark in scene.landmarks]
+        points += [point for path in scene.paths for point in path.waypoints_m]
+        near, far = np.min(points, axis=0) - AROUND_M, np.max(points, axis=0) + AROUND_M
+        low, high = np.maximum(low, near), np.minimum(high, far)
+        high = np.maximum(high, low + 1.0)
     margin = MARGIN * float((high - low).max())
     low, high = low - margin, high + margin
     width_in = 8.0
@@ -56,20 +64,6 @@ def scene_figure(scene: Scene) -> Figure:
     return figure
 
 
-def _extent(scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Corners (2,) of the shown part."""
-    low, high = scene.bounds_m()[:, :2]
-    if (high - low).max() <= MAX_SIDE_M:
-        return low, high
-    points = [scene.start.position_m[:2]]
-    points += [start.position_m[:2] for start in scene.starts]
-    points += [landmark.position_m[:2] for landmark in scene.landmarks]
-    points += [point for path in scene.paths for point in path.waypoints_m]
-    near, far = np.min(points, axis=0) - AROUND_M, np.max(points, axis=0) + AROUND_M
-    low, high = np.maximum(low, near), np.minimum(high, far)
-    return low, np.maximum(high, low + 1.0)
-
-
 def draw_scene_map(
     axes: Axes,
     scene: Scene,
@@ -80,8 +74,6 @@ def draw_scene_map(
     """Draw the scene between two corners (2,) of the ground, x to the right and y up.
 
     Args:
-        axes: axes to draw on.
-        scene: scene to draw.
         low_m, high_m: corners of the drawn part.
         ground_m: height of the ground; the section is `CUT_M` above it.
     """
@@ -104,7 +96,14 @@ def draw_scene_map(
         below &= np.abs(np.linalg.det(sides)) > 1e-8  # twice the area, seen from above
         shown.append(triangles[below, :, :2])
         heights.append(z[below].mean(axis=1))
-        colors.append(np.tile(_mean_color(material, mesh), (int(below.sum()), 1)))
+        color = np.array(material.base_color[:3])  # mean of the surface
+        if material.texture is not None:
+            sample = material.texture.pixels[::4, ::4, :3] / 255.0
+            color = color * linear_from_srgb(sample).reshape(-1, 3).mean(axis=0)
+        if mesh.colors is not None:
+            color = color * mesh.colors[:, :3].mean(axis=0)
+        pale = _PALE + (1.0 - _PALE) * srgb_from_linear(color)
+        colors.append(np.tile(pale, (int(below.sum()), 1)))
         if material.alpha_mode is not AlphaMode.BLEND:
             cut = (z.min(axis=1) < cut_m) & (z.max(axis=1) > cut_m)
             walls.append(_cross_sections(triangles[cut], cut_m))
@@ -116,17 +115,6 @@ def draw_scene_map(
         PolyCollection(outlines, facecolors=faces, edgecolors=faces, linewidths=0.3)
     )
     axes.add_collection(LineCollection(list(np.concatenate(walls)), colors=_WALL, linewidths=0.8))
-
-
-def _mean_color(material: Material, mesh: Mesh) -> NDArray[np.float64]:
-    """Mean color of a surface, lightened: sRGB (3,)."""
-    color = np.array(material.base_color[:3])
-    if material.texture is not None:
-        sample = material.texture.pixels[::4, ::4, :3] / 255.0
-        color = color * linear_from_srgb(sample).reshape(-1, 3).mean(axis=0)
-    if mesh.colors is not None:
-        color = color * mesh.colors[:, :3].mean(axis=0)
-    return _PALE + (1.0 - _PALE) * srgb_from_linear(color)
 
 
 def _cross_sections(triangles: NDArray[np.float64], cut_m: float) -> NDArray[np.float64]:

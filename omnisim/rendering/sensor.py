@@ -27,7 +27,7 @@ if TYPE_CHECKING:  # slow to import, and not needed by cameras without a vehicle
     from omnisim.core.rate import SensorRate
     from omnisim.core.trajectories import Trajectory
     from omnisim.core.trajectories.body_motion import BodyMotion
-    from omnisim.rendering.readback import Pending
+    from omnisim.rendering.contract import Pending
 
 TABLE_SUFFIX = ".csv"
 SensorT = TypeVar("SensorT")

@@ -10,8 +10,8 @@ from typing import Protocol, TypeAlias, TypeVar, overload, runtime_checkable
 from numpy.typing import ArrayLike
 
 from omnisim.core.poses import check_pose
-from omnisim.rendering.backend import Passes
 from omnisim.rendering.camera.omnicamera import CameraLike, OmniCamera
+from omnisim.rendering.contract import Passes
 from omnisim.rendering.instrument import Instrument
 from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.sensor import Mount, Reading, SensorSettings

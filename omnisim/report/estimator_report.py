@@ -25,18 +25,7 @@ from omnisim.evaluation.trajectory_errors import (
     match_times,
     over_seeds,
 )
-from omnisim.plots.estimator_plots import (
-    LostRow,
-    SweepLine,
-    SweepPanel,
-    TrackDrawing,
-    TrackPanel,
-    lost_figure,
-    offsets_figure,
-    sweep_figure,
-    sweep_grid,
-    trajectories_figure,
-)
+from omnisim.plots import estimator_plots as plots
 from omnisim.report.report import CaptionedFigure, ResultTable, Section
 
 METHOD = (
@@ -106,7 +95,6 @@ def run_section(recording: Recording, outcomes: Sequence[Outcome], folder: Path)
 
     Args:
         recording: run with the true poses.
-        outcomes: outcome of each estimator.
         folder: folder with a subfolder for each estimator's trajectory.
     """
     panel = _panel("Trajectories from above", recording, outcomes, folder)
@@ -130,11 +118,11 @@ def run_section(recording: Recording, outcomes: Sequence[Outcome], folder: Path)
     tables += _failures(outcomes)
     lost = [_lost_row(_short(each.estimator), each, recording, folder) for each in tracked]
     figures = [
-        CaptionedFigure("trajectories", trajectories_figure([panel]),
+        CaptionedFigure("trajectories", plots.trajectories_figure([panel]),
                         "Aligned trajectories and the truth, from above"),
-        CaptionedFigure("offsets", offsets_figure(panel),
+        CaptionedFigure("offsets", plots.offsets_figure(panel),
                         "Distance from the truth over the distance traveled"),
-        CaptionedFigure("lost", lost_figure(lost), "Times without an estimate"),
+        CaptionedFigure("lost", plots.lost_figure(lost), "Times without an estimate"),
     ]  # fmt: skip
     return Section("Estimators", METHOD, tables=tables, figures=figures)
 
@@ -145,7 +133,6 @@ def sweep_sections(
     """Sections on a sweep: one on the unchanged drive, and one on each variation.
 
     Args:
-        plan: plan of the sweep.
         results: results of all points.
         key: prefix of the figures' names.
         title: prefix of the sections' titles.
@@ -181,7 +168,7 @@ def value_results(
 
 def error_lines(
     plan: SweepPlan, values: Sequence[tuple[str, list[PointResult]]], measure: Measure = ate_percent
-) -> list[SweepLine]:
+) -> list[plots.SweepLine]:
     """Line of each estimator: a measure over a variation's values."""
     lines = []
     for estimator in plan.estimators:
@@ -194,11 +181,10 @@ def error_lines(
     return lines
 
 
-def _line(estimator: str, seeds: list[list[float]]) -> SweepLine:
-    """Line of an estimator through the means over the seeds."""
+def _line(estimator: str, seeds: list[list[float]]) -> plots.SweepLine:
     means = [over_seeds(values) for values in seeds]
     halves = [mean.half_width for mean in means]
-    return SweepLine(_short(estimator), [mean.mean for mean in means], halves, seeds)
+    return plots.SweepLine(_short(estimator), [mean.mean for mean in means], halves, seeds)
 
 
 def lesson_figure(plan: SweepPlan, results: Sequence[PointResult], name: str) -> CaptionedFigure:
@@ -210,19 +196,19 @@ def lesson_figure(plan: SweepPlan, results: Sequence[PointResult], name: str) ->
         errors.append(_ate_panel(plan, title, values))
         lines = error_lines(plan, values, lost_percent)
         labels = [label for label, _ in values]
-        lost.append(SweepPanel(title, "lost (% of the time)", labels, lines))
+        lost.append(plots.SweepPanel(title, "lost (% of the time)", labels, lines))
     means = [mean for panel in lost for line in panel.lines for mean in line.means]
     is_lost = max(filter(math.isfinite, means), default=0.0) > MIN_LOST_PERCENT
-    figure = sweep_grid([errors, lost] if is_lost else [errors])
+    figure = plots.sweep_grid([errors, lost] if is_lost else [errors])
     return CaptionedFigure(name, figure, "Absolute trajectory error by the varied values")
 
 
 def _ate_panel(
     plan: SweepPlan, title: str, values: Sequence[tuple[str, list[PointResult]]]
-) -> SweepPanel:
+) -> plots.SweepPanel:
     labels = [label for label, _ in values]
     lines = error_lines(plan, values)
-    return SweepPanel(title, "ATE (% of path length)", labels, lines, "no trajectory")
+    return plots.SweepPanel(title, "ATE (% of path length)", labels, lines, "no trajectory")
 
 
 def _sweep_section(
@@ -234,7 +220,13 @@ def _sweep_section(
     for label, group in values:
         for estimator in plan.estimators:
             outcomes = _outcomes(group, estimator)
-            rows.append((label, _short(estimator), *_sweep_cells(outcomes)))
+            failed = [outcome for outcome in outcomes if outcome.errors is None]
+            kinds = {outcome.errors.kind for outcome in outcomes if outcome.errors is not None}
+            seconds = over_seeds([each.seconds for each in outcomes if each.seconds is not None])
+            without = f"{len(failed)} of {len(outcomes)} {failed[0].status}" if failed else ""
+            taken = f"{seconds.mean:.1f}" if math.isfinite(seconds.mean) else ""
+            cells = *_cells(outcomes), ", ".join(sorted(kinds)), taken, without
+            rows.append((label, _short(estimator), *cells))
     caption = "Means over the seeds ± half of their 95 % interval by Student's t."
     tables = [ResultTable(caption, SWEEP_COLUMNS, tuple(rows))]
     tables += _failures(
@@ -246,7 +238,7 @@ def _sweep_section(
         figures.append(
             CaptionedFigure(
                 f"{name}-errors",
-                sweep_figure(_ate_panel(plan, title, values)),
+                plots.sweep_figure(_ate_panel(plan, title, values)),
                 "Absolute trajectory error by the varied value, with its 95 % interval over the "
                 "seeds, and the single seeds as dots",
             )
@@ -255,23 +247,13 @@ def _sweep_section(
     times = []
     for estimator in plan.estimators:
         groups = [_outcomes(group, estimator) for _, group in values]
-        seconds = [[each.seconds for each in group if each.seconds is not None] for group in groups]
-        times.append(_line(estimator, seconds))
-    panel = SweepPanel("" if variation is None else title, "time taken (s)", labels, times)
+        taken_s = [[each.seconds for each in group if each.seconds is not None] for group in groups]
+        times.append(_line(estimator, taken_s))
+    panel = plots.SweepPanel("" if variation is None else title, "time taken (s)", labels, times)
     caption = "Time that the estimators took"
-    figures.append(CaptionedFigure(f"{name}-times", sweep_figure(panel), caption))
+    figures.append(CaptionedFigure(f"{name}-times", plots.sweep_figure(panel), caption))
     text = METHOD if variation is None else ""
     return Section(title, text, tables=tables, figures=figures, key=name)
-
-
-def _sweep_cells(outcomes: Sequence[Outcome]) -> tuple[str, ...]:
-    """Cells in the order of `SWEEP_COLUMNS`, without the first two: value and estimator."""
-    failed = [outcome for outcome in outcomes if outcome.errors is None]
-    kinds = {outcome.errors.kind for outcome in outcomes if outcome.errors is not None}
-    seconds = over_seeds([each.seconds for each in outcomes if each.seconds is not None])
-    without = f"{len(failed)} of {len(outcomes)} {failed[0].status}" if failed else ""
-    taken = f"{seconds.mean:.1f}" if math.isfinite(seconds.mean) else ""
-    return *_cells(outcomes), ", ".join(sorted(kinds)), taken, without
 
 
 def _track_figures(
@@ -284,7 +266,9 @@ def _track_figures(
         try:
             recording = Recording.read(result.run)
         except OmnisimError:
-            rows += [LostRow(_label(label, name), None, "no drive") for name in plan.estimators]
+            rows += [
+                plots.LostRow(_label(label, name), None, "no drive") for name in plan.estimators
+            ]
             continue
         panels.append(_panel(label, recording, result.outcomes, result.estimates))
         rows += [
@@ -294,9 +278,11 @@ def _track_figures(
     figures = []
     if panels:
         caption = "Aligned trajectories and the truth from above, first seed"
-        figures.append(CaptionedFigure(f"{name}-tracks", trajectories_figure(panels), caption))
+        figures.append(
+            CaptionedFigure(f"{name}-tracks", plots.trajectories_figure(panels), caption)
+        )
     caption = "Times without an estimate, first seed"
-    return [*figures, CaptionedFigure(f"{name}-lost", lost_figure(rows), caption)]
+    return [*figures, CaptionedFigure(f"{name}-lost", plots.lost_figure(rows), caption)]
 
 
 def _label(label: str, estimator: str) -> str:
@@ -309,7 +295,6 @@ def _outcomes(results: Sequence[PointResult], estimator: str) -> list[Outcome]:
 
 
 def _failures(outcomes: Sequence[Outcome]) -> list[ResultTable]:
-    """Table of failed estimators with their reasons; empty if all succeeded."""
     failures = dict.fromkeys(
         (each.estimator, each.status, each.reason) for each in outcomes if each.status != "ok"
     )
@@ -320,8 +305,7 @@ def _failures(outcomes: Sequence[Outcome]) -> list[ResultTable]:
 
 def _panel(
     title: str, recording: Recording, outcomes: Sequence[Outcome], folder: Path
-) -> TrackPanel:
-    """Panel of the aligned trajectories of all estimators that have one."""
+) -> plots.TrackPanel:
     tracks = {}
     for outcome in outcomes:
         if outcome.errors is None:
@@ -340,20 +324,20 @@ def _panel(
             if end_s - start_s > MIN_LOST * (ends_s[1] - ends_s[0]):
                 lost_m.append(truth.positions_m[inside])
         name = _short(outcome.estimator)
-        tracks[name] = TrackDrawing(poses[:, :3, 3], lost_m, traveled_m[nearest], offsets)
+        tracks[name] = plots.TrackDrawing(poses[:, :3, 3], lost_m, traveled_m[nearest], offsets)
     order = [_short(outcome.estimator) for outcome in outcomes]
-    return TrackPanel(title, recording.fine_truth.positions_m, tracks, order)
+    return plots.TrackPanel(title, recording.fine_truth.positions_m, tracks, order)
 
 
-def _lost_row(label: str, outcome: Outcome, recording: Recording, folder: Path) -> LostRow:
+def _lost_row(label: str, outcome: Outcome, recording: Recording, folder: Path) -> plots.LostRow:
     if outcome.errors is None:
-        return LostRow(label, None, f"{outcome.status}: {outcome.reason}"[:110])
+        return plots.LostRow(label, None, f"{outcome.status}: {outcome.reason}"[:110])
     estimate = read_trajectory(folder / estimator_folder(outcome.estimator) / ESTIMATE)
     truth_s = recording.state_times_s
     first_s, span_s = float(truth_s[0]), float(truth_s[-1] - truth_s[0]) or 1.0
     lost = lost_intervals(estimate.times_s, first_s, float(truth_s[-1]))
     shares = [((start - first_s) / span_s, (end - first_s) / span_s) for start, end in lost]
-    return LostRow(label, shares)
+    return plots.LostRow(label, shares)
 
 
 def _short(name: str) -> str:

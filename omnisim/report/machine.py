@@ -88,7 +88,6 @@ def _name(renderer: str) -> str:
 
 
 def _cores() -> int:
-    """Number of cores available to this process."""
     return len(os.sched_getaffinity(0))
 
 

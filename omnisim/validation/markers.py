@@ -146,7 +146,6 @@ def _sizes(
 
 
 def _circle(count: int) -> NDArray[np.float64]:
-    """Points (count, 2) of the unit circle."""
     angles = 2.0 * np.pi * np.arange(count) / count
     return np.stack((np.cos(angles), np.sin(angles)), axis=1)
 

@@ -75,7 +75,6 @@ def sphere_of_pixels(model: CentralCamera) -> NDArray[np.int64]:
 
 def chart(lighting: Lighting) -> Scene:
     """Scene of the chart in the given lighting."""
-    """Scene of the chart in the given lighting."""
     materials, meshes, instances = [], [], []
     shape = sphere(RADIUS_M)
     pairs = itertools.product(ROUGHNESS, METALLIC)

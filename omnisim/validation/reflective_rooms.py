@@ -224,12 +224,10 @@ def _level(
     half_m: float,
     color: tuple[float, float, float] = _GRAY,
 ) -> Scene:
-    """Level square."""
     return _quad(name, center_m, (half_m, 0, 0), (0, half_m, 0), color)
 
 
 def _upright(name: str, x_m: tuple[float, float], z_m: tuple[float, float], y_m: float) -> Scene:
-    """Rectangle across y."""
     (left, right), (low, high) = x_m, z_m
     center = 0.5 * (left + right), y_m, 0.5 * (low + high)
     return _quad(name, center, (0.5 * (right - left), 0, 0), (0, 0, 0.5 * (high - low)))
@@ -242,7 +240,6 @@ def _sides(
     z_m: tuple[float, float],
     color: tuple[float, float, float] = _GRAY,
 ) -> list[Scene]:
-    """Four sides of a square box."""
     low, high = z_m
     sides: list[Scene] = []
     for number in range(4):

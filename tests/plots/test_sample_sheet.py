@@ -2,13 +2,7 @@
 
 import numpy as np
 
-from omnisim.plots.sample_sheet import (
-    GAP_PX,
-    LINE_PX,
-    SampleTiles,
-    channel_tile,
-    sample_sheet,
-)
+from omnisim.plots.sample_sheet import GAP_PX, LINE_PX, SampleTiles, channel_tile, sample_sheet
 
 
 def test_captions_have_the_scale():

@@ -101,9 +101,8 @@ def test_a_mirror_that_reflects_aside_is_found_out(fixture, monkeypatch):
     """Its normals are turned by half a degree: what OpenCV calibrates is no central mirror."""
     normals, turned = Surface.normals, poses.pose((0.0, 0.0, 0.0), roll_deg=0.5)[:3, :3]
     monkeypatch.setattr(Surface, "normals", lambda self, points: normals(self, points) @ turned)
-    aligned = optics_calibration.boards_in_mirror(
-        fixture, optics_calibration.mirror_table(0.0, 0.0)
-    )
+    mirror = optics_calibration.mirror_table(0.0, 0.0)
+    aligned = optics_calibration.boards_in_mirror(fixture, mirror)
     size_px = optics_calibration.SIZE_PX
     found = omnidir.calibrate(board_corners_m(), aligned.corners, (size_px, size_px))
     assert found.rms_px > optics_calibration.RMS_BOUND_PX

@@ -19,7 +19,7 @@ pytestmark = [pytest.mark.usefixtures("needs_opengl"), pytest.mark.slow, needs_w
 for package in ("mitsuba", "embreex", "xatlas"):
     pytest.importorskip(package)
 
-from omnisim.validation.checks import baked, shadows  # noqa: E402
+from omnisim.validation.checks import lit_scenes  # noqa: E402
 from omnisim.validation.oracles.mitsuba_light import matte_on_both_sides  # noqa: E402
 
 SENSOR = fisheye(96)
@@ -46,14 +46,14 @@ def _ours(scene):
 def test_shadows_are_a_path_tracers(scene):
     """Measured: 40.2 dB, with 256 rays a pixel."""
     traced = traced_light(scene, SENSOR, AT, 9)
-    assert psnr_db(traced, _ours(scene), inside_rim(SENSOR)) > shadows.BOUND_DB
+    assert psnr_db(traced, _ours(scene), inside_rim(SENSOR)) > lit_scenes.BOUND_DB
 
 
 @pytest.mark.long
 def test_a_draft_of_baked_light_is_a_path_tracers(scene):
     """Measured: 37.6 dB and 0.983; what is asked of built-in scenes is asked of a file, too."""
-    ours = _ours(baked.in_baked_light(scene, DRAFT))
+    ours = _ours(lit_scenes.in_baked_light(scene, DRAFT))
     traced = traced_light(scene, SENSOR, AT, 16, bounces=True)
     inside = inside_rim(SENSOR)
-    assert psnr_db(traced, ours, inside) > baked.BOUND_DB
-    assert ssim(traced, ours, inside) > baked.BOUND_SSIM
+    assert psnr_db(traced, ours, inside) > lit_scenes.BAKED_BOUND_DB
+    assert ssim(traced, ours, inside) > lit_scenes.BOUND_SSIM

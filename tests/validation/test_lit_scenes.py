@@ -4,7 +4,7 @@ import pytest
 
 from omnisim.scene import load_scene
 from omnisim.scene.model import LightKind
-from omnisim.validation.checks.shadows import FOLDER
+from omnisim.validation.checks.lit_scenes import FOLDER
 
 LIT = {
     "soccer": ([LightKind.POINT, LightKind.POINT], 0.001),

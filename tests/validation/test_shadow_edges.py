@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from omnisim.validation.checks.shadows import edge_distance_px, inside_surfaces, lit_share
+from omnisim.validation.checks.lit_scenes import edge_distance_px, inside_surfaces, lit_share
 
 SIZE_PX = 40
 

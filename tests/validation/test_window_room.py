@@ -10,7 +10,7 @@ for package in ("mitsuba", "embreex", "xatlas"):
 from omnisim.rendering.baking import transport  # noqa: E402
 from omnisim.rendering.baking.settings import BakeSettings  # noqa: E402
 from omnisim.rendering.stage import open_sensor  # noqa: E402
-from omnisim.validation.checks.baked import BOUND_DB, in_baked_light  # noqa: E402
+from omnisim.validation.checks.lit_scenes import BAKED_BOUND_DB, in_baked_light  # noqa: E402
 from omnisim.validation.fixture import linear_image  # noqa: E402
 from omnisim.validation.image_differences import psnr_db  # noqa: E402
 from omnisim.validation.reflective_rooms import window_room  # noqa: E402
@@ -39,6 +39,6 @@ def test_light_by_window_mirror_and_frosted_glass_is_a_path_tracers(monkeypatch)
             yield psnr_db(traced, _blocks(image, inside), EVERYWHERE)
 
     traced = _blocks(traced_light(scene, sensor, pose, 256, bounces=True), inside)
-    assert all(level_db >= BOUND_DB for level_db in baked_db(0.2, "rays", "cube"))
+    assert all(level_db >= BAKED_BOUND_DB for level_db in baked_db(0.2, "rays", "cube"))
     monkeypatch.setattr(transport, "MAX_SPECULAR", 0)  # opaque glass and black mirrors
-    assert next(baked_db(0.4, "cube")) < BOUND_DB - 10.0
+    assert next(baked_db(0.4, "cube")) < BAKED_BOUND_DB - 10.0

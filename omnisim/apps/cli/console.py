@@ -77,7 +77,6 @@ def progress(title: str, total: int, unit: str = "") -> Iterator[Callable[[int, 
     """Show a bar of progress while the block runs, on terminals only.
 
     Args:
-        title: title of the bar.
         total: number of steps.
         unit: noun of the steps in the plural, for the rate; empty: no rate.
 

@@ -14,14 +14,7 @@ from rich.table import Table
 from omnisim.apps.cli.cameras.sensor import mesh_text
 from omnisim.apps.cli.console import out
 from omnisim.cameras import summary
-from omnisim.core.extras import (
-    EXTRAS,
-    REQUIRED,
-    install_hint,
-    is_installed,
-    missing_packages,
-    require_opengl,
-)
+from omnisim.core import extras
 from omnisim.core.version import __version__
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.robots import builtin_robots
@@ -36,7 +29,7 @@ def run() -> None:
     width = max(len(name) for name, _ in lines) + 2
     for name, text in lines:
         out.print(f"{name:{width}}{text}")
-    require_opengl("the list of devices")
+    extras.require_opengl("the list of devices")
     from omnisim.rendering.opengl.gl.context import (
         GraphicsInfo,
         graphics_info,
@@ -70,12 +63,12 @@ def installation() -> list[tuple[str, str]]:
         ("omnisim", f"{__version__}, in {PACKAGE}"),
         ("python", f"{platform.python_version()}, {sys.executable}"),
         ("system", f"{system}, {platform.machine()}"),
-        ("packages", _versions(REQUIRED)),
+        ("packages", _versions(extras.REQUIRED)),
     ]
-    for extra, packages in EXTRAS.items():
-        missing = missing_packages(extra)
+    for extra, packages in extras.EXTRAS.items():
+        missing = extras.missing_packages(extra)
         versions = _versions({name: packages[name] for name in packages if name not in missing})
-        lacking = f"no {', '.join(missing)}: {install_hint(extra)}" if missing else ""
+        lacking = f"no {', '.join(missing)}: {extras.install_hint(extra)}" if missing else ""
         lines.append((extra, "; ".join(filter(None, (versions, lacking)))))
     camera = OmniCamera()
     lines += [
@@ -92,6 +85,6 @@ def _versions(packages: Mapping[str, str]) -> str:
         try:
             text = version(name)
         except PackageNotFoundError:  # not installed as a Python package, as is often so for OpenCV
-            text = "of unknown version" if is_installed(module) else "missing"
+            text = "of unknown version" if extras.is_installed(module) else "missing"
         versions.append(f"{name} {text}")
     return ", ".join(versions)

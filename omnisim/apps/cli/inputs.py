@@ -10,17 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.apps.cli import option_groups as groups
 from omnisim.apps.cli.console import print_note
 from omnisim.apps.cli.images.requests import CameraViewpointOptions
-from omnisim.apps.cli.option_groups import (
-    BackendOptions,
-    CameraFileOptions,
-    LightOptions,
-    SceneOptions,
-    ShadowedLightOptions,
-    TiltedViewpointOptions,
-    TruthOptions,
-)
 from omnisim.apps.cli.options import refuse_given
 from omnisim.core.errors import (
     CalibrationError,
@@ -58,7 +50,7 @@ class Viewpoint:
     roll_deg: float = 0.0
 
     @classmethod
-    def in_scene(cls, scene: Scene, options: TiltedViewpointOptions) -> Viewpoint:
+    def in_scene(cls, scene: Scene, options: groups.TiltedViewpointOptions) -> Viewpoint:
         """Viewpoint from --at, --yaw, --pitch and --roll; default: level at the scene's start.
 
         Raises:
@@ -112,7 +104,7 @@ def read_sensor(path: Path | None) -> OmniCamera:
     return OmniCamera.from_file(path)
 
 
-def read_camera(files: CameraFileOptions, calibration: Path | None = None) -> OmniCamera:
+def read_camera(files: groups.CameraFileOptions, calibration: Path | None = None) -> OmniCamera:
     """Read the camera of a sensor, calibration or optics file; default: the paper's camera.
 
     `calibration` overrides the calibration file of the options.
@@ -156,7 +148,10 @@ def check_calibration_path(calibration: Path, sensor: Path | None) -> None:
 
 
 def load_labeled_scene(
-    world: SceneOptions, light: ShadowedLightOptions, truth: TruthOptions, channels: Collection[str]
+    world: groups.SceneOptions,
+    light: groups.ShadowedLightOptions,
+    truth: groups.TruthOptions,
+    channels: Collection[str],
 ) -> Scene:
     """Load a scene with its own labels or those of --labels; print its notices.
 
@@ -180,7 +175,7 @@ def load_labeled_scene(
     return scene
 
 
-def checked_backend(options: BackendOptions) -> BackendName:
+def checked_backend(options: groups.BackendOptions) -> BackendName:
     """Check the options of the back end and return its name.
 
     Raises:
@@ -194,7 +189,7 @@ def checked_backend(options: BackendOptions) -> BackendName:
     return "rays"
 
 
-def read_requested_scene(world: SceneOptions, **settings: Any) -> Scene:
+def read_requested_scene(world: groups.SceneOptions, **settings: Any) -> Scene:
     """Read a scene with the requested axes and unit, and further arguments of `read_scene`.
 
     Raises:
@@ -209,7 +204,7 @@ def read_requested_scene(world: SceneOptions, **settings: Any) -> Scene:
 
 
 def load_requested_scene(
-    world: SceneOptions, light: LightOptions | None = None, **settings: Any
+    world: groups.SceneOptions, light: groups.LightOptions | None = None, **settings: Any
 ) -> Scene:
     """Read a scene with the requested axes, unit and light, and print its notices.
 

@@ -231,17 +231,18 @@ class CameraDocument:
             return dataclasses.replace(self, light=completed(table))
         return dataclasses.replace(self, sensor=table)
 
-    def with_lens(self, parameters: Mapping[str, Any]) -> CameraDocument:
-        """Copy with a camera model in place of a mirror, lens or optical system."""
-        return self._with_group("lens", dict(parameters))
-
-    def with_mirror(self) -> CameraDocument:
-        """Copy with the paper's mirror and camera in place of a lens or optical system."""
-        return self._with_group("mirror", {})
-
-    def with_optics(self, optics: Mapping[str, Any]) -> CameraDocument:
-        """Copy with an optical system in place of a mirror or lens."""
-        return self._with_group("optics", dict(optics))
+    def with_camera(self, group: str, table: Mapping[str, Any]) -> CameraDocument:
+        """Copy with another mirror, lens or optical system: the table `group` of a sensor file."""
+        sensor = copy.deepcopy(dict(self.sensor))
+        groups = [sensor.pop(name, {}) for name in ("mirror", "lens", "optics")]
+        mounting = [table_["mounting"] for table_ in groups if "mounting" in table_]
+        if mounting:
+            table = {**table, "mounting": mounting[0]}
+        camera, kept = sensor.pop("camera", {}), ("quality", "supersampling")
+        quality = {key: value for key, value in camera.items() if key in kept}
+        sensor |= {group: dict(table)} if table else {}
+        sensor |= {"camera": quality} if quality else {}
+        return dataclasses.replace(self, sensor=sensor)
 
     def with_degradation(self, name: str) -> CameraDocument:
         """Copy with the degradations of a preset in place of all others.
@@ -261,18 +262,6 @@ class CameraDocument:
         changed = self.camera().with_exposure(exposure).degradation.exposure
         assert changed is not None
         return self.with_value(f"{SENSOR}.degradation.exposure", changed.to_table(full=True))
-
-    def _with_group(self, group: str, table: Table) -> CameraDocument:
-        sensor = copy.deepcopy(dict(self.sensor))
-        groups = [sensor.pop(name, {}) for name in ("mirror", "lens", "optics")]
-        mounting = [table_["mounting"] for table_ in groups if "mounting" in table_]
-        if mounting:
-            table = {**table, "mounting": mounting[0]}
-        camera, kept = sensor.pop("camera", {}), ("quality", "supersampling")
-        quality = {key: value for key, value in camera.items() if key in kept}
-        sensor |= {group: table} if table else {}
-        sensor |= {"camera": quality} if quality else {}
-        return dataclasses.replace(self, sensor=sensor)
 
 
 def _without_defaults(table: Table, model: type[pydantic.BaseModel]) -> Table:
@@ -343,9 +332,8 @@ def with_preset(document: CameraDocument, kind: str, name: str) -> CameraDocumen
     if kind == "degradation":
         return document.with_degradation(name)
     if name == PAPER:
-        return document.with_mirror()
-    table = _presets()[kind][name]
-    return document.with_optics(table) if kind == "optics" else document.with_lens(table)
+        return document.with_camera("mirror", {})
+    return document.with_camera(kind, _presets()[kind][name])
 
 
 def with_model(document: CameraDocument, path: str, model: Any) -> CameraDocument:

@@ -167,7 +167,6 @@ def _optics_groups(document: CameraDocument) -> Iterator[Json]:
 
 
 def _lens_group(document: CameraDocument, path: str, title: str) -> Json:
-    """Group of a camera model, with controls for its parameters."""
     table = document.value(path) or {}
     model = str(table.get("model"))
     if model not in CAMERA_MODELS:

@@ -163,20 +163,21 @@ class Engine:
             parts = [Part("camera", "image/png", frame.png, {})]
         else:
             parts = [self._timed("encode", lambda: _jpeg("camera", frame.rgb, COARSE_JPEG))]
+        gaze, height_m = draw.state.gaze, frame.viewpoint.position_m[2] - self._ground_m
+
+        def view(name: str) -> Part:
+            unwarped = self._views.image(name, frame, gaze, height_m, draw.is_fine)
+            return _jpeg(name, unwarped, VIEW_JPEG)
+
         for name in draw.state.views:
             try:
                 if name in UNWARPED:
-                    parts.append(self._timed(name, partial(self._view, name, draw, frame)))
+                    parts.append(self._timed(name, partial(view, name)))
                 elif name in CHANNELS:
                     parts.append(self._timed(name, partial(_channel, name, draw, frame)))
             except OmnisimError as reason:
                 parts.append(Part(name, "", b"", {"reason": str(reason)}))
         return parts
-
-    def _view(self, name: str, draw: Draw, frame: LiveFrame) -> Part:
-        height_m = frame.viewpoint.position_m[2] - self._ground_m
-        gaze = draw.state.gaze
-        return _jpeg(name, self._views.image(name, frame, gaze, height_m, draw.is_fine), VIEW_JPEG)
 
     @property
     def _ground_m(self) -> float:
@@ -220,7 +221,16 @@ class Engine:
                     files[SCENE_FILE] = source.scene_text(job.state.document).encode()
             else:
                 files = source.files(draw)
-            name, media_type, data = _bundle(files)
+            name, media_type, data = "omnisim.zip", "application/zip", b""
+            if len(files) == 1:
+                ((name, data),) = files.items()
+                media_type = "application/octet-stream"
+            else:
+                archive = io.BytesIO()
+                with zipfile.ZipFile(archive, "w", zipfile.ZIP_STORED) as target:
+                    for file, content in files.items():
+                        target.writestr(zipfile.ZipInfo(file), content)
+                data = archive.getvalue()
             job.reply(pack("saved", {"name": name}, [Part(name, media_type, data, {})]))
             return
         assert isinstance(job.message, Probe)
@@ -288,15 +298,3 @@ def _channel(name: str, draw: Draw, frame: LiveFrame) -> Part:
     if draw.is_fine:
         return Part(name, "image/png", png_bytes(colors), about)
     return Part(name, "image/jpeg", image_bytes(Path("a.jpg"), colors, None, VIEW_JPEG), about)
-
-
-def _bundle(files: dict[str, bytes]) -> tuple[str, str, bytes]:
-    """Name, media type and bytes of a download: the only file, or a ZIP archive of several."""
-    if len(files) == 1:
-        ((name, data),) = files.items()
-        return name, "application/octet-stream", data
-    archive = io.BytesIO()
-    with zipfile.ZipFile(archive, "w", zipfile.ZIP_STORED) as target:
-        for name, data in files.items():
-            target.writestr(zipfile.ZipInfo(name), data)
-    return "omnisim.zip", "application/zip", archive.getvalue()

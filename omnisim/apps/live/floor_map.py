@@ -108,7 +108,6 @@ def profile(model: CentralCamera) -> Json:
 
 
 def _mirror(mirror: HyperbolicMirror) -> Json:
-    """Section through the mirror above its pinhole."""
     theta = np.linspace(-mirror.theta_max_rad, mirror.theta_max_rad, _POINTS)
     curve = _incident(mirror, theta)
     directions = np.linspace(-0.98 * mirror.theta_max_rad, 0.98 * mirror.theta_max_rad, RAYS)

@@ -1,30 +1,305 @@
-"""Live page from start to end: its source, the render thread and the server."""
+"""Live page from start to end: its source, the render thread, and the server of its messages."""
 
 from __future__ import annotations
 
 import asyncio
+import functools
+import gzip
+import hmac
+import http
+import itertools
+import secrets
 import signal
+import socket
 import threading
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
+from pathlib import Path
 from typing import Any
+from urllib.parse import parse_qs, urlsplit
+
+from websockets.asyncio.server import Server, ServerConnection, serve
+from websockets.datastructures import Headers
+from websockets.exceptions import ConnectionClosed
+from websockets.http11 import Request, Response
 
 from omnisim.apps.live import live_messages as messages
 from omnisim.apps.live.camera_document import CameraDocument, preset_lists
 from omnisim.apps.live.engine import AnySource, Engine
-from omnisim.apps.live.ground import Ground
 from omnisim.apps.live.live_source import LiveSettings, LiveSource, start_place
 from omnisim.apps.live.run_source import RunSource
-from omnisim.apps.live.server import LiveServer, is_local, new_token
 from omnisim.apps.live.session import Session
-from omnisim.apps.live.viewpoint_motion import FreeFlight, Pilot, Place, WheelDrive
-from omnisim.core.errors import OutputError
+from omnisim.apps.live.viewpoint_motion import FreeFlight, Ground, Pilot, Place, WheelDrive
+from omnisim.core.errors import OmnisimError, OutputError
 from omnisim.core.version import __version__
 from omnisim.ground_truth import CHANNELS
 from omnisim.robots.body_boxes import BodyBoxes
 
+PAGE = Path(__file__).with_name("page")
+STREAM = "/stream"
+LOCAL = ("localhost", "127.0.0.1", "::1")
+MEDIA_TYPES = {
+    ".html": "text/html; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".svg": "image/svg+xml",
+    ".jpg": "image/jpeg",
+}
+HEADERS = {
+    "Content-Security-Policy": "default-src 'self'; img-src 'self' blob: data:; "
+    "connect-src 'self' ws: wss:; style-src 'self' 'unsafe-inline'; frame-ancestors *",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cache-Control": "no-cache",
+}
+IDLE_S = 3.0  # idle time of the driving page before another page may take control
+MAX_PAGES = 64
+KEPT = ("camera", "map", "frame")  # kinds of messages that a new page receives at once
 STOP_S = 1.0  # maximum time to finish the current image
+
+
+def is_local(host: str) -> bool:
+    """True for host names of the local machine only."""
+    return host in LOCAL
+
+
+class _Page:
+    """Connection to an open page."""
+
+    _numbers = itertools.count(1)
+
+    def __init__(self, connection: ServerConnection):
+        self.connection, self.number = connection, next(self._numbers)
+        self.is_ready, self.has_seen = False, 0
+        self.sending = asyncio.Lock()
+
+
+class LiveServer:
+    """Serves the page to browsers, and passes their input to a session.
+
+    Args:
+        session: session that receives the input.
+        about: content of the first message to each page.
+        host: address to listen on.
+        port: port to listen on; 0: any free port.
+        token: token that a page must present; None: no token is required.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        about: dict[str, Any],
+        host: str = "localhost",
+        port: int = 0,
+        token: str | None = None,
+    ):
+        self._session, self._about = session, about
+        self._host, self._port, self._token = host, port, token
+        self._pages: list[_Page] = []
+        self._driver: _Page | None = None
+        self._driven_s = 0.0
+        self._kept: dict[str, bytes] = {}
+        self._frames = 0
+        self._change = -1  # number of the state in the last frame
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._server: Server | None = None
+
+    @property
+    def port(self) -> int:
+        """Port of the server."""
+        return self._port
+
+    @property
+    def url(self) -> str:
+        """URL for a browser, including the token."""
+        host = "localhost" if self._host in ("", "0.0.0.0", "::") else self._host
+        address = f"[{host}]" if ":" in host else host
+        token = "" if self._token is None else f"?token={self._token}"
+        return f"http://{address}:{self._port}/{token}"
+
+    async def open(self) -> None:
+        """Start listening.
+
+        Raises:
+            OutputError: the port is taken, or the address does not belong to this machine.
+        """
+        self._loop = asyncio.get_running_loop()
+        try:
+            self._server = await serve(
+                self._serve_page, self._host, self._port,
+                process_request=self._serve_file, max_size=messages.MAX_MESSAGE_BYTES,
+                compression=None, ping_interval=20.0, ping_timeout=60.0, close_timeout=0.2,
+                server_header=None,
+            )  # fmt: skip
+        except (OSError, OverflowError) as reason:
+            cause = getattr(reason, "strerror", None) or str(reason)
+            text = f"--port {self._port}: cannot listen on {self._host}: {cause}"
+            raise OutputError(text) from None
+        first: socket.socket = next(iter(self._server.sockets))
+        self._port = int(first.getsockname()[1])
+
+    async def close(self) -> None:
+        """Close all pages and stop listening."""
+        if self._server is not None:
+            self._server.close()
+            await asyncio.wait([asyncio.ensure_future(self._server.wait_closed())], timeout=0.5)
+
+    def publish(self, kind: str, data: bytes, change: int = 0) -> None:
+        """Send a message to all pages, from any thread; `change` is a frame's state number."""
+        if self._loop is not None and not self._loop.is_closed():
+            self._loop.call_soon_threadsafe(self._spread, kind, data, change)
+
+    def _spread(self, kind: str, data: bytes, change: int) -> None:
+        if kind in KEPT:
+            self._kept[kind] = data
+        if kind != "frame":
+            for page in self._pages:
+                self._send(page, data)
+            return
+        self._frames += 1
+        self._change = change
+        for page in self._pages:
+            if page.is_ready:
+                self._send_frame(page)
+
+    def _send_frame(self, page: _Page) -> None:
+        page.is_ready, page.has_seen = False, self._frames
+        self._send(page, self._kept["frame"])
+
+    def _send(self, page: _Page, data: bytes) -> None:
+        task = asyncio.ensure_future(self._send_in_order(page, data))
+        task.add_done_callback(lambda done: done.exception())
+
+    async def _send_in_order(self, page: _Page, data: bytes) -> None:
+        async with page.sending:
+            try:
+                await page.connection.send(data)
+            except ConnectionClosed:
+                return
+
+    def _serve_file(self, connection: ServerConnection, request: Request) -> Response | None:
+        """Answer a request for a file of the page; None accepts a stream."""
+        parts = urlsplit(request.path)
+        # another site's host name may resolve to this machine (DNS rebinding)
+        host = urlsplit(f"//{request.headers.get('Host', '')}").hostname or ""
+        if self._token is None and not is_local(host):
+            return _refusal(http.HTTPStatus.FORBIDDEN, "expected the name of this machine as host")
+        if parts.path == STREAM:
+            origin = request.headers.get("Origin")
+            if origin is not None and urlsplit(origin).netloc != request.headers.get("Host"):
+                expected = "expected this server's own page as origin"
+                return _refusal(http.HTTPStatus.FORBIDDEN, expected)
+            given = parse_qs(parts.query).get("token", [""])[0].encode()
+            if self._token is not None and not hmac.compare_digest(given, self._token.encode()):
+                return _refusal(http.HTTPStatus.UNAUTHORIZED, "expected the token of the address")
+            if len(self._pages) >= MAX_PAGES:
+                return _refusal(http.HTTPStatus.SERVICE_UNAVAILABLE, "too many pages are open")
+            return None
+        name = parts.path.removeprefix("/") or "index.html"
+        content = _page_files().get(name)
+        if content is None:
+            return _refusal(http.HTTPStatus.NOT_FOUND, "no such file")
+        headers = Headers(HEADERS)
+        headers["Content-Type"] = MEDIA_TYPES[Path(name).suffix]
+        if "gzip" in request.headers.get("Accept-Encoding", "") and not name.endswith(".jpg"):
+            content = gzip.compress(content, 6, mtime=0)
+            headers["Content-Encoding"] = "gzip"
+        headers["Content-Length"] = str(len(content))
+        return Response(200, "OK", headers, content)
+
+    async def _serve_page(self, connection: ServerConnection) -> None:
+        page = _Page(connection)
+        self._pages.append(page)
+        if self._driver is None:
+            self._driver = page
+        self._send(page, messages.pack("hello", {**self._about, "page": page.number}))
+        for kind in ("camera", "map"):
+            if kind in self._kept:
+                self._send(page, self._kept[kind])
+        self._tell_roles()
+        try:
+            async for text in connection:
+                self._take(page, text)
+        except ConnectionClosed:
+            pass
+        finally:
+            self._pages.remove(page)
+            if self._driver is page:
+                self._session.rest()
+                self._driver = self._pages[0] if self._pages else None
+            self._tell_roles()
+
+    def _take(self, page: _Page, text: str | bytes) -> None:
+        """Handle a message from a page, with an error message as the answer to an invalid one."""
+        try:
+            message = messages.parse_message(text)
+            reply = functools.partial(self._reply, page)
+            if isinstance(message, messages.Ask):
+                if page.has_seen < self._frames and self._change == self._session.state.change:
+                    self._send_frame(page)
+                else:
+                    page.is_ready = True
+                    self._session.ask()
+            elif isinstance(message, messages.RequestControl):
+                if self._driver is page:
+                    return
+                if self._driver is not None and self._now_s() - self._driven_s < IDLE_S:
+                    raise OutputError("another browser is in control right now")
+                self._session.rest()
+                self._driver = page
+                self._tell_roles()
+            elif isinstance(message, messages.Save):
+                self._session.look_up(message, reply)
+            elif isinstance(message, messages.Probe):
+                if page is not self._driver:
+                    message = message.model_copy(update={"follow": False})
+                self._session.look_up(message, reply)
+            elif page is not self._driver:
+                raise OutputError("another browser is in control: press “Take control”")
+            else:
+                self._driven_s = self._now_s()
+                self._session.apply(message)
+        except OmnisimError as error:
+            self._send(page, messages.pack("error", {"text": str(error)}))
+
+    def _reply(self, page: _Page, data: bytes) -> None:
+        if self._loop is not None and not self._loop.is_closed():
+            self._loop.call_soon_threadsafe(self._send, page, data)
+
+    def _tell_roles(self) -> None:
+        for page in self._pages:
+            content = {"drives": page is self._driver, "pages": len(self._pages)}
+            self._send(page, messages.pack("roles", content))
+
+    def _now_s(self) -> float:
+        return asyncio.get_running_loop().time()
+
+
+def new_token() -> str:
+    """Random token of 128 bits."""
+    return secrets.token_urlsafe(16)
+
+
+@functools.cache
+def _page_files() -> dict[str, bytes]:
+    """Files of the page, by URL path."""
+    return {
+        path.relative_to(PAGE).as_posix(): path.read_bytes()
+        for path in sorted(PAGE.rglob("*"))
+        if path.suffix in MEDIA_TYPES
+    }
+
+
+def page_bytes() -> int:
+    """Total size of the page's files, uncompressed."""
+    return sum(map(len, _page_files().values()))
+
+
+def _refusal(status: http.HTTPStatus, words: str) -> Response:
+    body = f"omnisim live: {words}\n".encode()
+    types = {"Content-Type": "text/plain; charset=utf-8", "Content-Length": str(len(body))}
+    return Response(status.value, status.phrase, Headers(types), body)
 
 
 class LivePage:
@@ -69,13 +344,10 @@ class LivePage:
             open_source = source
             last_step = 10**9  # the source itself limits the step
         self.session = Session(document, pilot, last_step, time_s)
-        self.engine = Engine(self.session, open_source, self._publish)
         token = None if is_local(host) else new_token()
         self.server = LiveServer(self.session, about, host, port, token)
+        self.engine = Engine(self.session, open_source, self.server.publish)
         self._about = about
-
-    def _publish(self, kind: str, data: bytes, change: int) -> None:
-        self.server.publish(kind, data, change)
 
     def open(self) -> None:
         """Start the render thread, and wait until the scene is on the GPU.

@@ -23,11 +23,10 @@ from omnisim.apps.live.camera_document import (
     scene_text,
     without_overridden,
 )
-from omnisim.apps.live.ground import MAX_TRIANGLES
 from omnisim.apps.live.run_source import LiveFrame
 from omnisim.apps.live.session import Draw, PageState
 from omnisim.apps.live.view_maker import ViewMaker
-from omnisim.apps.live.viewpoint_motion import DIGITS_M, Place
+from omnisim.apps.live.viewpoint_motion import DIGITS_M, MAX_TRIANGLES, Place
 from omnisim.cameras import NonCentralCamera
 from omnisim.core.errors import OmnisimError, SceneError
 from omnisim.core.files.image_files import image_bytes
@@ -338,14 +337,9 @@ def _images(
         depth = preview("range", frame.channels["range"], frame.labels)
         top = np.concatenate((frame.rgb, depth), axis=1)
         panorama = views.image("panorama", frame, draw.state.gaze, z, True)
-        yield np.concatenate((top, _fitted(panorama, top.shape[1])))
-
-
-def _fitted(image: NDArray[np.uint8], width: int) -> NDArray[np.uint8]:
-    """Pad an image with black on both sides to a width, or crop it on both sides if wider."""
-    height, own = image.shape[:2]
-    rows = np.zeros((height, width, 3), dtype=np.uint8)
-    common = min(width, own)
-    left, from_left = (width - common) // 2, (own - common) // 2
-    rows[:, left : left + common] = image[:, from_left : from_left + common]
-    return rows
+        height, own = panorama.shape[:2]  # padded or cropped on both sides
+        width = top.shape[1]
+        below, common = np.zeros((height, width, 3), dtype=np.uint8), min(width, own)
+        left, from_left = (width - common) // 2, (own - common) // 2
+        below[:, left : left + common] = panorama[:, from_left : from_left + common]
+        yield np.concatenate((top, below))

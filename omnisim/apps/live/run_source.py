@@ -61,7 +61,6 @@ class RunSource:
     """Images of a run's camera, with the recorded channels.
 
     Args:
-        folder: folder of the run.
         scene: file or name of the scene, if it has moved; None: the recorded one.
         camera_name: name of the run's camera; None: the first.
         device: index of the GPU, for the map.

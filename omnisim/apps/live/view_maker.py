@@ -63,7 +63,14 @@ class ViewMaker:
             OpticsError: the camera does not see the horizon, so it has no panorama.
         """
         if name == "panorama":
-            return cylinder_view(PANORAMA_PX, LOWEST_RAD, self._highest_rad(frame))
+            rotation = frame.base_from_optical[:3, :3]
+            key = _Key(id(frame.model), rotation.tobytes(), "panorama", (), False)
+            if key not in self._highest:
+                if len(self._highest) >= _KEPT:
+                    self._highest.clear()
+                highest_rad = math.radians(max(highest_elevation_deg(frame.model, rotation), 5.0))
+                self._highest[key] = (frame.model, highest_rad)
+            return cylinder_view(PANORAMA_PX, LOWEST_RAD, self._highest[key][1])
         if name == "perspective":
             fov_rad, yaw_rad, pitch_rad = np.radians((gaze.fov_deg, gaze.yaw_deg, gaze.pitch_deg))
             return perspective_view(*PERSPECTIVE_PX, fov_rad, yaw_rad, pitch_rad)
@@ -94,16 +101,6 @@ class ViewMaker:
             table = Unwarping(frame.model, view.camera, rotation_in, samples=samples)
             self._tables[key] = (frame.model, table)
         return self._tables[key][1](frame.rgb)
-
-    def _highest_rad(self, frame: LiveFrame) -> float:
-        rotation = frame.base_from_optical[:3, :3]
-        key = _Key(id(frame.model), rotation.tobytes(), "panorama", (), False)
-        if key not in self._highest:
-            if len(self._highest) >= _KEPT:
-                self._highest.clear()
-            highest_rad = math.radians(max(highest_elevation_deg(frame.model, rotation), 5.0))
-            self._highest[key] = (frame.model, highest_rad)
-        return self._highest[key][1]
 
 
 def direction_in(view: View, u: float, v: float) -> NDArray[np.float64]:
@@ -140,7 +137,6 @@ def probe(
     Without a ray there is only a `reason`.
 
     Args:
-        message: view, and position in the view.
         frame: image with ground-truth channels.
         views: maker of the unwarped views.
         gaze: direction of the perspective view.
@@ -165,9 +161,12 @@ def probe(
         own = place_in(cameras["camera"], direction)
     marks: dict[str, tuple[float, float]] = {}
     if own is not None:
-        marks["camera"] = own = _center(frame, *own)
+        # the values of the channels belong to the ray through the pixel's center
+        height, width = frame.rgb.shape[:2]
+        column, row = min(int(own[0] * width), width - 1), min(int(own[1] * height), height - 1)
+        marks["camera"] = (column + 0.5) / width, (row + 0.5) / height
         with suppress(OpticsError):  # the pixel's center may be outside the rim
-            direction = direction_in(cameras["camera"], *own)
+            direction = direction_in(cameras["camera"], *marks["camera"])
     for name, camera in cameras.items():
         if name != "camera" and (place := place_in(camera, direction)) is not None:
             marks[name] = place
@@ -179,10 +178,7 @@ def probe(
         "direction": np.round(world, 5).tolist(),
         "marks": marks,
     }
-    if "camera" in marks:
-        u, v = marks["camera"]
-        height, width = frame.rgb.shape[:2]
-        column, row = min(int(u * width), width - 1), min(int(v * height), height - 1)
+    if own is not None:
         answer |= {"pixel": [column, row], "color": frame.rgb[row, column].tolist()}
         channels, labels = frame.channels, frame.labels
         if "range" in channels:
@@ -194,20 +190,9 @@ def probe(
             answer["point_m"] = np.round(point, 4).tolist() if is_known else None
         if labels is not None and "semantic" in channels:
             number = int(channels["semantic"][row, column])
-            answer["class"] = next(
-                (kind.name for kind in labels.classes if kind.id == number), None
-            )
+            names = {kind.id: kind.name for kind in labels.classes}
+            answer["class"] = names.get(number)
         if labels is not None and "instance" in channels:
             number = int(channels["instance"][row, column])
             answer["instance"] = labels.instances[number - 1].name if number else None
     return answer
-
-
-def _center(frame: LiveFrame, u: float, v: float) -> tuple[float, float]:
-    """Center of the pixel that contains (u, v); both are shares of the image's width and height.
-
-    The values of the channels belong to the ray through the center.
-    """
-    height, width = frame.rgb.shape[:2]
-    column, row = min(int(u * width), width - 1), min(int(v * height), height - 1)
-    return (column + 0.5) / width, (row + 0.5) / height

@@ -23,7 +23,6 @@ from omnisim.core.errors import OpticsError, RunError
 from omnisim.core.extras import missing_packages
 from omnisim.core.short_repr import short_repr
 from omnisim.core.trajectories import Trajectory
-from omnisim.ground_truth.channel_files import ChannelFormat
 from omnisim.rendering.auto_mesh import MAX_ERROR_PX, auto_polygons, max_polygons, mesh_error_px
 from omnisim.rendering.camera.degradations import Degradation
 from omnisim.rendering.camera.quality import (

@@ -13,16 +13,9 @@ from omnisim.core import poses
 from omnisim.plots.style import gallery
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.report.report import CaptionedFigure, Measure, Section
+from omnisim.validation import markers
 from omnisim.validation.fixture import Fixture, linear_image, max_abs, mean_abs, mirror_camera
 from omnisim.validation.image_differences import displacement_figure
-from omnisim.validation.markers import (
-    centroids,
-    inside_valid_area,
-    marker_positions,
-    marker_rims,
-    marker_scene,
-    rim_centroids_px,
-)
 from omnisim.validation.oracles import omnidir
 from omnisim.validation.plain_scenes import board_corners_m, detected_boards
 
@@ -37,7 +30,7 @@ XI_BOUND, FOCAL_BOUND_PERCENT, RMS_BOUND_PX = 0.002, 0.2, 0.1
 def check_markers(fixture: Fixture, title: str) -> Section:
     """Render markers through the whole pipeline; compare their centroids with our model."""
     camera, measured, rims = marker_image(fixture)
-    predicted = rim_centroids_px(camera.pixel_from_ray(rims).positions_px)
+    predicted = markers.rim_centroids_px(camera.pixel_from_ray(rims).positions_px)
     off = np.linalg.norm(measured - predicted, axis=1)
     return Section(
         title,
@@ -60,7 +53,7 @@ def check_omnidir(fixture: Fixture, title: str) -> Section:
     """Compare the markers' centroids with OpenCV's projection; calibrate it from chessboards."""
     camera, measured, rims = marker_image(fixture)
     projected = omnidir.project(camera, rims.reshape(-1, 3)).reshape(*rims.shape[:2], 2)
-    off = np.linalg.norm(measured - rim_centroids_px(projected), axis=1)
+    off = np.linalg.norm(measured - markers.rim_centroids_px(projected), axis=1)
     sensor = OmniCamera().with_polygons(None).resized(SIZE_PX)
     boards, corners = detected_boards(fixture, sensor, 10 if fixture.is_quick else 20)
     size = (camera.width_px, camera.height_px)
@@ -109,10 +102,12 @@ def marker_image(fixture: Fixture) -> MarkerImage:
     world_from_optical = world_from_rig[:3, :3] @ frames.RIG_FROM_OPTICAL_LOOKING_UP
     viewpoint_m = world_from_rig[:3, 3]
     axis = -world_from_optical[:, 2]  # from the mirror toward the pinhole
-    positions = marker_positions(viewpoint_m, axis, camera.mirror.theta_max_rad, MARKERS)
+    positions = markers.marker_positions(viewpoint_m, axis, camera.mirror.theta_max_rad, MARKERS)
     near_px = camera.pixel_from_ray((positions - viewpoint_m) @ world_from_optical).positions_px
-    clear = inside_valid_area(camera, near_px)
-    frame = fixture.render(marker_scene(positions[clear], viewpoint_m), sensor, world_from_base)
-    measured = centroids(linear_image(frame)[..., 1].astype(np.float64), near_px[clear])
-    around = (marker_rims(positions[clear], viewpoint_m) - viewpoint_m) @ world_from_optical
+    clear = markers.inside_valid_area(camera, near_px)
+    frame = fixture.render(
+        markers.marker_scene(positions[clear], viewpoint_m), sensor, world_from_base
+    )
+    measured = markers.centroids(linear_image(frame)[..., 1].astype(np.float64), near_px[clear])
+    around = (markers.marker_rims(positions[clear], viewpoint_m) - viewpoint_m) @ world_from_optical
     return MarkerImage(camera, measured, around)

@@ -103,7 +103,6 @@ def _truth(
 def _linear_images(
     stage: Stage, sensor: OmniCamera, poses: list[NDArray[np.float64]]
 ) -> list[NDArray[np.float64]]:
-    """Linear images, NaN where nothing is seen."""
     images = []
     with stage.open(sensor) as renderer:
         for pose in poses:

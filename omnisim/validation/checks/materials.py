@@ -22,6 +22,15 @@ BOUND = 2.0  # mean of CIEDE2000; 1 is just noticeable side by side
 WIDTH_PX = 165
 _SAMPLES, _QUICK_SAMPLES = 100, 36
 _SHOWN_FACTOR = 25  # gray levels per unit of CIEDE2000
+# Sharma, Wu and Dalal, "The CIEDE2000 color-difference formula", 2005; CIE 15 (L*a*b*); and
+# IEC 61966-2-1 (sRGB).
+_XYZ_FROM_RGB = np.array((
+    (0.4124564, 0.3575761, 0.1804375),
+    (0.2126729, 0.7151522, 0.0721750),
+    (0.0193339, 0.1191920, 0.9503041),
+))  # fmt: skip
+_WHITE = _XYZ_FROM_RGB.sum(axis=1)
+_FAR = 25.0**7
 
 
 def check(fixture: Fixture, title: str) -> Section:
@@ -105,22 +114,6 @@ def both(
         traced[top : top + height, left : left + width] = part
     traced[spheres < 0] = 0.0
     return ours, traced, spheres
-
-
-# Perceived differences of colors.
-#
-# Source: Sharma, Wu and Dalal, "The CIEDE2000 color-difference formula", 2005; CIE 15 (L*a*b*).
-
-
-_XYZ_FROM_RGB = np.array(  # sRGB, IEC 61966-2-1
-    [
-        [0.4124564, 0.3575761, 0.1804375],
-        [0.2126729, 0.7151522, 0.0721750],
-        [0.0193339, 0.1191920, 0.9503041],
-    ]
-)
-_WHITE = _XYZ_FROM_RGB.sum(axis=1)
-_FAR = 25.0**7
 
 
 def lab_from_linear(rgb: NDArray[np.floating]) -> NDArray[np.float64]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
 from functools import cached_property
 from typing import NamedTuple
 
@@ -126,7 +125,18 @@ class Result(NamedTuple):
 
 def check(fixture: Fixture, title: str) -> Section:
     """Trace images and markers through the systems' physical surfaces, and compare."""
-    results = dict(_results(fixture))
+    scene = opaque_only(load_scene(SCENE))
+    results = {}
+    for name, system in validation_systems().items():
+        if fixture.is_quick and name not in QUICK:
+            continue
+        traced = TracedSystem(fixture, system, scene.start.position_m)
+        compared = traced.compare(scene)
+        fine_db = None
+        if name == SQUEEZED:
+            fine_db = compared._replace(ours=traced.ours(scene, FINE)).decibels
+        distances_px = traced.marker_distances_px(), traced.ray_errors_px()
+        results[name] = Result(*distances_px, compared, fine_db)
     markers = [result.markers_px for result in results.values()]
     most = [result.images.decibels for name, result in results.items() if name != SQUEEZED]
     measures = [
@@ -174,16 +184,3 @@ def check(fixture: Fixture, title: str) -> Section:
         [CaptionedFigure("traced-optics", gallery(images, 6, 2.0),
                          "Images by Mitsuba and omnisim, and their difference × 8.")],
     )  # fmt: skip
-
-
-def _results(fixture: Fixture) -> Iterator[tuple[str, Result]]:
-    scene = opaque_only(load_scene(SCENE))
-    for name, system in validation_systems().items():
-        if fixture.is_quick and name not in QUICK:
-            continue
-        traced = TracedSystem(fixture, system, scene.start.position_m)
-        images = traced.compare(scene)
-        fine_db = None
-        if name == SQUEEZED:
-            fine_db = images._replace(ours=traced.ours(scene, FINE)).decibels
-        yield name, Result(traced.marker_distances_px(), traced.ray_errors_px(), images, fine_db)

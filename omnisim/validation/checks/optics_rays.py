@@ -11,17 +11,7 @@ from numpy.typing import NDArray
 
 from omnisim.cameras import EquidistantCamera, PerspectiveCamera, pixel_grid
 from omnisim.cameras.mirrors.hyperbolic_mirror import PAPER_C, PAPER_K, PAPER_METERS_PER_UNIT
-from omnisim.cameras.optics import Design, OpticalSystem, Surface, caustic_points
-from omnisim.cameras.optics.shapes import (
-    Asphere,
-    Cone,
-    Conic,
-    Hyperbolic,
-    Plane,
-    Polynomial,
-    Shape,
-    TabulatedProfile,
-)
+from omnisim.cameras.optics import Design, OpticalSystem, Surface, caustic_points, shapes
 from omnisim.core.poses import pose
 from omnisim.report.report import Measure, ResultTable, Section
 from omnisim.validation import optical_systems as closed_forms
@@ -86,7 +76,9 @@ def check(fixture: Fixture, title: str) -> Section:
     )  # fmt: skip
 
 
-def _system(shape: Shape, at_m: float, rim_m: float, focal_px: float = 800.0) -> OpticalSystem:
+def _system(
+    shape: shapes.Shape, at_m: float, rim_m: float, focal_px: float = 800.0
+) -> OpticalSystem:
     """Optical system of a pinhole and one mirror, which is centered on the pinhole's axis."""
     return OpticalSystem(_pinhole(focal_px), (Surface(shape, pose((0.0, 0.0, at_m)), rim_m),))
 
@@ -98,22 +90,25 @@ def _pinhole(focal_px: float) -> PerspectiveCamera:
 
 def _flat(*boundaries: tuple[float, float]) -> OpticalSystem:
     """Pinhole in air before flat boundaries: distance in m and refractive index behind each."""
-    surfaces = (Surface(Plane(), pose((0.0, 0.0, z)), medium=index) for z, index in boundaries)
+    surfaces = (
+        Surface(shapes.Plane(), pose((0.0, 0.0, z)), medium=index) for z, index in boundaries
+    )
     return OpticalSystem(_pinhole(180.0), tuple(surfaces), medium=1.0)
 
 
 def _closed_forms() -> dict[str, tuple[TracedAxialRays, AxialRays]]:
-    """Traced rays and their closed forms, by system."""
-    hyperbolic = Hyperbolic()
+    hyperbolic = shapes.Hyperbolic()
     panes = zip(np.cumsum((_PORT_M, *_PANES_M)).tolist(), _MEDIA[1:], strict=True)
     port = _flat(*panes)
     systems = {
-        "sphere": _system(Conic(_RADIUS_M), _VERTEX_M, 0.029),
-        "sphere, as a profile": _system(Asphere(_RADIUS_M), _VERTEX_M, 0.029),
-        "cone": _system(Cone(50.0), 0.12, 0.06, 450.0),
+        "sphere": _system(shapes.Conic(_RADIUS_M), _VERTEX_M, 0.029),
+        "sphere, as a profile": _system(shapes.Asphere(_RADIUS_M), _VERTEX_M, 0.029),
+        "cone": _system(shapes.Cone(50.0), 0.12, 0.06, 450.0),
         "paper's hyperboloid": _system(hyperbolic, hyperbolic.vertex_m, 0.012, 1300.0),
-        "paraboloid": _system(Conic(_RADIUS_M, -1.0), _VERTEX_M, 0.03),
-        "paraboloid, as a profile": _system(Polynomial((0.0, 0.5 / _RADIUS_M)), _VERTEX_M, 0.03),
+        "paraboloid": _system(shapes.Conic(_RADIUS_M, -1.0), _VERTEX_M, 0.03),
+        "paraboloid, as a profile": _system(
+            shapes.Polynomial((0.0, 0.5 / _RADIUS_M)), _VERTEX_M, 0.03
+        ),
         "flat port": port,
     }
     traced = {name: closed_forms.traced_rays(system) for name, system in systems.items()}
@@ -139,7 +134,7 @@ def _closed_forms() -> dict[str, tuple[TracedAxialRays, AxialRays]]:
 def _caustics() -> Iterator[tuple[str, float]]:
     """Maximum distances from caustics in closed form, by system."""
     for name, conic in (("sphere", 0.0), ("paraboloid", -1.0)):
-        system = _system(Conic(_RADIUS_M, conic), _VERTEX_M, 0.028)
+        system = _system(shapes.Conic(_RADIUS_M, conic), _VERTEX_M, 0.028)
         traced = closed_forms.traced_rays(system, 41)
         form = closed_forms.sphere if conic == 0.0 else closed_forms.paraboloid
         rays = form(traced.beta_rad, _VERTEX_M, _RADIUS_M)
@@ -195,10 +190,10 @@ def _round_trips(step_px: int) -> Iterator[tuple[str, float, int, int]]:
     fisheye = EquidistantCamera(SIZE_PX, SIZE_PX, 120.0, (middle, middle), math.radians(80.0))
     for name in ("flat port", "dome port"):
         systems[f"fisheye, {name}"] = OpticalSystem(fisheye, systems[name].surfaces)
-    systems["asphere"] = _system(Asphere(_RADIUS_M, 0.0, (1e3,)), _VERTEX_M, 0.028)
-    systems["polynomial"] = _system(Polynomial((0.1, 16.0, 0.0, 4e3)), _VERTEX_M, 0.028)
+    systems["asphere"] = _system(shapes.Asphere(_RADIUS_M, 0.0, (1e3,)), _VERTEX_M, 0.028)
+    systems["polynomial"] = _system(shapes.Polynomial((0.1, 16.0, 0.0, 4e3)), _VERTEX_M, 0.028)
     profile = Design(0.1, 20.0).equi_angular(105.0)
-    table = TabulatedProfile(profile.radii_m, profile.heights_m)
+    table = shapes.TabulatedProfile(profile.radii_m, profile.heights_m)
     systems["table, equi-angular"] = _system(table, 0.1, table.domain_m, 494.5)
     for (name, system), distance_m in itertools.product(systems.items(), DISTANCES_M):
         pixels = pixel_grid(system.width_px, system.height_px)[::step_px, ::step_px].reshape(-1, 2)

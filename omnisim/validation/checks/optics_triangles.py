@@ -27,6 +27,9 @@ from omnisim.validation.optical_systems import validation_systems
 SCENES = ("soccer", "mapping")
 SYSTEMS = ("tilted mirror", "sphere", "cone")
 CAST_BOUND, ALONE_BOUND, UNDECIDED_BOUND = 99.9, 99.4, 100.0
+BESIDE_M = 0.2
+_DIRECTIONS = 720  # searched for the nearest object
+_MIN_M = 0.05
 
 
 def check(fixture: Fixture, title: str) -> Section:
@@ -76,14 +79,6 @@ def triangle_section(title: str, compared: Mapping[tuple[str, str], SameTriangle
                             f"{100.0 * share.alone:.3f}", f"{100.0 * share.undecided:.2f}")
                            for (scene, system), share in compared.items())),),
     )  # fmt: skip
-
-
-# Triangles that virtual cameras show at an optical system's pixels, against exact rays.
-
-
-BESIDE_M = 0.2
-_DIRECTIONS = 720  # searched for the nearest object
-_MIN_M = 0.05
 
 
 class SameTriangles(NamedTuple):

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from omnisim.cameras import pixel_grid
 from omnisim.cameras.mirrors.mirror_mesh import PAPER_POLYGON_COUNTS
-from omnisim.plots.style import BLUE, GRAY, ORANGE, Figure, gallery, plot
+from omnisim.plots.style import BLUE, GRAY, ORANGE, gallery, plot
 from omnisim.rendering.auto_mesh import MAX_ERROR_PX
 from omnisim.rendering.camera.omnicamera import PAPER_POLYGONS, OmniCamera
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
@@ -48,6 +48,15 @@ def check(fixture: Fixture, title: str) -> Section:
     means = [results[polygons].error_px.mean() for polygons in PAPER_POLYGON_COUNTS]
     slope = float(np.polyfit(np.log(PAPER_POLYGON_COUNTS), np.log(means), 1)[0])
     paper = results[PAPER_POLYGONS]
+    counts = np.array(PAPER_POLYGON_COUNTS)
+    largest = [results[polygons].error_px.max() for polygons in PAPER_POLYGON_COUNTS]
+    figure, axes = plot("Geometric error of a mesh", "polygons", "error in pixels at 360 × 360")
+    axes.loglog(counts, largest, "s-", color=ORANGE, label="largest")
+    axes.loglog(counts, means, "o-", color=BLUE, label=f"mean, slope {slope:.3f}".replace("-", "−"))
+    axes.loglog(counts, means[0] * counts[0] / counts, "--", color=GRAY, label="slope −1")
+    axes.set_xticks(counts, [str(count) for count in counts])
+    axes.minorticks_off()
+    axes.legend(frameon=False)
     defaults = [sensor.resized(size) for size in DEFAULT_SIZES_PX]
     rows = tuple(
         (
@@ -88,7 +97,7 @@ def check(fixture: Fixture, title: str) -> Section:
             CaptionedFigure("fig9-detail",
                     gallery({name: image[DETAIL] for name, image in views.items()}, 3),
                     "The same detail, magnified: lines are jagged up to 256 polygons."),
-            CaptionedFigure("convergence", _figure(results, slope),
+            CaptionedFigure("convergence", figure,
                     "Error over the number of polygons: inversely proportional."),
         ),
     )  # fmt: skip
@@ -111,17 +120,3 @@ def shown_error_px(fixture: Fixture, sensor: OmniCamera) -> NDArray[np.float64]:
     # directions past the rim, which a mesh may show, have no position in the mirror's image
     errors: NDArray[np.float64] = np.linalg.norm(shown.positions_px - pixels, axis=-1)
     return errors[shown.valid]
-
-
-def _figure(results: dict[int, MeshResult], slope: float) -> Figure:
-    counts = np.array(list(results))
-    means = np.array([result.error_px.mean() for result in results.values()])
-    largest = np.array([result.error_px.max() for result in results.values()])
-    figure, axes = plot("Geometric error of a mesh", "polygons", "error in pixels at 360 × 360")
-    axes.loglog(counts, largest, "s-", color=ORANGE, label="largest")
-    axes.loglog(counts, means, "o-", color=BLUE, label=f"mean, slope {slope:.3f}".replace("-", "−"))
-    axes.loglog(counts, means[0] * counts[0] / counts, "--", color=GRAY, label="slope −1")
-    axes.set_xticks(counts, [str(count) for count in counts])
-    axes.minorticks_off()
-    axes.legend(frameon=False)
-    return figure

@@ -84,7 +84,7 @@ def rendered(
 
 def traced_paths(scene: Scene, width_px: int, samples: int) -> NDArray[np.float32]:
     """Linear image (height, width, 3) of a room by Mitsuba, clipped to white."""
-    from omnisim.validation.oracles.mitsuba_reflections import trace_reflections  # of an extra
+    from omnisim.validation.oracles.mitsuba_light import trace_reflections  # of an extra
 
     camera, pose = reflective_rooms.camera(width_px, 1), reflective_rooms.camera_pose()
     assert isinstance(camera.model, PerspectiveCamera)

@@ -23,6 +23,7 @@ WIDE_RIM_DEG = 130.0
 # The remaining error of an exact image is its sampling, below the stated 0.05 px.
 EXACT_BOUND_PX = 0.05
 MESH_BOUND_PX = 0.3
+STEP_PX = 0.1  # along a radius
 
 
 class Rings(NamedTuple):
@@ -169,12 +170,6 @@ def _figure(wide: Rings, exact: Rings, mesh: Rings) -> Figure:
         axes.plot(rings.angles_deg, mean, mark, color=color, label=f"measured, {label}")
     axes.legend(loc="lower left", frameon=False)
     return figure
-
-
-# Radii of rings around the principal point, measured in an image to a fraction of a pixel.
-
-
-STEP_PX = 0.1
 
 
 def ring_radii(

@@ -13,7 +13,7 @@ from omnisim.core import poses
 from omnisim.core.srgb import linear_from_srgb
 from omnisim.perception.unwarping.unwarping import Unwarping
 from omnisim.perception.unwarping.views import View, perspective_view
-from omnisim.plots.style import BLUE, GRAY, Figure, gallery, plot
+from omnisim.plots.style import BLUE, GRAY, gallery, plot
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.stage import open_sensor
 from omnisim.report.report import CaptionedFigure, Measure, Section
@@ -43,7 +43,13 @@ def check(fixture: Fixture, title: str) -> Section:
     psnr = psnr_db(unwarped, pinhole, suffices)
     bars = unwarp(_bars(fixture, sensor))
     lines = [_line(bars, view.camera, index) for index in range(BARS)]
-    bends = [max_abs(_residuals(line)) if len(line) > 50 else math.nan for line in lines]
+    figure, axes = plot("Straight bars in the unwarped view", "u in pixels", "v − line in pixels")
+    axes.set_ylim(-0.6, 0.6)
+    bends = []
+    for index, line in enumerate(lines):
+        off = line[:, 1] - np.polyval(np.polyfit(line[:, 0], line[:, 1], 1), line[:, 0])
+        bends.append(max_abs(off) if len(line) > 50 else math.nan)
+        axes.plot(line[:, 0], off, color=BLUE if index % 2 else GRAY, linewidth=0.8)
     shown = {"unwarped": unwarped, "pinhole camera": pinhole}
     masked = {name: np.where(unwarp.valid[..., None], x, 0.0) for name, x in shown.items()}
     return Section(
@@ -63,7 +69,7 @@ def check(fixture: Fixture, title: str) -> Section:
             CaptionedFigure("unwarped", gallery(masked | {"bars, unwarped": bars}, 3),
                     "The view unwarped from the mirror's image, the image of a pinhole camera, and "
                     "unwarped straight bars."),
-            CaptionedFigure("straight-bars", _figure(lines),
+            CaptionedFigure("straight-bars", figure,
                     "Distance of each bar from its fitted straight line."),
         ),
     )  # fmt: skip
@@ -133,15 +139,3 @@ def _line(bars: NDArray[np.float32], camera: CentralCamera, index: int) -> NDArr
             if column.sum() > 0.5 and max(column[0], column[-1]) < 0.01:
                 near = rows_by_column[u] = float((column * rows).sum() / column.sum())
     return np.array(sorted(rows_by_column.items()))
-
-
-def _residuals(line: NDArray[np.float64]) -> NDArray[np.float64]:
-    return line[:, 1] - np.polyval(np.polyfit(line[:, 0], line[:, 1], 1), line[:, 0])
-
-
-def _figure(lines: list[NDArray[np.float64]]) -> Figure:
-    figure, axes = plot("Straight bars in the unwarped view", "u in pixels", "v − line in pixels")
-    for index, line in enumerate(lines):
-        axes.plot(line[:, 0], _residuals(line), color=BLUE if index % 2 else GRAY, linewidth=0.8)
-    axes.set_ylim(-0.6, 0.6)
-    return figure

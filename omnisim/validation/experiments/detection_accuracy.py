@@ -50,7 +50,6 @@ def compare(
     """Match detections of each step with the landmarks at the true pose.
 
     Args:
-        detections: detections of each step.
         true_poses: (steps, 3) x, y, yaw of the base.
         landmarks: landmarks at their true positions.
         camera_m: position (x, y) of the camera in the base frame.

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -37,10 +37,9 @@ from omnisim.robots import simulate_odometry
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.run_data import RunData, RunLabels
 from omnisim.validation.experiments.detection_accuracy import compare
-from omnisim.validation.experiments.real_setting import with_wrong_start
+from omnisim.validation.experiments.recordings import Progress, with_wrong_start
 
 PIXEL_SIGMA = 2.0  # of 255, of each seed's own noise
-Progress = Callable[[str, int], Callable[[Iterable[int]], Iterable[int]]]
 REAL_PARAMETERS = Path(__file__).with_name("real_setting.toml")
 SEEDS = 20
 
@@ -292,7 +291,13 @@ class RealExperiment(Experiment):
     ):
         super().__init__(run, trained, "superscout", progress)
         self.parameters = read_parameters(REAL_PARAMETERS)
-        picked = [_picked(run, seed) for seed in range(SEEDS)]
+        landmarks, poses = LandmarkMap.of_scene(run.landmarks), run.true_poses
+        assert poses is not None
+        generators = (np.random.default_rng([3, seed]) for seed in range(SEEDS))
+        picked = [
+            [pick_landmarks(pose, run.mount, landmarks, Hand(), generator) for pose in poses]
+            for generator in generators
+        ]
         errors, certain = self.odometry_errors, np.zeros((3, 3))
         self.seeds = run_seeds(run, errors, picked, self.parameters, certain, with_wrong_start)
         self.honest = run_seeds(run, errors, picked, parameters, certain, with_wrong_start)
@@ -324,12 +329,3 @@ def observations_from_detections(
         [observation_from_detection(each, parameters.measurement) for each in step]
         for step in detections
     ]
-
-
-def _picked(run: RunData, seed: int) -> list[list[Observation]]:
-    """Observations of each step of a run, by simulated picking of landmarks by hand."""
-    generator = np.random.default_rng([3, seed])
-    landmarks = LandmarkMap.of_scene(run.landmarks)
-    poses = run.true_poses
-    assert poses is not None
-    return [pick_landmarks(pose, run.mount, landmarks, Hand(), generator) for pose in poses]

@@ -11,23 +11,13 @@ from numpy.typing import NDArray
 
 from omnisim.perception.landmarks.color_model import Training
 from omnisim.perception.localization.filter_parameters import FilterParameters
-from omnisim.plots.localization_plots import (
-    Rates,
-    curves_figure,
-    detections_figure,
-    rates_figure,
-    roc_figure,
-)
+from omnisim.plots import localization_plots as plots
 from omnisim.plots.style import gallery
 from omnisim.report.report import CaptionedFigure, Measure, ResultTable, Section
 from omnisim.runs.run_data import RunLabels
 from omnisim.validation.experiments.detection_accuracy import DetectionMatch, accuracy
-from omnisim.validation.experiments.experiment_runs import (
-    Progress,
-    RealExperiment,
-    SimulationExperiment,
-)
-from omnisim.validation.experiments.recordings import Recordings
+from omnisim.validation.experiments.experiment_runs import RealExperiment, SimulationExperiment
+from omnisim.validation.experiments.recordings import Progress, Recordings
 from omnisim.validation.experiments.sweep import CAUSES, Outcome, sweep
 
 EDGES_M = np.arange(0.0, 6.01, 0.5)
@@ -57,7 +47,7 @@ def images(
             CaptionedFigure("fig11-images", gallery(shown, 3),
                     "The same field in the real setting (above), blurred and noisy, and in the "
                     "simulation (below)."),
-            CaptionedFigure("fig11-detections", detections_figure(rows),
+            CaptionedFigure("fig11-detections", plots.detections_figure(rows),
                     "Panoramas with detections, for the images with the most detections. In the "
                     "simulation every box contains a landmark. In the real setting most landmarks "
                     "are missed, and some boxes are false positives."),
@@ -103,7 +93,7 @@ def colors(trained: Training, simulated: SimulationExperiment, real: RealExperim
         "color mixes with the background.",
         numbers,
         (table,),
-        (CaptionedFigure("roc", roc_figure(curves),
+        (CaptionedFigure("roc", plots.roc_figure(curves),
                  "True positive rate over false positive rate of each color; dots are the "
                  "thresholds."),),
     )  # fmt: skip
@@ -149,16 +139,16 @@ def detection(simulated: SimulationExperiment, real: RealExperiment) -> Section:
         numbers,
         (ResultTable("Within 4 m, clean.",
                ("landmark", "recall", "precision", "bearing, RMS", "range, RMS", "found"), rows),),
-        (CaptionedFigure("recall", rates_figure({"clean": _rates(simulated.matches),
+        (CaptionedFigure("recall", plots.rates_figure({"clean": _rates(simulated.matches),
                                          "real setting": _rates(real.matches)}),
                  "In clean images nearly all landmarks within 4 m are detected, without false "
                  "positives. In the real setting few are, and some detections are boxes."),),
     )  # fmt: skip
 
 
-def _rates(matches: Sequence[DetectionMatch]) -> Rates:
+def _rates(matches: Sequence[DetectionMatch]) -> plots.Rates:
     by_distance = [accuracy(matches, low, high) for low, high in pairwise(EDGES_M)]
-    return Rates(
+    return plots.Rates(
         EDGES_M,
         np.array([each.recall for each in by_distance]),
         np.array([each.precision for each in by_distance]),
@@ -208,7 +198,7 @@ def degradations(
                    "false pixels in 10⁶", "position error"), tuple(rows)),
         ),
         figures=(
-            CaptionedFigure("degradations", curves_figure(panels, levels),
+            CaptionedFigure("degradations", plots.curves_figure(panels, levels),
                     "Levels as in the table. Color shifts, by white balance and light, cause the "
                     "largest errors; noise the most false positives; blur loses far landmarks."),
         ),

@@ -9,13 +9,7 @@ import numpy as np
 
 from omnisim.perception.localization.filter import LandmarkMap, LocalizationFilter
 from omnisim.perception.localization.track import notices
-from omnisim.plots.localization_plots import (
-    PathPanel,
-    consistency_figure,
-    errors_figure,
-    paths_figure,
-    seeds_figure,
-)
+from omnisim.plots import localization_plots as plots
 from omnisim.report.report import CaptionedFigure, Measure, ResultTable, Section
 from omnisim.validation.experiments.experiment_runs import (
     SEEDS,
@@ -69,12 +63,12 @@ def first_experiment(simulated: SimulationExperiment) -> Section:
         "independent runs.",
         numbers,
         figures=(
-            CaptionedFigure("seeds", seeds_figure(seeds.errors_m, seeds.reckoned_m,
-                                          f"{SEEDS} seeds of experiment 1"),
+            CaptionedFigure("seeds", plots.seeds_figure(seeds.errors_m, seeds.reckoned_m,
+                                                        f"{SEEDS} seeds of experiment 1"),
                     "The estimate's error stays within millimeters; that of the wheels alone "
                     "reaches a meter."),
-            CaptionedFigure("consistency", consistency_figure(by_step, band, seeds.nis_by_step,
-                                                      seeds.nis_intervals),
+            CaptionedFigure("consistency",
+                    plots.consistency_figure(by_step, band, seeds.nis_by_step, seeds.nis_intervals),
                     "NEES is about 3, with variations common to all seeds. NIS is below 1: "
                     "observations are more accurate than their stated uncertainty."),
         ),
@@ -123,7 +117,7 @@ def second_experiment(real: RealExperiment) -> Section:
         "the true noise: otherwise it would not ignore landmarks for as long as in the paper.",
         numbers,
         figures=(
-            CaptionedFigure("seeds-real", seeds_figure(seeds.errors_m, seeds.reckoned_m,
+            CaptionedFigure("seeds-real", plots.seeds_figure(seeds.errors_m, seeds.reckoned_m,
                                                f"{SEEDS} seeds of experiment 2"),
                     "The estimate follows the wheels until the gate opens, then the truth."),
         ),
@@ -137,9 +131,9 @@ def side_by_side(simulated: SimulationExperiment, real: RealExperiment) -> Secti
     chosen = int(np.abs(known - np.median(opens)).argmin())
     first, second = simulated.seeds.tracks[0], real.seeds.tracks[chosen]
     panels = [
-        PathPanel("real setting: Super Scout, clockwise", second, real.run.true_poses,
+        plots.PathPanel("real setting: Super Scout, clockwise", second, real.run.true_poses,
                   real.run.landmarks, PAPER_BOUND_M),
-        PathPanel("simulation: P2AT, counter-clockwise", first, simulated.run.true_poses,
+        plots.PathPanel("simulation: P2AT, counter-clockwise", first, simulated.run.true_poses,
                   simulated.run.landmarks, SIMULATED_BOUND_M),
     ]  # fmt: skip
     warnings = [f"real setting: {notice}" for notice in notices(second, real.parameters)]
@@ -149,10 +143,10 @@ def side_by_side(simulated: SimulationExperiment, real: RealExperiment) -> Secti
         f"One seed of each experiment: 0 of the simulation, {chosen} of the real setting, whose "
         "gate opens nearest to the median.",
         figures=(
-            CaptionedFigure("fig12-paths", paths_figure(panels),
+            CaptionedFigure("fig12-paths", plots.paths_figure(panels),
                     "Left: the estimate departs from the truth, and returns when the gate opens. "
                     "Right: it stays on the truth, with ellipses of millimeters."),
-            CaptionedFigure("fig13-errors", errors_figure(panels),
+            CaptionedFigure("fig13-errors", plots.errors_figure(panels),
                     "Left: the gate rejects observations at first, and opens by itself. Right: it "
                     "is open from the start."),
         ),
@@ -162,7 +156,6 @@ def side_by_side(simulated: SimulationExperiment, real: RealExperiment) -> Secti
 
 def gains(simulated: SimulationExperiment) -> Section:
     """Errors of odometry alone, with a 90° camera facing ahead, and an omnidirectional camera."""
-    full = simulated.seeds
     full = simulated.seeds
     forward = [in_field_of_view(each, FORWARD_RAD) for each in simulated.observations]
     errors, parameters = simulated.odometry_errors, simulated.parameters
@@ -194,7 +187,7 @@ def gains(simulated: SimulationExperiment) -> Section:
                    "largest error, median"), tuple(rows)),
         ),
         figures=(
-            CaptionedFigure("seeds-ahead", seeds_figure(ahead.errors_m, ahead.reckoned_m,
+            CaptionedFigure("seeds-ahead", plots.seeds_figure(ahead.errors_m, ahead.reckoned_m,
                                                 "with landmarks within 45° of the front only"),
                     "Errors grow where no landmark is ahead."),
         ),

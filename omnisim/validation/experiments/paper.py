@@ -12,11 +12,10 @@ from omnisim.runs.run_data import train_on_run
 from omnisim.validation.experiments import landmark_sections, localization_sections
 from omnisim.validation.experiments.experiment_runs import (
     SEEDS,
-    Progress,
     RealExperiment,
     SimulationExperiment,
 )
-from omnisim.validation.experiments.recordings import record_all
+from omnisim.validation.experiments.recordings import Progress, record_all
 
 
 def run_experiments(folder: Path, device: int | None, progress: Progress) -> Report:

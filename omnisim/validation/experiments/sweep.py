@@ -29,11 +29,8 @@ from omnisim.rendering.camera.degradations.defocus import covered_share
 from omnisim.rendering.camera.degradations.effect import ImageGeometry
 from omnisim.runs.run_data import RunData
 from omnisim.validation.experiments.detection_accuracy import accuracy, compare
-from omnisim.validation.experiments.experiment_runs import (
-    Progress,
-    observations_from_detections,
-    run_seeds,
-)
+from omnisim.validation.experiments.experiment_runs import observations_from_detections, run_seeds
+from omnisim.validation.experiments.recordings import Progress
 
 NEAR_M = 4.0
 SEEDS = 5  # of the odometry noise, at each level

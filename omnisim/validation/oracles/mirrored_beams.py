@@ -108,8 +108,25 @@ def beam_measures(
     for name, room in rooms.items():
         with open_sensor(room, lidar, backend="rays") as renderer:
             cloud = renderer.scan(at)
-        expected = _behind_pane(room, cloud, at) if name == "pane" else _mirrored(room, cloud, at)
-        off_mm, off_percent = _deviations(cloud, *expected)
+        beams, panel = _beams(room, lidar, at), _panel_material(room)
+        triangles, cosines = _Triangles.of(room.removed(_PANEL)), beams.to_panel.cosines
+        if name == "pane":  # the room without the pane, less Fresnel's shares
+            seen = triangles.cast(beams.origins_m, beams.directions)
+            ranges_m = seen.ranges_m
+            reflected = pane_reflectance_by_series(cosines, panel.ior)
+            once = (1.0 - reflected) * panel.transmission * panel.base_color[0]
+        else:  # the room mirrored at the panel, less Schlick's shares
+            heights_m = (triangles.corners_m - beams.point_m) @ beams.normal
+            mirrored_m = triangles.corners_m - 2.0 * heights_m[..., None] * beams.normal
+            to_panel_m = np.where(beams.meets_panel, beams.to_panel.ranges_m, 0.0)
+            # from the mirror on, behind which the mirrored room begins
+            starts_m = beams.origins_m + to_panel_m[:, None] * beams.directions
+            seen = triangles._replace(corners_m=mirrored_m).cast(starts_m, beams.directions)
+            ranges_m = to_panel_m + seen.ranges_m
+            f0 = panel.base_color[0]
+            once = f0 + (1.0 - f0) * (1.0 - cosines) ** 5
+        intensities = once**2 * seen.reds * seen.cosines
+        off_mm, off_percent = _deviations(cloud, ranges_m, intensities, beams)
         start = f"lidar, {name}: {SHARE} % of the"
         measures += [
             Measure(f"{start} points within", off_mm, "mm", MAX_OFF_MM),
@@ -145,30 +162,6 @@ def _beams(room: Scene, lidar: SpinningLidar, at: Floats) -> _Beams:
     normal = np.cross(b - a, c - a)
     normal /= np.linalg.norm(normal)
     return _Beams(origins_m, directions, met.ranges_m < others.ranges_m, met, normal, a)
-
-
-def _behind_pane(room: Scene, cloud: PointCloud, at: Floats) -> tuple[Floats, Floats, _Beams]:
-    """Ranges and intensities (n,) of the room without the pane, less Fresnel's shares."""
-    beams, glass = _beams(room, cloud.lidar, at), _panel_material(room)
-    free = _Triangles.of(room.removed(_PANEL)).cast(beams.origins_m, beams.directions)
-    reflected = pane_reflectance_by_series(beams.to_panel.cosines, glass.ior)
-    once = (1.0 - reflected) * glass.transmission * glass.base_color[0]
-    return free.ranges_m, once**2 * free.reds * free.cosines, beams
-
-
-def _mirrored(room: Scene, cloud: PointCloud, at: Floats) -> tuple[Floats, Floats, _Beams]:
-    """Ranges and intensities (n,) of the room mirrored at the panel, less Schlick's shares."""
-    beams, metal = _beams(room, cloud.lidar, at), _panel_material(room)
-    triangles = _Triangles.of(room.removed(_PANEL))
-    heights_m = (triangles.corners_m - beams.point_m) @ beams.normal
-    mirrored_m = triangles.corners_m - 2.0 * heights_m[..., None] * beams.normal
-    to_panel_m = np.where(beams.meets_panel, beams.to_panel.ranges_m, 0.0)
-    # from the mirror on, behind which the mirrored room begins
-    starts_m = beams.origins_m + to_panel_m[:, None] * beams.directions
-    seen = triangles._replace(corners_m=mirrored_m).cast(starts_m, beams.directions)
-    f0 = metal.base_color[0]
-    once = f0 + (1.0 - f0) * (1.0 - beams.to_panel.cosines) ** 5
-    return to_panel_m + seen.ranges_m, once**2 * seen.reds * seen.cosines, beams
 
 
 def _deviations(

@@ -7,6 +7,9 @@ Mitsuba has no fisheye. It traces the faces of a cube around the viewpoint, fine
 each pixel is the average of the texels that rays through the pixel's square hit. Only the
 parameters of omnisim's lens are used; the rays are those of r = f θ, Kannala and Brandt (2006,
 Eq. 3).
+
+In scenes of luminous surfaces, unlit surfaces emit their color and are the only light: the image is
+then the radiance along reflected and transmitted rays.
 """
 
 from __future__ import annotations
@@ -19,28 +22,19 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omnisim.cameras import EquidistantCamera, HyperbolicCamera
+from omnisim.cameras import EquidistantCamera, HyperbolicCamera, PerspectiveCamera
 from omnisim.core.errors import SceneError
 from omnisim.core.poses import check_pose
 from omnisim.scene import Scene
 from omnisim.scene.model import Instance, Light, LightKind, Material
 from omnisim.scene.surface_reflectance import MIN_ROUGHNESS
+from omnisim.validation.oracles import mitsuba_scene as scenes
 from omnisim.validation.oracles.mitsuba_materials import (
     absorbs,
     glass_bsdf,
     medium,
     principled,
     sky,
-)
-from omnisim.validation.oracles.mitsuba_scene import (
-    VERTEX_COLOR,
-    bitmap,
-    film,
-    mesh_of,
-    metal,
-    rendered,
-    rgb,
-    scalar_variant,
 )
 from omnisim.validation.oracles.mitsuba_tracer import RIM_UNITS, mirror_of_metal, mirror_pinhole
 from omnisim.validation.oracles.surfaces import opaque_only
@@ -62,6 +56,7 @@ _FACES = np.array(
     ],
     dtype=np.float64,
 )
+DEPTH = 12  # maximum number of segments of a path
 
 
 def matte_on_both_sides(scene: Scene) -> Scene:
@@ -105,11 +100,11 @@ def trace_lit_mirror(
     """
     pose = check_pose(world_from_optical)
     units_per_m = RIM_UNITS / camera.mirror.rim_radius_m
-    with scalar_variant():
+    with scenes.scalar_variant():
         content = lit_world(scene, pose[:3, 3], units_per_m, depth + 1)
         content["sensor"] = mirror_pinhole(camera, pose[:3, :3], units_per_m, samples)
         content["mirror"] = mirror_of_metal(camera.mirror, pose[:3, :3], units_per_m)
-        return rendered(content, samples, seed)
+        return scenes.rendered(content, samples, seed)
 
 
 def lit_world(
@@ -145,7 +140,7 @@ def lit_world(
     if scene.lighting.environment is not None:
         content["sky"] = sky(scene.lighting.environment)
     elif any(scene.lighting.ambient):
-        content["sky"] = {"type": "constant", "radiance": rgb(scene.lighting.ambient)}
+        content["sky"] = {"type": "constant", "radiance": scenes.rgb(scene.lighting.ambient)}
     return content
 
 
@@ -155,11 +150,11 @@ def _lamp(
     """Emitter of a lamp, times π: Mitsuba's white surface in one lux has a radiance of 1/π."""
     level = math.pi * light.intensity * exposure
     if light.kind is LightKind.DIRECTIONAL:
-        color = rgb(tuple(level * share for share in light.color))
+        color = scenes.rgb(tuple(level * share for share in light.color))
         return {"type": "directional", "direction": light.direction.tolist(), "irradiance": color}
     if light.kind is LightKind.SPOT:
         raise SceneError("spot light: Mitsuba's edge falls off in another way: expected none")
-    color = rgb(tuple(level * units_per_m**2 * share for share in light.color))
+    color = scenes.rgb(tuple(level * units_per_m**2 * share for share in light.color))
     position = ((light.position_m - viewpoint_m) * units_per_m).tolist()
     return {"type": "point", "position": position, "intensity": color}
 
@@ -197,26 +192,26 @@ def _surface(
     if any(material.emissive) and not scene.lighting.is_matte:
         if material.emissive_map is not None:
             raise SceneError(f"material {material.name!r}: emissive_map: expected none for Mitsuba")
-        light = {"type": "area", "radiance": rgb(material.emissive)}
+        light = {"type": "area", "radiance": scenes.rgb(material.emissive)}
         properties["mesh_emitter"] = mi.load_dict(light)
     vertices = positions_m * units_per_m
-    return mesh_of(vertices, triangles, properties, normals, coordinates, colors)
+    return scenes.mesh_of(vertices, triangles, properties, normals, coordinates, colors)
 
 
 def _bsdf(material: Material, kind: str, is_matte: bool) -> dict[str, Any]:
     """BSDF of a material; its kind says whether a texture or vertex colors are its base color."""
     if not is_matte and material.transmission > 0.0:
         return glass_bsdf(material)
-    reflectance = rgb(material.base_color[:3])
+    reflectance = scenes.rgb(material.base_color[:3])
     if kind == "textured":
         assert material.texture is not None
-        reflectance = bitmap(material.texture, material.base_color)
+        reflectance = scenes.bitmap(material.texture, material.base_color)
     elif kind == "colored":
-        reflectance = {"type": "mesh_attribute", "name": VERTEX_COLOR}
+        reflectance = {"type": "mesh_attribute", "name": scenes.VERTEX_COLOR}
     if is_matte:
         nested = {"type": "diffuse", "reflectance": reflectance}
     elif material.metallic == 1.0 and material.roughness <= MIN_ROUGHNESS:
-        nested = metal(1.0) | {"specular_reflectance": reflectance}
+        nested = scenes.metal(1.0) | {"specular_reflectance": reflectance}
     else:
         nested = principled(material) | {"base_color": reflectance}
     return {"type": "twosided", "nested": nested}
@@ -246,42 +241,30 @@ def trace_lit_fisheye(
     """
     pose = check_pose(world_from_optical)
     size_px = 2 * math.ceil(TEXELS * camera.focal_length_px)  # of a face, 2 wide at distance 1
-    faces, texels = _texels(_rays(camera), size_px)
+    side = 2 * TEXELS  # rays are evenly spaced over the pixels, as many per pixel's side
+    sizes_px = camera.width_px, camera.height_px
+    u, v = ((np.arange(count * side) + 0.5) / side - 0.5 for count in sizes_px)
+    x, y = np.meshgrid(u - camera.principal_point_px[0], v - camera.principal_point_px[1])
+    angle = np.minimum(np.hypot(x, y) / camera.focal_length_px, camera.theta_max_rad)
+    azimuth, across = np.arctan2(y, x), np.sin(angle)
+    rays = np.stack((across * np.cos(azimuth), across * np.sin(azimuth), np.cos(angle)), axis=-1)
+    faces = np.argmax(rays @ _FACES[:, 2].T, axis=-1)
+    local = np.einsum("...ij,...j->...i", _FACES[faces], rays)
+    tangents = local[..., :2] / local[..., 2:]
+    texels = np.floor(0.5 * (tangents + 1.0) * size_px).astype(np.intp).clip(0, size_px - 1)
     samples_rgb = np.zeros((*faces.shape, 3), dtype=np.float32)
-    with scalar_variant():
+    with scenes.scalar_variant():
         loaded = mi.load_dict(lit_world(scene, pose[:3, 3], UNITS_PER_M, depth))
         for number in np.unique(faces).tolist():
             on_face = faces == number
             low, high = texels[on_face].min(axis=0), texels[on_face].max(axis=0) + 1
             axes = _FACES[number] @ pose[:3, :3].T
             sensor = _face(axes, size_px, low, high - low, samples)
-            image = rendered(loaded, samples, seed + number, sensor)
+            image = scenes.rendered(loaded, samples, seed + number, sensor)
             column, row = (texels[on_face] - low).T
             samples_rgb[on_face] = image[row, column]
-            samples_rgb[on_face] = np.array(image, dtype=np.float32)[row, column, :3]
-    height, width, side = camera.height_px, camera.width_px, 2 * TEXELS
+    height, width = camera.height_px, camera.width_px
     return samples_rgb.reshape(height, side, width, side, 3).mean(axis=(1, 3))
-
-
-def _rays(camera: EquidistantCamera) -> NDArray[np.float64]:
-    """Rays (rows, columns, 3) evenly spaced over the pixels, 2 × `TEXELS` per pixel's side."""
-    side = 2 * TEXELS
-    sizes_px = camera.width_px, camera.height_px
-    u, v = ((np.arange(count * side) + 0.5) / side - 0.5 for count in sizes_px)
-    x, y = np.meshgrid(u - camera.principal_point_px[0], v - camera.principal_point_px[1])
-    angle = np.minimum(np.hypot(x, y) / camera.focal_length_px, camera.theta_max_rad)
-    azimuth = np.arctan2(y, x)
-    across = np.sin(angle)
-    return np.stack((across * np.cos(azimuth), across * np.sin(azimuth), np.cos(angle)), axis=-1)
-
-
-def _texels(rays: NDArray[np.float64], size_px: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Faces (...,) hit by rays (..., 3), and columns and rows (..., 2) of the hits."""
-    faces = np.argmax(rays @ _FACES[:, 2].T, axis=-1)
-    local = np.einsum("...ij,...j->...i", _FACES[faces], rays)
-    tangents = local[..., :2] / local[..., 2:]
-    places = np.floor(0.5 * (tangents + 1.0) * size_px).astype(np.intp)
-    return faces, np.clip(places, 0, size_px - 1)
 
 
 def _face(
@@ -305,6 +288,85 @@ def _face(
         "fov": 90.0,
         "near_clip": 1e-3 * UNITS_PER_M,
         "far_clip": 1e5 * UNITS_PER_M,
-        "film": film(size_px, size_px) | crop,
+        "film": scenes.film(size_px, size_px) | crop,
         "sampler": {"type": "multijitter", "sample_count": samples},
     }
+
+
+def trace_reflections(
+    scene: Scene,
+    camera: PerspectiveCamera,
+    world_from_base: NDArray[np.float64],
+    samples: int,
+    seed: int = 0,
+) -> NDArray[np.float32]:
+    """Trace an image (height, width, 3), linear RGB; the camera looks along its base's x.
+
+    Args:
+        scene: scene from `omnisim.validation.reflective_rooms`.
+        camera: camera at the base's origin.
+        world_from_base: (4, 4) pose of the base.
+        samples: samples per pixel; a square number.
+        seed: equal seeds give equal images.
+    """
+    is_absorbing = any(map(absorbs, scene.materials))
+    forward, left, up, position = world_from_base[:3].T
+    to_world = np.stack((-left, -up, forward, position), axis=1)
+    with scenes.scalar_variant():
+        content: dict[str, Any] = {
+            "type": "scene",
+            "integrator": {"type": "volpath" if is_absorbing else "path", "max_depth": DEPTH},
+            "sensor": scenes.pinhole(camera, to_world, 0.01, samples),
+        }
+        for number, instance in enumerate(scene.instances):
+            for part, surface in enumerate(_surfaces(scene, instance)):
+                content[f"surface {number}, {part}"] = surface
+        return scenes.rendered(content, samples, seed)
+
+
+def _surfaces(scene: Scene, instance: Instance) -> list[mi.Mesh]:
+    """Meshes of an instance: one per color if it emits light, else one."""
+    mesh = scene.meshes[instance.mesh]
+    material = scene.materials[mesh.material]
+    linear, offset_m = instance.world_from_mesh[:3, :3], instance.world_from_mesh[:3, 3]
+    positions = mesh.positions @ linear.T + offset_m
+    triangles = mesh.triangles.astype(np.int64)
+    if material.unlit:
+        return _shining(material, positions, triangles, mesh.colors)
+    bsdf = mi.load_dict(_mirror_bsdf(material))
+    properties = {"mesh_bsdf": bsdf, "face_normals": mesh.normals is None}
+    if absorbs(material):
+        properties["interior"] = mi.load_dict(medium(material))
+    normals = None if mesh.normals is None else mesh.normals @ linear.T
+    return [scenes.mesh_of(positions, triangles, properties, normals=normals)]
+
+
+def _shining(
+    material: Material,
+    positions: NDArray[np.float64],
+    triangles: NDArray[np.int64],
+    colors: NDArray[np.float32] | None,
+) -> list[mi.Mesh]:
+    """One-sided emitters, one per triangle color: Mitsuba 3.9 crashes on vertex colors."""
+    factor = np.array(material.base_color[:3], dtype=np.float32)
+    white = np.ones((len(triangles), 3), dtype=np.float32)
+    own = factor * (white if colors is None else colors[triangles[:, 0], :3])
+    distinct, groups = np.unique(own, axis=0, return_inverse=True)
+    meshes = []
+    for number, color in enumerate(distinct):
+        corners = triangles[groups.ravel() == number].ravel()
+        faces = np.arange(len(corners)).reshape(-1, 3)
+        meshes.append(
+            scenes.mesh_of(
+                positions[corners], faces, scenes.emitter(scenes.rgb(tuple(color.tolist())))
+            )
+        )
+    return meshes
+
+
+def _mirror_bsdf(material: Material) -> dict[str, Any]:
+    if material.transmission > 0.0:
+        return glass_bsdf(material)
+    smooth = scenes.metal(1.0) | {"specular_reflectance": scenes.rgb(material.base_color[:3])}
+    nested = principled(material) if material.roughness > 0.0 else smooth
+    return {"type": "twosided", "nested": nested}

@@ -40,7 +40,6 @@ def trace_sphere(
     Args:
         material: metal or dielectric with the default index, without maps.
         center_m: (3,) center of the sphere, world.
-        radius_m: radius of the sphere.
         lighting: directional lamps and ambient light, or a map.
         camera: camera at the origin.
         crop_px: left, top, width and height of the part.

@@ -29,18 +29,7 @@ from omnisim.cameras.optics.shapes import Conic, Plane
 from omnisim.core.errors import OpticsError
 from omnisim.core.poses import check_pose
 from omnisim.scene import Scene
-from omnisim.validation.oracles.mitsuba_scene import (
-    RINGS,
-    SECTORS,
-    mesh_of,
-    metal,
-    pinhole,
-    rendered,
-    rgb,
-    scalar_variant,
-    shining,
-    triangles_of_rings,
-)
+from omnisim.validation.oracles import mitsuba_scene as scenes
 from omnisim.validation.oracles.surfaces import visible_surfaces
 
 SIZE_UNITS = 100.0
@@ -114,7 +103,7 @@ class PhysicalOptics:
         camera = self.system.camera
         assert isinstance(camera, PerspectiveCamera)
         units_from_camera = self.units_from(self.system.system_from_camera)
-        content = pinhole(camera, units_from_camera, 1e-3 * SIZE_UNITS, samples)
+        content = scenes.pinhole(camera, units_from_camera, 1e-3 * SIZE_UNITS, samples)
         return content | {"far_clip": 1e6 * SIZE_UNITS}
 
     def _mirror(self, surface: Surface) -> mi.Mesh:
@@ -125,19 +114,21 @@ class PhysicalOptics:
         """
         if surface.rim_center_m != (0.0, 0.0):
             raise OpticsError(f"{surface.name}: expected a rim about the axis")
-        radii_m = np.linspace(surface.hole_radius_m, surface.visible_radius_m, RINGS + 1)[:, None]
-        azimuths = np.arange(SECTORS) * (2.0 * math.pi / SECTORS)
+        radii_m = np.linspace(surface.hole_radius_m, surface.visible_radius_m, scenes.RINGS + 1)[
+            :, None
+        ]
+        azimuths = np.arange(scenes.SECTORS) * (2.0 * math.pi / scenes.SECTORS)
         x, y = radii_m * np.cos(azimuths), radii_m * np.sin(azimuths)
         vertices_m = np.stack((x, y, surface.shape.sag_m(np.hypot(x, y))), axis=-1).reshape(-1, 3)
         beside_m = vertices_m.copy()  # a tip has no normal
-        beside_m[:SECTORS, :2] += 1e-9 * vertices_m[-SECTORS:, :2]
+        beside_m[: scenes.SECTORS, :2] += 1e-9 * vertices_m[-scenes.SECTORS :, :2]
         normals = surface.shape.level(beside_m).gradients
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
         to_units = self.units_from(surface.system_from_surface)
-        return mesh_of(
+        return scenes.mesh_of(
             vertices_m @ to_units[:3, :3].T + to_units[:3, 3],
-            triangles_of_rings(RINGS, SECTORS, surface.hole_radius_m > 0.0),
-            {"mesh_bsdf": mi.load_dict({"type": "twosided", "bsdf": metal(1.0)})},
+            scenes.triangles_of_rings(scenes.RINGS, scenes.SECTORS, surface.hole_radius_m > 0.0),
+            {"mesh_bsdf": mi.load_dict({"type": "twosided", "bsdf": scenes.metal(1.0)})},
             normals=normals @ to_units[:3, :3].T / self.units_per_m,
         )
 
@@ -152,7 +143,7 @@ class PhysicalOptics:
             "type": "dielectric",
             "int_ior": indices[number],
             "ext_ior": indices[number + 1],
-            "specular_reflectance": rgb((0.0, 0.0, 0.0)),
+            "specular_reflectance": scenes.rgb((0.0, 0.0, 0.0)),
         }
         to_units = self.units_from(surface.system_from_surface)
         is_whole = math.isinf(surface.rim_radius_m)
@@ -170,7 +161,7 @@ class PhysicalOptics:
         to_units = self.units_from(np.eye(4))
         ends = [to_units[:3, :3] @ end + to_units[:3, 3] for end in (rod.begin_m, rod.end_m)]
         radius = rod.radius_m * self.units_per_m
-        black = {"type": "twosided", "bsdf": metal(0.0)}
+        black = {"type": "twosided", "bsdf": scenes.metal(0.0)}
         objects: dict[str, Any] = {
             f"rod {number}": {
                 "type": "cylinder",
@@ -204,9 +195,9 @@ class PhysicalOptics:
             OmnisimError: a surface or material that Mitsuba does not support.
         """
         surfaces = visible_surfaces(scene, self.middle_m, self.size_m)
-        with scalar_variant():
+        with scenes.scalar_variant():
             shown = {
-                f"surface {number}": shining(surface, self.units_per_m)
+                f"surface {number}": scenes.shining(surface, self.units_per_m)
                 for number, surface in enumerate(surfaces)
             }
             image = self._rendered(shown, scene.background, samples, seed)
@@ -225,9 +216,9 @@ class PhysicalOptics:
             "type": "scene",
             "integrator": {"type": "path", "max_depth": depth, "rr_depth": depth + 1},
             "sensor": self.camera(samples),
-            "sky": {"type": "constant", "radiance": rgb(background)},
+            "sky": {"type": "constant", "radiance": scenes.rgb(background)},
         }
-        return rendered(content | self.objects | shown, samples, seed)
+        return scenes.rendered(content | self.objects | shown, samples, seed)
 
     def rays(self, pixels_px: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
         """Origins (n, 3) in m and directions (n, 3), optical frame, of one ray per pixel (n, 2).
@@ -236,7 +227,7 @@ class PhysicalOptics:
         """
         camera = self.system.camera
         rays = np.full((2, len(pixels_px), 3), np.nan)
-        with scalar_variant():
+        with scenes.scalar_variant():
             sensor = mi.load_dict(self.camera(1))
             scene = mi.load_dict({"type": "scene", **self.objects})
             for row, on_film in enumerate((pixels_px + 0.5) / (camera.width_px, camera.height_px)):

@@ -92,7 +92,6 @@ def triangles_of_rings(rings: int, sectors: int, has_hole: bool = False) -> NDAr
 
     Args:
         rings: number of rings of triangles.
-        sectors: vertices per ring.
         has_hole: False: the first ring of vertices is a single point.
     """
     sector = np.arange(sectors)
@@ -110,7 +109,6 @@ def shining(surface: Surface, units_per_m: float) -> mi.Mesh:
     Raises:
         SceneError: a material that Mitsuba does not support.
     """
-    material, texture = surface.material, surface.material.texture
     material, texture = surface.material, surface.material.texture
     coordinates = colors = None
     if surface.texture_coordinates is not None and texture is not None:

@@ -26,18 +26,7 @@ from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.core.coordinate_frames import MIRROR_FROM_OPTICAL
 from omnisim.core.poses import check_pose
 from omnisim.scene import Scene
-from omnisim.validation.oracles.mitsuba_scene import (
-    RINGS,
-    SECTORS,
-    mesh_of,
-    metal,
-    pinhole,
-    rendered,
-    rgb,
-    scalar_variant,
-    shining,
-    triangles_of_rings,
-)
+from omnisim.validation.oracles import mitsuba_scene as scenes
 from omnisim.validation.oracles.surfaces import visible_surfaces
 
 RIM_UNITS = 100.0
@@ -73,17 +62,17 @@ def trace_mirror(
     reach_m = float(mirror.rho_m(mirror.theta_max_rad))  # the rim is farthest
     surfaces = visible_surfaces(scene, pose[:3, 3], reach_m)
     units_per_m = RIM_UNITS / mirror.rim_radius_m
-    with scalar_variant():
+    with scenes.scalar_variant():
         content = {
             "type": "scene",
             "integrator": {"type": "path", "max_depth": 2},  # one reflection
             "sensor": mirror_pinhole(camera, pose[:3, :3], units_per_m, samples),
             "mirror": mirror_of_metal(mirror, pose[:3, :3], units_per_m),
-            "sky": {"type": "constant", "radiance": rgb(scene.background)},
+            "sky": {"type": "constant", "radiance": scenes.rgb(scene.background)},
         }
         for number, surface in enumerate(surfaces):
-            content[f"surface {number}"] = shining(surface, units_per_m)
-        return rendered(content, samples, seed)
+            content[f"surface {number}"] = scenes.shining(surface, units_per_m)
+        return scenes.rendered(content, samples, seed)
 
 
 def mirror_pinhole(
@@ -100,7 +89,7 @@ def mirror_pinhole(
     c = camera.mirror.c_m * units_per_m
     to_world = np.column_stack((world_from_optical, -c * world_from_optical[:, 2]))
     # of the scene seen past the mirror
-    return pinhole(camera, to_world, 0.1 * c, samples) | {"far_clip": 1e3 * c}
+    return scenes.pinhole(camera, to_world, 0.1 * c, samples) | {"far_clip": 1e3 * c}
 
 
 def mirror_of_metal(
@@ -113,16 +102,16 @@ def mirror_of_metal(
     """
     vertices_m, triangles = mirror_mesh(mirror)
     world_from_mirror = world_from_optical @ MIRROR_FROM_OPTICAL.T
-    return mesh_of(
+    return scenes.mesh_of(
         vertices_m @ world_from_mirror.T * units_per_m,
         triangles,
-        {"mesh_bsdf": mi.load_dict(metal(1.0))},
+        {"mesh_bsdf": mi.load_dict(scenes.metal(1.0))},
         normals=mirror.normals(vertices_m) @ world_from_mirror.T,
     )
 
 
 def mirror_mesh(
-    mirror: HyperbolicMirror, rings: int = RINGS, sectors: int = SECTORS
+    mirror: HyperbolicMirror, rings: int = scenes.RINGS, sectors: int = scenes.SECTORS
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Vertices (n, 3) on Eq. 1 up to the rim, mirror frame, meters, and triangles (m, 3).
 
@@ -132,4 +121,4 @@ def mirror_mesh(
     azimuth = np.arange(sectors) * (2.0 * math.pi / sectors)
     x, y = radius_m * np.cos(azimuth), radius_m * np.sin(azimuth)
     z = np.broadcast_to(mirror.height_from_radius_m(radius_m), x.shape)
-    return np.stack((x, y, z), axis=-1).reshape(-1, 3), triangles_of_rings(rings, sectors)
+    return np.stack((x, y, z), axis=-1).reshape(-1, 3), scenes.triangles_of_rings(rings, sectors)

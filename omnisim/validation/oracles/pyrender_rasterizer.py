@@ -31,7 +31,6 @@ def rasterize(
 
     Args:
         scene: scene to render.
-        camera: pinhole camera.
         world_from_optical: (4, 4) pose of the camera's optical frame.
     """
     import pyrender

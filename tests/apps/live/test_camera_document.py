@@ -122,7 +122,7 @@ def test_another_camera_keeps_mounting_quality_and_effects():
     assert lens.value("sensor.lens.mounting.position_m") == [0.1, 0.0, 0.5]
     assert lens.value("sensor.camera") == {"quality": "fast"}
     assert lens.camera().degradation.jpeg.quality == 50
-    assert lens.with_mirror().value("sensor.mirror") == {
+    assert lens.with_camera("mirror", {}).value("sensor.mirror") == {
         "mounting": {"position_m": [0.1, 0.0, 0.5]}
     }
 

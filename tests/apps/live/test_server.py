@@ -15,9 +15,9 @@ from PIL import Image
 from websockets.exceptions import InvalidStatus
 
 from omnisim import OmniCamera, load_scene, open_sensor
-from omnisim.apps.live import server
+from omnisim.apps.live import live as server
 from omnisim.apps.live.camera_document import CameraDocument, preset_lists
-from omnisim.apps.live.server import PAGE, new_token, page_bytes
+from omnisim.apps.live.live import PAGE, new_token, page_bytes
 from omnisim.core.errors import OutputError
 from omnisim.core.files.image_files import read_image
 from omnisim.ground_truth import CHANNELS

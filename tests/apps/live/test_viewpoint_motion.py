@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from omnisim.apps.live.ground import Ground
 from omnisim.apps.live.viewpoint_motion import (
     EYE_M,
     FreeFlight,
+    Ground,
     MotionCommand,
     Place,
     WheelDrive,

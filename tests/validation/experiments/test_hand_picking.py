@@ -10,7 +10,7 @@ from omnisim.perception.localization.filter import LandmarkMap, predict_measurem
 from omnisim.perception.unwarping.panorama import CameraMount
 from omnisim.scene import load_scene
 from omnisim.validation.experiments.experiment_runs import Hand, pick_landmarks
-from omnisim.validation.experiments.real_setting import cluttered, with_wrong_start
+from omnisim.validation.experiments.recordings import cluttered, with_wrong_start
 
 
 def _mount():

@@ -100,7 +100,6 @@ def _source(request: ConvertRequest) -> tuple[Path, list[float]]:
 def _convert_optics(
     request: ConvertRequest, system: NonCentralCamera, source: Path, more_distances_m: list[float]
 ) -> None:
-    """Write the best central fit to an optical system, and print its residuals."""
     from omnisim.cameras.optics import OpticalSystem
     from omnisim.cameras.optics.central_view import DISTANCES_M, fit_central
 

@@ -76,7 +76,6 @@ def _mirror_camera(request: MirrorRequest, camera: OmniCamera) -> HyperbolicCame
 
 
 def _write_surface(request: MirrorRequest, optics: Path) -> None:
-    """Write the mesh of a surface of an optical system, and print its error."""
     from omnisim.cameras.optics.mesh_error import SystemMeshErrors
     from omnisim.cameras.optics.mesh_rays import has_mesh, mesh_surface
     from omnisim.cameras.optics.surface_mesh import rim_of_mesh, tessellate_surface

@@ -9,17 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from omnisim.apps.cli.cameras import requests
 from omnisim.apps.cli.cameras.calibration import error_table
-from omnisim.apps.cli.cameras.requests import (
-    DESIGN_SIZE_PX,
-    PROFILE_POINTS,
-    OpticsCalibrateRequest,
-    OpticsCheckRequest,
-    OpticsDesignRequest,
-    OpticsPlotRequest,
-    OpticsProfileRequest,
-    OpticsRaysRequest,
-)
 from omnisim.apps.cli.console import out, pluralize, table
 from omnisim.cameras import summary
 from omnisim.cameras.calibration.ray_table import write_ray_table
@@ -52,7 +43,7 @@ _FATES = {
 }
 
 
-def check(request: OpticsCheckRequest) -> None:
+def check(request: requests.OpticsCheckRequest) -> None:
     """Print the shares of pixels by ray outcome, and the errors of a central model by distance."""
     system = read_optics_file(request.system)
     distances_m = (*(request.at_distance or ()), *(request.more_distances or ()))
@@ -80,7 +71,7 @@ def check(request: OpticsCheckRequest) -> None:
     out.print(error_table(centrality.errors))
 
 
-def plot(request: OpticsPlotRequest) -> None:
+def plot(request: requests.OpticsPlotRequest) -> None:
     """Plot the profile, its rays and caustic, and the resolution."""
     from omnisim.plots.optics_plot import optics_figure
     from omnisim.plots.style import check_plot_target, write_plot
@@ -92,7 +83,7 @@ def plot(request: OpticsPlotRequest) -> None:
     out.print(f"{request.output}: {_summary(system)}")
 
 
-def rays(request: OpticsRaysRequest) -> None:
+def rays(request: requests.OpticsRaysRequest) -> None:
     """Write the rays of all pixels as a ray table."""
     check_suffix(request.output, ".exr")
     check_target(request.output)
@@ -104,7 +95,7 @@ def rays(request: OpticsRaysRequest) -> None:
     out.print(f"{request.output}: {_summary(system)}")
 
 
-def design(request: OpticsDesignRequest) -> None:
+def design(request: requests.OpticsDesignRequest) -> None:
     """Write the profile of a designed mirror; for a .toml, also the system that uses it."""
     check_suffix(request.output, ".csv", ".toml")
     is_system = request.output.suffix.lower() == ".toml"
@@ -131,12 +122,12 @@ def design(request: OpticsDesignRequest) -> None:
         f"{1e3 * profile.radii_m[-1]:.4g} mm, height {1e3 * profile.heights_m[-1]:.4g} mm"
     )
     if is_system:
-        text = target.system_toml(profile_file.name, request.size_px or DESIGN_SIZE_PX)
+        text = target.system_toml(profile_file.name, request.size_px or requests.DESIGN_SIZE_PX)
         write_text(request.output, text)
         out.print(f"{request.output}: {_summary(read_optics_file(request.output))}")
 
 
-def profile(request: OpticsProfileRequest) -> None:
+def profile(request: requests.OpticsProfileRequest) -> None:
     """Write the profile of a surface."""
     check_suffix(request.output, ".csv")
     check_target(request.output)
@@ -144,7 +135,9 @@ def profile(request: OpticsProfileRequest) -> None:
     write_profile_of(request.system, request.surface, request.output, request.points)
 
 
-def write_profile_of(path: Path, number: int, output: Path, points: int = PROFILE_POINTS) -> None:
+def write_profile_of(
+    path: Path, number: int, output: Path, points: int = requests.PROFILE_POINTS
+) -> None:
     """Write the profile of a surface of an optical system, and print its size.
 
     Raises:
@@ -157,7 +150,9 @@ def write_profile_of(path: Path, number: int, output: Path, points: int = PROFIL
     write_surface_profile(output, surface, points)
 
 
-def write_surface_profile(output: Path, surface: Surface, points: int = PROFILE_POINTS) -> None:
+def write_surface_profile(
+    output: Path, surface: Surface, points: int = requests.PROFILE_POINTS
+) -> None:
     """Write the profile of a surface that has a rim, and print its size.
 
     Raises:
@@ -185,7 +180,7 @@ def _summary(system: OpticalSystem) -> str:
     return f"{summary(system.camera)}, {' and '.join(filter(None, parts))}"
 
 
-def calibrate(request: OpticsCalibrateRequest) -> None:
+def calibrate(request: requests.OpticsCalibrateRequest) -> None:
     """Fit an optical system to corners, write it, and print parameters and residuals."""
     check_suffix(request.output, ".toml")
     check_target(request.output)

@@ -11,18 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.apps.cli import inputs
 from omnisim.apps.cli.console import out, pluralize, print_note
 from omnisim.apps.cli.images.requests import FlowOptions, RenderRequest
-from omnisim.apps.cli.inputs import (
-    Viewpoint,
-    checked_backend,
-    load_labeled_scene,
-    note_lighting,
-    parse_channel_format,
-    parse_polygons,
-    read_camera,
-    read_preset,
-)
 from omnisim.cameras import NonCentralCamera, check_central
 from omnisim.core.cube import FACE_NAMES, unfolded_cube
 from omnisim.core.errors import OutputError
@@ -56,7 +47,7 @@ DEFAULT_ADVANCE_M = 0.1  # forward motion between frames for flow without --next
 
 def run(request: RenderRequest) -> None:
     """Render one frame and print a summary."""
-    backend = checked_backend(request.gpu)
+    backend = inputs.checked_backend(request.gpu)
     if backend == "rays" and request.files.faces is not None:
         raise OutputError("--faces: expected --backend cube, got --backend rays")
     is_float = is_float_format(request.output)
@@ -68,14 +59,14 @@ def run(request: RenderRequest) -> None:
 
         vehicle = Vehicle.load(request.robot)
         mounted, body = vehicle.camera(None if has_own else files.camera_name), vehicle.body
-    own = read_camera(files) if mounted is None or has_own else mounted.sensor
+    own = inputs.read_camera(files) if mounted is None or has_own else mounted.sensor
     camera = _adjusted(request, own)
     _check_channel_options(request.flow, channels)
-    channel_format = parse_channel_format(request.truth.channel_format, channels)
+    channel_format = inputs.parse_channel_format(request.truth.channel_format, channels)
     overlay = request.flow.overlay
     rendered = channels if overlay is None else tuple(dict.fromkeys((*channels, OVERLAID[overlay])))
-    scene = load_labeled_scene(request.world, request.light, request.truth, rendered)
-    viewpoint = Viewpoint.in_scene(scene, request.viewpoint)
+    scene = inputs.load_labeled_scene(request.world, request.light, request.truth, rendered)
+    viewpoint = inputs.Viewpoint.in_scene(scene, request.viewpoint)
     if mounted is None and not has_own and request.viewpoint.at_camera is not None:
         name = request.viewpoint.at_camera
         lens = next(each.lens for each in scene.cameras if each.name == name)
@@ -113,7 +104,7 @@ def run(request: RenderRequest) -> None:
         for note in viewpoint_notes(scene, camera, base):
             print_note(f"{request.world.scene}: {note}")
         if not request.light.unlit:
-            note_lighting(request.world.scene, scene, backend, [camera])
+            inputs.note_lighting(request.world.scene, scene, backend, [camera])
         own_name = renderer.vehicle
         states = {
             other: WorldState({own_name: at.base_of(camera)}, time_s + SIGNS[other] * interval_s)
@@ -156,13 +147,12 @@ def run(request: RenderRequest) -> None:
 
 
 def _adjusted(request: RenderRequest, camera: OmniCamera) -> OmniCamera:
-    """Camera with the options of the image."""
     image, truth = request.image, request.truth
     if request.files.faces is not None:
         check_central(camera.model, "--faces")
     if isinstance(camera.model, NonCentralCamera) and (truth.also or truth.boxes_3d):
         require_extra("rays", "ground truth of an optical system")
-    degradation = read_preset(image.preset)
+    degradation = inputs.read_preset(image.preset)
     if degradation is not None:
         camera = camera.with_degradation(degradation)
     if image.exposure_ev is not None:
@@ -172,7 +162,7 @@ def _adjusted(request: RenderRequest, camera: OmniCamera) -> OmniCamera:
     if image.quality is not None:
         camera = camera.with_quality(image.quality)
     if image.polygons is not None:
-        camera = camera.with_polygons(parse_polygons(image.polygons))
+        camera = camera.with_polygons(inputs.parse_polygons(image.polygons))
     return camera
 
 
@@ -185,7 +175,6 @@ def _other_frames(options: FlowOptions) -> dict[str, dict[str, Any]]:
 
 
 def _check_channel_options(options: FlowOptions, channels: Collection[str]) -> None:
-    """Raise an error for options of channels that are not requested."""
     others = {CHANNELS[name].other for name in channels}
     for other, channel in (("next", "flow"), ("previous", "flow_backward")):
         for option, value in _other_frames(options)[other].items():
@@ -196,8 +185,8 @@ def _check_channel_options(options: FlowOptions, channels: Collection[str]) -> N
 
 
 def _other_viewpoints(
-    options: FlowOptions, current: Viewpoint, channels: Collection[str]
-) -> dict[str, Viewpoint]:
+    options: FlowOptions, current: inputs.Viewpoint, channels: Collection[str]
+) -> dict[str, inputs.Viewpoint]:
     """Viewpoints of the "next" and "previous" frames that the channels require.
 
     They follow from the options; without them, they are displaced along the heading.
@@ -218,7 +207,6 @@ def _other_viewpoints(
 
 
 def _check_outputs(request: RenderRequest) -> tuple[str, ...]:
-    """Check all output paths, and return the requested channels."""
     files = request.files
     check_target(request.output)
     extra = {"--rays": files.rays, "--calibration": files.calibration}
@@ -262,7 +250,6 @@ def _write_other_files(
     base: NDArray[np.float64],
     faces: dict[str, NDArray[np.uint8]],
 ) -> None:
-    """Write the requested rays, calibration, faces and overlay, and print their names."""
     files = request.files
     if files.rays is not None:
         from omnisim.cameras.calibration.ray_table import write_ray_table

@@ -4,26 +4,7 @@ from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
 from omnisim.apps.cli import completion
-from omnisim.apps.cli.option_groups import (
-    CAMERA,
-    GROUND_TRUTH,
-    BackendOptions,
-    CameraFileOptions,
-    ChannelFiles,
-    DeviceOptions,
-    FileUnitOptions,
-    ImageOptions,
-    LightOptions,
-    MeshImageOptions,
-    Position,
-    RobotName,
-    SceneOptions,
-    Seconds,
-    ShadowedLightOptions,
-    TiltedViewpointOptions,
-    TruthOptions,
-    ViewpointOptions,
-)
+from omnisim.apps.cli import option_groups as groups
 from omnisim.apps.cli.options import Argument, Option, command, options
 
 
@@ -31,7 +12,7 @@ from omnisim.apps.cli.options import Argument, Option, command, options
 class MotionOptions:
     """Motion and noise of one image."""
 
-    panel: ClassVar[str] = CAMERA
+    panel: ClassVar[str] = groups.CAMERA
 
     seed: int = 0
     """Seed of the camera's noise."""
@@ -42,7 +23,7 @@ class MotionOptions:
 
 
 @options
-class CameraViewpointOptions(TiltedViewpointOptions):
+class CameraViewpointOptions(groups.TiltedViewpointOptions):
     """Viewpoint, or a camera of the scene's file."""
 
     at_camera: Annotated[str | None, Option(metavar="NAME")] = None
@@ -54,17 +35,17 @@ class CameraViewpointOptions(TiltedViewpointOptions):
 class FlowOptions:
     """Other viewpoints of flow, previews and overlays."""
 
-    panel: ClassVar[str] = GROUND_TRUTH
+    panel: ClassVar[str] = groups.GROUND_TRUTH
 
-    next_at: Annotated[Position, Option(flags=("--next",), metavar="X Y Z")] = None
+    next_at: Annotated[groups.Position, Option(flags=("--next",), metavar="X Y Z")] = None
     """Viewpoint of the next frame, for flow. Default: 0.1 m ahead."""
     next_yaw_deg: float | None = None
     """Heading at the next viewpoint, for flow. Default: same as --yaw."""
-    previous_at: Annotated[Position, Option(flags=("--previous",), metavar="X Y Z")] = None
+    previous_at: Annotated[groups.Position, Option(flags=("--previous",), metavar="X Y Z")] = None
     """Viewpoint of the previous frame, for flow_backward. Default: 0.1 m behind."""
     previous_yaw_deg: float | None = None
     """Heading at the previous viewpoint, for flow_backward. Default: same as --yaw."""
-    interval_s: Seconds = 0.0
+    interval_s: groups.Seconds = 0.0
     """Seconds between the frame and its neighbors, for the flow of moving objects."""
     preview: bool = False
     """Also write a preview image of each channel."""
@@ -101,22 +82,22 @@ class RenderRequest:
 
     output: Path
     """Image: .png .jpg .tif (sRGB) or .exr (linear)."""
-    light: ShadowedLightOptions
+    light: groups.ShadowedLightOptions
     files: FileOptions
-    world: SceneOptions
-    camera: CameraFileOptions
-    robot: RobotName = None
+    world: groups.SceneOptions
+    camera: groups.CameraFileOptions
+    robot: groups.RobotName = None
     """Robot whose body is in the image, and whose camera is used unless another is chosen."""
-    image: MeshImageOptions
+    image: groups.MeshImageOptions
     motion: MotionOptions
     viewpoint: CameraViewpointOptions
-    truth: TruthOptions
+    truth: groups.TruthOptions
     flow: FlowOptions
-    gpu: BackendOptions
+    gpu: groups.BackendOptions
 
 
 @options
-class LiveSceneOptions(FileUnitOptions):
+class LiveSceneOptions(groups.FileUnitOptions):
     """Scene of the live page."""
 
     scene: Annotated[
@@ -150,20 +131,20 @@ class LiveRequest:
     """
 
     world: LiveSceneOptions
-    robot: RobotName = None
+    robot: groups.RobotName = None
     """Robot to drive, with its camera or another one; without a robot, the camera flies freely."""
     run: Annotated[Path | None, Option(metavar="DIR")] = None
     """Recorded run to replay, with its images."""
-    light: LightOptions
-    camera: CameraFileOptions
-    image: ImageOptions
-    viewpoint: ViewpointOptions
+    light: groups.LightOptions
+    camera: groups.CameraFileOptions
+    image: groups.ImageOptions
+    viewpoint: groups.ViewpointOptions
     page: PageOptions
-    gpu: DeviceOptions
+    gpu: groups.DeviceOptions
 
 
 @options
-class ImageCameraOptions(CameraFileOptions):
+class ImageCameraOptions(groups.CameraFileOptions):
     """Camera of an image, whose metadata may name it."""
 
     sensor: Path | None = None
@@ -191,7 +172,7 @@ class UnwarpRequest:
         str | None, Option(metavar="CHANNELS", complete=completion.complete_channels)
     ] = None
     """Ground-truth channels of the image to unwarp as well, comma-separated, or all."""
-    channel_format: ChannelFiles = None
+    channel_format: groups.ChannelFiles = None
     camera: ImageCameraOptions
     size_px: Annotated[tuple[int, int] | None, Option(metavar="W H")] = None
     """Width and height of the view in pixels. Default: matching the image's resolution."""
@@ -220,7 +201,7 @@ class ScanRequest:
     omnisim scan mapping --at 0 0 0.4 --resolution 1 --plot scan.png -o scan.csv
     """
 
-    world: SceneOptions
+    world: groups.SceneOptions
     output: Path
     """Ranges to write: .csv with beam, angle_deg, range_m."""
     plot: Path | None = None
@@ -233,5 +214,5 @@ class ScanRequest:
     """Apply the device's errors to the ranges."""
     seed: int = 0
     """Seed of the device's errors."""
-    viewpoint: TiltedViewpointOptions
-    gpu: DeviceOptions
+    viewpoint: groups.TiltedViewpointOptions
+    gpu: groups.DeviceOptions

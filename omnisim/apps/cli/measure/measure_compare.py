@@ -72,7 +72,6 @@ def compare(request: MeasureCompareRequest) -> bool:
 
 
 def _check_subject(request: MeasureCompareRequest) -> None:
-    """Check that the images show either a board or a scene."""
     if (request.board is None) == (request.scene is None):
         actual = "neither" if request.board is None else "both"
         raise MeasurementError(f"--board, --scene: expected one of them, got {actual}")
@@ -87,7 +86,6 @@ def _check_subject(request: MeasureCompareRequest) -> None:
 def _compare_board(
     request: MeasureCompareRequest, board_text: str, sensor: OmniCamera
 ) -> ComparisonSummary:
-    """Compare all images that have the board."""
     board = read_board(board_text)
     board_m = read_board_shape(request.sensor)
     files = image_files(request.images)
@@ -113,7 +111,6 @@ def _compare_board(
 
 
 def _compare_scene(request: MeasureCompareRequest, sensor: OmniCamera) -> ComparisonSummary:
-    """Compare all images of a scene."""
     assert request.scene is not None
     assert request.trajectory is not None
     files = image_files(request.images)

@@ -94,7 +94,6 @@ class _Optics(NamedTuple):
 
 
 def _read_optics(request: MeasureGeometryRequest) -> _Optics | None:
-    """The optics file to fit, or None."""
     if request.optics is None:
         if request.free:
             raise MeasurementError("--free: expected --optics, whose keys it names")
@@ -143,7 +142,6 @@ def _views(
 
 
 def _details(measured: MeasuredGeometry, rejected: Sequence[RejectedImage]) -> dict[str, Any]:
-    """Models, images and board for the report."""
     starts = np.cumsum([0, *(len(view.points_m) for view in measured.views)])
     squared = np.square(measured.errors_px).sum(axis=1)
     images = []

@@ -13,19 +13,11 @@ import pydantic
 from pydantic import Field
 
 from omnisim.apps.cli.console import out
+from omnisim.apps.cli.measure import requests
 from omnisim.apps.cli.measure.measure_compare import compare
 from omnisim.apps.cli.measure.measure_geometry import geometry
 from omnisim.apps.cli.measure.measure_sensor import noise, response, sharpness, timing
 from omnisim.apps.cli.measure.measured_files import check_outputs, mark_inputs, read_reports
-from omnisim.apps.cli.measure.requests import (
-    MeasureCompareRequest,
-    MeasureGeometryRequest,
-    MeasureNoiseRequest,
-    MeasurePlanRequest,
-    MeasureResponseRequest,
-    MeasureSharpnessRequest,
-    MeasureTimingRequest,
-)
 from omnisim.apps.cli.options import request_fields
 from omnisim.core.errors import MeasurementError
 from omnisim.core.extras import require_extra
@@ -36,18 +28,18 @@ from omnisim.measurement.inputs import without_topic
 # Commands that measure the parts of a plan, and their requests, in this order: the timing needs the
 # transfer function, the sharpness the camera model, too.
 _PARTS: dict[str, tuple[Callable[[Any], None], type]] = {
-    "geometry": (geometry, MeasureGeometryRequest),
-    "response": (response, MeasureResponseRequest),
-    "timing": (timing, MeasureTimingRequest),
-    "sharpness": (sharpness, MeasureSharpnessRequest),
-    "noise": (noise, MeasureNoiseRequest),
+    "geometry": (geometry, requests.MeasureGeometryRequest),
+    "response": (response, requests.MeasureResponseRequest),
+    "timing": (timing, requests.MeasureTimingRequest),
+    "sharpness": (sharpness, requests.MeasureSharpnessRequest),
+    "noise": (noise, requests.MeasureNoiseRequest),
 }
 _COMPARE = "compare"
 _OWN = ("output", "sensor")  # which the plan's command sets
 _NAME_OR_FILE = ("board", "scene")
 
 
-def plan(request: MeasurePlanRequest) -> bool:
+def plan(request: requests.MeasurePlanRequest) -> bool:
     """Measure the parts of a plan one after the other, and write a report of them.
 
     A part whose arguments and files are unchanged since the last call is not measured again.
@@ -78,7 +70,7 @@ def plan(request: MeasurePlanRequest) -> bool:
     if _COMPARE in tables:
         out.print(_COMPARE, style="bold")
         with _named(f"{request.plan}: {_COMPARE}"):
-            compared = MeasureCompareRequest(
+            compared = requests.MeasureCompareRequest(
                 **tables[_COMPARE], output=folder, sensor=request.output
             )
             return compare(compared)
@@ -100,7 +92,6 @@ def _named(place: str) -> Iterator[None]:
 
 
 def _read_plan(path: Path, output: Path) -> dict[str, dict[str, Any]]:
-    """Read the arguments of each part."""
     read = read_tables(path, MeasurementError)
     parsed = parse_table(_with_board(read, output), plan_schema(), MeasurementError, str(path))
     tables = {name: _below(path.parent, dict(table)) for name, table in parsed if table is not None}
@@ -112,7 +103,7 @@ def _read_plan(path: Path, output: Path) -> dict[str, dict[str, Any]]:
 def plan_schema() -> type[Table]:
     """Schema of a plan: a table for each part."""
     kinds = {name: request for name, (_, request) in _PARTS.items()}
-    kinds[_COMPARE] = MeasureCompareRequest
+    kinds[_COMPARE] = requests.MeasureCompareRequest
     tables: dict[str, Any] = {}
     for name, kind in kinds.items():
         fields: dict[str, Any] = {}

@@ -160,7 +160,6 @@ def _principal_point_px(camera: CentralCamera) -> tuple[float, float]:
 
 
 def _encoding(table: dict[str, Any], measured: MeasuredResponse) -> dict[str, Any]:
-    """Table of the sensor file with the measured transfer function."""
     others = {key: value for key, value in table.items() if key not in ("gamma", "curve")}
     gamma, curve = measured.encoding.gamma, measured.encoding.curve
     if curve is not None:
@@ -381,7 +380,6 @@ def _files_with_board(
 
 
 def _edge(edge: EdgeSharpness) -> dict[str, Any]:
-    """Edge as JSON: colors of a gray image are null."""
     red, blue = (
         None if math.isnan(shift) else [shift, sigma]
         for shift, sigma in zip(edge.shifts_px.tolist(), edge.shift_sigmas_px.tolist(), strict=True)

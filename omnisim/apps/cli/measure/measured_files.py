@@ -121,9 +121,6 @@ def write_measured(
 
     Args:
         part: measured part, such as "noise": key of its report.
-        request: request of the part.
-        tables: tables of the sensor file.
-        quantities: measured quantities.
         unobservable: quantities that the images do not determine.
         details: further entries of the report, JSON values.
 

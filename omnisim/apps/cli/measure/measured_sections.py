@@ -91,7 +91,6 @@ def _pixels(value: float | None) -> str:
 
 
 def _figures(part: str, report: PartReport, camera: OmniCamera) -> Iterator[CaptionedFigure]:
-    """Figures of a part, with captions."""
     size_px = camera.model.width_px, camera.model.height_px
     if part == "noise":
         curve = report["photon_transfer"]

@@ -6,17 +6,8 @@ import dataclasses
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from omnisim.apps.cli import inputs
 from omnisim.apps.cli.console import out, pluralize, print_note, progress, resumable
-from omnisim.apps.cli.inputs import (
-    check_calibration_path,
-    checked_backend,
-    load_labeled_scene,
-    note_lighting,
-    parse_channel_format,
-    parse_polygons,
-    read_camera,
-    read_preset,
-)
 from omnisim.apps.cli.option_groups import MeshImageOptions
 from omnisim.apps.cli.options import refuse_given
 from omnisim.apps.cli.runs.requests import DriveRequest, RecordRequest, RigOptions
@@ -117,7 +108,6 @@ def _check_cameras(request: DriveRequest, vehicles: dict[str, Vehicle]) -> None:
 
 
 def _report(plan: PlannedDrive, whose: str, no_contact: bool) -> None:
-    """Print the contacts and notes of a planned drive."""
     if not plan.drive.vehicle.sensors:
         print_note(f"{plan.drive.vehicle.name} {NO_SENSORS}")
     if no_contact:
@@ -198,11 +188,11 @@ def _rig(camera: RigOptions, path: Path) -> tuple[Rig, Vehicle]:
     if source is None and own_camera is None and path.suffix.lower() == ".json":
         source = path
     if source is None or camera.optics is not None:
-        sensor = read_camera(camera, source)
+        sensor = inputs.read_camera(camera, source)
         rig = Rig("base", (RigCamera("camera", sensor.model, sensor.base_from_optical),))
         name = "camera" if own_camera is None else own_camera.stem
         return rig, rig_vehicle(name, rig, (sensor,))
-    check_calibration_path(source, camera.sensor)
+    inputs.check_calibration_path(source, camera.sensor)
     calibration = read_calibration(source, None, None, camera.mirrored)
     selected = None if camera.camera_name == "all" else camera.camera_name
     rig = Rig.of(calibration, selected)
@@ -217,10 +207,13 @@ def _drive_of(request: DriveRequest | RecordRequest, vehicle: Vehicle, route: Ro
     """
     world, light, truth = request.world, request.light, request.truth
     channels = () if truth.also is None else parse_channels(truth.also)
-    scene, backend = load_labeled_scene(world, light, truth, channels), checked_backend(request.gpu)
+    scene, backend = (
+        inputs.load_labeled_scene(world, light, truth, channels),
+        inputs.checked_backend(request.gpu),
+    )
     if vehicle.cameras and not light.unlit:
         sensors = [camera.sensor for camera in vehicle.cameras]
-        note_lighting(world.scene, scene, backend, sensors)
+        inputs.note_lighting(world.scene, scene, backend, sensors)
     return Drive(
         scene,
         _as_requested(vehicle, request.image),
@@ -234,23 +227,21 @@ def _drive_of(request: DriveRequest | RecordRequest, vehicle: Vehicle, route: Ro
         resources=tuple(world.resources or ()),
         channels=channels,
         boxes_3d=truth.boxes_3d,
-        channel_format=parse_channel_format(truth.channel_format, channels),
+        channel_format=inputs.parse_channel_format(truth.channel_format, channels),
     )
 
 
 def _as_requested(vehicle: Vehicle, image: MeshImageOptions) -> Vehicle:
-    """Vehicle with the options' settings in all its cameras."""
     return vehicle.with_cameras(
         size_px=image.size_px,
-        polygons="same" if image.polygons is None else parse_polygons(image.polygons),
-        degradation=read_preset(image.preset),
+        polygons="same" if image.polygons is None else inputs.parse_polygons(image.polygons),
+        degradation=inputs.read_preset(image.preset),
         exposure=image.exposure_ev,
         quality=image.quality,
     )
 
 
 def _record(plan: PlannedDrive, folder: Path, force: bool) -> None:
-    """Record a run, or resume an unfinished one, and print a summary."""
     title, done, total = f"{plan.drive.vehicle.name} in {plan.drive.scene.name}", 0, len(plan.truth)
     command = "the same command without --force" if force else "the same command"
 

@@ -99,7 +99,6 @@ def _print_rows(
 
 
 def _sweep(request: EvaluateRequest, path: Path) -> None:
-    """Record the drives of a plan, apply the estimators, and write a report."""
     from omnisim.report.estimator_report import sweep_sections
     from omnisim.report.report import HTML, Report
 

@@ -13,13 +13,7 @@ from omnisim.apps.cli.runs.requests import DetectRequest, LocalizeRequest, Train
 from omnisim.core.errors import LocalizationError, OpticsError
 from omnisim.core.extras import require_extra
 from omnisim.core.files.atomic_file import check_suffix, check_target
-from omnisim.perception.landmarks.color_model import (
-    MODEL_SUFFIX,
-    ColorModel,
-    Costs,
-    load_model,
-    save_model,
-)
+from omnisim.perception.landmarks import color_model
 from omnisim.perception.landmarks.landmark_detector import (
     DETECTIONS_SUFFIX,
     Detection,
@@ -39,14 +33,14 @@ LISTED = 8  # maximum number of steps in a note
 
 def train(request: TrainRequest) -> None:
     """Learn colors from a run, write the model and print its rates."""
-    check_suffix(request.output, MODEL_SUFFIX)
+    check_suffix(request.output, color_model.MODEL_SUFFIX)
     check_target(request.output)
     run = read_run(request.run, request.scene, request.camera_name)
-    costs = Costs(request.missed, request.false_alarm)
+    costs = color_model.Costs(request.missed, request.false_alarm)
     trained = train_on_run(run, costs, lambda steps: track(steps, "learning", run.steps))
     for notice in run.notices:
         print_note(notice)
-    save_model(request.output, trained.model, run.landmarks)
+    color_model.save_model(request.output, trained.model, run.landmarks)
     colors, images = len(trained.model.colors), pluralize(trained.images, "image")
     out.print(f"{request.output}: {colors} colors from {images}")
     model = trained.model
@@ -72,7 +66,7 @@ def detect(request: DetectRequest) -> None:
         from omnisim.plots.style import check_plot_target
 
         check_plot_target(request.show)
-    model, landmarks = load_model(request.model)
+    model, landmarks = color_model.load_model(request.model)
     is_run = request.source.is_dir()
     expected = "expected an image, got the run" if is_run else "expected a run, got the image"
     others = ("height_m", "sensor") if is_run else ("scene", "camera_name")
@@ -94,7 +88,6 @@ def detect(request: DetectRequest) -> None:
         if not step_detections:
             empty.append(step)
         if step in shown and request.show is not None:
-            title = f"step {step}" if is_run else request.source.name
             title = f"step {step}" if is_run else request.source.name
             title += f": {pluralize(len(step_detections), 'landmark')}"
             rows.append((title, panorama, step_detections))
@@ -125,7 +118,10 @@ def detect(request: DetectRequest) -> None:
 
 
 def _detector(
-    what: str, model: ColorModel, landmarks: Sequence[Landmark], source: RunData | SingleImage
+    what: str,
+    model: color_model.ColorModel,
+    landmarks: Sequence[Landmark],
+    source: RunData | SingleImage,
 ) -> LandmarkDetector:
     """Detector in the images of a run, or in one image; errors name what it is for."""
     try:
@@ -149,12 +145,12 @@ def localize(request: LocalizeRequest) -> None:
     notices = data.notices
     if request.model is None:
         notices.append("colors were learned from this run's own labels, which no robot has")
-        colors = train_on_run(data, Costs()).model
+        colors = train_on_run(data, color_model.Costs()).model
     elif request.model.is_dir():
         expected = "expected an .npz file of landmarks train"
         raise LocalizationError(f"--model: {expected}, got the folder {request.model}")
     else:
-        colors, _ = load_model(request.model)
+        colors, _ = color_model.load_model(request.model)
     what = f"{request.model or request.run} for {request.run}"
     detector = _detector(what, colors, data.landmarks, data)
     at = set(np.linspace(0, data.steps - 1, min(REPORTED, data.steps)).round().astype(int).tolist())

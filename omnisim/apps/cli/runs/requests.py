@@ -4,23 +4,7 @@ from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
 from omnisim.apps.cli import completion
-from omnisim.apps.cli.option_groups import (
-    TRAJECTORY,
-    Axes,
-    BackendOptions,
-    CameraFileOptions,
-    EngineOptions,
-    MeshImageOptions,
-    Position,
-    Resources,
-    RobotName,
-    RunCameraOptions,
-    RunFolder,
-    RunSceneOptions,
-    SceneOptions,
-    ShadowedLightOptions,
-    TruthOptions,
-)
+from omnisim.apps.cli import option_groups as groups
 from omnisim.apps.cli.options import OWN, Argument, Option, command, of, options
 from omnisim.evaluation.estimator_registry import ESTIMATORS
 
@@ -32,7 +16,7 @@ _COSTS = "perception.landmarks.color_model.Costs"
 class PathOptions:
     """Motion along a path."""
 
-    panel: ClassVar[str] = TRAJECTORY
+    panel: ClassVar[str] = groups.TRAJECTORY
 
     step_m: float = 0.41
     """Maximum step length along waypoints."""
@@ -49,7 +33,7 @@ class PathOptions:
     physics: Annotated[Literal["mujoco"] | None, Option(metavar="ENGINE")] = None
     """Physics engine that simulates wheel slip and collisions: mujoco. Default: none: motion as
     planned, through obstacles."""
-    axes: Axes = None
+    axes: groups.Axes = None
 
 
 @command(
@@ -63,7 +47,7 @@ class DriveRequest:
     omnisim drive soccer --robot superscout --path lap --size 120 --also range -o run
     """
 
-    world: SceneOptions
+    world: groups.SceneOptions
     robots: Annotated[
         list[str],
         Option(flags=("--robot",), metavar="NAME|FILE", complete=completion.complete_robot,
@@ -84,18 +68,18 @@ class DriveRequest:
     """Overwrite an existing run in the folder."""
     seed: int = 0
     """Seed of the odometry's and the cameras' noise."""
-    light: ShadowedLightOptions
+    light: groups.ShadowedLightOptions
     way: PathOptions
-    image: MeshImageOptions
-    truth: TruthOptions
-    gpu: BackendOptions
+    image: groups.MeshImageOptions
+    truth: groups.TruthOptions
+    gpu: groups.BackendOptions
 
 
 @options
 class PoseOptions:
     """Poses of a rig, and their place in the scene."""
 
-    panel: ClassVar[str] = TRAJECTORY
+    panel: ClassVar[str] = groups.TRAJECTORY
 
     trajectory: Path
     """Poses: TUM, KITTI, EuRoC, .csv, or nerfstudio's transforms.json, which also sets the
@@ -103,10 +87,10 @@ class PoseOptions:
     trajectory_frame: Annotated[str | None, Option(metavar="body|camera|NAME")] = None
     """Frame that the poses describe: the rig's body, its first camera, or a named camera. Default:
     by the file's format, with a note."""
-    axes: Axes = None
+    axes: groups.Axes = None
     rate_hz: float | None = None
     """Poses per second of a trajectory without times. Default: 1, with a note."""
-    at: Position = None
+    at: groups.Position = None
     """Position of the file's origin in the scene, in meters, z up. Default: 0 0 0."""
     yaw_deg: float | None = None
     """Heading of the file's origin, counter-clockwise from +x. Default: 0."""
@@ -117,12 +101,12 @@ class PoseOptions:
 
 
 @options
-class RigOptions(CameraFileOptions):
+class RigOptions(groups.CameraFileOptions):
     """Cameras along a trajectory."""
 
     camera_name: Annotated[str | None, Option(metavar="NAME|all")] = None
     """Name of the camera in the calibration file. Default: all."""
-    robot: RobotName = None
+    robot: groups.RobotName = None
     """Robot whose body is in the images, and whose sensors all record, including IMUs and
     lidars."""
 
@@ -145,24 +129,24 @@ class RecordRequest:
     """Overwrite an existing run in the folder."""
     seed: int = 0
     """Seed of the cameras' noise."""
-    world: SceneOptions
+    world: groups.SceneOptions
     poses: PoseOptions
-    light: ShadowedLightOptions
+    light: groups.ShadowedLightOptions
     camera: RigOptions
-    image: MeshImageOptions
-    truth: TruthOptions
-    gpu: BackendOptions
+    image: groups.MeshImageOptions
+    truth: groups.TruthOptions
+    gpu: groups.BackendOptions
 
 
 @command("localize", "runs.landmarks.localize", extra="reports")
-class LocalizeRequest(RunSceneOptions, RunCameraOptions):
+class LocalizeRequest(groups.RunSceneOptions, groups.RunCameraOptions):
     """Localize the robot of a run from its odometry and the landmarks in its images.
 
     omnisim localize run -o localized
     omnisim localize run --model colors.npz -o localized
     """
 
-    run: RunFolder
+    run: groups.RunFolder
     output: Annotated[Path, Option(metavar="DIR")]
     """Folder for the estimate, figures and report."""
     model: Path | None = None
@@ -173,27 +157,27 @@ class LocalizeRequest(RunSceneOptions, RunCameraOptions):
 
 
 @command("plot", "runs.plot.plot", extra="plots")
-class PlotRequest(RunSceneOptions):
+class PlotRequest(groups.RunSceneOptions):
     """Plot a run from above: map, path, odometry, landmarks, images.
 
     omnisim plot run
     omnisim plot run -o map.pdf
     """
 
-    run: RunFolder
+    run: groups.RunFolder
     output: Path | None = None
     """Plot to write: .png .pdf .svg. Default: RUN/plot.png."""
 
 
 @command("video", "runs.plot.video", extra="video")
-class VideoRequest(RunCameraOptions):
+class VideoRequest(groups.RunCameraOptions):
     """Encode the images of a run as a video.
 
     omnisim video run -o run.mp4
     omnisim video run --camera-name front --fps 25 -o front.mp4
     """
 
-    run: RunFolder
+    run: groups.RunFolder
     output: Path
     """Video to write: .mp4 .mkv."""
     rate_hz: Annotated[float, Option(flags=("--fps",), ge=0.1, le=240)] = 10.0
@@ -208,7 +192,7 @@ class ExportRequest:
     omnisim export run --to colmap -o colmap
     """
 
-    run: RunFolder
+    run: groups.RunFolder
     format: Annotated[str, Option(flags=("--to",), metavar="FORMAT", names=_FORMATS)]
     """Format: {names}."""
     output: Annotated[Path, Option(metavar="DIR")]
@@ -226,14 +210,14 @@ class ExportRequest:
 
 
 @command("landmarks train", "runs.landmarks.train")
-class TrainRequest(RunSceneOptions, RunCameraOptions):
+class TrainRequest(groups.RunSceneOptions, groups.RunCameraOptions):
     """Learn the colors from a run recorded with --also instance.
 
     omnisim landmarks train run -o colors.npz
     omnisim landmarks train run --false-alarm 10 -o colors.npz
     """
 
-    run: RunFolder
+    run: groups.RunFolder
     output: Path
     """Color model to write: .npz."""
     missed: Annotated[float, of(_COSTS, metavar="COST")] = OWN
@@ -241,7 +225,7 @@ class TrainRequest(RunSceneOptions, RunCameraOptions):
 
 
 @command("landmarks detect", "runs.landmarks.detect")
-class DetectRequest(RunSceneOptions, RunCameraOptions):
+class DetectRequest(groups.RunSceneOptions, groups.RunCameraOptions):
     """Detect landmarks with range and bearing in an image, or in all images of a run.
 
     omnisim landmarks detect run --model colors.npz -o landmarks.csv
@@ -313,11 +297,11 @@ class ImportRequest:
     radians."""
     origin_height_m: float | None = None
     """Height of USARSim's origin of the robot above the ground. Default: 0."""
-    resources: Resources = None
+    resources: groups.Resources = None
 
 
 @command("evaluate", "runs.evaluate.run")
-class EvaluateRequest(EngineOptions):
+class EvaluateRequest(groups.EngineOptions):
     """Apply odometry and SLAM methods to a run, and report their errors; exits with 1 if all fail.
 
     omnisim evaluate run -o report

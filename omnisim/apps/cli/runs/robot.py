@@ -97,7 +97,6 @@ def _sensors(vehicle: Vehicle) -> str:
 
 
 def _import_model(request: ImportRequest) -> None:
-    """Convert a simulator's model; each camera gets a sensor file."""
     output = request.output
     reason = "expected with a configuration of USARSim's only"
     refuse_given(request, reason, "unreal_units", "origin_height_m")

@@ -22,20 +22,13 @@ from omnisim.core.files.atomic_file import atomic_write, check_distinct, check_s
 from omnisim.core.short_repr import number_text
 from omnisim.rendering.opengl.geometry.vertex_records import gpu_bytes
 from omnisim.rendering.reflection_kinds import reflection_kinds
-from omnisim.scene import Scene
+from omnisim.scene import Scene, summary
 from omnisim.scene.files.load import NO_BAKED_LIGHT
 from omnisim.scene.files.source import resolve_source
 from omnisim.scene.formats.gltf.writer import write_glb
 from omnisim.scene.labels import find_labels, read_label_file
 from omnisim.scene.light.lighting import is_even, light_summary
 from omnisim.scene.model import LightKind
-from omnisim.scene.summary import (
-    floors,
-    instance_summaries,
-    memory_bytes,
-    scene_textures,
-    start_summaries,
-)
 
 SHOWN = 20  # maximum number of instances in the table
 _MIN_NAME = 20  # columns of names, before details are left out
@@ -68,7 +61,7 @@ def show(request: SceneRequest) -> None:
 def describe(scene: Scene) -> dict[str, Any]:
     """Describe a scene with JSON-serializable values."""
     labels, reflections = find_labels(scene), reflection_kinds(scene)
-    mesh_bytes, texture_bytes = memory_bytes(scene)
+    mesh_bytes, texture_bytes = summary.memory_bytes(scene)
     low, high = scene.bounds_m()
     paths = [(path.name, np.array(path.waypoints_m)) for path in scene.paths]
     lights = () if is_even(scene.lighting) else scene.lighting.lights
@@ -78,12 +71,12 @@ def describe(scene: Scene) -> dict[str, Any]:
         "triangles": scene.triangle_count,
         "meshes": len(scene.meshes),
         "materials": len(scene.materials),
-        "textures": len(scene_textures(scene)),
+        "textures": len(summary.scene_textures(scene)),
         "mesh_bytes": mesh_bytes,
         "texture_bytes": texture_bytes,
         "gpu_bytes": gpu_bytes(scene),
-        "floors": [dataclasses.asdict(floor) for floor in floors(scene)],
-        "starts": [dataclasses.asdict(start) for start in start_summaries(scene)],
+        "floors": [dataclasses.asdict(floor) for floor in summary.floors(scene)],
+        "starts": [dataclasses.asdict(start) for start in summary.start_summaries(scene)],
         "cameras": [
             {**vars(camera), "lens": None if camera.lens is None else camera.lens.parameters()}
             for camera in scene.cameras
@@ -126,7 +119,7 @@ def describe(scene: Scene) -> dict[str, Any]:
         ],
         "instances": [
             dataclasses.asdict(each) | {"reflections": list(reflections.get(each.name, ()))}
-            for each in instance_summaries(scene)
+            for each in summary.instance_summaries(scene)
         ],
         "notices": list(scene.notices),
     }
@@ -168,7 +161,6 @@ def _print_tables(document: dict[str, Any], shows_all: bool) -> None:
 
 
 def _lines(document: dict[str, Any]) -> list[tuple[str, str]]:
-    """Names and values of all lines except the instances."""
     low, high = np.array(document["bounds_m"])
     size_m = float((high - low).max())  # of which the decimals resolve a hundredth
     digits = 2 if size_m <= 0.0 else max(2, 2 - math.floor(math.log10(size_m)))
@@ -213,7 +205,6 @@ def _name_width(widths: list[int]) -> int:
 
 
 def _row(instance: dict[str, Any]) -> tuple[str, ...]:
-    """Table cells of an instance."""
     low, high = np.array(instance["min_m"]), np.array(instance["max_m"])
     sizes = [f"{width}×{height}" for width, height in instance["textures_px"]]
     return (

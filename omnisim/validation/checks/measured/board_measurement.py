@@ -57,11 +57,15 @@ def check(fixture: Fixture, title: str) -> Section:
     rows, worst, excess = [], np.zeros(5), 0.0
     for name, (camera, widest_rad) in hidden:
         sensor = OmniCamera(camera, degradation=DEGRADATION)
-        images = _images(sensor, board_poses_in_front(IMAGES, widest_rad), fixture)
         detected = []
-        for number, image in enumerate(images):
-            with suppress(MeasurementError):  # partly outside of the image
-                detected.append((find_board(image, BOARD, f"image {number}"), image))
+        with open_sensor(board_scene(), sensor, unlit=True, device=fixture.device) as renderer:
+            for number, optical_from_board in enumerate(board_poses_in_front(IMAGES, widest_rad)):
+                rig_from_board = np.eye(4)
+                rig_from_board[:3] = camera.rig_from_optical @ optical_from_board[:3]
+                frame = renderer.render(np.linalg.inv(rig_from_board), frame_number=number)
+                image = np.ascontiguousarray(frame.rgba[..., 1])
+                with suppress(MeasurementError):  # partly outside of the image
+                    detected.append((find_board(image, BOARD, f"image {number}"), image))
         measured = measure_geometry([view for view, _ in detected], (640, 480))
         twin = OmniCamera(measured.camera, degradation=DEGRADATION)
         compared = []
@@ -137,16 +141,3 @@ def omnidir_rms_px(views: Sequence[BoardView]) -> float:
     images = [view.pixels_px[:, None] for view in views]
     unknown: Any = None
     return cv2.omnidir.calibrate(objects, images, (640, 480), unknown, unknown, unknown, 0, stop)[0]
-
-
-def _images(sensor: OmniCamera, poses: list[Floats], fixture: Fixture) -> list[NDArray[np.uint8]]:
-    """Gray images of boards at poses optical_from_board."""
-    images = []
-    scene = board_scene()
-    with open_sensor(scene, sensor, unlit=True, device=fixture.device) as renderer:
-        for number, optical_from_board in enumerate(poses):
-            rig_from_board = np.eye(4)
-            rig_from_board[:3] = sensor.model.rig_from_optical @ optical_from_board[:3]
-            frame = renderer.render(np.linalg.inv(rig_from_board), frame_number=number)
-            images.append(np.ascontiguousarray(frame.rgba[..., 1]))
-    return images

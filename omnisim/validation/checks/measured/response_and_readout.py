@@ -166,14 +166,13 @@ def _image(time_s: float, readout_s: float, turn_radps: float) -> Floats:
             # the board's plane passes through (0, 0, distance), with the tilted normal
             scale = _DISTANCE_M * tilt[2, 2] / (rays @ tilt[:, 2])
             points = rays * scale[..., None] - (0.0, 0.0, _DISTANCE_M)
-            levels += _brightness(np.einsum("vuj,vjk->vuk", points, turns) + middle)
+            points = np.einsum("vuj,vjk->vuk", points, turns) + middle
+            column, row = np.moveaxis(np.floor(points[..., :2] / BOARD.square_m).astype(int), -1, 0)
+            in_row, in_column = row + 1 <= BOARD.rows, column + 1 <= BOARD.columns
+            is_square = (column >= -1) & in_column & (row >= -1) & in_row
+            is_paper = (
+                (column >= -2) & (column <= BOARD.columns) & (row >= -2) & (row <= BOARD.rows)
+            )
+            is_black = is_square & ((column + row) % 2 == 0)
+            levels += np.where(is_black, _BLACK, np.where(is_paper, _WHITE, _BACKGROUND))
     return levels / _SAMPLES**2
-
-
-def _brightness(points: Floats) -> Floats:
-    """Gray levels (...) of points (..., 3) in the board's frame."""
-    columns, rows = (np.floor(points[..., axis] / BOARD.square_m).astype(int) for axis in (0, 1))
-    within = (columns >= -1) & (columns < BOARD.columns) & (rows >= -1) & (rows < BOARD.rows)
-    on_paper = (columns >= -2) & (columns <= BOARD.columns) & (rows >= -2) & (rows <= BOARD.rows)
-    is_black = within & ((columns + rows) % 2 == 0)
-    return np.where(is_black, _BLACK, np.where(on_paper, _WHITE, _BACKGROUND))

@@ -169,7 +169,6 @@ class AnalyticLens:
 
         Args:
             offsets_px: (..., 2) offsets from the center.
-            normal: unit vector.
         """
         radii = np.hypot(offsets_px[..., 0], offsets_px[..., 1])
         share = (offsets_px @ normal / np.maximum(radii, 1e-9)) ** 2

@@ -14,16 +14,9 @@ from numpy.typing import NDArray
 from omnisim.plots.style import gallery
 from omnisim.report.report import CaptionedFigure, Measure, Section
 from omnisim.scene import load_scene
+from omnisim.validation import traced_light as traced
 from omnisim.validation.fixture import BACKENDS, Fixture, linear_image
 from omnisim.validation.image_differences import converged_psnr_db, noise_floor_db
-from omnisim.validation.traced_light import (
-    CAMERAS,
-    beside,
-    inside_rim,
-    samples_of,
-    sensor_of,
-    traced_twice,
-)
 
 SCENE = "arcade"
 # The quick check has the mirror alone: at 48 px the fisheye's pixels hold whole signs and shops.
@@ -41,11 +34,11 @@ def check(fixture: Fixture, title: str) -> Section:
     images: dict[str, NDArray[np.generic]] = {}
     size_px = QUICK_SIZE_PX if fixture.is_quick else SIZE_PX
     scene = load_scene(SCENE)
-    for camera in CAMERAS[:1] if fixture.is_quick else CAMERAS:
-        sensor = sensor_of(camera, size_px)
-        inside = inside_rim(sensor)
+    for camera in traced.CAMERAS[:1] if fixture.is_quick else traced.CAMERAS:
+        sensor = traced.sensor_of(camera, size_px)
+        inside = traced.inside_rim(sensor)
         pose = sensor.base_pose(scene.start.position_m, yaw_deg=_YAW_DEG)
-        first, second = traced_twice(scene, sensor, pose, SAMPLES[camera])
+        first, second = traced.traced_twice(scene, sensor, pose, SAMPLES[camera])
         fine = dataclasses.replace(sensor, supersampling=SUPERSAMPLING)
         rays, cube = (
             linear_image(fixture.render(scene, fine, pose, unlit=False, backend=backend))
@@ -59,9 +52,9 @@ def check(fixture: Fixture, title: str) -> Section:
             Measure(f"{camera}: one of Mitsuba's images against the converged one", floor_db, "dB"),
         ]
         mean = (0.5 * (first + second)).astype(np.float32)
-        images |= beside(f"{camera}, rays", mean, rays, inside)
-        images |= beside(f"{camera}, cube", mean, cube, inside)
-    measures += [Measure("size", size_px, "px"), *samples_of(SAMPLES)]
+        images |= traced.beside(f"{camera}, rays", mean, rays, inside)
+        images |= traced.beside(f"{camera}, cube", mean, cube, inside)
+    measures += [Measure("size", size_px, "px"), *traced.samples_of(SAMPLES)]
     return Section(
         title,
         "The built-in scene `arcade` with its bake: panes, mirrors, a glossy floor, chrome "

@@ -12,16 +12,7 @@ import pytest
 
 from omnisim.apps.cli.checks import doctor as command
 from omnisim.apps.cli.checks.doctor import Step, report, run_step, verdict
-from omnisim.apps.doctor import (
-    FAILED,
-    LIMITS,
-    OK,
-    REFERENCES,
-    STEPS,
-    WARNING,
-    Result,
-    scene_image,
-)
+from omnisim.apps.doctor import FAILED, LIMITS, OK, REFERENCES, STEPS, WARNING, Result, scene_image
 from omnisim.core.files.image_files import write_image
 from omnisim.core.package_files import SHADERS
 from omnisim.rendering.opengl.gl.context import graphics_info
