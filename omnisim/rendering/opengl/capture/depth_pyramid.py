@@ -14,7 +14,7 @@ from omnisim.rendering.opengl.gl.memory import gpu_allocation, gpu_buffer
 from omnisim.rendering.opengl.gl.shader_files import (
     build_compute_shader,
     columns_first,
-    find_uniform,
+    set_uniforms,
     uniform,
 )
 
@@ -70,16 +70,14 @@ class DepthPyramid:
 
     def bind_program(self, program: moderngl.Program) -> None:
         """Set the uniforms of a program."""
-        for name, value in (
-            ("u_depth", _DEPTH),
-            ("u_blocks", _BLOCKS),
-            ("u_cells", _CELL_TILES),
-            ("u_inverse_z_from_depth", self._inverse_z_from_depth),
-            ("u_near_m", self._near_m),
-        ):
-            member = find_uniform(program, name)
-            if member is not None:
-                member.value = value
+        values = {
+            "u_depth": _DEPTH,
+            "u_blocks": _BLOCKS,
+            "u_cells": _CELL_TILES,
+            "u_inverse_z_from_depth": self._inverse_z_from_depth,
+            "u_near_m": self._near_m,
+        }
+        set_uniforms(program, values)
         uniform(program, "u_face_from_rig").write(columns_first(FACE_FROM_RIG))
 
     def update(self, depth: moderngl.Texture) -> None:

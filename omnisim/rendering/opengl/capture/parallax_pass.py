@@ -18,7 +18,7 @@ from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer, 
 from omnisim.rendering.opengl.gl.gpu_textures import renderbuffer, texture_2d
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.pixel_readback import PixelReadback, Pixels
-from omnisim.rendering.opengl.gl.shader_files import build_program, find_uniform, uniform, write_fog
+from omnisim.rendering.opengl.gl.shader_files import build_program, set_uniforms, uniform, write_fog
 from omnisim.scene.model import Fog
 
 # texture units
@@ -111,20 +111,18 @@ class ParallaxPass:
         self._pyramid.bind_program(program)
         if self._fog is not None:
             write_fog(program, self._fog)
-        for name, value in (
-            ("u_atlas", _ATLAS),
-            ("u_rays", _RAYS),
-            ("u_origins", _ORIGINS),
-            ("u_rim_rays", _RIM_RAYS),
-            ("u_surfaces", _SURFACES),
-            ("u_samples", _SAMPLES),
-            ("u_atlas_px", (plan.width_px, plan.height_px)),
-            ("u_max_level", float(plan.max_level)),
-            ("u_level_bias", plan.level_bias),
-        ):
-            found = find_uniform(program, name)
-            if found is not None:
-                found.value = value
+        values = {
+            "u_atlas": _ATLAS,
+            "u_rays": _RAYS,
+            "u_origins": _ORIGINS,
+            "u_rim_rays": _RIM_RAYS,
+            "u_surfaces": _SURFACES,
+            "u_samples": _SAMPLES,
+            "u_atlas_px": (plan.width_px, plan.height_px),
+            "u_max_level": float(plan.max_level),
+            "u_level_bias": plan.level_bias,
+        }
+        set_uniforms(program, values)
         return program
 
     def draw(

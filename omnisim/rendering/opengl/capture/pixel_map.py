@@ -26,7 +26,7 @@ from omnisim.rendering.opengl.gl.pixel_readback import Pixels, read_once
 from omnisim.rendering.opengl.gl.shader_files import (
     build_program,
     columns_first,
-    find_uniform,
+    set_uniforms,
     uniform,
 )
 
@@ -47,21 +47,19 @@ def bind_tiles(program: moderngl.Program, plan: TilePlan, rig_from_optical: Floa
         px_per_tan[index] = half_px
     face_of_tile = [tile.face for tile in plan.tiles]
     first_tiles = np.searchsorted(face_of_tile, np.arange(len(FACE_NAMES) + 1))
-    for name, values in (
-        ("u_max_level", np.float32(plan.max_level)),
-        ("u_level_bias", np.float32(plan.level_bias)),
-        ("u_atlas_px", atlas_px.astype("<f4")),
-        ("u_rig_from_optical", columns_first(rig_from_optical)),
-        ("u_face_from_rig", columns_first(FACE_FROM_RIG)),
-        ("u_first_tile", first_tiles.astype("<i4")),
-        ("u_tile_region", regions),
-        ("u_tile_padded_region", padded),
-        ("u_uv_from_tangent", uv_from_tangent),
-        ("u_tile_px_per_tan", px_per_tan),
-    ):
-        uniform = find_uniform(program, name)
-        if uniform is not None:
-            uniform.write(values)
+    values = {
+        "u_max_level": float(plan.max_level),
+        "u_level_bias": float(plan.level_bias),
+        "u_atlas_px": atlas_px.astype("<f4"),
+        "u_rig_from_optical": columns_first(rig_from_optical),
+        "u_face_from_rig": columns_first(FACE_FROM_RIG),
+        "u_first_tile": first_tiles.astype("<i4"),
+        "u_tile_region": regions,
+        "u_tile_padded_region": padded,
+        "u_uv_from_tangent": uv_from_tangent,
+        "u_tile_px_per_tan": px_per_tan,
+    }
+    set_uniforms(program, values)
 
 
 # Triangles that cover an image's valid pixels, so that nothing outside a mirror is drawn.
@@ -263,19 +261,13 @@ class PixelMap:
     ) -> None:
         """Draw a rectangle of pixels to all of the viewport, from an atlas of its own."""
         bind_tiles(array.program, plan, self.camera.rig_from_optical)
-        for name, value in (("u_first_px", first_px), ("u_target_size_px", size_px)):
-            if (member := find_uniform(array.program, name)) is not None:
-                member.value = value
+        set_uniforms(array.program, {"u_first_px": first_px, "u_target_size_px": size_px})
 
     def _reference(self, pixels_px: Float64s) -> Rays:
         """NumPy's rays of pixels (n, 2)."""
         if self._mesh is not None and isinstance(self.camera, HyperbolicCamera):
             return mesh_rays(self.camera, self._mesh, pixels_px)
         return self.camera.ray_from_pixel(pixels_px)
-
-    @property
-    def _model_file(self) -> str:
-        return f"camera/{self.camera.model_name}.glsl"
 
     def _model_array(self, emit: CaptureOutput) -> moderngl.VertexArray:
         if self._mesh is not None and isinstance(self.camera, HyperbolicCamera):
@@ -294,7 +286,7 @@ class PixelMap:
             "common/full_screen.vert",
             fragment,
             defines,
-            {"EMIT": emit, "CAMERA_MODEL": self._model_file},
+            {"EMIT": emit, "CAMERA_MODEL": f"camera/{self.camera.model_name}.glsl"},
         )
         array = self.context.vertex_array(program, [])
         array.vertices = 3

@@ -11,7 +11,7 @@ from omnisim.core.array_types import Float32s
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl.gpu_textures import AnyTexture
-from omnisim.rendering.opengl.gl.shader_files import find_uniform, set_sampler
+from omnisim.rendering.opengl.gl.shader_files import find_uniform, set_uniforms
 from omnisim.rendering.opengl.materials.scene_textures import MAP_UNITS, bind_maps
 
 
@@ -79,9 +79,8 @@ def reflectance_defines(
 def connect_material(program: moderngl.Program, clustered: bool) -> None:
     """Set the texture units of a program's material maps and tables."""
     details = _DETAILS_UNIT if clustered else _ITEM_DETAILS_UNIT
-    units = {**_MAP_UNITS, "u_materials": _MATERIALS_UNIT, "u_vertex_details": details}
-    for name, unit in units.items():
-        set_sampler(program, name, unit)
+    tables = {"u_materials": _MATERIALS_UNIT, "u_vertex_details": details}
+    set_uniforms(program, {**_MAP_UNITS, **tables})
 
 
 def material_tables(buffers: SceneBuffers, has_item_details: bool) -> dict[int, AnyTexture]:

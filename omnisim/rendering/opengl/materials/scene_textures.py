@@ -23,7 +23,7 @@ from omnisim.rendering.opengl.gl.gpu_textures import (
     upload,
 )
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
-from omnisim.rendering.opengl.gl.shader_files import find_uniform, set_sampler
+from omnisim.rendering.opengl.gl.shader_files import set_uniforms
 from omnisim.scene.light.baked_light import BakedLight, Probes
 from omnisim.scene.light.environment import Environment
 from omnisim.scene.masked_mipmaps import masked_mipmaps
@@ -105,11 +105,9 @@ class BakedTextures:
 
 def connect_baked_light(program: moderngl.Program, baked: BakedLight) -> None:
     """Set the samplers and uniforms of a program that looks up baked light."""
-    set_sampler(program, "u_lightmap", _LIGHTMAP_UNIT)
-    set_sampler(program, "u_probes", _PROBES_UNIT)
-    scale = find_uniform(program, "u_probes_per_m")
-    if scale is not None:
-        scale.write((1.0 / baked.probes.spacing_m).astype(np.float32))
+    per_m = (1.0 / baked.probes.spacing_m).astype(np.float32)
+    units = {"u_lightmap": _LIGHTMAP_UNIT, "u_probes": _PROBES_UNIT}
+    set_uniforms(program, {**units, "u_probes_per_m": per_m})
 
 
 def _lightmap(context: moderngl.Context, baked: BakedLight) -> moderngl.Texture:
