@@ -56,8 +56,7 @@ _RIVALS = {
 }
 DEFAULT_SENSOR_FILE = Path(__file__).with_name("paper.toml")
 PolygonCount = Annotated[
-    Literal["auto", "exact"] | pydantic.StrictInt,
-    described("a whole number, 'auto' or 'exact'"),
+    Literal["auto", "exact"] | pydantic.StrictInt, described("a whole number, 'auto' or 'exact'")
 ]
 FaceSize = Annotated[Literal["auto"] | Size, described(f"1 to {MAX_IMAGE_PX} or 'auto'")]
 FocalLength = Annotated[Literal["fit"] | AboveZero, described("a number > 0 or 'fit'")]

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from omnisim.core.array_types import Float64s, Indices
-from omnisim.core.world import ObjectPart
+from omnisim.core.world import ObjectPart, Poses
 from omnisim.ground_truth.lidar_beams import BeamHits, EchoLimits, LidarBeams, Revolution, Slice
 from omnisim.rendering.backend import BeamCaster
 from omnisim.rendering.rays.caster import NO_TRIANGLE, RayHits, Rays
@@ -45,9 +45,7 @@ class Beams:
     def refresh(self) -> None:
         """Do nothing: each cast uses the current scene."""
 
-    def cast(
-        self, world_from_scanner: Float64s, world_from_objects: Sequence[Float64s] = ()
-    ) -> Float64s:
+    def cast(self, world_from_scanner: Float64s, world_from_objects: Poses = ()) -> Float64s:
         """Ranges (n,) in meters from a pose (4, 4), with objects at their poses; +inf: no hit."""
         scene, count = self._scene(), len(self._directions)
         rays = Rays(

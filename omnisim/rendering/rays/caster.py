@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from omnisim.core.array_types import Float32s, Float64s, Floats, Indices, Int32s, Mask
 from omnisim.core.bounds import bounds_of
 from omnisim.core.extras import require_extra
-from omnisim.core.world import ObjectPart, ObjectPoses, time_of
-from omnisim.rendering.rays.geometry import Poses, build_geometry
+from omnisim.core.world import ObjectPart, ObjectPoses, Poses, time_of
+from omnisim.rendering.rays.geometry import build_geometry
 from omnisim.scene.model import Scene
 
 # Distance by which a ray restarts behind a surface, as a share of its length and of its origin's

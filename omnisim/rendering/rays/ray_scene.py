@@ -10,9 +10,8 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from omnisim.core.array_types import Float32s, Float64s, Indices, Int32s
-from omnisim.core.world import ObjectPart
+from omnisim.core.world import ObjectPart, Poses
 from omnisim.rendering.rays.caster import NO_TRIANGLE, RayCaster, RayHits, Rays
-from omnisim.rendering.rays.geometry import Poses
 from omnisim.rendering.rays.shading.glass import NO_MEDIUM
 from omnisim.rendering.rays.shading.lights import CastShadow
 from omnisim.rendering.rays.shading.reflections import Paths, Tracing

@@ -11,6 +11,7 @@ import numpy as np
 from omnisim.core.array_types import Float32s, Float64s
 from omnisim.core.errors import GraphicsError
 from omnisim.core.short_repr import counted
+from omnisim.core.world import Poses
 from omnisim.rendering.opengl.atlas.tile_plan import Tile, TilePlan
 from omnisim.rendering.opengl.drawing.atlas_levels import AtlasLevels
 from omnisim.rendering.opengl.drawing.cube_layers import EXTENSIONS, CubeLayers
@@ -158,9 +159,7 @@ class CubePass:
             if mirrors
         ]
 
-    def render(
-        self, world_from_rig: Float64s, world_from_objects: Sequence[Float64s] = ()
-    ) -> moderngl.Texture:
+    def render(self, world_from_rig: Float64s, world_from_objects: Poses = ()) -> moderngl.Texture:
         """Render all tiles from a pose (4, 4) with the objects at their poses; return the atlas."""
         self._draw(world_from_rig, world_from_objects)
         self._levels.draw()
@@ -224,7 +223,7 @@ class CubePass:
         finally:
             attach_texture(target.glo, self.atlas.glo)
 
-    def _draw(self, world_from_rig: Float64s, world_from_objects: Sequence[Float64s]) -> None:
+    def _draw(self, world_from_rig: Float64s, world_from_objects: Poses) -> None:
         target = self._target
         self._buffers.deform(world_from_objects)
         if self._probes is not None:
@@ -243,7 +242,7 @@ class CubePass:
             resolve(self._resolved, target)
 
     def _seen_in_probes(
-        self, probes: ProbePass, world_from_rig: Float64s, world_from_objects: Sequence[Float64s]
+        self, probes: ProbePass, world_from_rig: Float64s, world_from_objects: Poses
     ) -> frozenset[int]:
         """Indices of items with a probe that are in view, or may be so in a mirror."""
         if self._mirrors:

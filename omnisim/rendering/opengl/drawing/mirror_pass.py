@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.array_types import Float32s, Float64s, Indices, UInt32s
+from omnisim.core.world import Poses
 from omnisim.rendering.opengl.atlas.tile_plan import PosedViews, TilePlan, TileViews
 from omnisim.rendering.opengl.drawing.item_uniforms import ItemUniforms
 from omnisim.rendering.opengl.drawing.scene_drawer import SceneDrawer
@@ -139,9 +140,7 @@ class MirrorPass:
             indices=gpu_buffer(self._buffers.context, np.concatenate(triangles).astype("<u4")),
         )
 
-    def render(
-        self, view: SceneView, world_from_rig: Float64s, world_from_objects: Sequence[Float64s]
-    ) -> None:
+    def render(self, view: SceneView, world_from_rig: Float64s, world_from_objects: Poses) -> None:
         """Render the mirrored views of a pose (4, 4).
 
         Shadow maps and tables are bound, and meshes are deformed.
@@ -178,7 +177,7 @@ class MirrorPass:
         self._colors.use(MIRROR_UNITS["u_mirrored"])
 
     def _planes_at(
-        self, viewpoint_m: Float64s, world_from_objects: Sequence[Float64s]
+        self, viewpoint_m: Float64s, world_from_objects: Poses
     ) -> tuple[Float64s, Indices]:
         """Planes (mirrors, 4) and sides (mirrors,) that face a viewpoint (3,).
 
@@ -223,9 +222,7 @@ class MirrorPass:
                 visible.append(number)
         return visible
 
-    def _draw_view(
-        self, number: int, world_from_rig: Float64s, world_from_objects: Sequence[Float64s]
-    ) -> None:
+    def _draw_view(self, number: int, world_from_rig: Float64s, world_from_objects: Poses) -> None:
         """Draw the view in a mirror."""
         normal, height_m = self._planes[number, :3], self._planes[number, 3]
         mirrored = world_from_rig.copy()

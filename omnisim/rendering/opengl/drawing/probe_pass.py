@@ -17,7 +17,7 @@ import moderngl
 import numpy as np
 
 from omnisim.core.array_types import Float32s, Float64s, Mask
-from omnisim.core.world import time_of
+from omnisim.core.world import Poses, time_of
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan, cube_plan
 from omnisim.rendering.opengl.capture.pixel_map import bind_tiles
 from omnisim.rendering.opengl.drawing.scene_view import SceneView
@@ -64,10 +64,7 @@ class _OwnProbe:
         self._items = [items[index] for index in self.items]
 
     def connect(
-        self,
-        programs: Collection[SurfaceProgram],
-        viewpoint_m: Float64s,
-        world_from_objects: Sequence[Float64s],
+        self, programs: Collection[SurfaceProgram], viewpoint_m: Float64s, world_from_objects: Poses
     ) -> None:
         """Set the probe of the mirrors, whose center is the viewpoint, and bind it."""
         probe = np.array((0.0, 0.0, 0.0, self.number), dtype=np.float32)
@@ -144,7 +141,7 @@ class ProbePass:
         materials = [self._buffers.draw_items[one].material for one in place.surfaces]
         return Gloss.of([value for one in materials for value in lobe_roughnesses(one)])
 
-    def render(self, seen: Collection[int], world_from_objects: Sequence[Float64s]) -> None:
+    def render(self, seen: Collection[int], world_from_objects: Poses) -> None:
         """Render the probes that items at the given indices reflect.
 
         Tables are bound, and meshes are deformed.
@@ -158,7 +155,7 @@ class ProbePass:
             self._draw(number, world_from_objects)
             self._states[number] = state
 
-    def _draw(self, number: int, world_from_objects: Sequence[Float64s]) -> None:
+    def _draw(self, number: int, world_from_objects: Poses) -> None:
         world_from_probe = np.eye(4)
         world_from_probe[:3, 3] = self._center_m(self._places[number], world_from_objects)
         if self._programs.shadows is not None:
@@ -191,7 +188,7 @@ class ProbePass:
         return is_fixed and self._has_moving and self._programs.shadows is None
 
     def _copy_static(
-        self, number: int, world_from_probe: Float64s, world_from_objects: Sequence[Float64s]
+        self, number: int, world_from_probe: Float64s, world_from_objects: Poses
     ) -> None:
         """Copy the static opaque items, drawn once, into the atlas."""
         atlas = self._colors, self._depths
@@ -213,7 +210,7 @@ class ProbePass:
         else:
             copy_textures(dict(zip(self._static[number], atlas, strict=True)))
 
-    def _center_m(self, place: ProbePlace, world_from_objects: Sequence[Float64s]) -> Float64s:
+    def _center_m(self, place: ProbePlace, world_from_objects: Poses) -> Float64s:
         """Viewpoint (3,) of a probe, world."""
         center_m = place.center_m
         if place.deforming is not None:
@@ -225,10 +222,7 @@ class ProbePass:
         return pose[:3, :3] @ center_m + pose[:3, 3]
 
     def connect(
-        self,
-        programs: Collection[SurfaceProgram],
-        viewpoint_m: Float64s,
-        world_from_objects: Sequence[Float64s],
+        self, programs: Collection[SurfaceProgram], viewpoint_m: Float64s, world_from_objects: Poses
     ) -> None:
         """Set the probes of items, relative to a viewpoint (3,), in the programs, and bind them."""
         probes: dict[int, Float32s] = {}

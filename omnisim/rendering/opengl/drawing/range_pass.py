@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from itertools import pairwise
 
 import moderngl
 import numpy as np
 
 from omnisim.core.array_types import Float64s, Mask
-from omnisim.core.world import ObjectPart
+from omnisim.core.world import ObjectPart, Poses
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.geometry.triangle_table import bind_triangles, window_defines
@@ -109,9 +109,7 @@ class RangePass:
             self._table[name] = values
         self._items = written_buffer(context, self._table.nbytes)
 
-    def cast(
-        self, world_from_scanner: Float64s, world_from_objects: Sequence[Float64s] = ()
-    ) -> Float64s:
+    def cast(self, world_from_scanner: Float64s, world_from_objects: Poses = ()) -> Float64s:
         """Ranges (n,) in m from a pose (4, 4), with the objects at their poses; +inf: no hit."""
         buffers = self._buffers
         buffers.deform(world_from_objects)

@@ -11,7 +11,7 @@ import moderngl
 import numpy as np
 
 from omnisim.core.array_types import Float64s, Indices, Mask
-from omnisim.core.world import time_of
+from omnisim.core.world import Poses, time_of
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.drawing.blended_drawer import BlendedDrawer, arrays_of, can_sort
 from omnisim.rendering.opengl.drawing.cluster_drawer import BucketProgram
@@ -59,10 +59,7 @@ class Probes(Protocol):
         """Indices of the items that reflect a probe."""
 
     def connect(
-        self,
-        programs: Collection[SurfaceProgram],
-        viewpoint_m: Float64s,
-        world_from_objects: Sequence[Float64s],
+        self, programs: Collection[SurfaceProgram], viewpoint_m: Float64s, world_from_objects: Poses
     ) -> None:
         """Set the probes of items, relative to a viewpoint (3,), in the programs, and bind them."""
 
@@ -167,16 +164,13 @@ class SceneView:
         self._has_all_sorted = not left_out[self._sorted].any()
         self.tiles.select(left_out, parts)
 
-    def sorts_blended(self, viewpoint_m: Float64s, world_from_objects: Sequence[Float64s]) -> bool:
+    def sorts_blended(self, viewpoint_m: Float64s, world_from_objects: Poses) -> bool:
         """True if the GPU sorts all that the blended items show to a viewpoint (3,), world."""
         showing = self._buffers.showing(self._unsorted, viewpoint_m, world_from_objects)
         return self._has_all_sorted and next(showing, None) is None
 
     def draw_opaque(
-        self,
-        target: moderngl.Framebuffer,
-        world_from_rig: Float64s,
-        world_from_objects: Sequence[Float64s],
+        self, target: moderngl.Framebuffer, world_from_rig: Float64s, world_from_objects: Poses
     ) -> None:
         """Draw the selected opaque items alone; arguments and conditions as of `draw`."""
         for program in self.programs:
@@ -185,10 +179,7 @@ class SceneView:
             self.tiles.draw(target, world_from_rig, world_from_objects, self._drawer)
 
     def add_one_by_one(
-        self,
-        target: moderngl.Framebuffer,
-        world_from_rig: Float64s,
-        world_from_objects: Sequence[Float64s],
+        self, target: moderngl.Framebuffer, world_from_rig: Float64s, world_from_objects: Poses
     ) -> None:
         """Draw the selected opaque items outside of clusters, over a drawn view of this pose."""
         with self._state.drawing():
@@ -198,7 +189,7 @@ class SceneView:
         self,
         target: moderngl.Framebuffer,
         world_from_rig: Float64s,
-        world_from_objects: Sequence[Float64s],
+        world_from_objects: Poses,
         mirror: Float64s | None = None,
     ) -> None:
         """Draw from a pose (4, 4) onto the bound target; `mirror`: see `SurfaceProgram.set_mirror`.
@@ -245,7 +236,7 @@ class SceneView:
         self,
         target: moderngl.Framebuffer,
         world_from_rig: Float64s,
-        world_from_objects: Sequence[Float64s],
+        world_from_objects: Poses,
         drawer: SceneDrawer[SurfaceProgram],
     ) -> None:
         """Sort visible blended items, and their triangles, back to front; draw them one by one."""

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from omnisim.core.array_types import Float32s, Float64s
 from omnisim.core.errors import GraphicsError
+from omnisim.core.world import Poses
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.capture.pixel_map import bind_tiles
 from omnisim.rendering.opengl.drawing.item_uniforms import (
@@ -63,7 +64,7 @@ class ShadowSource(Protocol):
     def connect(self, program: moderngl.Program) -> None:
         """Set the samplers and blocks of a program that looks up shadows."""
 
-    def prepare(self, viewpoint_m: Float64s, world_from_objects: Sequence[Float64s]) -> None:
+    def prepare(self, viewpoint_m: Float64s, world_from_objects: Poses) -> None:
         """Draw the maps that a frame needs, and bind them.
 
         Args:

@@ -10,7 +10,7 @@ import moderngl
 import numpy as np
 
 from omnisim.core.array_types import Float64s, Indices, Mask
-from omnisim.core.world import ObjectPart
+from omnisim.core.world import ObjectPart, Poses
 from omnisim.rendering.camera.quality import DEFAULT_MIRRORS, DEFAULT_PROBES
 from omnisim.rendering.opengl.atlas.tile_plan import PosedViews, TilePlan, TileViews, clips_from_rig
 from omnisim.rendering.opengl.culling.cluster_culling import (
@@ -181,7 +181,7 @@ class TileRenderer:
         self,
         target: moderngl.Framebuffer,
         world_from_rig: Float64s,
-        world_from_objects: Sequence[Float64s],
+        world_from_objects: Poses,
         drawer: SceneDrawer[P],
     ) -> None:
         """Draw the clusters of all tiles, then the items.
@@ -197,7 +197,7 @@ class TileRenderer:
         self,
         target: moderngl.Framebuffer,
         world_from_rig: Float64s,
-        world_from_objects: Sequence[Float64s],
+        world_from_objects: Poses,
         drawer: SceneDrawer[P],
     ) -> None:
         """Draw the items of all tiles, after the clusters."""

@@ -15,7 +15,7 @@ import numpy as np
 from omnisim.core.array_types import Float64s, Indices, Mask
 from omnisim.core.bounds import bounds_of
 from omnisim.core.errors import GraphicsError
-from omnisim.core.world import ObjectPart, time_of
+from omnisim.core.world import ObjectPart, Poses, time_of
 from omnisim.rendering.camera.quality import MAX_PROBES
 from omnisim.rendering.opengl.geometry.clustered_geometry import (
     ClusteredGeometry,
@@ -238,7 +238,7 @@ class SceneBuffers:
             del self.triangles
 
     def instance_transforms(
-        self, viewpoint_m: Float64s, world_from_objects: Sequence[Float64s] = ()
+        self, viewpoint_m: Float64s, world_from_objects: Poses = ()
     ) -> InstanceTransforms:
         """Transforms of the items to the frame of a viewpoint (3,), world.
 
@@ -252,7 +252,7 @@ class SceneBuffers:
             viewpoint_from_mesh=viewpoint_from_mesh, centers_m=posed.centers_m - viewpoint_m
         )
 
-    def _world_transforms(self, world_from_objects: Sequence[Float64s]) -> InstanceTransforms:
+    def _world_transforms(self, world_from_objects: Poses) -> InstanceTransforms:
         """Transforms of the items to the world, kept until objects move."""
         poses = np.array(world_from_objects)
         key = poses.tobytes()
@@ -289,7 +289,7 @@ class SceneBuffers:
             self._deformed_spheres = cached = time_s, centers_m, radii_m
         return cached[1], cached[2]
 
-    def deform(self, world_from_objects: Sequence[Float64s], *, triangles: bool = False) -> None:
+    def deform(self, world_from_objects: Poses, *, triangles: bool = False) -> None:
         """Write the vertices of deforming meshes for the time of the poses, before drawing.
 
         Args:
@@ -305,7 +305,7 @@ class SceneBuffers:
         self._deformer.run(time_of(world_from_objects), self._store.allocated[0], table)
 
     def showing(
-        self, items: Indices, viewpoint_m: Float64s, world_from_objects: Sequence[Float64s]
+        self, items: Indices, viewpoint_m: Float64s, world_from_objects: Poses
     ) -> Iterator[int]:
         """Items, among indices (n,), that show something to a viewpoint (3,), world, anywhere."""
         for index in items.tolist():

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.array_types import Float32s, Float64s, Indices
+from omnisim.core.world import Poses
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.drawing.cluster_drawer import BucketProgram
@@ -231,7 +232,7 @@ class VisibilityPass:
     def render(
         self,
         world_from_rig: Float64s,
-        world_from_objects: Sequence[Float64s] = (),
+        world_from_objects: Poses = (),
         details: HitDetails = NO_DETAILS,
     ) -> None:
         """Render all tiles from a pose (4, 4), with the dynamic objects at their poses."""

@@ -10,6 +10,7 @@ import moderngl
 import numpy as np
 
 from omnisim.core.array_types import Float32s, Float64s, Indices, Mask
+from omnisim.core.world import Poses
 from omnisim.rendering.opengl.atlas.tile_plan import frustum_planes
 from omnisim.rendering.opengl.culling.cluster_culling import ClusterCuller, Views
 from omnisim.rendering.opengl.drawing.cluster_drawer import (
@@ -109,7 +110,7 @@ class CasterDrawer:
         target: moderngl.Framebuffer,
         clips: Float64s,
         active: Mask,
-        world_from_objects: Sequence[Float64s],
+        world_from_objects: Poses,
         dynamic: bool,
     ) -> None:
         """Draw the static casters, or the dynamic ones on top.
@@ -142,7 +143,7 @@ class CasterDrawer:
                 self._draw_items(target, maps, world_from_objects, self._items[dynamic])
 
     def draw_part(
-        self, target: moderngl.Framebuffer, part: MapPart, world_from_objects: Sequence[Float64s]
+        self, target: moderngl.Framebuffer, part: MapPart, world_from_objects: Poses
     ) -> None:
         """Draw the static casters into a part of a map: the same bytes as in the whole map."""
         self._state.use(target, has_depth=True)
@@ -175,7 +176,7 @@ class CasterDrawer:
         self,
         target: moderngl.Framebuffer,
         parts: Sequence[MapPart],
-        world_from_objects: Sequence[Float64s],
+        world_from_objects: Poses,
         items: Indices,
     ) -> None:
         """Draw items one by one."""

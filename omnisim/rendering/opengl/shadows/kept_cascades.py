@@ -16,6 +16,7 @@ import moderngl
 import numpy as np
 
 from omnisim.core.array_types import Float64s
+from omnisim.core.world import Poses
 from omnisim.rendering.opengl.gl.framebuffers import depth_target, use_target
 from omnisim.rendering.opengl.gl.gpu_textures import (
     CLEAR_DEPTH,
@@ -107,7 +108,7 @@ class KeptCascades:
         maps: DepthLevels,
         viewpoint_m: Float64s,
         drawer: CasterDrawer,
-        world_from_objects: Sequence[Float64s],
+        world_from_objects: Poses,
     ) -> None:
         """Bring the maps of cascades that have moved up to date.
 
@@ -140,7 +141,7 @@ class KeptCascades:
         parts: Sequence[MapPart],
         is_clear: bool,
         drawer: CasterDrawer,
-        world_from_objects: Sequence[Float64s],
+        world_from_objects: Poses,
     ) -> None:
         target = self.levels.target
         for part in parts:

@@ -15,12 +15,10 @@ import numpy as np
 
 from omnisim.core.array_types import Float64s, Indices, Mask
 from omnisim.core.bounds import bounds_of
-from omnisim.core.world import time_of
+from omnisim.core.world import Poses, time_of
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl.framebuffers import use_target
-from omnisim.rendering.opengl.gl.gpu_textures import (
-    CLEAR_DEPTH,
-)
+from omnisim.rendering.opengl.gl.gpu_textures import CLEAR_DEPTH
 from omnisim.rendering.opengl.gl.memory import gpu_allocation, written_buffer
 from omnisim.rendering.opengl.shadows.caster_drawer import CasterDrawer
 from omnisim.rendering.opengl.shadows.kept_cascades import DepthLevels, KeptCascades
@@ -115,7 +113,7 @@ class ShadowMaps:
         if "u_shadow_maps" in program:
             program["u_shadow_maps"] = _UNIT
 
-    def prepare(self, viewpoint_m: Float64s, world_from_objects: Sequence[Float64s]) -> None:
+    def prepare(self, viewpoint_m: Float64s, world_from_objects: Poses) -> None:
         """Draw the maps that a frame needs, and bind them; see `ShadowSource`."""
         views, stale = self._views(viewpoint_m)
         clips = views.clips
@@ -145,7 +143,7 @@ class ShadowMaps:
     def _middles_m(self, viewpoint_m: Float64s) -> Float64s:
         return self._plan.middles_m(viewpoint_m - self.anchor_m)
 
-    def _draw_fixed(self, clips: Float64s, world_from_objects: Sequence[Float64s]) -> None:
+    def _draw_fixed(self, clips: Float64s, world_from_objects: Poses) -> None:
         """Draw the static casters into the maps that do not follow the viewpoint."""
         fixed = ~self._follows
         target = self._maps[0].target
@@ -154,9 +152,7 @@ class ShadowMaps:
         self._drawer.draw(target, clips, fixed, world_from_objects, dynamic=False)
         self._maps[0].coarsen(self._rectangles_px[fixed].astype(int).tolist())
 
-    def _draw_dynamic(
-        self, clips: Float64s, stale: Mask, world_from_objects: Sequence[Float64s]
-    ) -> None:
+    def _draw_dynamic(self, clips: Float64s, stale: Mask, world_from_objects: Poses) -> None:
         """Draw the dynamic casters, and restore the static map where they were before."""
         poses, time_s = np.array(world_from_objects), 0.0
         if self._buffers.deforming.size:

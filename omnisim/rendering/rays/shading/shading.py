@@ -13,8 +13,9 @@ from typing import NamedTuple
 import numpy as np
 
 from omnisim.core.array_types import Float32s, Float64s, Indices, Int32s, Mask
+from omnisim.core.world import Poses
 from omnisim.rendering.rays.caster import RayHits, Rays
-from omnisim.rendering.rays.geometry import Geometry, Poses
+from omnisim.rendering.rays.geometry import Geometry
 from omnisim.rendering.rays.shading.glass import (
     NO_MEDIUM,
     Glass,
