@@ -112,9 +112,8 @@ def random_numbers(origins_m: Float32s, directions: Float32s, number: int) -> Fl
 # Mirrors are smooth gloss, metal and clear coats, as the ray back end reflects them. Light passes
 # panes and bodies of glass straight. Frosted glass scatters what it transmits by Lambert's law.
 #
-# Sources: `omnisim.rendering.rays.shading.surface_light` for mirrors,
-# `omnisim.rendering.rays.shading.surface_light` for glass; the mean of Schlick's Fresnel over
-# Lambertian light is f0 + (f90 − f0) / 21.
+# Sources: `omnisim.rendering.rays.shading.surface_light` for mirrors and glass; the mean of
+# Schlick's Fresnel over Lambertian light is f0 + (f90 − f0) / 21.
 _SCHLICK_MEAN = 1.0 / 21.0
 _SMOOTH = MIN_ROUGHNESS + 1e-6
 _MIN_COSINE = 1e-4

@@ -37,24 +37,6 @@ if TYPE_CHECKING:  # an ideal camera needs none of them
     from omnisim.rendering.camera.degradations.white_balance import WhiteBalance
 
 
-# Modules by effect, imported at first use: an ideal camera needs none of them.
-EFFECT_MODULES = {
-    "Bayer": "bayer",
-    "ChromaticAberration": "chromatic_aberration",
-    "Defocus": "defocus",
-    "Dirt": "dirt",
-    "Encoding": "encoding",
-    "Exposure": "exposure",
-    "Jpeg": "jpeg",
-    "Noise": "noise",
-    "PointSpread": "point_spread",
-    "Reflectance": "reflectance",
-    "Shutter": "shutter",
-    "Vignetting": "vignetting",
-    "WhiteBalance": "white_balance",
-}
-
-
 @dataclass(frozen=True, kw_only=True)
 class Degradation:
     """Degradation of a camera: one field per effect; None: disabled. By default all are disabled.
@@ -223,6 +205,13 @@ class Degradation:
         for effect in self.electronics:
             image = effect.apply(image, geometry, shot)
         return image
+
+
+# Modules by effect, imported at first use: an ideal camera needs none of them. A field is named as
+# its module, and annotated by its class, or None.
+EFFECT_MODULES = {
+    str(one.type).partition(" ")[0]: one.name for one in dataclasses.fields(Degradation)
+}
 
 
 def effect_classes() -> dict[str, Any]:

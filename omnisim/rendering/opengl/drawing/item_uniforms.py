@@ -15,26 +15,29 @@ from omnisim.rendering.opengl.gl.shader_files import find_uniform, set_uniforms
 from omnisim.rendering.opengl.materials.scene_textures import MAP_UNITS, bind_maps
 
 
-class ItemUniforms:
-    """Matrix and material of one item; uniforms that a program lacks are skipped.
+class ItemProgram:
+    """Program that draws items; uniforms that it lacks are skipped.
 
     Args:
         program: program of single items; one of clusters has none of these uniforms.
     """
 
     def __init__(self, program: moderngl.Program):
+        self.program = program
         self._clip_from_mesh = find_uniform(program, "u_clip_from_mesh")
         self._base_color = find_uniform(program, "u_base_color")
         self._alpha_cutoff = find_uniform(program, "u_alpha_cutoff")
         self._record = find_uniform(program, "u_record")
 
-    def set_clip_from_mesh(self, clip_from_mesh: Float32s) -> None:
-        """Set the matrix (4, 4), column-major."""
+    def set_matrices(
+        self, clip_from_mesh: Float32s, viewpoint_from_mesh: Float32s, normal_from_mesh: Float32s
+    ) -> None:
+        """Set the matrices (4, 4) and (3, 3), column-major, that the next draw calls need."""
         if self._clip_from_mesh is not None:
             self._clip_from_mesh.write(clip_from_mesh)
 
     def bind_material(self, item: DrawItem) -> None:
-        """Set the numbers of an item's material, and bind its maps."""
+        """Bind an item's material for the next draw calls."""
         material, reflectance = item.material, item.texture_layer.reflectance
         if self._base_color is not None:
             self._base_color.write(struct.pack("4f", *material.base_color))
@@ -43,6 +46,10 @@ class ItemUniforms:
         if self._record is not None and reflectance is not None:
             self._record.value = reflectance.record
             bind_maps(reflectance.maps)
+
+    def draw(self, array: moderngl.VertexArray, first: int, count: int, first_id: int) -> None:
+        """Draw `count` indices of a vertex array; the first triangle gets the ID `first_id`."""
+        array.render(moderngl.TRIANGLES, vertices=count, first=first)
 
 
 # Texture units and defines of programs that read materials: table, vertex details, maps.

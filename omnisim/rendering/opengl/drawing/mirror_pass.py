@@ -15,10 +15,10 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.core.array_types import Float32s, Float64s, Indices, UInt32s
+from omnisim.core.array_types import Float64s, Indices, UInt32s
 from omnisim.core.world import Poses
 from omnisim.rendering.opengl.atlas.tile_plan import PosedViews, TilePlan, TileViews
-from omnisim.rendering.opengl.drawing.item_uniforms import ItemUniforms
+from omnisim.rendering.opengl.drawing.item_uniforms import ItemProgram
 from omnisim.rendering.opengl.drawing.scene_drawer import SceneDrawer
 from omnisim.rendering.opengl.drawing.scene_view import Probes, SceneView
 from omnisim.rendering.opengl.drawing.sky_pass import SkyPass
@@ -253,7 +253,7 @@ _ROW_TRIANGLES = 4096
 _NUMBERS_UNIT = 0
 
 
-class MirrorOwnerProgram:
+class MirrorOwnerProgram(ItemProgram):
     """Program that draws the numbers of mirrors.
 
     Args:
@@ -262,20 +262,13 @@ class MirrorOwnerProgram:
 
     def __init__(self, context: moderngl.Context, numbers: NDArray[np.uint8]):
         files = "scene/mirror_owner.vert", "scene/mirror_owner.frag"
-        self.program = build_program(context, *files)
-        self._item = ItemUniforms(self.program)
+        super().__init__(build_program(context, *files))
         self._first_triangle = uniform(self.program, "u_first_triangle")
         uniform(self.program, "u_numbers").value = _NUMBERS_UNIT
         rows = -(-len(numbers) // _ROW_TRIANGLES)
         padded = np.zeros((rows, _ROW_TRIANGLES), dtype=np.uint8)
         padded.ravel()[: len(numbers)] = numbers
         self._numbers = texture_2d(context, (_ROW_TRIANGLES, rows), 1, padded, dtype="u1")
-
-    def set_matrices(
-        self, clip_from_mesh: Float32s, viewpoint_from_mesh: Float32s, normal_from_mesh: Float32s
-    ) -> None:
-        """Set the matrix (4, 4), column-major, for the next draw calls."""
-        self._item.set_clip_from_mesh(clip_from_mesh)
 
     def bind_material(self, item: DrawItem) -> None:
         """Bind the table of numbers."""

@@ -3,39 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Generic, Protocol, TypeVar
+from typing import Generic, TypeVar
 
 import moderngl
 import numpy as np
 
 from omnisim.core.array_types import Float32s, Indices
+from omnisim.rendering.opengl.drawing.item_uniforms import ItemProgram
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem, InstanceTransforms
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.geometry.vertex_format import vertex_array
 from omnisim.rendering.opengl.gl.shader_files import columns_first
 from omnisim.rendering.opengl.gl.state import GlState
 
-
-class DrawProgram(Protocol):
-    """Program that draws triangles of the scene."""
-
-    @property
-    def program(self) -> moderngl.Program:
-        """OpenGL program."""
-
-    def set_matrices(
-        self, clip_from_mesh: Float32s, viewpoint_from_mesh: Float32s, normal_from_mesh: Float32s
-    ) -> None:
-        """Set the matrices (4, 4) and (3, 3), column-major, for the next draw calls."""
-
-    def bind_material(self, item: DrawItem) -> None:
-        """Bind an item's material for the next draw calls."""
-
-    def draw(self, array: moderngl.VertexArray, first: int, count: int, first_id: int) -> None:
-        """Draw `count` indices of a vertex array; the first triangle gets the ID `first_id`."""
-
-
-P = TypeVar("P", bound=DrawProgram)
+P = TypeVar("P", bound=ItemProgram)
 
 
 class SceneDrawer(Generic[P]):

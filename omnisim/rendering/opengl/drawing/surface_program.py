@@ -17,7 +17,7 @@ from omnisim.core.world import Poses
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.capture.pixel_map import bind_tiles
 from omnisim.rendering.opengl.drawing.item_uniforms import (
-    ItemUniforms,
+    ItemProgram,
     connect_material,
     material_tables,
     reflectance_defines,
@@ -220,7 +220,7 @@ def variant_of_blended(arrays: int, unlit: bool, items: Sequence[DrawItem]) -> S
     )
 
 
-class SurfaceProgram:
+class SurfaceProgram(ItemProgram):
     """Compiled variant with its uniforms.
 
     Args:
@@ -238,7 +238,8 @@ class SurfaceProgram:
         shadows: ShadowSource | None = None,
     ):
         files = "scene/surface.vert", "scene/surface.frag"
-        self.program = program = build_program(context, *files, variant.defines(lighting, shadows))
+        program = build_program(context, *files, variant.defines(lighting, shadows))
+        super().__init__(program)
         self._shadows = shadows
         self._shadow_viewpoint = find_uniform(program, "u_shadow_viewpoint")
         self._probes_viewpoint = find_uniform(program, "u_probes_viewpoint")
@@ -250,8 +251,6 @@ class SurfaceProgram:
             shadows.connect(program)
         self._is_textured, self.is_pane = variant.textured, variant.is_pane
         self._state = GlState()
-        # uniforms of single items
-        self._item = ItemUniforms(program)
         # the compiler removes both if ambient light alone is left
         self._viewpoint_from_mesh = find_uniform(program, "u_viewpoint_from_mesh")
         self._normal_from_mesh = find_uniform(program, "u_normal_from_mesh")
@@ -326,7 +325,7 @@ class SurfaceProgram:
         self, clip_from_mesh: Float32s, viewpoint_from_mesh: Float32s, normal_from_mesh: Float32s
     ) -> None:
         """Set the matrices (4, 4) and (3, 3), column-major, for the next draw call."""
-        self._item.set_clip_from_mesh(clip_from_mesh)
+        super().set_matrices(clip_from_mesh, viewpoint_from_mesh, normal_from_mesh)
         if self._viewpoint_from_mesh is not None:
             self._viewpoint_from_mesh.write(viewpoint_from_mesh)
         if self._normal_from_mesh is not None:
@@ -334,7 +333,7 @@ class SurfaceProgram:
 
     def bind_material(self, item: DrawItem) -> None:
         """Bind an item's material for the next draw call."""
-        self._item.bind_material(item)
+        super().bind_material(item)
         if self._probe is not None:
             self._probe.write(self._probes[id(item)])
         if self._glass is not None and self._glass_absorption is not None:

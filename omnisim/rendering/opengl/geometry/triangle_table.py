@@ -27,7 +27,7 @@ class TriangleTable:
     Attributes:
         corners: texture with four integers per corner: its position in the mesh's frame as float
             bits, and the triangle beyond the opposite edge, counted within the mesh
-            (`omnisim.rendering.opengl.geometry.triangle_table`). Blended items have no adjacency.
+            (`neighbors`). Blended items have no adjacency.
         indices: vertex index per corner: the scene's index buffer, or a copy if blended items
             re-sort that in every frame.
 

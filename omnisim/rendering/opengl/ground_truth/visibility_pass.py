@@ -10,13 +10,13 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.core.array_types import Float32s, Float64s, Indices
+from omnisim.core.array_types import Float64s, Indices
 from omnisim.core.world import Poses
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.drawing.cluster_drawer import BucketProgram
 from omnisim.rendering.opengl.drawing.item_uniforms import (
-    ItemUniforms,
+    ItemProgram,
     connect_material,
     material_tables,
     reflectance_defines,
@@ -298,7 +298,7 @@ def clear_colors(details: HitDetails) -> list[tuple[float, float, float, float] 
     return [None, *[(0.0, 0.0, 0.0, 0.0)] * len(atlas_formats(details))]
 
 
-class VisibilityProgram:
+class VisibilityProgram(ItemProgram):
     """Compiled variant with its uniforms.
 
     Attributes:
@@ -309,8 +309,7 @@ class VisibilityProgram:
     def __init__(self, context: moderngl.Context, variant: VisibilityVariant):
         folder = "ground_truth/visibility"
         program = build_program(context, f"{folder}.vert", f"{folder}.frag", variant.defines)
-        self.program = program
-        self._item = ItemUniforms(program)
+        super().__init__(program)
         self.first_plus_one = uniform(program, "u_first_plus_one")
         self.first_command = find_uniform(program, "u_first_command")
         if variant.maps is not None:
@@ -334,15 +333,9 @@ class VisibilityProgram:
             return None
         return self._samplers[array.array.repeat_x, array.array.repeat_y]
 
-    def set_matrices(
-        self, clip_from_mesh: Float32s, viewpoint_from_mesh: Float32s, normal_from_mesh: Float32s
-    ) -> None:
-        """Set the matrix (4, 4), column-major, for the next draw calls; IDs need no others."""
-        self._item.set_clip_from_mesh(clip_from_mesh)
-
     def bind_material(self, item: DrawItem) -> None:
         """Bind an item's material for the next draw call."""
-        self._item.bind_material(item)
+        super().bind_material(item)
         if self._samplers:
             texture = item.texture
             texture.use(0)

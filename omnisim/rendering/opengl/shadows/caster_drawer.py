@@ -9,7 +9,7 @@ from typing import NamedTuple
 import moderngl
 import numpy as np
 
-from omnisim.core.array_types import Float32s, Float64s, Indices, Mask
+from omnisim.core.array_types import Float64s, Indices, Mask
 from omnisim.core.world import Poses
 from omnisim.rendering.opengl.atlas.tile_plan import frustum_planes
 from omnisim.rendering.opengl.culling.cluster_culling import ClusterCuller, Views
@@ -18,7 +18,7 @@ from omnisim.rendering.opengl.drawing.cluster_drawer import (
     ClusterDrawer,
     DrawBatches,
 )
-from omnisim.rendering.opengl.drawing.item_uniforms import ItemUniforms
+from omnisim.rendering.opengl.drawing.item_uniforms import ItemProgram
 from omnisim.rendering.opengl.drawing.scene_drawer import SceneDrawer
 from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket, ClusteredGeometry
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem, InstanceTransforms
@@ -245,29 +245,18 @@ class CasterVariant(NamedTuple):
         return tuple(name for name, is_defined in defined.items() if is_defined)
 
 
-class CasterProgram:
+class CasterProgram(ItemProgram):
     """Compiled variant with its uniforms."""
 
     def __init__(self, context: moderngl.Context, variant: CasterVariant):
         files = "scene/caster.vert", "scene/caster.frag"
-        self.program = program = build_program(context, *files, variant.defines)
-        self._item = ItemUniforms(program)
+        super().__init__(program := build_program(context, *files, variant.defines))
         self._is_textured = "TEXTURED" in variant.defines
         if self._is_textured:
             program["u_textures" if variant.clustered else "u_texture"] = 0
 
-    def set_matrices(
-        self, clip_from_mesh: Float32s, viewpoint_from_mesh: Float32s, normal_from_mesh: Float32s
-    ) -> None:
-        """Set the matrix (4, 4), column-major, for the next draw calls; depth needs no others."""
-        self._item.set_clip_from_mesh(clip_from_mesh)
-
     def bind_material(self, item: DrawItem) -> None:
         """Bind an item's material for the next draw calls."""
-        self._item.bind_material(item)
+        super().bind_material(item)
         if self._is_textured:
             item.texture.use(0)
-
-    def draw(self, array: moderngl.VertexArray, first: int, count: int, first_id: int) -> None:
-        """Draw `count` indices of a vertex array; depth needs no IDs."""
-        array.render(moderngl.TRIANGLES, vertices=count, first=first)
