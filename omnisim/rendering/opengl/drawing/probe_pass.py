@@ -111,7 +111,13 @@ class ProbePass:
         self.items = frozenset(index for one in places for index in one.surfaces)
         self._left_out = [self._mask(one.left_out) | self._is_mirror for one in places]
         self._mirrors = [self._is_mirror & ~self._mask(one.left_out) for one in places]
-        self._gloss = [self._gloss_of(one) for one in places]
+        materials = [
+            [buffers.draw_items[index].material for index in one.surfaces] for one in places
+        ]
+        self._gloss = [
+            Gloss.of([value for one in some for value in lobe_roughnesses(one)])
+            for some in materials
+        ]
         self._states: list[bytes | None] = [None] * len(places)
         self._static: dict[int, tuple[moderngl.Texture, moderngl.Texture]] = {}
         self._has_moving = any(item.moves for item in buffers.draw_items)
@@ -135,11 +141,6 @@ class ProbePass:
         mask = np.zeros(len(self._buffers.draw_items), dtype=np.bool_)
         mask[list(left_out)] = True
         return mask
-
-    def _gloss_of(self, place: ProbePlace) -> Gloss:
-        """Gloss of a probe's surfaces."""
-        materials = [self._buffers.draw_items[one].material for one in place.surfaces]
-        return Gloss.of([value for one in materials for value in lobe_roughnesses(one)])
 
     def render(self, seen: Collection[int], world_from_objects: Poses) -> None:
         """Render the probes that items at the given indices reflect.

@@ -9,7 +9,7 @@ from itertools import pairwise
 import moderngl
 import numpy as np
 
-from omnisim.core.array_types import Float64s, Mask
+from omnisim.core.array_types import Float64s
 from omnisim.core.world import ObjectPart, Poses
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
@@ -117,7 +117,12 @@ class RangePass:
         scanner_from_viewpoint = np.eye(4)
         scanner_from_viewpoint[:3, :3] = world_from_scanner[:3, :3].T
         centers_m = transforms.centers_m @ scanner_from_viewpoint[:3, :3].T
-        kept = self._may_hit(centers_m, transforms.radii_m)[self._order]
+        radii_m = transforms.radii_m  # of spheres that beams may hit
+        may_hit = np.abs(centers_m[:, 2]) <= radii_m
+        may_hit &= np.linalg.norm(centers_m, axis=1) - radii_m <= self._max_range_m
+        if self._is_front_only:
+            may_hit &= centers_m[:, 0] >= -radii_m
+        kept = may_hit[self._order]
         table = self._table[kept]
         viewpoint_from_mesh = transforms.viewpoint_from_mesh[self._order[kept]]
         table["scanner_from_mesh"] = columns_first(scanner_from_viewpoint @ viewpoint_from_mesh)
@@ -138,14 +143,6 @@ class RangePass:
         ranges_m = np.empty(self._ranges.size // 4, dtype=np.float32)
         self._readback.read((self._ranges, ranges_m))
         return ranges_m.astype(np.float64)
-
-    def _may_hit(self, centers_m: Float64s, radii_m: Float64s) -> Mask:
-        """Mask of spheres (n,) that beams may hit; centers (n, 3) in the scanner's frame."""
-        kept = np.abs(centers_m[:, 2]) <= radii_m
-        kept &= np.linalg.norm(centers_m, axis=1) - radii_m <= self._max_range_m
-        if self._is_front_only:
-            kept &= centers_m[:, 0] >= -radii_m
-        return kept
 
     def _cast_kind(self, kind: _Kind, items: tuple[int, int], first: int, groups: int) -> None:
         """Cast beams at a range of the table's items, with work groups from the first on."""

@@ -224,7 +224,10 @@ def build_clustered_geometry(
         dynamic_objects: number of dynamic objects.
         alone: indices of items to draw one by one.
     """
-    anchor_m = _anchor(items)
+    static_m = [item.center_m for item in items if item.object_index is None]
+    anchor_m = np.zeros(3)
+    if static_m:
+        anchor_m = 0.5 * (np.min(static_m, axis=0) + np.max(static_m, axis=0))
     contains = _contained(items, anchor_m, alone)
     items = [item for item, is_contained in zip(items, contains, strict=True) if is_contained]
     if not items:
@@ -323,14 +326,6 @@ def _state_order(bucket: Bucket) -> tuple[object, ...]:
         bucket.shading.value, bucket.maps is not None, bucket.light.value, arrays,
         bucket.second_coordinates,
     )  # fmt: skip
-
-
-def _anchor(items: Sequence[DrawItem]) -> Float64s:
-    """Center (3,) of the static items, world."""
-    static = [item.center_m for item in items if item.object_index is None]
-    if not static:
-        return np.zeros(3)
-    return 0.5 * (np.min(static, axis=0) + np.max(static, axis=0))
 
 
 def _contained(items: Sequence[DrawItem], anchor_m: Float64s, alone: Collection[int]) -> Mask:

@@ -51,8 +51,15 @@ class MeshDeformer:
         bounds, offsets = _tables(self._deformations, bases)
         corners = np.concatenate([_corners(one) for one in ranges if one.mesh.deformation])
         self._count, self._corner_count = len(bounds), len(corners)
-        most = max(self._count, self._corner_count)
-        _check_size(context, most, max(bounds.nbytes, offsets.nbytes))
+        if max(self._count, self._corner_count) > _GROUP_SIZE * _MAX_GROUPS:
+            raise GraphicsError(
+                f"meshes that deform have {max(self._count, self._corner_count) // 3} triangles: "
+                f"expected at most {_GROUP_SIZE * _MAX_GROUPS // 3}"
+            )
+        largest = max(bounds.nbytes, offsets.nbytes)
+        limit = int(context.info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"])
+        if largest > limit:
+            raise GraphicsError(f"meshes that deform take {largest} bytes: this GPU allows {limit}")
         matrices, weights = self._state(0.0)
         with gpu_allocation("meshes that deform", "make the scene smaller"):
             self._bound = [
@@ -110,20 +117,6 @@ class MeshDeformer:
         return (
             np.concatenate(matrices).astype(np.float32), np.concatenate(weights).astype(np.float32)
         )  # fmt: skip
-
-
-def _check_size(context: moderngl.Context, corners: int, largest_bytes: int) -> None:
-    """Refuse meshes that shaders cannot deform."""
-    if corners > _GROUP_SIZE * _MAX_GROUPS:
-        raise GraphicsError(
-            f"meshes that deform have {corners // 3} triangles: expected at most "
-            f"{_GROUP_SIZE * _MAX_GROUPS // 3}"
-        )
-    limit = int(context.info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"])
-    if largest_bytes > limit:
-        raise GraphicsError(
-            f"meshes that deform take {largest_bytes} bytes: this GPU allows {limit}"
-        )
 
 
 def _tables(

@@ -115,25 +115,20 @@ class SceneBuffers:
         self._find_mirrors(np.ones(len(items), dtype=np.bool_))
 
     def _find_mirrors(self, possible: Mask) -> None:
-        """Find planar mirrors and panes among the possible items (n,)."""
+        """Find planar mirrors, panes and reflection probes among the possible items (n,)."""
         self.mirrors: tuple[MirrorPlane, ...] = ()
         self.pane_mirrors: tuple[MirrorPlane, ...] = ()
-        if not self._lighting.is_matte:
-            numbers = np.flatnonzero(possible).tolist()
-            surfaces = {number: self.draw_items[number] for number in numbers}
-            self.mirrors = find_mirrors(surfaces, is_planar_mirror)
-            self.pane_mirrors = find_mirrors(surfaces, is_clear_pane)
-        self.probe_places = self._find_probes(possible)
-
-    def _find_probes(self, possible: Mask) -> tuple[ProbePlace, ...]:
-        """Find the reflection probes of the possible items (n,)."""
+        self.probe_places: tuple[ProbePlace, ...] = ()
         if self._lighting.is_matte:
-            return ()
-        numbers = np.flatnonzero(self._is_drawn).tolist()
+            return
+        numbers = np.flatnonzero(possible).tolist()
         surfaces = {number: self.draw_items[number] for number in numbers}
+        self.mirrors = find_mirrors(surfaces, is_planar_mirror)
+        self.pane_mirrors = find_mirrors(surfaces, is_clear_pane)
+        drawn = np.flatnonzero(self._is_drawn).tolist()
+        surfaces = {number: self.draw_items[number] for number in drawn}
         planes = (*self.mirrors, *self.pane_mirrors)
-        own = set(np.flatnonzero(possible).tolist())
-        return find_probes(surfaces, planes, own)[:MAX_PROBES]
+        self.probe_places = find_probes(surfaces, planes, set(numbers))[:MAX_PROBES]
 
     def _set_items(self, items: Sequence[DrawItem]) -> None:
         self.draw_items = tuple(items)
@@ -264,8 +259,12 @@ class SceneBuffers:
         radii_m = self.radii_m
         if self.deforming.size:
             radii_m = radii_m.copy()
-            spheres = self._spheres_at(time_of(world_from_objects))
-            centers_m[self.deforming], radii_m[self.deforming] = spheres
+            time_s = time_of(world_from_objects)
+            if self._deformed_spheres is None or self._deformed_spheres[0] != time_s:
+                spheres = [self.draw_items[index].sphere_at(time_s) for index in self.deforming]
+                centers = np.array([one.center for one in spheres])
+                self._deformed_spheres = time_s, centers, np.array([one.radius for one in spheres])
+            _, centers_m[self.deforming], radii_m[self.deforming] = self._deformed_spheres
         if self._dynamic.size:
             dynamic = self._dynamic
             world_from_object = poses[self._object_of_item[dynamic]]
@@ -278,16 +277,6 @@ class SceneBuffers:
         transforms = InstanceTransforms(world_from_mesh, normal_from_mesh, centers_m, radii_m)
         self._posed = key, transforms
         return transforms
-
-    def _spheres_at(self, time_s: float) -> tuple[Float64s, Float64s]:
-        """Centers (n, 3) and radii (n,) of deforming items, in their objects' frames."""
-        cached = self._deformed_spheres
-        if cached is None or cached[0] != time_s:
-            spheres = [self.draw_items[index].sphere_at(time_s) for index in self.deforming]
-            centers_m = np.array([one.center for one in spheres])
-            radii_m = np.array([one.radius for one in spheres])
-            self._deformed_spheres = cached = time_s, centers_m, radii_m
-        return cached[1], cached[2]
 
     def deform(self, world_from_objects: Poses, *, triangles: bool = False) -> None:
         """Write the vertices of deforming meshes for the time of the poses, before drawing.

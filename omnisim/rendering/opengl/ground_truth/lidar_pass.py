@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import moderngl
 import numpy as np
@@ -79,7 +79,7 @@ class LidarPass:
             self._target = framebuffer(context, [self._hits])
         self._readback = PixelReadback(context)
         self._directions = beams.directions
-        self._sector = lru_cache(maxsize=4)(self._make_sector)
+        self._sector = lru_cache(maxsize=4)(partial(_Sector, buffers, beams, self._cameras))
 
     def refresh(self) -> None:
         """Update after the buffers changed."""
@@ -127,9 +127,6 @@ class LidarPass:
         if one.last - one.first == len(azimuths_rad):
             return 0.0
         return float(0.5 * (azimuths_rad[one.first] + azimuths_rad[one.last - 1]))
-
-    def _make_sector(self, firings: int, is_whole: bool) -> _Sector:
-        return _Sector(self._buffers, self._beams, self._cameras, firings, is_whole)
 
 
 class _Sector:

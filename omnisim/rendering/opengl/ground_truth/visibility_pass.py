@@ -120,9 +120,21 @@ class VisibilityPass:
         """Drawers of IDs and details, created on first use."""
         if details not in self._drawn:
             items = self._one_by_one()
-            self._drawn[details] = Drawers(
-                self._make_drawer(details, items), self._make_tiles(details, items)
+            drawer = SceneDrawer(
+                self.buffers,
+                items,
+                partial(self._item_program, details),
+                self.triangle_ids.first_of_item,
+                self.cameras.both_sides,
+                indices=self.buffers.triangles.indices,
             )
+            find_program = partial(self.bucket_program, details)
+            tiles = TileRenderer(
+                self.buffers, self._first_plan, self.cameras, items, find_program, self.depth
+            )
+            if self.plan is not self._first_plan:
+                tiles.use_plan(self.plan)
+            self._drawn[details] = Drawers(drawer, tiles)
         return self._drawn[details]
 
     def _target(self, details: HitDetails) -> moderngl.Framebuffer:
@@ -144,33 +156,12 @@ class VisibilityPass:
         shown &= alphas >= np.array([one.material.hit_cutoff for one in items])
         return np.flatnonzero(shown)
 
-    def _make_drawer(self, details: HitDetails, items: Indices) -> SceneDrawer[VisibilityProgram]:
-        """Drawer of the items' IDs and details."""
-        return SceneDrawer(
-            self.buffers,
-            items,
-            lambda item: self._item_program(details, item),
-            self.triangle_ids.first_of_item,
-            self.cameras.both_sides,
-            indices=self.buffers.triangles.indices,
-        )
-
     def _item_program(self, details: HitDetails, item: DrawItem) -> VisibilityProgram:
         variant = VisibilityVariant(item.material.hit_cutoff > 0.0, details)
         found = item.texture_layer.reflectance
         if found is not None:
             variant = variant.with_maps(found.maps, found.second_coordinates)
         return self._program(variant)
-
-    def _make_tiles(self, details: HitDetails, items: Indices) -> TileRenderer:
-        """Renderer of the clusters' IDs and details."""
-        find_program = partial(self.bucket_program, details)
-        tiles = TileRenderer(
-            self.buffers, self._first_plan, self.cameras, items, find_program, self.depth
-        )
-        if self.plan is not self._first_plan:
-            tiles.use_plan(self.plan)
-        return tiles
 
     def draw_items(
         self,

@@ -118,8 +118,12 @@ class ShadowMaps:
         views, stale = self._views(viewpoint_m)
         clips = views.clips
         if stale.any():
-            if self._drawn is None:
-                self._draw_fixed(clips, world_from_objects)
+            if self._drawn is None:  # the static casters, in maps that do not follow the viewpoint
+                fixed, first = ~self._follows, self._maps[0]
+                use_target(first.target)
+                first.target.clear(depth=CLEAR_DEPTH)  # of all maps: the others are copied later
+                self._drawer.draw(first.target, clips, fixed, world_from_objects, dynamic=False)
+                first.coarsen(self._rectangles_px[fixed].astype(int).tolist())
             if self._kept is not None:
                 at_m = viewpoint_m - self.anchor_m
                 self._kept.update(self._maps[0], at_m, self._drawer, world_from_objects)
@@ -142,15 +146,6 @@ class ShadowMaps:
 
     def _middles_m(self, viewpoint_m: Float64s) -> Float64s:
         return self._plan.middles_m(viewpoint_m - self.anchor_m)
-
-    def _draw_fixed(self, clips: Float64s, world_from_objects: Poses) -> None:
-        """Draw the static casters into the maps that do not follow the viewpoint."""
-        fixed = ~self._follows
-        target = self._maps[0].target
-        use_target(target)
-        target.clear(depth=CLEAR_DEPTH)  # of all maps: those that follow are copied later
-        self._drawer.draw(target, clips, fixed, world_from_objects, dynamic=False)
-        self._maps[0].coarsen(self._rectangles_px[fixed].astype(int).tolist())
 
     def _draw_dynamic(self, clips: Float64s, stale: Mask, world_from_objects: Poses) -> None:
         """Draw the dynamic casters, and restore the static map where they were before."""

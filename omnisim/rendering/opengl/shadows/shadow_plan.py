@@ -125,7 +125,9 @@ class ShadowPlan:
     def defines(self) -> tuple[str, ...]:
         """Defines of shaders that look up shadows."""
         size_px = np.array([self.width_px, self.height_px], dtype=np.float64)
-        regions = _regions(np.array([block.rectangles_px[0] for block in self.blocks]), size_px)
+        first_px = np.array([block.rectangles_px[0] for block in self.blocks])
+        half = 0.5 * first_px[:, 2:] / size_px
+        regions = np.concatenate((first_px[:, :2] / size_px + half, half), axis=1)
         vectors = [f"vec4({', '.join(map(str, region))})" for region in regions.tolist()]
         texels = [str(2.0 / block.size_px) for block in self.blocks]
         places = sum(not is_cube(light) for light in self.casters)
@@ -232,12 +234,6 @@ def _on_shelves(
         left, shelf = left + size * columns, max(shelf, size * rows)
         right = max(right, left)
     return tuple(placed[index] for index in range(len(shapes))), (right, top + shelf)
-
-
-def _regions(rectangles_px: Float64s, texture_px: Float64s) -> Float64s:
-    """Centers and half sizes (n, 4) of rectangles in texture coordinates."""
-    half = 0.5 * rectangles_px[:, 2:] / texture_px
-    return np.concatenate((rectangles_px[:, :2] / texture_px + half, half), axis=1)
 
 
 def _bits(flags: Sequence[bool]) -> str:
