@@ -97,7 +97,8 @@ class CameraBackend(ABC):
 
     def _degrade(self, begin: Callable[[SubFrames], Pending[Readback]]) -> None:
         """Degrade all further images, and render them from sub-frames."""
-        from omnisim.rendering.camera.degraded_camera import DegradedCamera, MovingBoxes
+        from omnisim.rendering.camera.degraded_camera import DegradedCamera
+        from omnisim.rendering.truth.moving_boxes import MovingBoxes
 
         boxes = MovingBoxes(self.world.scene, self.world.objects.values())
         self._degraded = DegradedCamera(self.setup.sensor, self.setup.seed, begin, boxes)

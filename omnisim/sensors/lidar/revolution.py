@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from omnisim.core.errors import OmnisimError
 from omnisim.ground_truth.lidar_beams import LidarPoses, Revolution, Slice
-from omnisim.rendering.camera.degraded_camera import MovingBoxes
+from omnisim.rendering.truth.moving_boxes import MovingBoxes
 
 SLICES = (8, 16, 32, 64)  # candidate numbers of slices of a revolution with motion
 # Maximum motion of the lidar and of objects within a slice. A firing's hit then lies within one

@@ -33,10 +33,10 @@ from omnisim.core.short_repr import short_repr
 from omnisim.core.world import Motion, ObjectPart, WorldState
 from omnisim.ground_truth.lidar_beams import EchoLimits, LidarBeams, LidarPoses
 from omnisim.rendering.backend import BeamCaster, LabelCache
-from omnisim.rendering.camera.degraded_camera import MovingBoxes
 from omnisim.rendering.sensor_renderer import Mounting, SensorRenderer
 from omnisim.rendering.shared_scene import SharedScene
 from omnisim.rendering.truth.ground_truth import instances_of_draws
+from omnisim.rendering.truth.moving_boxes import MovingBoxes
 from omnisim.sensors.device_noise import check_number, round_ranges
 from omnisim.sensors.lidar.point_files import POINT, write_points
 from omnisim.sensors.lidar.revolution import plan_revolution

@@ -8,9 +8,10 @@ import numpy as np
 from omnisim.core.array_types import Float32s
 from omnisim.core.cube import FACE_FROM_RIG, FACE_NAMES
 from omnisim.rendering.opengl.atlas.tile_plan import Tile, TilePlan
+from omnisim.rendering.opengl.gl.buffers import gpu_buffer
 from omnisim.rendering.opengl.gl.functions import StorageBindings
 from omnisim.rendering.opengl.gl.gpu_textures import copy_textures, depth_texture, texture_2d
-from omnisim.rendering.opengl.gl.memory import gpu_allocation, gpu_buffer
+from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.shader_files import (
     build_compute_shader,
     columns_first,

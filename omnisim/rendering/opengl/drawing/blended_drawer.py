@@ -25,8 +25,8 @@ from omnisim.rendering.opengl.geometry.vertex_format import (
     VertexPalette,
     cluster_vertex_array,
 )
+from omnisim.rendering.opengl.gl.buffers import gpu_buffer
 from omnisim.rendering.opengl.gl.functions import IndirectDraws, StorageBindings
-from omnisim.rendering.opengl.gl.memory import gpu_buffer
 from omnisim.rendering.opengl.gl.shader_files import build_compute_shader
 from omnisim.rendering.opengl.gl.state import GlState
 from omnisim.rendering.opengl.materials.scene_textures import TextureArray

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import moderngl
 import numpy as np
+from numpy.typing import NDArray
 
-from omnisim.core.array_types import Float64s
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.drawing.blended_drawer import BlendedDrawer, arrays_of
 from omnisim.rendering.opengl.drawing.cluster_drawer import BucketProgram
@@ -22,8 +22,8 @@ from omnisim.rendering.opengl.drawing.tile_renderer import TileRenderer, Virtual
 from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
+from omnisim.rendering.opengl.gl.buffers import written_buffer
 from omnisim.rendering.opengl.gl.framebuffers import layered_target
-from omnisim.rendering.opengl.gl.memory import written_buffer
 from omnisim.rendering.opengl.gl.state import GlState
 
 EXTENSIONS = {"GL_ARB_shader_draw_parameters", "GL_ARB_shader_viewport_layer_array"}
@@ -36,7 +36,10 @@ class CubeLayers:
     A layer has the viewport and matrices of a single atlas, and therefore the same bytes.
 
     Args:
+        buffers: scene and dynamic objects.
+        programs: surface programs for the scene's lights.
         plan: tiles per camera.
+        cameras: virtual cameras.
         blended: items that the GPU sorts, see `blended_drawer.can_sort`; may be empty.
         atlases: texture array with one atlas layer per camera.
 
@@ -80,7 +83,9 @@ class CubeLayers:
         sky = programs.sky_seen(cameras.unlit)
         self._sky = None if sky is None else SkyPass(buffers.context, sky, plan, count)
 
-    def draw(self, poses: Sequence[tuple[Float64s, Sequence[Float64s]]]) -> None:
+    def draw(
+        self, poses: Sequence[tuple[NDArray[np.float64], Sequence[NDArray[np.float64]]]]
+    ) -> None:
         """Draw from poses of rigs and dynamic objects that all share the shadow maps."""
         rigs = np.array([rig for rig, _ in poses])
         objects = np.array([objects for _, objects in poses])

@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING
 
 import moderngl
 import numpy as np
+from numpy.typing import NDArray
 
-from omnisim.core.array_types import Float32s, Float64s
 from omnisim.core.errors import GraphicsError
 from omnisim.core.short_repr import counted
-from omnisim.core.world import Poses
 from omnisim.rendering.opengl.atlas.tile_plan import Tile, TilePlan
 from omnisim.rendering.opengl.drawing.atlas_levels import AtlasLevels
 from omnisim.rendering.opengl.drawing.cube_layers import EXTENSIONS, CubeLayers
@@ -26,7 +25,12 @@ from omnisim.rendering.opengl.gl.framebuffers import (
     framebuffer,
     resolve,
 )
-from omnisim.rendering.opengl.gl.gpu_textures import DEPTH, depth_texture, renderbuffer, texture_2d
+from omnisim.rendering.opengl.gl.gpu_textures import (
+    DEPTH,
+    depth_texture,
+    renderbuffer,
+    texture_2d,
+)
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.pixel_readback import Pixels, read_once
 
@@ -41,6 +45,10 @@ class CubePass:
     """Renders the tiles into one atlas texture.
 
     Args:
+        buffers: scene and dynamic objects; other passes may share them.
+        programs: surface programs for the scene's lights.
+        plan: tiles of the atlas.
+        cameras: virtual cameras.
         whole: tiles of the whole image, if `plan` are those of a part of it.
 
     Attributes:
@@ -159,7 +167,11 @@ class CubePass:
             if mirrors
         ]
 
-    def render(self, world_from_rig: Float64s, world_from_objects: Poses = ()) -> moderngl.Texture:
+    def render(
+        self,
+        world_from_rig: NDArray[np.float64],
+        world_from_objects: Sequence[NDArray[np.float64]] = (),
+    ) -> moderngl.Texture:
         """Render all tiles from a pose (4, 4) with the objects at their poses; return the atlas."""
         self._draw(world_from_rig, world_from_objects)
         self._levels.draw()
@@ -167,7 +179,7 @@ class CubePass:
 
     def render_layers(
         self,
-        poses: Sequence[tuple[Float64s, Sequence[Float64s]]],
+        poses: Sequence[tuple[NDArray[np.float64], Sequence[NDArray[np.float64]]]],
         atlases: moderngl.TextureArray,
         levels: AtlasLevels,
     ) -> None:
@@ -192,7 +204,9 @@ class CubePass:
         return _LAYER_TEXEL_BYTES * texels + self.tiles.culling_bytes + sorted_bytes
 
     def _layers_of(
-        self, poses: Sequence[tuple[Float64s, Sequence[Float64s]]], atlases: moderngl.TextureArray
+        self,
+        poses: Sequence[tuple[NDArray[np.float64], Sequence[NDArray[np.float64]]]],
+        atlases: moderngl.TextureArray,
     ) -> CubeLayers | None:
         """Drawer of all layers together; None: this scene needs one layer after the other."""
         has_drawers = self.tiles.culler is not None and not self.tiles.has_items
@@ -212,7 +226,9 @@ class CubePass:
         return self._layers
 
     def _draw_each(
-        self, poses: Sequence[tuple[Float64s, Sequence[Float64s]]], atlases: moderngl.TextureArray
+        self,
+        poses: Sequence[tuple[NDArray[np.float64], Sequence[NDArray[np.float64]]]],
+        atlases: moderngl.TextureArray,
     ) -> None:
         """Draw the layers one after the other."""
         target = self._resolved if self._is_multisampled else self._target
@@ -223,7 +239,9 @@ class CubePass:
         finally:
             attach_texture(target.glo, self.atlas.glo)
 
-    def _draw(self, world_from_rig: Float64s, world_from_objects: Poses) -> None:
+    def _draw(
+        self, world_from_rig: NDArray[np.float64], world_from_objects: Sequence[NDArray[np.float64]]
+    ) -> None:
         target = self._target
         self._buffers.deform(world_from_objects)
         if self._probes is not None:
@@ -242,7 +260,10 @@ class CubePass:
             resolve(self._resolved, target)
 
     def _seen_in_probes(
-        self, probes: ProbePass, world_from_rig: Float64s, world_from_objects: Poses
+        self,
+        probes: ProbePass,
+        world_from_rig: NDArray[np.float64],
+        world_from_objects: Sequence[NDArray[np.float64]],
     ) -> frozenset[int]:
         """Indices of items with a probe that are in view, or may be so in a mirror."""
         if self._mirrors:
@@ -266,7 +287,7 @@ class CubePass:
             raise GraphicsError("virtual_cameras.samples: expected 1 to read depth, got more")
         return self._depth
 
-    def read_face(self, tile: Tile) -> Float32s:
+    def read_face(self, tile: Tile) -> NDArray[np.float32]:
         """Read the 90° of a face as last rendered: linear RGB (size, size, 3), top row first.
 
         The tile must cover the whole face.

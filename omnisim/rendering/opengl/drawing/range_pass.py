@@ -14,7 +14,7 @@ from omnisim.core.world import ObjectPart, Poses
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.geometry.triangle_table import bind_triangles, window_defines
-from omnisim.rendering.opengl.gl.memory import gpu_buffer, written_buffer
+from omnisim.rendering.opengl.gl.buffers import gpu_buffer, written_buffer
 from omnisim.rendering.opengl.gl.pixel_readback import PixelReadback
 from omnisim.rendering.opengl.gl.shader_files import build_compute_shader, columns_first
 from omnisim.rendering.opengl.materials.scene_textures import TextureArray

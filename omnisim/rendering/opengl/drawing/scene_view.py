@@ -9,9 +9,9 @@ from typing import Protocol
 
 import moderngl
 import numpy as np
+from numpy.typing import NDArray
 
-from omnisim.core.array_types import Float64s, Indices, Mask
-from omnisim.core.world import Poses, time_of
+from omnisim.core.world import time_of
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.drawing.blended_drawer import BlendedDrawer, arrays_of, can_sort
 from omnisim.rendering.opengl.drawing.cluster_drawer import BucketProgram
@@ -25,7 +25,11 @@ from omnisim.rendering.opengl.drawing.surface_program import (
     variant_of_blended,
     variant_of_bucket,
 )
-from omnisim.rendering.opengl.drawing.tile_renderer import SceneParts, TileRenderer, VirtualCameras
+from omnisim.rendering.opengl.drawing.tile_renderer import (
+    SceneParts,
+    TileRenderer,
+    VirtualCameras,
+)
 from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
@@ -59,7 +63,10 @@ class Probes(Protocol):
         """Indices of the items that reflect a probe."""
 
     def connect(
-        self, programs: Collection[SurfaceProgram], viewpoint_m: Float64s, world_from_objects: Poses
+        self,
+        programs: Collection[SurfaceProgram],
+        viewpoint_m: NDArray[np.float64],
+        world_from_objects: Sequence[NDArray[np.float64]],
     ) -> None:
         """Set the probes of items, relative to a viewpoint (3,), in the programs, and bind them."""
 
@@ -68,15 +75,22 @@ class SceneView:
     """Drawers of a scene for the tiles of an atlas; of no use once the buffers have changed.
 
     Args:
+        buffers: scene and dynamic objects; other passes may share them.
+        programs: surface programs for the scene's lights.
+        plan: tiles of the atlas.
+        cameras: virtual cameras.
         depth: depth of the atlas; None if shaders cannot read it.
+        samples: samples per texel.
         sky: pass of the visible sky; None: no sky.
         mirrors: views in mirrors, and in panes.
         is_mirrored: draw from mirrored rigs, clipped at the mirror.
         probes: reflection probes; None: all surfaces without mirrors reflect sky and lamps.
 
     Attributes:
+        tiles: renderer of the tiles.
         sorted_items: blended items that the GPU sorts.
         blended_drawer: drawer of these items; None: there are none.
+        programs: surface programs in use.
     """
 
     def __init__(
@@ -137,7 +151,7 @@ class SceneView:
         self.programs.add(program)
         return program
 
-    def _item_drawer(self, items: Indices) -> SceneDrawer[SurfaceProgram]:
+    def _item_drawer(self, items: NDArray[np.intp]) -> SceneDrawer[SurfaceProgram]:
         """Drawer of items (n,) one by one."""
         return SceneDrawer(
             self._buffers, items, self._find_item_program, {}, is_mirrored=self._is_mirrored
@@ -157,20 +171,25 @@ class SceneView:
         program = self._program(variant).program
         return BlendedDrawer(self._buffers.context, geometry, culler, items, program)
 
-    def select(self, left_out: Mask, parts: SceneParts = SceneParts.ALL) -> None:
+    def select(self, left_out: NDArray[np.bool_], parts: SceneParts = SceneParts.ALL) -> None:
         """Select what to draw, see `TileRenderer.select`; blended items of all parts are drawn."""
         self._blended = self._all_blended[~left_out[self._all_blended]]
         self._unsorted = self._all_unsorted[~left_out[self._all_unsorted]]
         self._has_all_sorted = not left_out[self._sorted].any()
         self.tiles.select(left_out, parts)
 
-    def sorts_blended(self, viewpoint_m: Float64s, world_from_objects: Poses) -> bool:
+    def sorts_blended(
+        self, viewpoint_m: NDArray[np.float64], world_from_objects: Sequence[NDArray[np.float64]]
+    ) -> bool:
         """True if the GPU sorts all that the blended items show to a viewpoint (3,), world."""
         showing = self._buffers.showing(self._unsorted, viewpoint_m, world_from_objects)
         return self._has_all_sorted and next(showing, None) is None
 
     def draw_opaque(
-        self, target: moderngl.Framebuffer, world_from_rig: Float64s, world_from_objects: Poses
+        self,
+        target: moderngl.Framebuffer,
+        world_from_rig: NDArray[np.float64],
+        world_from_objects: Sequence[NDArray[np.float64]],
     ) -> None:
         """Draw the selected opaque items alone; arguments and conditions as of `draw`."""
         for program in self.programs:
@@ -179,7 +198,10 @@ class SceneView:
             self.tiles.draw(target, world_from_rig, world_from_objects, self._drawer)
 
     def add_one_by_one(
-        self, target: moderngl.Framebuffer, world_from_rig: Float64s, world_from_objects: Poses
+        self,
+        target: moderngl.Framebuffer,
+        world_from_rig: NDArray[np.float64],
+        world_from_objects: Sequence[NDArray[np.float64]],
     ) -> None:
         """Draw the selected opaque items outside of clusters, over a drawn view of this pose."""
         with self._state.drawing():
@@ -188,9 +210,9 @@ class SceneView:
     def draw(
         self,
         target: moderngl.Framebuffer,
-        world_from_rig: Float64s,
-        world_from_objects: Poses,
-        mirror: Float64s | None = None,
+        world_from_rig: NDArray[np.float64],
+        world_from_objects: Sequence[NDArray[np.float64]],
+        mirror: NDArray[np.float64] | None = None,
     ) -> None:
         """Draw from a pose (4, 4) onto the bound target; `mirror`: see `SurfaceProgram.set_mirror`.
 
@@ -235,8 +257,8 @@ class SceneView:
     def _draw_back_to_front(
         self,
         target: moderngl.Framebuffer,
-        world_from_rig: Float64s,
-        world_from_objects: Poses,
+        world_from_rig: NDArray[np.float64],
+        world_from_objects: Sequence[NDArray[np.float64]],
         drawer: SceneDrawer[SurfaceProgram],
     ) -> None:
         """Sort visible blended items, and their triangles, back to front; draw them one by one."""

@@ -7,7 +7,7 @@ import numpy as np
 
 from omnisim.core.array_types import Float64s
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan, clips_from_rig
-from omnisim.rendering.opengl.gl.memory import written_buffer
+from omnisim.rendering.opengl.gl.buffers import written_buffer
 from omnisim.rendering.opengl.gl.shader_files import build_program
 from omnisim.rendering.opengl.gl.state import GlState
 

@@ -8,9 +8,9 @@ from enum import Enum
 
 import moderngl
 import numpy as np
+from numpy.typing import NDArray
 
-from omnisim.core.array_types import Float64s, Indices, Mask
-from omnisim.core.world import ObjectPart, Poses
+from omnisim.core.world import ObjectPart
 from omnisim.rendering.camera.quality import DEFAULT_MIRRORS, DEFAULT_PROBES
 from omnisim.rendering.opengl.atlas.tile_plan import PosedViews, TilePlan, TileViews, clips_from_rig
 from omnisim.rendering.opengl.culling.cluster_culling import (
@@ -39,7 +39,7 @@ class SceneParts(Enum):
     STATIC = "static"
     MOVING = "moving"
 
-    def mask(self, items: Sequence[DrawItem]) -> Mask:
+    def mask(self, items: Sequence[DrawItem]) -> NDArray[np.bool_]:
         """Mask (items,) of the parts' items."""
         if self is SceneParts.ALL:
             return np.ones(len(items), dtype=np.bool_)
@@ -48,19 +48,27 @@ class SceneParts(Enum):
 
 @dataclass(frozen=True)
 class VirtualCameras:
-    """Settings of the virtual cameras."""
+    """Settings of the virtual cameras.
 
-    # depth range; far_m may be infinite
+    Attributes:
+        near_m, far_m: depth range; far_m may be infinite.
+        samples: samples per texel.
+        unlit: show plain base colors.
+        background: linear RGB of rays that hit nothing.
+        hidden: parts of dynamic objects to leave out.
+        both_sides: draw back faces, too.
+        mirrors: maximum number of planar mirrors in view, and of panes, that reflect the scene.
+        reflection_probes: maximum number of probes that curved and rough surfaces reflect.
+    """
+
     near_m: float
     far_m: float
-    samples: int = 1  # samples per texel
-    unlit: bool = False  # show plain base colors
-    background: tuple[float, float, float] = (0.0, 0.0, 0.0)  # linear RGB of rays that hit nothing
-    hidden: frozenset[ObjectPart] = frozenset()  # parts of dynamic objects to leave out
-    both_sides: bool = False  # draw back faces, too
-    # maximum number of planar mirrors in view, and of panes, that reflect the scene
+    samples: int = 1
+    unlit: bool = False
+    background: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    hidden: frozenset[ObjectPart] = frozenset()
+    both_sides: bool = False
     mirrors: int = DEFAULT_MIRRORS
-    # maximum number of probes that curved and rough surfaces reflect
     reflection_probes: int = DEFAULT_PROBES
 
 
@@ -71,14 +79,18 @@ class TileRenderer:
     and programs.
 
     Args:
+        buffers: scene and dynamic objects.
+        plan: tiles of the atlas.
         cameras: virtual cameras; only depth range and sides matter here.
         items: (n,) items to draw one by one, front to back.
         find_program: function from a bucket of clusters to its program.
         depth: depth of the atlas; None if shaders cannot read it.
+        samples: samples per texel.
         max_cameras: maximum number of cameras drawn together, one target layer each.
         blended_items: number of blended items that the GPU sorts.
 
     Attributes:
+        views: views of the tiles.
         culler: culler of the clusters; None without clusters.
     """
 
@@ -87,7 +99,7 @@ class TileRenderer:
         buffers: SceneBuffers,
         plan: TilePlan,
         cameras: VirtualCameras,
-        items: Indices,
+        items: NDArray[np.intp],
         find_program: Callable[[Bucket], BucketProgram],
         depth: moderngl.Texture | moderngl.TextureArray | None,
         samples: int = 1,
@@ -140,7 +152,7 @@ class TileRenderer:
             clips_from_tiles = clips_from_rig(plan, *self._depths_m)
             self._cluster_views.use_tiles(clips_from_tiles, plan.rectangles_px)
 
-    def select(self, left_out: Mask, parts: SceneParts = SceneParts.ALL) -> None:
+    def select(self, left_out: NDArray[np.bool_], parts: SceneParts = SceneParts.ALL) -> None:
         """Select items to draw; clusters of static items show all of them, or none.
 
         Args:
@@ -180,8 +192,8 @@ class TileRenderer:
     def draw(
         self,
         target: moderngl.Framebuffer,
-        world_from_rig: Float64s,
-        world_from_objects: Poses,
+        world_from_rig: NDArray[np.float64],
+        world_from_objects: Sequence[NDArray[np.float64]],
         drawer: SceneDrawer[P],
     ) -> None:
         """Draw the clusters of all tiles, then the items.
@@ -189,6 +201,8 @@ class TileRenderer:
         Args:
             target: framebuffer, cleared by `begin`.
             world_from_rig: (4, 4) pose of the camera's rig.
+            world_from_objects: (4, 4) each, poses of the dynamic objects.
+            drawer: drawer of the items.
         """
         self.draw_clusters(target, world_from_rig, world_from_objects)
         self.draw_one_by_one(target, world_from_rig, world_from_objects, drawer)
@@ -196,8 +210,8 @@ class TileRenderer:
     def draw_one_by_one(
         self,
         target: moderngl.Framebuffer,
-        world_from_rig: Float64s,
-        world_from_objects: Poses,
+        world_from_rig: NDArray[np.float64],
+        world_from_objects: Sequence[NDArray[np.float64]],
         drawer: SceneDrawer[P],
     ) -> None:
         """Draw the items of all tiles, after the clusters."""
@@ -211,8 +225,8 @@ class TileRenderer:
     def draw_clusters(
         self,
         target: moderngl.Framebuffer,
-        worlds_from_rigs: Float64s,
-        worlds_from_objects: Float64s | Sequence[Float64s],
+        worlds_from_rigs: NDArray[np.float64],
+        worlds_from_objects: NDArray[np.float64] | Sequence[NDArray[np.float64]],
     ) -> None:
         """Draw the clusters of all tiles, for one camera or several, see `Views.write`."""
         if self.culler is not None:
@@ -226,7 +240,7 @@ class TileRenderer:
         target: moderngl.Framebuffer,
         views: PosedViews,
         transforms: InstanceTransforms,
-        order: Indices,
+        order: NDArray[np.intp],
         drawer: SceneDrawer[P],
     ) -> None:
         """Draw items in order of their indices (n,), each in the tiles that may show it."""

@@ -34,12 +34,8 @@ from omnisim.rendering.opengl.geometry.vertex_records import (
     NORMAL_BYTES,
     light_coordinates,
 )
-from omnisim.rendering.opengl.gl.memory import (
-    gpu_allocation,
-    gpu_buffer,
-    read_buffer,
-    written_buffer,
-)
+from omnisim.rendering.opengl.gl.buffers import gpu_buffer, read_buffer, written_buffer
+from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.materials.scene_textures import TextureArray, vertex_details
 from omnisim.scene.model import AlphaMode, Lighting, LightKind
 

@@ -12,7 +12,8 @@ from omnisim.core.array_types import Float32s, UInt32s
 from omnisim.core.errors import GraphicsError
 from omnisim.rendering.opengl.geometry.geometry_store import IndexRange
 from omnisim.rendering.opengl.geometry.triangle_table import TriangleTable
-from omnisim.rendering.opengl.gl.memory import gpu_allocation, gpu_buffer, written_buffer
+from omnisim.rendering.opengl.gl.buffers import gpu_buffer, written_buffer
+from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.shader_files import build_compute_shader
 from omnisim.scene.motion.deformation import Deformation
 

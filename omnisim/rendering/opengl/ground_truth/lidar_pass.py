@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
-from functools import lru_cache, partial
+from functools import lru_cache
 
 import moderngl
 import numpy as np
+from numpy.typing import NDArray
 
 from omnisim.cameras import CylindricalCamera
-from omnisim.core.array_types import Int32s
 from omnisim.core.coordinate_frames import BASE_FROM_OPTICAL_LOOKING_AHEAD
 from omnisim.core.poses import pose_from_rotation, rotation_from_yaw
 from omnisim.core.world import ObjectPart
@@ -49,6 +49,8 @@ class LidarPass:
     The virtual cameras of a slice width are created once.
 
     Args:
+        buffers: scene and dynamic objects.
+        beams: beams of the lidar.
         near_m: minimum range.
         hidden: parts of dynamic objects that beams pass through.
         geometry: geometry of the scene in its current state, for the triangles of hits; None: hits
@@ -67,7 +69,7 @@ class LidarPass:
         geometry: Callable[[], Geometry] | None = None,
     ):
         self._buffers, self._beams, self._geometry = buffers, beams, geometry
-        self._first_triangles: tuple[Geometry, Int32s] | None = None
+        self._first_triangles: tuple[Geometry, NDArray[np.int32]] | None = None
         self._cameras = VirtualCameras(
             near_m, beams.max_range_m, hidden=frozenset(hidden), both_sides=True
         )
@@ -79,7 +81,7 @@ class LidarPass:
             self._target = framebuffer(context, [self._hits])
         self._readback = PixelReadback(context)
         self._directions = beams.directions
-        self._sector = lru_cache(maxsize=4)(partial(_Sector, buffers, beams, self._cameras))
+        self._sector = lru_cache(maxsize=4)(self._make_sector)
 
     def refresh(self) -> None:
         """Update after the buffers changed."""
@@ -128,12 +130,16 @@ class LidarPass:
             return 0.0
         return float(0.5 * (azimuths_rad[one.first] + azimuths_rad[one.last - 1]))
 
+    def _make_sector(self, firings: int, is_whole: bool) -> _Sector:
+        return _Sector(self._buffers, self._beams, self._cameras, firings, is_whole)
+
 
 class _Sector:
     """Virtual cameras of a slice, or of a part of it, centered on its middle azimuth.
 
     Args:
         buffers, beams, cameras: see `LidarPass`.
+        firings: number of firings in the slice.
         is_whole: the slice is a whole revolution.
 
     Attributes:
@@ -164,7 +170,11 @@ class _Sector:
         self._path_m = uniform(program, "u_path_m")
 
     def render(
-        self, one: Slice, target: moderngl.Framebuffer, rays: moderngl.Texture, heading_rad: float
+        self,
+        one: Slice,
+        target: moderngl.Framebuffer,
+        rays: moderngl.Texture,
+        heading_rad: float,
     ) -> None:
         """Draw the hits of a slice's beams."""
         world_from_rig = one.middle.world_from_lidar @ pose_from_rotation(

@@ -14,12 +14,8 @@ from omnisim.rendering.opengl.gl.framebuffers import layered_target
 from omnisim.rendering.opengl.gl.gpu_textures import texture_array
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.state import GlState
-from omnisim.rendering.opengl.ground_truth.visibility_pass import (
-    CameraPoses,
-    VisibilityPass,
-    atlas_formats,
-    clear_colors,
-)
+from omnisim.rendering.opengl.ground_truth.visibility_pass import CameraPoses, VisibilityPass
+from omnisim.rendering.opengl.ground_truth.visibility_program import atlas_formats, clear_colors
 
 
 class VisibilityLayers:

@@ -11,8 +11,8 @@ import omnisim
 PACKAGE = Path(omnisim.__file__).parent
 ROOM = "rendering/opengl/gl"
 MAKERS = {
-    "buffer": "memory.py",
-    "external_buffer": "memory.py",
+    "buffer": "buffers.py",
+    "external_buffer": "buffers.py",
     "texture": "gpu_textures.py",
     "texture3d": "gpu_textures.py",
     "texture_array": "gpu_textures.py",
@@ -75,7 +75,7 @@ def test_objects_are_made_in_one_package():
             "from omnisim.rendering.opengl.gl.functions import end_pass",
         ),
         ("rendering/opengl/pipeline.py", "from ..gl.functions import gl_function"),
-        (f"{ROOM}/memory.py", "buffer.write_chunks(data, 0, 8, 2)"),
+        (f"{ROOM}/buffers.py", "buffer.write_chunks(data, 0, 8, 2)"),
     ],
 )
 def test_other_ways_are_found(name, line):
