@@ -32,8 +32,7 @@ class Atlas(NamedTuple):
     unwrappings: dict[int, Unwrapping]  # unwrapping by index of the mesh
     # (n, 4) int rectangles of the instances: left, top, width, height; zeros: none
     rects_px: Indices
-    # (n, 4) rectangles of the backs, for instances with a visible back
-    back_rects_px: Indices
+    back_rects_px: Indices  # (n, 4) rectangles of the backs, for instances with a visible back
     texels_m: Float64s  # (n,) texel width of each instance
     size_px: tuple[int, int]  # width and height
 

@@ -39,15 +39,12 @@ class Patches:
     places: Indices  # (p,) texel; outside of the atlas: atlas size + instance
     areas_m2: Float32s  # (p,) areas
     albedo: Float32s  # (p, 3) diffuse reflectance, linear RGB
-    # (p, 3) diffuse transmittance of frosted glass, from the opposite patch
-    transmitted: Float32s
+    transmitted: Float32s  # (p, 3) diffuse transmittance of frosted glass, from the opposite patch
     emission: Float32s  # (p, 3) emitted light, as seen
     spacing_m: Float32s  # (p,) texel width
-    # (2, places) int32 patch on each side of each place; `NO_PATCH`: none
-    of_place: Int32s
+    of_place: Int32s  # (2, places) int32 patch on each side of each place; `NO_PATCH`: none
     corners_px: Float32s  # (m, 3, 2) triangle corners in the atlas
-    # (m,) the back of the triangle faces open space, not the inside of a solid
-    is_hollow: Mask
+    is_hollow: Mask  # (m,) the back of the triangle faces open space, not the inside of a solid
     has_rect: Mask  # (surfaces,) instances with a rectangle in the atlas
     # (surfaces,) texels from the place of a front to that of its back; 0: no back
     back_shift: Indices

@@ -35,8 +35,7 @@ class Ways(NamedTuple):
     # (n, 3) shares of the light from each way, linear RGB
     reflected: Float32s
     passed: Float32s
-    # (n,) mask of the backs of single-sided panes, which only pass light
-    is_invisible: Mask
+    is_invisible: Mask  # (n,) mask of the backs of single-sided panes, which only pass light
     # (n, 3) unit normals, interpolated and of the triangle, facing the rays
     normals: Float32s
     planes: Float32s

@@ -36,8 +36,7 @@ class Echoes(NamedTuple):
     # without panes and mirrors
     intensities: Float64s
     surfaces: Int32s  # (m,) indices into the geometry's surfaces
-    # (m,) mask of echoes of surfaces that are not specular and directly hit
-    is_certain: Mask
+    is_certain: Mask  # (m,) mask of echoes of surfaces that are not specular and directly hit
 
     def take(self, indices: Indices) -> Echoes:
         """The selected echoes."""

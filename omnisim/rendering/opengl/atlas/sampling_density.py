@@ -32,8 +32,7 @@ class RegionDensity(NamedTuple):
     # (2, 2) lower and upper bounds of the region's tangents (right, down); regions of a face do
     # not overlap
     region: Float64s
-    # (2, 2) bounds of the part of the region that the image samples
-    seen_region: Float64s
+    seen_region: Float64s  # (2, 2) bounds of the part of the region that the image samples
 
 
 class SamplingDensity:

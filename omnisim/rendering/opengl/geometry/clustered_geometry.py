@@ -149,8 +149,7 @@ class ClusteredGeometry:
     """Instances of opaque and masked materials, see `build_clustered_geometry`."""
 
     buckets: tuple[Bucket, ...]  # buckets in the order of the hierarchy
-    # (3,) float64 world position of the origin of object 0, the static geometry
-    anchor_m: Float64s
+    anchor_m: Float64s  # (3,) float64 world position of the origin of object 0, the static geometry
     objects: int  # number of objects: the static one and the dynamic ones
     # clusters of one bucket and one object each; it orders the triangles of all contained draw
     # items

@@ -63,8 +63,7 @@ class DrawItem:
     base: int  # first vertex of its mesh in the vertex buffer
     material: Material  # material of the mesh
     texture_layer: MaterialTexture  # textures of the material on this mesh
-    # (4, 4) float64, to the world or the dynamic object's frame
-    object_from_mesh: Float64s
+    object_from_mesh: Float64s  # (4, 4) float64, to the world or the dynamic object's frame
     # (3, 3) cofactors of its linear part, signed to keep normals outward
     normal_from_mesh: Float64s
     flips_winding: bool  # True if the transform reverses the winding of triangles

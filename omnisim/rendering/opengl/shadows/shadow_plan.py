@@ -259,8 +259,7 @@ _GUTTER_PX = 3.0  # beyond the 90° of a face, because lookups are offset from t
 class PunctualView(NamedTuple):
     """Views of a point or spot light."""
 
-    # (faces, 3, 3), rows x, y and forward; one face, or the six of a cube
-    axes: Float64s
+    axes: Float64s  # (faces, 3, 3), rows x, y and forward; one face, or the six of a cube
     tangent: float  # tangent of half of each face's field of view
 
 

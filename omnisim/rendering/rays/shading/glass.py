@@ -30,8 +30,7 @@ class Refracted(NamedTuple):
     """Rays (m,) that pass surfaces of glass."""
 
     rays: Rays  # (m,) with virtual origins: ranges are those of the whole path
-    # (m, 3) transmitted share of the light, linear RGB; 0: total reflection
-    shares: Float32s
+    shares: Float32s  # (m, 3) transmitted share of the light, linear RGB; 0: total reflection
     media: Int32s  # (m,) surfaces whose glass the rays are in, or `NO_MEDIUM`
 
 
@@ -41,8 +40,7 @@ class Glass(NamedTuple):
     # (surfaces,) transmitted share of the light that is not reflected; 0: no glass
     transmission: Float64s
     indices: Float64s  # (3, surfaces) refractive indices, for each channel
-    # (surfaces, 3) absorption coefficients of Beer and Lambert's law, 1/m
-    absorption: Float64s
+    absorption: Float64s  # (surfaces, 3) absorption coefficients of Beer and Lambert's law, 1/m
     is_dispersive: bool  # True if indices differ among the channels
 
     @classmethod

@@ -18,11 +18,9 @@ from omnisim.scene.model import LAMP_NEAR_M, Light, Lighting, LightKind
 class LampLight(NamedTuple):
     """Light of one lamp at points."""
 
-    # (3,) or (n, 3) linear RGB on a surface that faces the lamp, at level 1
-    color: Float32s
+    color: Float32s  # (3,) or (n, 3) linear RGB on a surface that faces the lamp, at level 1
     levels: Float32s  # (n,) factors of the color
-    # (n, 3) unit, toward the lamp; or (1, 3), the same for all points
-    directions: Float32s
+    directions: Float32s  # (n, 3) unit, toward the lamp; or (1, 3), the same for all points
 
     def take(self, indices: Indices) -> LampLight:
         """Light at the selected points."""
