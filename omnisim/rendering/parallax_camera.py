@@ -20,8 +20,7 @@ from omnisim.ground_truth.hits import HitDetails
 from omnisim.rendering.backend import CameraSetup, SceneBackend
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.parallax_plan import parallax_tiles, sample_rays
-from omnisim.rendering.opengl.capture.depth_pyramid import DepthPyramid
-from omnisim.rendering.opengl.capture.parallax_pass import ChromaticPass, ParallaxPass
+from omnisim.rendering.opengl.capture.parallax_pass import ChromaticPass, DepthPyramid, ParallaxPass
 from omnisim.rendering.opengl.capture.parallax_rays import ParallaxRays, SampleRays
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
 from omnisim.rendering.opengl.gl.context import Context

@@ -19,17 +19,20 @@ from omnisim.core import poses
 from omnisim.core.array_types import Float64s
 from omnisim.core.errors import OpticsError
 from omnisim.core.short_repr import short_repr
-from omnisim.rendering.auto_mesh import MAX_ERROR_PX, auto_polygons, max_polygons, mesh_error_px
 from omnisim.rendering.camera.degradations import Degradation
 from omnisim.rendering.camera.quality import (
     DEFAULT_MIRRORS,
     DEFAULT_NEAR_M,
     DEFAULT_PROBES,
     DEFAULT_QUALITY,
+    MAX_ERROR_PX,
     MAX_IMAGE_PX,
     QUALITIES,
     Capture,
     QualityName,
+    auto_polygons,
+    max_polygons,
+    mesh_error_px,
     near_plane_m,
     quality_named,
 )

@@ -35,7 +35,6 @@ from omnisim.core.files.parameters import (
     parse_table,
 )
 from omnisim.core.files.toml_file import read_tables
-from omnisim.rendering.auto_mesh import max_polygons
 from omnisim.rendering.camera.degradations.degradation_file import parse_degradation
 from omnisim.rendering.camera.quality import (
     DEFAULT_QUALITY,
@@ -43,6 +42,7 @@ from omnisim.rendering.camera.quality import (
     Capture,
     QualityName,
     Size,
+    max_polygons,
     quality_named,
 )
 

@@ -65,7 +65,7 @@ def use_buffers(kind: str) -> None:
 
 def draw_nothing_blended() -> None:
     """Leave out blended triangles, whose indices and commands a shader writes."""
-    from omnisim.rendering.opengl.drawing.blended_drawer import BlendedDrawer
+    from omnisim.rendering.opengl.drawing.cluster_drawer import BlendedDrawer
 
     BlendedDrawer.draw = lambda self, *arguments: None
 

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
-from omnisim.rendering.opengl.drawing.blended_drawer import BlendedDrawer, arrays_of
-from omnisim.rendering.opengl.drawing.cluster_drawer import BucketProgram
+from omnisim.rendering.opengl.drawing.cluster_drawer import BlendedDrawer, BucketProgram, arrays_of
 from omnisim.rendering.opengl.drawing.sky_pass import SkyPass
 from omnisim.rendering.opengl.drawing.surface_program import (
     SurfacePrograms,

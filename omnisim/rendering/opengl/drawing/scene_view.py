@@ -13,8 +13,12 @@ from numpy.typing import NDArray
 
 from omnisim.core.world import time_of
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
-from omnisim.rendering.opengl.drawing.blended_drawer import BlendedDrawer, arrays_of, can_sort
-from omnisim.rendering.opengl.drawing.cluster_drawer import BucketProgram
+from omnisim.rendering.opengl.drawing.cluster_drawer import (
+    BlendedDrawer,
+    BucketProgram,
+    arrays_of,
+    can_sort,
+)
 from omnisim.rendering.opengl.drawing.scene_drawer import SceneDrawer
 from omnisim.rendering.opengl.drawing.sky_pass import SkyPass
 from omnisim.rendering.opengl.drawing.surface_program import (

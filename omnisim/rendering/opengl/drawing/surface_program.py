@@ -16,7 +16,7 @@ from omnisim.core.errors import GraphicsError
 from omnisim.core.world import Poses
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.capture.pixel_map import bind_tiles
-from omnisim.rendering.opengl.drawing.item_uniforms import (
+from omnisim.rendering.opengl.drawing.scene_drawer import (
     ItemProgram,
     connect_material,
     material_tables,

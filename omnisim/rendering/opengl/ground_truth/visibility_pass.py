@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.drawing.cluster_drawer import BucketProgram
-from omnisim.rendering.opengl.drawing.item_uniforms import material_tables
-from omnisim.rendering.opengl.drawing.scene_drawer import SceneDrawer
+from omnisim.rendering.opengl.drawing.scene_drawer import SceneDrawer, material_tables
 from omnisim.rendering.opengl.drawing.tile_renderer import TileRenderer, VirtualCameras
 from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import moderngl
 
 from omnisim.ground_truth.hits import HitDetails
-from omnisim.rendering.opengl.drawing.item_uniforms import (
+from omnisim.rendering.opengl.drawing.scene_drawer import (
     ItemProgram,
     connect_material,
     reflectance_defines,

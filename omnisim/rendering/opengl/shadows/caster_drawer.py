@@ -18,8 +18,7 @@ from omnisim.rendering.opengl.drawing.cluster_drawer import (
     ClusterDrawer,
     DrawBatches,
 )
-from omnisim.rendering.opengl.drawing.item_uniforms import ItemProgram
-from omnisim.rendering.opengl.drawing.scene_drawer import SceneDrawer
+from omnisim.rendering.opengl.drawing.scene_drawer import ItemProgram, SceneDrawer
 from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket, ClusteredGeometry
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem, InstanceTransforms
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
