@@ -228,23 +228,9 @@ def _follow_objects(rays: Rays, one: Slice, parts: Indices, shares: Float64s) ->
     poses = (state.world_from_objects for state in (one.start, one.middle, one.end))
     for part, (start, middle, end) in enumerate(zip(*poses, strict=True), start=1):
         if not np.array_equal(start, end):
-            moving = np.flatnonzero(parts == part)
-            _follow(rays, moving, shares[moving], start, middle, end)
-
-
-def _follow(
-    rays: Rays, indices: Indices, shares: Float64s, start: Float64s, middle: Float64s, end: Float64s
-) -> None:
-    """Move rays into the frame of a moving object's middle pose.
-
-    Args:
-        rays: rays of the slice, which are changed.
-        indices: indices of the rays to move.
-        shares: times of these rays, as shares of the slice.
-        start, middle, end: (4, 4) poses of the object during the slice.
-    """
-    world_from_object = start + shares[:, None, None] * (end - start)
-    moves = middle @ np.linalg.inv(world_from_object)
-    origins_m, directions = rays.origins_m[indices], rays.directions[indices]
-    rays.origins_m[indices] = np.einsum("nij,nj->ni", moves[:, :3, :3], origins_m) + moves[:, :3, 3]
-    rays.directions[indices] = np.einsum("nij,nj->ni", moves[:, :3, :3], directions)
+            own = np.flatnonzero(parts == part)
+            world_from_object = start + shares[own, None, None] * (end - start)
+            moves = middle @ np.linalg.inv(world_from_object)
+            rotations, origins_m = moves[:, :3, :3], rays.origins_m[own]
+            rays.origins_m[own] = np.einsum("nij,nj->ni", rotations, origins_m) + moves[:, :3, 3]
+            rays.directions[own] = np.einsum("nij,nj->ni", rotations, rays.directions[own])

@@ -44,8 +44,18 @@ class PixelHits:
     def cast(self, world_from_rig: Float64s, objects: ObjectState, details: HitDetails) -> Hits:
         """Cast all rays from a pose (4, 4)."""
 
+        camera = self._pixels.camera
+
         def of_band(number: int) -> CastHits:
-            return self._cast_band(number, world_from_rig, objects, details)
+            band = self._pixels.band(number)
+            return cast_hits(
+                self._scene,
+                band.aim(self._limits, camera.rig_from_optical, world_from_rig),
+                band.world_footprints(world_from_rig[:3, :3] @ camera.rig_from_optical),
+                world_from_rig[:3, 3],
+                objects,
+                details,
+            )
 
         bands = self._scene.in_threads(of_band, self._bands)
         hits = [band.hits for band in bands]
@@ -80,42 +90,18 @@ class PixelHits:
         """
 
         def of_batch(first: int) -> Mask:
-            batch = slice(first, first + _POINTS_PER_BATCH)
-            return self._occluded(batch, world_from_rig, objects, other_from_current)
+            own = slice(first, first + _POINTS_PER_BATCH)
+            seen = SeenPoints(self._points_m[own], self._draws_plus_one[own], self._triangles[own])
+            moved = seen._replace(points_m=moved_points(seen, other_from_current))
+            hit, camera = moved.surfaces_plus_one > 0, self._pixels.camera
+            starts_m = starts_of_rays(camera, moved.points_m, hit, world_from_rig)
+            return cast_occlusion(
+                self._scene, self._limits, moved, starts_m, world_from_rig, objects
+            )
 
         firsts = range(0, len(self._triangles), _POINTS_PER_BATCH)
         none = np.empty(0, dtype=np.bool_)
         return self._placed([none, *self._scene.in_threads(of_batch, firsts)], False)
-
-    def _cast_band(
-        self, number: int, world_from_rig: Float64s, objects: ObjectState, details: HitDetails
-    ) -> CastHits:
-        band, camera = self._pixels.band(number), self._pixels.camera
-        world_from_optical = world_from_rig[:3, :3] @ camera.rig_from_optical
-        return cast_hits(
-            self._scene,
-            band.aim(self._limits, camera.rig_from_optical, world_from_rig),
-            band.world_footprints(world_from_optical),
-            world_from_rig[:3, 3],
-            objects,
-            details,
-        )
-
-    def _occluded(
-        self,
-        batch: slice,
-        world_from_rig: Float64s,
-        objects: ObjectState,
-        other_from_current: Float64s,
-    ) -> Mask:
-        seen = SeenPoints(
-            self._points_m[batch], self._draws_plus_one[batch], self._triangles[batch]
-        )
-        moved = seen._replace(points_m=moved_points(seen, other_from_current))
-        starts_m = starts_of_rays(
-            self._pixels.camera, moved.points_m, moved.surfaces_plus_one > 0, world_from_rig
-        )
-        return cast_occlusion(self._scene, self._limits, moved, starts_m, world_from_rig, objects)
 
     def _placed(self, parts: list[NDArray[T]], otherwise: object) -> NDArray[T]:
         """Image (height, width, …) from values (n, …) of the pixels that have a ray."""

@@ -17,7 +17,6 @@ from omnisim.rendering.rays.shading.lights import CastShadow
 from omnisim.rendering.rays.shading.reflections import Paths, Tracing
 from omnisim.rendering.rays.shading.shading import Shading, View
 from omnisim.rendering.rays.shading.surface_light import straight_shares
-from omnisim.scene.light.environment import Environment
 from omnisim.scene.model import Fog, Scene
 
 # Maximum number of surfaces that a ray passes through; it ends at the last one.
@@ -91,7 +90,13 @@ class RayScene:
         poses, shading, glass = objects.world_from_objects, self.shading, None
         if paths is not None and not unlit and shading.is_glass.any():
             if shading.glass.is_dispersive and paths.channel is None:
-                return self._by_channel(rays, footprints, objects, paths, behind)
+                channels = [  # which dispersive glass refracts differently
+                    self.radiance(
+                        rays, footprints, objects, paths=paths._replace(channel=one), behind=behind
+                    )[:, one]
+                    for one in range(3)
+                ]
+                return np.stack(channels, axis=1)
             glass = GlassPassage(shading, paths, poses)
             paths = glass.paths
         sides = False if glass is None else glass.sides
@@ -113,7 +118,9 @@ class RayScene:
             missed = active[~is_hit]
             seen = background
             if environment is not None:
-                seen = _sky(environment, rays.directions[~is_hit], footprints, missed)
+                steps = None if footprints is None else np.linalg.norm(footprints[missed], axis=-1)
+                widths_rad = None if steps is None else steps.max(axis=-1)
+                seen = environment.seen(rays.directions[~is_hit], widths_rad)
             total[missed] += share[missed] * seen
             kept = np.flatnonzero(is_hit)
             active, rays, hits = active[kept], rays.take(kept), hits.take(kept)
@@ -151,23 +158,6 @@ class RayScene:
             active, behind = active[on], hits.triangles[on]
             rays = self.caster.behind(rays.take(on), hits.ranges_m[on])
         return total
-
-    def _by_channel(
-        self,
-        rays: Rays,
-        footprints: Float32s | None,
-        objects: ObjectState,
-        paths: Paths,
-        behind: Int32s | None,
-    ) -> Float32s:
-        """Radiance along rays that dispersive glass refracts differently in each channel."""
-        channels = [
-            self.radiance(
-                rays, footprints, objects, paths=paths._replace(channel=one), behind=behind
-            )[:, one]
-            for one in range(3)
-        ]
-        return np.stack(channels, axis=1)
 
     def first_hits(
         self,
@@ -277,15 +267,6 @@ class RayScene:
         opacity = np.where(is_blended, np.clip(alphas, 0.0, 1.0), 1.0).astype(np.float32)
         opacity[is_hole] = 0.0
         return opacity
-
-
-def _sky(
-    environment: Environment, directions: Float64s, footprints: Float32s | None, missed: Indices
-) -> Float32s:
-    """Radiance (n, 3) of the sky along the directions (n, 3) of the rays that missed."""
-    if footprints is None:
-        return environment.seen(directions)
-    return environment.seen(directions, np.linalg.norm(footprints[missed], axis=-1).max(axis=-1))
 
 
 class GlassPassage:

@@ -138,19 +138,15 @@ def deformed_hits(
         seen = np.flatnonzero(draw_ids == draw + 1)
         if len(seen):
             triangles = hits.triangles.ravel()[seen]
-            viewpoint_from_mesh = _viewpoint_from_mesh(one, current)
+            viewpoint_from_mesh = one.object_from_mesh.copy()
+            if one.object_index is not None:
+                pose = current.world_from_objects[one.object_index]
+                viewpoint_from_mesh = pose @ viewpoint_from_mesh
+            viewpoint_from_mesh[:3, 3] -= current.world_from_rig[:3, 3]
             flat[seen, :3] = _deformed(
                 flat[seen, :3].astype(np.float64), one, triangles, viewpoint_from_mesh, times_s
             )
     return hits._replace(points_and_ranges_m=points)
-
-
-def _viewpoint_from_mesh(one: DeformingDraw, poses: ScenePoses) -> Float64s:
-    matrix = one.object_from_mesh.copy()
-    if one.object_index is not None:
-        matrix = poses.world_from_objects[one.object_index] @ matrix
-    matrix[:3, 3] -= poses.world_from_rig[:3, 3]
-    return matrix
 
 
 def _deformed(

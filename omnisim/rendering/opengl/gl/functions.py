@@ -76,11 +76,7 @@ class IndirectDraws:
 
 
 class StorageBindings:
-    """Buffers bound to consecutive storage bindings.
-
-    Args:
-        first: first binding.
-    """
+    """Buffers bound to consecutive storage bindings; `first`: first binding."""
 
     def __init__(self, buffers: Sequence[moderngl.Buffer], first: int = 0):
         self.buffers = tuple(buffers)

@@ -179,11 +179,7 @@ class MaterialTexture(NamedTuple):
 
 
 class MaterialTextures:
-    """Textures of all requested materials.
-
-    Attributes:
-        table: records of the materials that are not matte.
-    """
+    """Textures of all requested materials; `table`: records of the materials that are not matte."""
 
     def __init__(self, context: moderngl.Context, is_matte: bool = False):
         self._context, self._is_matte = context, is_matte

@@ -289,7 +289,10 @@ class Shading:
             shadows = Shadows(hits.take(glossy), cast_shadow)
             lamps = lamps_at(self._lighting, points_m[glossy], normals[glossy], shadows)
         lamps = [lamp.facing(normals[glossy]) for lamp in lamps]
-        surroundings = self._surroundings(light[glossy], normals[glossy], lamps)
+        surroundings = None
+        if baked is not None:  # without the light of lamps
+            beyond: Float32s = light[glossy] - light_of_lamps(lamps, normals[glossy])
+            surroundings = np.maximum(beyond, np.float32(0.0), out=beyond)
         light[self.is_unlit[surfaces]] = 1.0
         light *= colors[:, :3]
         if len(glossy):
@@ -320,15 +323,6 @@ class Shading:
         """Mask (n,) of hits on the front of triangles; without poses, of static ones."""
         a, b, c = np.moveaxis(self._geometry.corners_m(hits.triangles, world_from_objects), 1, 0)
         return np.einsum("nc,nc->n", np.cross(b - a, c - a), hits.planes) > 0.0
-
-    def _surroundings(
-        self, baked: Float32s, normals: Float32s, lamps: Sequence[LampLight]
-    ) -> Float32s | None:
-        """Baked light (n, 3) minus the light of lamps, at least 0; None: no baked light."""
-        if self._lighting.baked is None:
-            return None
-        beyond: Float32s = baked - light_of_lamps(lamps, normals)
-        return np.maximum(beyond, np.float32(0.0), out=beyond)
 
     def _reflected(
         self,
