@@ -163,7 +163,7 @@ class OpenGLCamera(CameraBackend, Generic[HitsT]):
             return
         # an ideal camera needs none of them
         from omnisim.core.random_numbers import key_of
-        from omnisim.rendering.camera.degradations.effect import ImageGeometry
+        from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
         from omnisim.rendering.opengl.degradation.degradation_pass import DegradationPass
 
         geometry = ImageGeometry.of_camera(self._sensor.model)

@@ -16,8 +16,8 @@ from omnisim.core.world import ObjectPart
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits, ThroughHits
 from omnisim.ground_truth.lidar_beams import EchoLimits, LidarBeams
 from omnisim.rendering.backend import CameraBackend, CameraSetup, SceneBackend
-from omnisim.rendering.camera.degradations.effect import ImageGeometry, LinearImage
 from omnisim.rendering.camera.degradations.encoding import Encoding, eight_bits
+from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage
 from omnisim.rendering.hit_source import DeformingDraw, HitSource
 from omnisim.rendering.rays.beams import Beams, LidarCaster
 from omnisim.rendering.rays.caster import DepthLimits

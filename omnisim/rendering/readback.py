@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.errors import OpticsError
-from omnisim.rendering.camera.degradations.effect import MAX_EV, Metering
+from omnisim.rendering.camera.degradations.effect import MAX_EV
+from omnisim.rendering.camera.degradations.image_geometry import Metering
 
 T = TypeVar("T")
 U = TypeVar("U")

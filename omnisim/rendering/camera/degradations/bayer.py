@@ -12,12 +12,10 @@ from typing import Literal
 import numpy as np
 
 from omnisim.core.array_types import Float32s, Float64s, Indices, Mask
-from omnisim.rendering.camera.degradations.effect import (
-    DEFAULT_SHOT,
+from omnisim.rendering.camera.degradations.effect import DEFAULT_SHOT, SensorEffect, Shot
+from omnisim.rendering.camera.degradations.image_geometry import (
     ImageGeometry,
     LinearImage,
-    SensorEffect,
-    Shot,
     Step,
     UniformValue,
 )

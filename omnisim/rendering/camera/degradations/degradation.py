@@ -11,23 +11,21 @@ from typing import TYPE_CHECKING, Any
 from omnisim.core.array_types import Float32s
 from omnisim.core.errors import OpticsError
 from omnisim.core.short_repr import short_repr
-from omnisim.rendering.camera.degradations.effect import Metering
+from omnisim.rendering.camera.degradations.image_geometry import Metering
 
 if TYPE_CHECKING:  # an ideal camera needs none of them
     from omnisim.rendering.camera.degradations.bayer import Bayer
     from omnisim.rendering.camera.degradations.chromatic_aberration import ChromaticAberration
     from omnisim.rendering.camera.degradations.defocus import Defocus
     from omnisim.rendering.camera.degradations.dirt import Dirt
-    from omnisim.rendering.camera.degradations.effect import (
-        Effect,
-        ImageGeometry,
-        LinearImage,
-        OpticalEffect,
-        SensorEffect,
-        Step,
-    )
+    from omnisim.rendering.camera.degradations.effect import Effect, OpticalEffect, SensorEffect
     from omnisim.rendering.camera.degradations.encoding import Encoding
     from omnisim.rendering.camera.degradations.exposure import Exposure
+    from omnisim.rendering.camera.degradations.image_geometry import (
+        ImageGeometry,
+        LinearImage,
+        Step,
+    )
     from omnisim.rendering.camera.degradations.jpeg import Jpeg
     from omnisim.rendering.camera.degradations.noise import Noise
     from omnisim.rendering.camera.degradations.point_spread import PointSpread

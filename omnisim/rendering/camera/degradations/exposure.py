@@ -16,14 +16,11 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from omnisim.core.files.parameters import NotNegative, Number, Positive, Typical
-from omnisim.rendering.camera.degradations.effect import (
-    DEFAULT_SHOT,
-    Ev,
+from omnisim.rendering.camera.degradations.effect import DEFAULT_SHOT, Ev, SensorEffect, Shot
+from omnisim.rendering.camera.degradations.image_geometry import (
     ImageGeometry,
     LinearImage,
     Metering,
-    SensorEffect,
-    Shot,
     Step,
 )
 from omnisim.rendering.camera.degradations.reflectance import multiplied

@@ -20,10 +20,10 @@ from pydantic import Field
 
 from omnisim.core.array_types import Float32s, Float64s
 from omnisim.core.files.parameters import NotNegative, Number
-from omnisim.rendering.camera.degradations.effect import (
+from omnisim.rendering.camera.degradations.effect import OpticalEffect
+from omnisim.rendering.camera.degradations.image_geometry import (
     ImageGeometry,
     LinearImage,
-    OpticalEffect,
     Step,
     UniformValue,
 )

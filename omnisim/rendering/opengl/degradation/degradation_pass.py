@@ -13,7 +13,7 @@ import moderngl
 import numpy as np
 
 from omnisim.core.array_types import Float32s
-from omnisim.rendering.camera.degradations.effect import Metering, Step, UniformValue
+from omnisim.rendering.camera.degradations.image_geometry import Metering, Step, UniformValue
 from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer, use_target
 from omnisim.rendering.opengl.gl.functions import flush
 from omnisim.rendering.opengl.gl.gpu_textures import texture_2d

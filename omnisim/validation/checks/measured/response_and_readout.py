@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from omnisim.core.srgb import srgb_from_linear
 from omnisim.measurement.response import measure_response, measure_vignetting
 from omnisim.measurement.timing import line_profiles, measure_timing
-from omnisim.rendering.camera.degradations.effect import ImageGeometry
+from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
 from omnisim.report.measure import Measure
 from omnisim.report.report import ResultTable, Section
 from omnisim.validation.checks.measured.turning_board import FRAMES as BOARD_FRAMES

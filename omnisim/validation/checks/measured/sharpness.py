@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from omnisim.measurement.sharpness import MeasuredSharpness, measure_sharpness
-from omnisim.rendering.camera.degradations.effect import ImageGeometry
+from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
 from omnisim.report.measure import Measure
 from omnisim.report.report import ResultTable, Section
 from omnisim.validation.analytic_edges import Floats, gaussian, true_mtf50
