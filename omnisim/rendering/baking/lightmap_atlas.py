@@ -45,11 +45,7 @@ class Atlas(NamedTuple):
         }
 
     def charts(self, mesh_of: Sequence[int]) -> Int32s:
-        """Chart (height, width) of each texel; -1: none.
-
-        Args:
-            mesh_of: (n,) mesh of each instance.
-        """
+        """Chart (height, width) of each texel, −1: none, by the mesh (n,) of each instance."""
         charts = np.full(self.size_px[::-1], -1, dtype=np.int32)
         number = 0
         for rects_px in (self.rects_px, self.back_rects_px):
@@ -131,12 +127,7 @@ def _too_fine(texel_m: float, scene: Scene, texels: float) -> SceneError:
 
 
 def corner_pixels(scene: Scene, atlas: Atlas, swapped: Sequence[bool]) -> Float32s:
-    """Corners (m, 3, 2) of all triangles in the atlas, in texels; zeros outside of the atlas.
-
-    Args:
-        scene: scene whose instances are taken in order.
-        swapped: (n,) instances with swapped second and third corners.
-    """
+    """Corners (m, 3, 2) of all triangles, in texels; 0 outside; `swapped`: second with third."""
     corners = [np.empty((0, 3, 2), np.float32)]
     for index, instance in enumerate(scene.instances):
         left, top, wide, high = atlas.rects_px[index]

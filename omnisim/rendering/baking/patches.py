@@ -81,12 +81,7 @@ class Patches:
 def build_patches(
     rays: RayScene, specular: SpecularSurfaces, atlas: Atlas, is_hollow: Mask
 ) -> Patches:
-    """Patches of all static instances, ordered by place, fronts first.
-
-    Args:
-        atlas: atlas of the scene's instances.
-        is_hollow: (m,) mask of triangles, see `Patches`.
-    """
+    """Patches of all static instances, ordered by place, fronts first; see `Patches`."""
     geometry, scene = rays.caster.geometry, rays.scene
     width, height = atlas.size_px
     swapped = [bool(np.linalg.det(one.world_from_mesh[:3, :3]) < 0) for one in scene.instances]
@@ -189,10 +184,7 @@ def _appearance(
 
 
 def _spread_to_empty(of_texel: Int32s, charts: Int32s) -> Int32s:
-    """Patches (2, texels), with empty texels filled from covered neighbors.
-
-    Texels take patches of their own chart if any are near.
-    """
+    """Patches (2, texels), empty ones filled from neighbors, of their own chart if any are near."""
     from scipy.ndimage import distance_transform_edt
 
     height, width = charts.shape

@@ -70,12 +70,7 @@ def direct_intensities(
 def replace_specular(
     returns: Returns, scene: RayScene, rays: Rays, objects: ObjectState, limits: EchoLimits
 ) -> None:
-    """Replace the returns of beams (n,) that hit specular surfaces first by those behind them.
-
-    Args:
-        returns: first returns of the beams, without panes and mirrors.
-        rays: (n,) beams.
-    """
+    """Replace the returns of beams (n,) that hit specular surfaces first by those behind them."""
     is_specular = np.concatenate(([False], scene.shading.is_specular))
     specular = np.flatnonzero(is_specular[returns.surfaces_plus_one[0]])
     if len(specular):

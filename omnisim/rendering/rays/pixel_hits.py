@@ -22,11 +22,7 @@ T = TypeVar("T", bound=np.generic)
 
 
 class PixelHits:
-    """Hits of the rays of all pixels; constant data is computed once.
-
-    Attributes:
-        has_ray: (height, width) mask of pixels with a ray.
-    """
+    """Hits of all pixels' rays, kept for occlusion; `has_ray`: (height, width) mask."""
 
     def __init__(self, scene: RayScene, pixels: PixelRays, limits: DepthLimits):
         self._scene, self._pixels, self._limits = scene, pixels, limits

@@ -38,11 +38,7 @@ class Arrivals(NamedTuple):
 
 
 class ThroughCaster:
-    """Casts the rays of pixels that show glass or mirrors first.
-
-    Args:
-        scene: scene to cast at, in its current state.
-    """
+    """Casts the rays of pixels that show glass or mirrors first, at the current scene."""
 
     def __init__(self, scene: Callable[[], RayScene], setup: CameraSetup):
         self._scene, self._setup = scene, setup

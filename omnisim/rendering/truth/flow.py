@@ -97,10 +97,7 @@ def scene_flow(hits: Hits, objects_of_draws: Indices, transforms: Float64s) -> F
 
 
 def in_world(current: ScenePoses, other: ScenePoses) -> Float64s:
-    """Transforms (objects, 3, 4) from points to their motions along the world's axes.
-
-    The static scene's transforms are exactly 0.
-    """
+    """Transforms (objects, 3, 4) from points to motions along the world's axes; 0: static."""
     return moved_from_current(current, other)[:, :3] - np.eye(4)[:3]
 
 

@@ -63,11 +63,7 @@ class GroundTruth:
     def channels_through(
         self, names: Sequence[str], current: ScenePoses
     ) -> tuple[dict[str, NDArray[Any]], ThroughHits]:
-        """Channels without flow, and the surfaces behind glass and after mirrors.
-
-        Args:
-            names: see `channels`; without flow, scene flow, and channels through glass.
-        """
+        """Channels without flow, and the surfaces behind glass and after mirrors."""
         hits = self._source.hits(current, HitDetails.of_channels(names))
         channels = self._channels_of(hits, names, current, {})
         return channels, self._source.through(current, hits)

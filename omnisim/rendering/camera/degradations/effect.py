@@ -19,11 +19,7 @@ Rgb = tuple[NotNegative, NotNegative, NotNegative]
 
 
 class Effect(Parameters):
-    """Base of the tables in `[degradation]`: frozen dataclasses, named like their modules.
-
-    Attributes:
-        files: keys that name files beside the sensor file.
-    """
+    """Base of the tables in `[degradation]`; `files`: keys that name files beside its file."""
 
     files: ClassVar[tuple[str, ...]] = ()
 

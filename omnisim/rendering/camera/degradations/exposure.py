@@ -79,12 +79,7 @@ class Exposure(SensorEffect, name="degradation.exposure"):
         return min(max(metered, self.min_ev), self.max_ev)
 
     def next_ev(self, ev: float, metered_ev: float, later_s: float) -> float:
-        """Exposure of the next image in stops.
-
-        Args:
-            ev: exposure of this image.
-            later_s: time from this image to the next one.
-        """
+        """Exposure of the next image in stops, `later_s` after one with exposure `ev`."""
         if not self.auto:
             return self.ev
         if self.time_constant_s == 0.0:

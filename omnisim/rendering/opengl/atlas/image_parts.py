@@ -109,11 +109,7 @@ def _halves(rectangle: tuple[int, int, int, int]) -> list[tuple[int, int, int, i
 
 
 class _Lookups:
-    """Places of a grid's cells of pixels on the faces of a plan.
-
-    Args:
-        camera, plan, mesh_error_px: see `image_parts`.
-    """
+    """Places of a grid's cells of pixels on the faces of a plan, see `image_parts`."""
 
     def __init__(self, camera: CentralCamera, plan: TilePlan, mesh_error_px: float):
         self._plan = plan

@@ -120,9 +120,6 @@ class PixelMap:
         camera: camera; for supersampling, the one of the larger image.
         polygons: polygon count of the mirror's mesh; None: exact, by the camera model's GLSL file.
         traced: rays of an optical system's pixels (height, width), which has no such file.
-
-    Attributes:
-        context, camera, polygons: see the arguments.
     """
 
     def __init__(

@@ -71,7 +71,6 @@ class ClusterCuller:
         blended_items: number of blended items with commands of their own in all views.
 
     Attributes:
-        views: see the arguments.
         slices: command ranges of each slice. Each pass rewrites them: the previous pass is drawn
             before its depth is read.
         ranges: number of ranges in all slices.

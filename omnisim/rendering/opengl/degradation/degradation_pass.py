@@ -58,12 +58,7 @@ class DegradationPass:
         self._is_first = True
 
     def add(self, linear: moderngl.Texture, row_weights: Float32s | None = None) -> None:
-        """Add a sub-frame.
-
-        Args:
-            linear: texture with RGB and validity.
-            row_weights: (height,) share of each row's exposure; None: the whole exposure.
-        """
+        """Add a sub-frame, with each row's share (height,) of the exposure; None: the whole."""
         self._context.disable(moderngl.BLEND | moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         self._current = linear
         for step in self._optics:

@@ -91,14 +91,7 @@ def _state(bucket: Bucket, shader: BucketProgram, both_sides: bool, palette: int
 
 
 class ClusterDrawer:
-    """Draws visible clusters with the programs of one pass.
-
-    Args:
-        batches: states of the batches.
-
-    Attributes:
-        culler: see the arguments.
-    """
+    """Draws visible clusters with the programs of one pass."""
 
     def __init__(
         self,
@@ -287,10 +280,7 @@ class BlendedDrawer:
         return self._indices.size
 
     def draw(self) -> None:
-        """Sort and draw with the buffers of the culler's last run bound.
-
-        Needs blending enabled, and the state of `GlState.drawing`.
-        """
+        """Sort and draw after the culler's last run; needs blending, and `GlState.drawing`."""
         context, draws, culler = self._context, self._draws, self._culler
         self._bound.bind()
         self._shader.run(self._items, culler.views.cameras)

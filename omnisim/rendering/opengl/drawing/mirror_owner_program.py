@@ -16,12 +16,7 @@ _NUMBERS_UNIT = 0
 
 
 class MirrorOwnerProgram(ItemProgram):
-    """Program that draws the numbers of mirrors.
-
-    Args:
-        context: OpenGL context.
-        numbers: (n,) number of each triangle's mirror; 0: none.
-    """
+    """Program that draws the numbers (n,) of the triangles' mirrors; 0: none."""
 
     def __init__(self, context: moderngl.Context, numbers: NDArray[np.uint8]):
         files = "scene/mirror_owner.vert", "scene/mirror_owner.frag"

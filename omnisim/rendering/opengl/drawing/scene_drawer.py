@@ -20,11 +20,7 @@ from omnisim.rendering.opengl.materials.scene_textures import MAP_UNITS, bind_ma
 
 
 class ItemProgram:
-    """Program that draws items; uniforms that it lacks are skipped.
-
-    Args:
-        program: program of single items; one of clusters has none of these uniforms.
-    """
+    """Program that draws items; uniforms that it lacks, as those of clusters do, are skipped."""
 
     def __init__(self, program: moderngl.Program):
         self.program = program

@@ -18,12 +18,7 @@ _INSTANCE = np.dtype(  # inputs of shaders/scene/sky.vert
 
 
 class SkyPass:
-    """Draws the sky where nothing opaque is, before blended surfaces.
-
-    Args:
-        sky: texture of the environment map.
-        cameras: number of cameras drawn together, one layer each; None: one camera, no layers.
-    """
+    """Draws the sky where nothing opaque is; `cameras`: layers drawn together; None: no layers."""
 
     def __init__(
         self,

@@ -65,11 +65,7 @@ class ShadowSource(Protocol):
         """Set the samplers and blocks of a program that looks up shadows."""
 
     def prepare(self, viewpoint_m: Float64s, world_from_objects: Poses) -> None:
-        """Draw the maps that a frame needs, and bind them.
-
-        Args:
-            viewpoint_m: (3,) position of the viewpoint, world.
-        """
+        """Draw the maps that a frame from a viewpoint (3,), world, needs, and bind them."""
 
 
 _ALL_DIRECTIONS = (-1.0, -2.0)  # cosines of a cone with all directions: a point light's
@@ -296,12 +292,7 @@ class SurfaceProgram(ItemProgram):
             self._probes_viewpoint.write(offset_m.astype(np.float32))
 
     def set_mirrors(self, planes: Float64s, plan: TilePlan, world_from_rig: Float64s) -> None:
-        """Set the mirrors of a rig's pose (4, 4).
-
-        Args:
-            planes: (n, 4) unit normals, and the viewpoint's heights.
-            world_from_rig: (4, 4) pose.
-        """
+        """Set the planes (n, 4) of the mirrors of a rig's pose (4, 4): normals and heights."""
         if self._rig_from_world is not None:
             self._rig_from_world.write(columns_first(world_from_rig[:3, :3].T))
             bind_tiles(self.program, plan, np.eye(3))
@@ -364,7 +355,6 @@ class SurfacePrograms:
         shadows: shadow maps of its lights; None: no shadows.
 
     Attributes:
-        shadows: see the arguments.
         shared_passes: passes that all cameras share: by version of the buffers, number of probes,
             and background.
 

@@ -213,12 +213,7 @@ def build_clustered_geometry(
     dynamic_objects: int,
     alone: Collection[int] = (),
 ) -> ClusteredGeometry | None:
-    """Build the clustered geometry of a scene; None if no instance qualifies.
-
-    Args:
-        dynamic_objects: number of dynamic objects.
-        alone: indices of items to draw one by one.
-    """
+    """Clustered geometry of a scene without the items `alone`; None: none qualifies."""
     static_m = [item.center_m for item in items if item.object_index is None]
     anchor_m = np.zeros(3)
     if static_m:
@@ -380,11 +375,7 @@ class ShadedTriangles(NamedTuple):
 def shaded_triangles(
     context: moderngl.Context, items: Sequence[DrawItem], anchor_m: Float64s, lighting: Lighting
 ) -> ShadedTriangles:
-    """Triangles of items, with light baked into those whose shading allows it.
-
-    Args:
-        anchor_m: (3,) world position that static vertices are relative to.
-    """
+    """Triangles of items, relative to the anchor (3,), with light baked in where it can be."""
     total = sum(item.triangles for item in items)
     next_copy = sum(len(item.mesh.positions) for item in items)
     room = next_copy + next_copy // _ROOM_FOR_COPIES

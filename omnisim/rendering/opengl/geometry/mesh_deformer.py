@@ -77,10 +77,7 @@ class MeshDeformer:
         self._copied: tuple[TriangleTable, float] | None = None
 
     def run(self, time_s: float, vertices: moderngl.Buffer, table: TriangleTable | None) -> None:
-        """Write the vertices for a time and, if a table is given, their triangles.
-
-        Does nothing for a time that is already written.
-        """
+        """Write the vertices for another time and, if a table is given, their triangles."""
         context = self._context
         vertices.bind_to_storage_buffer(0)
         if time_s != self._time_s:

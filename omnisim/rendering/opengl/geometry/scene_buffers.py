@@ -53,7 +53,6 @@ class SceneBuffers:
             instance whole, one after the other: slower but simpler, the reference for clusters.
 
     Attributes:
-        context: see the arguments.
         draw_items: opaque and masked instances, then blended ones; each part sorted by material.
         radii_m: (n,) radii of their bounding spheres at 0 s.
         deforming: indices of items whose meshes deform.
@@ -235,11 +234,7 @@ class SceneBuffers:
     def instance_transforms(
         self, viewpoint_m: Float64s, world_from_objects: Poses = ()
     ) -> InstanceTransforms:
-        """Transforms of the items to the frame of a viewpoint (3,), world.
-
-        Args:
-            viewpoint_m: (3,) position of the viewpoint, world.
-        """
+        """Transforms of the items to the frame of a viewpoint (3,), world."""
         posed = self._world_transforms(world_from_objects)
         viewpoint_from_mesh = posed.viewpoint_from_mesh.copy()
         viewpoint_from_mesh[:, :3, 3] -= viewpoint_m  # in float64: precise far from the origin
@@ -279,12 +274,7 @@ class SceneBuffers:
         return transforms
 
     def deform(self, world_from_objects: Poses, *, triangles: bool = False) -> None:
-        """Write the vertices of deforming meshes for the time of the poses, before drawing.
-
-        Args:
-            world_from_objects: (4, 4) each, poses of the dynamic objects, with their time.
-            triangles: write the triangle table, too.
-        """
+        """Write deforming meshes for the time of the poses, and on request their triangles."""
         if not self.deforming.size:
             return
         if self._deformer is None:

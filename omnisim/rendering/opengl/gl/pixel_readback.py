@@ -120,11 +120,7 @@ class Reading:
 
 
 class PixelReadback:
-    """Ring of mapped buffers, which are created when they are needed.
-
-    Attributes:
-        context, fences: OpenGL context, and its fences.
-    """
+    """Ring of mapped buffers, which are created when they are needed."""
 
     def __init__(self, context: moderngl.Context):
         self.context = context

@@ -345,11 +345,7 @@ class MaterialTable:
 def vertex_details(
     context: moderngl.Context, meshes: Sequence[tuple[Mesh, int]]
 ) -> moderngl.Texture:
-    """Second texture coordinates and material record of each vertex, mesh after mesh.
-
-    Args:
-        meshes: meshes, each with its material's record.
-    """
+    """Second texture coordinates and material record of each vertex, mesh after mesh."""
     bases = np.cumsum([0, *(len(mesh.positions) for mesh, _ in meshes)]).tolist()
     placed = [(mesh, record, base) for (mesh, record), base in zip(meshes, bases, strict=False)]
     return placed_details(context, placed)

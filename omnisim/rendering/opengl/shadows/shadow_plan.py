@@ -94,11 +94,7 @@ class ShadowPlan:
         return tuple(light for light in self.punctual if light.casts_shadow)
 
     def middles_m(self, viewpoint_m: Float64s) -> Float64s:
-        """Centers (lights, cascades, 2) of the directional casters' cascades.
-
-        Args:
-            viewpoint_m: (3,) viewpoint relative to the anchor.
-        """
+        """Centers (lights, cascades, 2) of cascades, for a viewpoint (3,) from the anchor."""
         return np.array([one.middles_m(viewpoint_m) for one in self.cascades if one is not None])
 
     def clips(self, middles_m: Float64s, anchor_m: Float64s) -> Float64s:
@@ -155,11 +151,7 @@ class ShadowPlan:
         return scales
 
     def block_data(self, clips: Float64s) -> Float32s:
-        """Values (n, 4) of the uniform block of shaders/scene/shadow_places.glsl.
-
-        Args:
-            clips: (maps, 4, 4) clip_from_anchor matrices.
-        """
+        """Uniform block (n, 4) of shadow_places.glsl, of matrices (maps, 4, 4) clip_from_anchor."""
         places = [np.zeros((0, 4))]
         cascades = [np.zeros((0, 4))]
         ends = np.cumsum([block.columns * block.rows for block in self.blocks]).tolist()
@@ -340,7 +332,6 @@ class Cascades:
         count: number of cascades, at most `MAX_CASCADES`.
 
     Attributes:
-        axes: see the arguments.
         halves_m: half widths, ascending.
         depths_m: minimum and maximum z along the axes.
         depth_scale: half the largest width as a share of the depth.

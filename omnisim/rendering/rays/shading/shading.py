@@ -163,10 +163,7 @@ class Shading:
         return shares
 
     def media(self, hits: RayHits, media: Int32s, world_from_objects: Poses) -> Int32s:
-        """Media (n,) before hits of rays that started in media (n,), see `Refracted`.
-
-        The back of glass is hit from its inside.
-        """
+        """Media (n,) before hits of rays that started in media (n,): glass, if its back is hit."""
         surfaces = self.surfaces(hits)
         glass = np.flatnonzero(self.is_glass[surfaces])
         leaving = glass[~self.is_front(hits.take(glass), world_from_objects)]
