@@ -237,14 +237,7 @@ class Unwrapping(NamedTuple):
 
 
 def unwrap(mesh: Mesh, texels_from_mesh: Float64s) -> Unwrapping | None:
-    """Unwrap a mesh into charts that do not overlap.
-
-    Args:
-        texels_from_mesh: (3, 3) linear map from mesh coordinates to lengths in texels.
-
-    Returns:
-        Unwrapping; None: the mesh has no surface area.
-    """
+    """Unwrap a mesh, mapped by (3, 3) to lengths in texels, into charts; None: it has no area."""
     import xatlas
 
     positions = mesh.positions.astype(np.float64) @ texels_from_mesh.T

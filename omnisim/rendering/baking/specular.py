@@ -46,13 +46,7 @@ class Ways(NamedTuple):
 
 
 def chosen(ways: Ways, own: Float32s, numbers: Float32s) -> tuple[NDArray[np.int8], Float32s]:
-    """Ways (n,) at random, see `Way`, and the factors (n, 3) of their light.
-
-    Args:
-        ways: shares of the light from each way.
-        own: (n,) shares of the rays that end, relative to those of the light from other ways.
-        numbers: (n,) random numbers in (0, 1).
-    """
+    """Ways (n,) by numbers in (0, 1), `own` shares that end, and factors (n, 3) of their light."""
     own = np.where(ways.is_invisible, np.float32(0.0), own)
     mirrored, passed = ways.reflected.mean(axis=1), ways.passed.mean(axis=1)
     total = own + mirrored + passed
@@ -77,14 +71,7 @@ def chosen(ways: Ways, own: Float32s, numbers: Float32s) -> tuple[NDArray[np.int
 def onward(
     points_m: Float32s, directions: Float32s, ways: Ways, is_mirrored: Mask, start_m: float
 ) -> tuple[Float32s, Float32s]:
-    """Origins and directions (n, 3) of rays from specular surfaces, mirrored or straight on.
-
-    Args:
-        points_m, directions: (n, 3) hit points, and unit directions of the arriving rays.
-        ways: normals of the surfaces.
-        is_mirrored: (n,) mask; the other rays pass.
-        start_m: offset of the origins from the surfaces.
-    """
+    """Origins and directions (n, 3) of rays from surfaces hit at points (n, 3): mirrored, or on."""
     along = np.einsum("nc,nc->n", directions, ways.normals)
     turned = directions - 2.0 * along[:, None] * ways.normals
     below = np.maximum(_ABOVE - np.einsum("nc,nc->n", turned, ways.planes), 0.0)

@@ -20,13 +20,7 @@ CasterT = TypeVar("CasterT", bound=RangeFinder | BeamCaster)
 
 
 class _Followed(Generic[CasterT]):
-    """Caster that is chosen by the scene, again after each edit.
-
-    Args:
-        follows: tells whether beams are followed at glass and mirrors.
-        draw: makes the caster by virtual cameras.
-        cast: makes the caster by rays.
-    """
+    """Caster by virtual cameras (`draw`) or rays (`cast`), as the scene needs after each edit."""
 
     def __init__(
         self, follows: Callable[[], bool], draw: Callable[[], CasterT], cast: Callable[[], CasterT]

@@ -189,14 +189,7 @@ def cast_occlusion(
     world_from_rig: Float64s,
     objects: ObjectState,
 ) -> Mask:
-    """Mask (n,) of points that are occluded along rays from starts (n, 3), viewpoint frame.
-
-    Args:
-        moved: points at the time and in the frame of the viewpoint.
-        starts_m: (n, 3) ray origins.
-        world_from_rig: (4, 4) pose of the viewpoint.
-        objects: state of the dynamic objects at that time.
-    """
+    """Mask (n,) of moved points that rays from starts (n, 3), viewpoint frame, do not reach."""
     hit, ways_m = np.flatnonzero(moved.surfaces_plus_one), moved.points_m.copy()
     ways_m[hit] -= starts_m[hit]
     ends_m, lengths_m = np.full(len(ways_m), np.inf), np.linalg.norm(ways_m, axis=1)

@@ -116,13 +116,7 @@ def _steps(directions: Float64s, valid: Mask, axis: int) -> Float64s:
 
 
 class RayImage:
-    """Image of an ideal camera; constant data is computed once.
-
-    Args:
-        samples: camera whose pixels are the samples.
-        polygons: number of polygons of the mirror mesh; None: exact mirror.
-        supersampling: samples per pixel side, averaged in linear light.
-    """
+    """Image of an ideal camera, of `supersampling`² samples per pixel; constants are made once."""
 
     def __init__(
         self,

@@ -298,14 +298,7 @@ class GlassPassage:
     def refract(
         self, indices: Indices, view: View, colors: Float32s, opacity: Float32s
     ) -> tuple[Rays, Float32s]:
-        """Rays behind their hits, and transmitted shares (m, 3); 0 at all surfaces but glass.
-
-        Args:
-            indices: (m,) indices of the rays.
-            view: rays (m,) and their hits; all rays must hit.
-            colors: (m, 3 or more) base colors.
-            opacity: (m,) opacity of the surfaces; 0: holes, which refract nothing.
-        """
+        """Rays behind hits (m,) of rays at indices (m,), and shares (m, 3) that glass transmits."""
         shares = np.zeros((len(indices), 3), dtype=np.float32)
         is_glass = self._shading.is_glass[self._shading.surfaces(view.hits)]
         some = np.flatnonzero(is_glass & (opacity > 0.0))

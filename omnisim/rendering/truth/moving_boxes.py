@@ -36,15 +36,7 @@ class _JointBox(NamedTuple):
 
 
 class MovingBoxes:
-    """Bounding boxes in moving frames.
-
-    Args:
-        scene: static scene.
-        objects: dynamic objects.
-
-    Attributes:
-        corners_m: (8, 3) corners of each box, in its own frame; (0, 3) for an empty box.
-    """
+    """Bounding boxes in moving frames; `corners_m`: (8, 3) in each one's own, or (0, 3)."""
 
     def __init__(self, scene: Scene, objects: Iterable[Scene]):
         objects = list(objects)

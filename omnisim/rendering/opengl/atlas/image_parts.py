@@ -161,13 +161,7 @@ def _within(tile: Tile, first: Floats, last: Floats) -> _SeenCells:
 
 
 def _bounds(local: Floats, wider_at_rim: float) -> tuple[Floats, Floats]:
-    """Lower and upper tangents (rows, columns, 2) of cells; inverted where a face shows nothing.
-
-    Args:
-        local: directions (1 + rows, 1 + columns, 3) of the cells' corners in the face's frame; 0:
-            no ray.
-        wider_at_rim: share of their neighbors by which cells at a rim are wider.
-    """
+    """Lower and upper tangents (rows, columns, 2) of cells by their corners; inverted: none."""
     shown = local[..., 2] > _MIN_DEPTH
     tangents = local[..., :2] / np.where(shown, local[..., 2], 1.0)[..., None]
     corners = [

@@ -114,13 +114,7 @@ class RemapPass:
     def draw_batch(
         self, atlases: moderngl.TextureArray, target: moderngl.Framebuffer, count: int
     ) -> None:
-        """Draw encoded images, stacked vertically.
-
-        Args:
-            atlases: texture array with one atlas layer per image.
-            target: framebuffer at least `count` images high.
-            count: number of images, from the first layer.
-        """
+        """Draw the encoded images of the first `count` layers of atlases, stacked vertically."""
         self._state.bind_texture(0, atlases.glo)
         self._tables.bind()
         self._state.use(target)

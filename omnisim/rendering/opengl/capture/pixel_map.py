@@ -67,13 +67,7 @@ STRIP_PX = 8  # height of a rectangle
 
 
 def covering_triangles(valid: Mask) -> Float32s:
-    """Corners (n, 2) in px (right, down) of triangles that cover all valid pixels.
-
-    Three corners form a triangle. The image's first corner is (0, 0).
-
-    Args:
-        valid: (height, width) mask.
-    """
+    """Corners (3 n, 2) in px (right, down) of triangles over all pixels of a mask."""
     height = len(valid)
     triangles = []
     for top in range(0, height, STRIP_PX):

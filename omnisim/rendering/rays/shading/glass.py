@@ -63,13 +63,7 @@ class Glass(NamedTuple):
         return shares
 
     def ratios(self, surfaces: Int32s, is_front: Mask, channel: int | None) -> Float64s:
-        """Refractive indices (n,) behind surfaces (n,), relative to before them.
-
-        Args:
-            surfaces: (n,) surfaces of glass.
-            is_front: (n,) mask of rays that enter glass.
-            channel: channel of the light; None: the material's own index.
-        """
+        """Refractive indices (n,) behind surfaces (n,), relative to before them, for a channel."""
         indices = self.indices[_GREEN if channel is None else channel, surfaces]
         return np.where(is_front, indices, 1.0 / indices)
 
@@ -137,13 +131,7 @@ class Panes(NamedTuple):
         return cls(np.array(shares), np.array([material.ior for material in materials]), depths)
 
     def transmitted(self, surfaces: Int32s, colors: Floats, cosines: Floats) -> Float32s:
-        """Transmittance (n, 3), linear RGB.
-
-        Args:
-            surfaces: (n,) surface indices.
-            colors: (n, 3) base colors, linear RGB.
-            cosines: (n,) cosines of the angles of incidence.
-        """
+        """Transmittance (n, 3), linear RGB, by base colors (n, 3) and cosines of incidence (n,)."""
         passing = 1.0 - pane_reflectance(cosines, self.ior[surfaces])
         passing = passing * self.transmission[surfaces]
         return (passing[:, None] * colors).astype(np.float32)

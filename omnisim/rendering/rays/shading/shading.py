@@ -131,13 +131,7 @@ class Shading:
         world_from_objects: Poses = (),
         footprints: Float32s | None = None,
     ) -> Float32s:
-        """Linear RGBA (n, 4) base colors, before lighting.
-
-        Args:
-            rays, hits: (n,); all rays must hit.
-            footprints: (n, 2, 3) direction differences to the neighboring samples, world; None:
-                rays without width.
-        """
+        """Linear RGBA (n, 4) base colors, before lighting; footprints (n, 2, 3) filter textures."""
         surfaces = self.surfaces(hits)
         colors = self._base_color[surfaces]
         if self._geometry.colors is not None:
@@ -172,13 +166,7 @@ class Shading:
         return media
 
     def refracted(self, view: View, colors: Float32s, channel: int | None) -> Refracted:
-        """Rays that pass surfaces of thick glass.
-
-        Args:
-            view: rays (n,) and their hits, all on thick glass.
-            colors: (n, 3 or more) base colors.
-            channel: see `Glass.ratios`.
-        """
+        """Rays that pass surfaces of thick glass, all hit, with base colors (n, 3 or more)."""
         surfaces = self.surfaces(view.hits)
         is_front = self.is_front(view.hits, view.world_from_objects)
         normals = self.normals(view.hits, view.world_from_objects)

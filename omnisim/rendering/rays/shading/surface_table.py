@@ -38,13 +38,7 @@ class SurfaceValues(NamedTuple):
 
 
 class SurfaceTable:
-    """Material factors of all surfaces, and the tables of their maps.
-
-    Attributes:
-        is_matte: (surfaces,) mask.
-        maps: tables of textures, in the order of `Material.maps`.
-        normal_scales: (surfaces,) scales, for each of `NORMAL_SCALES`.
-    """
+    """Material factors of all surfaces, and the tables of their maps, as in `Material.maps`."""
 
     def __init__(self, surfaces: Sequence[Surface], is_matte: bool):
         materials = [surface.material for surface in surfaces]
