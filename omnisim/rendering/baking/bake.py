@@ -176,10 +176,7 @@ class Bake:
         return tile * TILE, min((tile + 1) * TILE, self.patches.count)
 
     def _places(self, first: int, last: int) -> tuple[Indices, list[Points]]:
-        """Patches with samples in a range, and sets of points, each with one sample per patch.
-
-        Rays use the sets in turn.
-        """
+        """Patches with samples in a range, and sets of points, one per patch, used in turn."""
         starts = self.patches.first[first : last + 1]
         counts = np.diff(starts)
         some = np.flatnonzero(counts)

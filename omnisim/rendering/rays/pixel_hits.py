@@ -76,14 +76,7 @@ class PixelHits:
     def occluded(
         self, world_from_rig: Float64s, objects: ObjectState, other_from_current: Float64s
     ) -> Mask:
-        """Mask (height, width) of the last hits' points that are occluded from another pose.
-
-        Args:
-            world_from_rig: (4, 4) the other pose.
-            objects: state of the dynamic objects at the other time.
-            other_from_current: (surfaces, 3, 4), moves points on each surface from the viewpoint
-                frame of the last hits to the other one.
-        """
+        """Mask (height, width) of the last hits' points that another pose (4, 4) does not see."""
 
         def of_batch(first: int) -> Mask:
             own = slice(first, first + _POINTS_PER_BATCH)

@@ -216,10 +216,7 @@ class RayScene:
         return Tracing(taken._replace(weights=taken.weights * shares[some].max(axis=1)), trace)
 
     def _shadow_caster(self, poses: Poses) -> CastShadow:
-        """Caster of shadow rays, which hit either side, and hidden instances too.
-
-        They pass glass straight.
-        """
+        """Caster of shadow rays: either side, hidden instances too, straight through glass."""
         everything, shading = ObjectState(poses), self.shading
         sees_through = shading.is_pane | shading.is_glass
 

@@ -51,16 +51,7 @@ def other_from_current(current: ScenePoses, other: ScenePoses) -> Float64s:
 
 
 def transform_points(points: Float64s, objects: Indices | None, transforms: Float64s) -> Float64s:
-    """Transform each point by its object's matrix.
-
-    Args:
-        points: (n, 4), last component 1, or 0 for a direction.
-        objects: (n,) object of each point; None: all on the static scene.
-        transforms: (objects, 3, 4) matrices.
-
-    Returns:
-        Transformed points (n, 3).
-    """
+    """Points (n, 4), last 0 for directions, by matrices (objects, 3, 4) of objects (n,)."""
     moved: Float64s = points @ transforms[0].T
     if objects is not None:
         for index in np.unique(objects):

@@ -146,12 +146,7 @@ class ParallaxPass:
         target: moderngl.Framebuffer,
         cast: CastSamples | None,
     ) -> None:
-        """Draw the valid pixels: encoded, and linear if the target has a second attachment.
-
-        Args:
-            atlas: atlas rendered from the viewpoint.
-            cast: function that colors undecided samples by rays; None: treat occluders as thin.
-        """
+        """Draw the valid pixels; `cast` colors undecided samples; without, occluders are thin."""
         self._pyramid.update(depth)
         self.draw_again(atlas, target, cast)
 

@@ -111,10 +111,7 @@ class DrawItem:
 
     @cached_property
     def _front_planes(self) -> Float64s:
-        """Planes (n, 4) of the triangles: unit normals of their fronts, and offsets.
-
-        They are those of the world, or of the dynamic object's frame.
-        """
+        """Planes (n, 4) of the fronts: unit normals and offsets, world or its object's."""
         positions_m = self.mesh.positions @ self.object_from_mesh[:3, :3].T
         positions_m += self.object_from_mesh[:3, 3]
         first_m, second_m, third_m = np.moveaxis(positions_m[self.mesh.triangles], 1, 0)

@@ -83,13 +83,7 @@ def interface_reflectance(cosines: Floats, ratios: Floats) -> Floats:
 
 
 def refracted_rays(rays: Rays, hits: RayHits, normals: Floats, ratios: Floats) -> Rays:
-    """Rays (n,) behind their hits; any direction at total reflection.
-
-    Args:
-        rays, hits: (n,); all rays must hit.
-        normals: (n, 3) unit normals of the visible side.
-        ratios: (n,) refractive indices behind the surfaces, relative to before them.
-    """
+    """Rays (n,) behind hits with unit normals (n, 3), by `ratios` (n,) of refractive indices."""
     normals = normals.astype(np.float64)
     along = np.clip(-np.einsum("nc,nc->n", normals, rays.directions), 0.0, 1.0)
     beyond = np.sqrt(np.maximum(1.0 - (1.0 - along**2) / ratios**2, 0.0))
