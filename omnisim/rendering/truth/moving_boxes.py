@@ -7,8 +7,8 @@ from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Float64s
 from omnisim.core.world import Pose, time_of
 from omnisim.scene import Scene
 from omnisim.scene.model import Instance
@@ -18,21 +18,13 @@ _MIN_VOLUME = 1e-12  # of a joint's transform: flatter ones are ignored
 
 
 class _JointBox(NamedTuple):
-    """Joint of a deforming mesh.
+    """Joint of a deforming mesh."""
 
-    Attributes:
-        object_index: index of the dynamic object with the mesh; None: static.
-        instance: instance of the mesh.
-        deformation: deformation of the mesh.
-        joint: index of the joint.
-        bind_from_object: (4, 4) transform at 0 s.
-    """
-
-    object_index: int | None
-    instance: Instance
-    deformation: Deformation
-    joint: int
-    bind_from_object: Pose
+    object_index: int | None  # index of the dynamic object with the mesh; None: static
+    instance: Instance  # instance of the mesh
+    deformation: Deformation  # deformation of the mesh
+    joint: int  # index of the joint
+    bind_from_object: Pose  # (4, 4) transform at 0 s
 
 
 class MovingBoxes:
@@ -75,6 +67,6 @@ class MovingBoxes:
         return poses
 
 
-def _corners_m(box_m: NDArray[np.float64]) -> NDArray[np.float64]:
+def _corners_m(box_m: Float64s) -> Float64s:
     corners = np.array(list(itertools.product(*box_m.T)))
     return corners if np.isfinite(corners).all() else corners[:0]

@@ -128,7 +128,12 @@ class _Lookups:
             face: _bounds(directions @ FACE_FROM_RIG[face].T, at_rim)
             for face in {tile.face for tile in plan.tiles}
         }
-        self._seen = [_within(tile, *bounds[tile.face]) for tile in plan.tiles]
+        self._seen = []  # cells within each tile
+        for tile in plan.tiles:
+            first, last = bounds[tile.face]
+            first, last = np.maximum(first, tile.region[0]), np.minimum(last, tile.region[1])
+            rows, columns = np.nonzero(np.all(first < last, axis=-1))
+            self._seen.append(_SeenCells(columns, rows, first[rows, columns], last[rows, columns]))
 
     def tiles(self, rectangle: tuple[int, int, int, int]) -> list[Tile]:
         """The whole plan's tiles, cut to what a rectangle of the image looks up."""
@@ -151,13 +156,6 @@ class _SeenCells(NamedTuple):
     rows: Indices
     first: Floats  # (n, 2), tangents
     last: Floats  # (n, 2)
-
-
-def _within(tile: Tile, first: Floats, last: Floats) -> _SeenCells:
-    """Cells within a tile, from the bounds (rows, columns, 2) of all cells on its face."""
-    first, last = np.maximum(first, tile.region[0]), np.minimum(last, tile.region[1])
-    rows, columns = np.nonzero(np.all(first < last, axis=-1))
-    return _SeenCells(columns, rows, first[rows, columns], last[rows, columns])
 
 
 def _bounds(local: Floats, wider_at_rim: float) -> tuple[Floats, Floats]:

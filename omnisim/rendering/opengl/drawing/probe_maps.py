@@ -57,7 +57,6 @@ class ProbeMaps:
     """Array of cube maps: light and inverse distance, then light filtered for roughness.
 
     Args:
-        context: OpenGL context.
         plan: atlas of six whole faces that probes are drawn into.
         near_m: near plane of the atlas's depth.
         cubes: number of probes.

@@ -27,7 +27,6 @@ class TriangleIds:
     """Table of triangle IDs: first single items, then clusters.
 
     Args:
-        buffers: scene and dynamic objects.
         one_by_one: (n,) items that are drawn one by one.
 
     Attributes:

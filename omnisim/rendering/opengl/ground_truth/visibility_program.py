@@ -74,7 +74,6 @@ class VisibilityProgram(ItemProgram):
     """Compiled variant with its uniforms.
 
     Attributes:
-        program: compiled OpenGL program.
         first_plus_one: uniform, 1 + ID of the first triangle.
         first_command: uniform for clusters, index of the first command.
     """

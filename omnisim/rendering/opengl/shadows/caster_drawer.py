@@ -20,7 +20,7 @@ from omnisim.rendering.opengl.drawing.cluster_drawer import (
 )
 from omnisim.rendering.opengl.drawing.scene_drawer import ItemProgram, SceneDrawer
 from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket, ClusteredGeometry
-from omnisim.rendering.opengl.geometry.draw_item import DrawItem, InstanceTransforms
+from omnisim.rendering.opengl.geometry.draw_item import DrawItem
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.geometry.vertex_records import INSTANCE
 from omnisim.rendering.opengl.gl.shader_files import build_program, columns_first
@@ -184,16 +184,12 @@ class CasterDrawer:
         with self._state.unclipped(), self._state.within_rectangles(target) as aim:
             for part in parts:
                 sides = frustum_planes(part.part_clip[None])[0, :4]  # casters at any depth count
-                seen = items[self._in_frustum(sides, transforms, items)]
+                inside_m = transforms.centers_m[items] @ sides[:, :3].T + sides[:, 3]
+                seen = items[np.all(inside_m.T + transforms.radii_m[items] >= 0.0, axis=0)]
                 aim(*part.map_px, within=part.part_px)
                 matrices = columns_first(part.clip @ transforms.viewpoint_from_mesh[seen])
                 for index, clip_from_mesh in zip(seen.tolist(), matrices, strict=True):
                     self._drawer.draw_item(index, clip_from_mesh)
-
-    def _in_frustum(self, planes: Float64s, transforms: InstanceTransforms, items: Indices) -> Mask:
-        """Mask of items (n,) whose bounding spheres are not outside of planes (k, 4)."""
-        inside_m = transforms.centers_m[items] @ planes[:, :3].T + planes[:, 3]
-        return np.all(inside_m.T + transforms.radii_m[items] >= 0.0, axis=0)
 
     def _cluster_drawer(
         self, geometry: ClusteredGeometry, rectangles_px: Float64s, size_px: tuple[int, int]
