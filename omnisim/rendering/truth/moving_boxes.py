@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from omnisim.core.arrays import Float64s
+from omnisim.core.array_types import Float64s
 from omnisim.core.world import Pose, time_of
 from omnisim.scene import Scene
 from omnisim.scene.model import Instance
