@@ -17,6 +17,7 @@ from omnisim.rendering.rays.shading.lights import CastShadow
 from omnisim.rendering.rays.shading.reflections import Paths, Tracing
 from omnisim.rendering.rays.shading.shading import Shading, View
 from omnisim.rendering.rays.shading.surface_light import straight_shares
+from omnisim.scene.light.environment import Environment
 from omnisim.scene.model import Fog, Scene
 
 # Maximum number of surfaces that a ray passes through; it ends at the last one.
@@ -118,9 +119,7 @@ class RayScene:
             missed = active[~is_hit]
             seen = background
             if environment is not None:
-                steps = None if footprints is None else np.linalg.norm(footprints[missed], axis=-1)
-                widths_rad = None if steps is None else steps.max(axis=-1)
-                seen = environment.seen(rays.directions[~is_hit], widths_rad)
+                seen = _sky(environment, rays.directions[~is_hit], footprints, missed)
             total[missed] += share[missed] * seen
             kept = np.flatnonzero(is_hit)
             active, rays, hits = active[kept], rays.take(kept), hits.take(kept)
@@ -264,6 +263,15 @@ class RayScene:
         opacity = np.where(is_blended, np.clip(alphas, 0.0, 1.0), 1.0).astype(np.float32)
         opacity[is_hole] = 0.0
         return opacity
+
+
+def _sky(
+    environment: Environment, directions: Float64s, footprints: Float32s | None, missed: Indices
+) -> Float32s:
+    """Radiance (n, 3) of the sky along the directions (n, 3) of the rays that missed."""
+    if footprints is None:
+        return environment.seen(directions)
+    return environment.seen(directions, np.linalg.norm(footprints[missed], axis=-1).max(axis=-1))
 
 
 class GlassPassage:
