@@ -27,7 +27,7 @@ from omnisim.cameras.optics.surface import Fate  # noqa: E402
 from omnisim.core.bilinear import corner_and_weights, interpolate  # noqa: E402
 from omnisim.plots.contact_sheet import contact_sheet  # noqa: E402
 from omnisim.plots.optics_plot import optics_figure  # noqa: E402
-from omnisim.rendering.auto_mesh import auto_polygons  # noqa: E402
+from omnisim.rendering.camera.quality import auto_polygons  # noqa: E402
 from omnisim.scene import load_scene  # noqa: E402
 
 FOLDER = ROOT / "examples" / "optics"

@@ -10,7 +10,8 @@ import numpy as np
 
 from omnisim.core.files.image_files import write_numbers
 from omnisim.rendering.camera.degradations import Noise
-from omnisim.rendering.camera.degradations.effect import ImageGeometry, Shot
+from omnisim.rendering.camera.degradations.effect import Shot
+from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
 
 NOISE = Noise(
     full_well_e=12_000.0,

@@ -15,6 +15,7 @@ from omnisim.core.poses import check_pose
 from omnisim.core.short_repr import short_repr
 
 Pose = Floats  # (4, 4)
+Poses = Sequence[Pose]  # of all dynamic objects, world_from_object
 # Index of a dynamic object, None for the static scene; and the name of its instance.
 ObjectPart = tuple[int | None, str]
 

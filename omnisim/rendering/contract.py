@@ -22,7 +22,8 @@ from omnisim.core.extras import missing_packages
 from omnisim.core.world import ObjectPart
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits, ThroughHits
 from omnisim.ground_truth.label_names import Labels
-from omnisim.rendering.camera.degradations.effect import MAX_EV, Metering
+from omnisim.rendering.camera.degradations.effect import MAX_EV
+from omnisim.rendering.camera.degradations.image_geometry import Metering
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.scene import Scene
 from omnisim.scene.labels import BODY, find_labels

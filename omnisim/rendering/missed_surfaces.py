@@ -25,12 +25,7 @@ MIN_FIELD_DEG = 10.0  # narrower fields are noted
 
 
 def near_plane_note(scene: Scene, sensor: OmniCamera, world_from_base: Float64s) -> str | None:
-    """Note on visible surfaces that are missing because they are too near; None: none.
-
-    Args:
-        sensor: camera before it takes the scene's near plane.
-        world_from_base: (4, 4) pose of its vehicle.
-    """
+    """Note on surfaces missing before the near plane, of a camera before `seeing`; or None."""
     seeing = sensor.seeing(scene_size_m(scene))
     names = surfaces_too_near(scene, seeing, world_from_base)
     if not names:

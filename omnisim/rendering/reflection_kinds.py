@@ -191,11 +191,7 @@ def _repeats(found: Reflectors, mirrors: Sequence[MirrorPlane], probes: int) -> 
 
 
 def frosted_notes(scene: Scene, is_traced: bool) -> list[str]:
-    """Notice on frosted glass that is drawn opaque.
-
-    Args:
-        is_traced: True for the ray back end, which draws frosted panes.
-    """
+    """Notice on frosted glass that is drawn opaque; `is_traced`: panes are not, by rays."""
     if scene.lighting.is_matte:
         return []
     surfaces = scene_surfaces(scene, [one.shape for one in scene.objects])

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from omnisim.cameras import CentralCamera, pixels_of_points
-from omnisim.core.array_types import Float64s
 from omnisim.core.files.parameters import Number, Parameters
 from omnisim.core.poses import pose_from_rotation
 from omnisim.core.world import Pose
@@ -68,7 +68,9 @@ class Twist(Parameters, name="twist"):
 
 
 def moved_px(
-    camera: CentralCamera, poses: Sequence[ScenePoses], object_corners_m: Sequence[Float64s] = ()
+    camera: CentralCamera,
+    poses: Sequence[ScenePoses],
+    object_corners_m: Sequence[NDArray[np.float64]] = (),
 ) -> float:
     """Largest motion in the image along poses of the camera and the dynamic objects, in pixels.
 
@@ -112,10 +114,10 @@ def moved_px(
 
 def _object_px(
     camera: CentralCamera,
-    seen: Float64s,
+    seen: NDArray[np.float64],
     world_from_optical: Sequence[Pose],
     world_from_object: Sequence[Pose],
-    corners_m: Float64s,
+    corners_m: NDArray[np.float64],
 ) -> float:
     """Largest motion of an object in the image, in pixels, from its nearest point on.
 
@@ -144,7 +146,9 @@ def _object_px(
     return float(sum(ways_m)) / (nearest_m or ASSUMED_DISTANCE_M) * _px_per_rad(camera)
 
 
-def _may_be_seen(seen: Float64s, corners_m: Float64s, optical_from_object: Sequence[Pose]) -> bool:
+def _may_be_seen(
+    seen: NDArray[np.float64], corners_m: NDArray[np.float64], optical_from_object: Sequence[Pose]
+) -> bool:
     """Tell whether the sphere around an object comes near any direction (n, 3) of the image."""
     middle_m = corners_m.mean(axis=0)
     radius_m = np.linalg.norm(corners_m - middle_m, axis=-1).max()
@@ -175,6 +179,8 @@ def _px_per_rad(camera: CentralCamera) -> float:
     return float(max(densities))
 
 
-def _moved(points_m: Float64s, target_from_source: Float64s) -> Float64s:
+def _moved(
+    points_m: NDArray[np.float64], target_from_source: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Points (n, 3) in another frame."""
     return points_m @ target_from_source[:3, :3].T + target_from_source[:3, 3]

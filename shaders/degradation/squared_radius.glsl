@@ -1,5 +1,5 @@
 // float squared_radius(vec2 pixel_px): square of the image radius, in units of half the image's
-// shorter side. Twin of omnisim/rendering/camera/degradations/effect.py.
+// shorter side. Twin of omnisim/rendering/camera/degradations/image_geometry.py.
 
 uniform vec2 u_center_px;
 uniform float u_inverse_radius_unit;  // 1/px

@@ -16,9 +16,8 @@ from omnisim.datasets.export.export_formats import FORMATS as EXPORTS
 from omnisim.datasets.export.export_formats import LAYOUTS
 from omnisim.datasets.export.ros2 import bag_format
 from omnisim.datasets.generate.plan import VaryTable
-from omnisim.rendering.auto_mesh import MAX_ERROR_PX
 from omnisim.rendering.baking.settings import DEFAULT_SAMPLES, DEFAULT_TEXELS
-from omnisim.rendering.camera.quality import NEAR_PER_SIZE
+from omnisim.rendering.camera.quality import MAX_ERROR_PX, NEAR_PER_SIZE
 from omnisim.rendering.opengl.cube_backend import LIDAR_NEAR_M
 from omnisim.rendering.opengl.culling.cluster_culling import MAX_COMMAND_BYTES
 from omnisim.rendering.shared_scene import BackendName

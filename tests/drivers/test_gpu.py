@@ -10,7 +10,7 @@ import tarfile
 import numpy as np
 import pytest
 
-from omnisim.rendering.opengl.gl import memory
+from omnisim.rendering.opengl.gl import buffers
 from omnisim.rendering.opengl.gl.functions import gl_function
 from tests.drivers.gpu import buffers_step, plan, steps
 from tests.drivers.gpu.plan import Outcome, PlannedStep, check_gpu, chosen_steps, summary_lines
@@ -145,13 +145,13 @@ def _parameter(buffer, name):
 
 @pytest.mark.parametrize("kind", HINTS)
 def test_buffers_are_mutable_with_the_hints_of_a_variant(kind, context, monkeypatch):
-    monkeypatch.setattr(memory, "gl_function", gl_function)
-    assert _parameter(memory.gpu_buffer(context, 64), IMMUTABLE_STORAGE) == 1
+    monkeypatch.setattr(buffers, "gl_function", gl_function)
+    assert _parameter(buffers.gpu_buffer(context, 64), IMMUTABLE_STORAGE) == 1
     use_buffers(kind)
     made = (
-        memory.gpu_buffer(context, 64),
-        memory.gpu_buffer(context, bytes(64)),
-        memory.written_buffer(context, 64),
+        buffers.gpu_buffer(context, 64),
+        buffers.gpu_buffer(context, bytes(64)),
+        buffers.written_buffer(context, 64),
     )
     assert [_parameter(buffer, IMMUTABLE_STORAGE) for buffer in made] == [0, 0, 0]
     static, dynamic, copied = 0x88E4, 0x88E8, 0x88EA
@@ -161,7 +161,7 @@ def test_buffers_are_mutable_with_the_hints_of_a_variant(kind, context, monkeypa
         "copy": [copied, static, dynamic],
     }[kind]
     made[2].write(b"12")
-    assert memory.read_buffer(made[2])[:2] == b"12"
+    assert buffers.read_buffer(made[2])[:2] == b"12"
 
 
 @pytest.mark.usefixtures("needs_opengl")

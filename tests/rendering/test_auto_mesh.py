@@ -11,8 +11,8 @@ from omnisim.cameras import HyperbolicCamera, PerspectiveCamera, pixel_grid
 from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.core.errors import OpticsError
 from omnisim.core.poses import pose
-from omnisim.rendering.auto_mesh import MAX_ERROR_PX, auto_polygons, mesh_error_px
 from omnisim.rendering.camera.captured_image import valid_mask
+from omnisim.rendering.camera.quality import MAX_ERROR_PX, auto_polygons, mesh_error_px
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
 from tests.scenes import room, scene_of
 

@@ -19,8 +19,8 @@ from omnisim.rendering.camera.degradations import (
     Shutter,
     preset,
 )
-from omnisim.rendering.camera.degradations.effect import ImageGeometry
 from omnisim.rendering.camera.degradations.encoding import eight_bits
+from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.stage import Stage, open_sensor
 from omnisim.rendering.twist import Twist

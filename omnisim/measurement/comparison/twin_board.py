@@ -25,7 +25,7 @@ from omnisim.measurement.geometry.boards import (
 )
 from omnisim.measurement.geometry.placed_board import PlacedBoard
 from omnisim.rendering.camera.degradations import Encoding
-from omnisim.rendering.camera.degradations.effect import ImageGeometry
+from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.stage import open_sensor
 from omnisim.scene.model import Instance, Lighting, Material, Mesh, Scene, StartPose

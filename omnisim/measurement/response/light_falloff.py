@@ -18,7 +18,7 @@ from scipy.ndimage import binary_erosion, median_filter
 from omnisim.core.errors import MeasurementError
 from omnisim.measurement.inputs import read_photo
 from omnisim.measurement.quantity import Quantity
-from omnisim.rendering.camera.degradations.effect import ImageGeometry
+from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
 from omnisim.rendering.camera.degradations.vignetting import MAX_TERMS, Vignetting
 
 Floats = NDArray[np.float64]

@@ -24,7 +24,7 @@ from omnisim.measurement.sharpness.edge_fit import (
 )
 from omnisim.measurement.sharpness.slanted_edge import GREEN, EdgeSharpness, measure_edge
 from omnisim.rendering.camera.degradations import ChromaticAberration, Encoding, PointSpread
-from omnisim.rendering.camera.degradations.effect import ImageGeometry
+from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
 from omnisim.rendering.camera.degradations.point_spread import MAX_WIDTH_PX
 
 MAX_ASYMMETRY = 0.02  # mean over the edges; gamma-encoded values have 0.03 and more

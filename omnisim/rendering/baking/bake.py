@@ -176,10 +176,7 @@ class Bake:
         return tile * TILE, min((tile + 1) * TILE, self.patches.count)
 
     def _places(self, first: int, last: int) -> tuple[Indices, list[Points]]:
-        """Patches with samples in a range, and sets of points, each with one sample per patch.
-
-        Rays use the sets in turn.
-        """
+        """Patches with samples in a range, and sets of points, one per patch, used in turn."""
         starts = self.patches.first[first : last + 1]
         counts = np.diff(starts)
         some = np.flatnonzero(counts)
@@ -231,10 +228,7 @@ class Bake:
         return emitters.focused(self.transport, at, shifts[tried])
 
     def _aimed(self, emitters: Emitters, places: list[Points], shifts: Float32s) -> Float32s:
-        """Light (n, 2, 3) of emitters, in two halves of the rays aimed at them.
-
-        The rays are divided among the sets of points.
-        """
+        """Light (n, 2, 3) of two halves of the rays aimed at emitters, divided among the places."""
         total = np.zeros((len(shifts), 2, 3), dtype=np.float32)
         points = spread_points(emitters.aimed)
         for number, at in enumerate(places):
@@ -360,12 +354,7 @@ _PROBED_TILES = 2  # per thread
 
 
 def estimate(bake: Bake, jobs: int | None = None) -> str:
-    """Time and size of a bake as text, measured on some of its tiles.
-
-    Args:
-        bake: bake to estimate.
-        jobs: number of threads; None: one per core.
-    """
+    """Time and size of a bake as text, measured on some of its tiles by `jobs` threads."""
     threads = jobs or os.cpu_count() or 1
     probes = bake.prober(bake.patches.emission)
     seconds = _seconds(bake.try_tile, bake.tiles, threads)
@@ -446,12 +435,7 @@ def _spacing(size_m: Float64s) -> tuple[float, Indices]:
 
 
 class ProbeBaker:
-    """Bakes probes with rays in all directions.
-
-    Args:
-        seen: (p, 3) light leaving the patches.
-        seed: seed of the random numbers.
-    """
+    """Bakes probes with rays in all directions; `seen`: (p, 3) light leaving the patches."""
 
     def __init__(
         self, scene: Scene, transport: Transport, gatherer: Gatherer, seen: Float32s, seed: int

@@ -256,12 +256,7 @@ _MIN_HALF, _MAX_HALF = 1e-6, 65504.0
 
 
 def rounded_halves(values: Floats, axes: int | tuple[int, ...]) -> NDArray[np.float16]:
-    """Round to steps set by the largest value along axes, as in shared-exponent colors.
-
-    Args:
-        values: linear light or factors of it, of any shape.
-        axes: axes along which values share a step.
-    """
+    """Round light to steps set by the largest value along axes, as in shared-exponent colors."""
     largest = np.abs(values).max(axis=axes, keepdims=True)
     steps = 2.0 ** (np.floor(np.log2(np.maximum(largest, _MIN_HALF))) - _BITS)
     return np.clip(np.round(values / steps) * steps, -_MAX_HALF, _MAX_HALF).astype(np.float16)

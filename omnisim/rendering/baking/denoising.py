@@ -47,13 +47,7 @@ class _Maps(NamedTuple):
 def denoised(
     patches: Patches, surfaces: TexelSurfaces, light: Float32s, halves: Float32s
 ) -> Float32s:
-    """Light (p, 3) of patches with most of its noise removed.
-
-    Args:
-        patches: patches of the scene; those outside of the atlas are unchanged.
-        light: (p, 3) gathered light.
-        halves: (p, 2, 3) the same from the even and the odd rays, separately.
-    """
+    """Light (p, 3) of patches with most noise removed, by `halves` (p, 2, 3) of the rays."""
     width, height = patches.size_px
     margin = 2 * max(_STEPS)
     some = np.flatnonzero(surfaces.is_valid & (patches.places < width * height))

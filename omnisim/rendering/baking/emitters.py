@@ -365,13 +365,7 @@ class Gatherer:
     def hits(
         self, places: list[Points], shifts: Float32s, first: int, last: int
     ) -> tuple[PatchHits, Float32s]:
-        """Hits and cosines of the rays `first` to `last` from origins (n,).
-
-        Args:
-            places: origins (n,) for the rays, used in turn.
-            shifts: (n, 2) shifts of the directions, one per place.
-            first, last: range of rays.
-        """
+        """Hits and cosines of rays `first` to `last` of places (n,), shifted by (n, 2)."""
         count = last - first
         origins = np.empty((len(shifts), count, 3), dtype=np.float32)
         directions = np.empty_like(origins)

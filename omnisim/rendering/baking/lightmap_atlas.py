@@ -32,8 +32,7 @@ class Atlas(NamedTuple):
     unwrappings: dict[int, Unwrapping]  # unwrapping by index of the mesh
     # (n, 4) int rectangles of the instances: left, top, width, height; zeros: none
     rects_px: Indices
-    # (n, 4) rectangles of the backs, for instances with a visible back
-    back_rects_px: Indices
+    back_rects_px: Indices  # (n, 4) rectangles of the backs, for instances with a visible back
     texels_m: Float64s  # (n,) texel width of each instance
     size_px: tuple[int, int]  # width and height
 
@@ -46,11 +45,7 @@ class Atlas(NamedTuple):
         }
 
     def charts(self, mesh_of: Sequence[int]) -> Int32s:
-        """Chart (height, width) of each texel; -1: none.
-
-        Args:
-            mesh_of: (n,) mesh of each instance.
-        """
+        """Chart (height, width) of each texel, −1: none, by the mesh (n,) of each instance."""
         charts = np.full(self.size_px[::-1], -1, dtype=np.int32)
         number = 0
         for rects_px in (self.rects_px, self.back_rects_px):
@@ -132,12 +127,7 @@ def _too_fine(texel_m: float, scene: Scene, texels: float) -> SceneError:
 
 
 def corner_pixels(scene: Scene, atlas: Atlas, swapped: Sequence[bool]) -> Float32s:
-    """Corners (m, 3, 2) of all triangles in the atlas, in texels; zeros outside of the atlas.
-
-    Args:
-        scene: scene whose instances are taken in order.
-        swapped: (n,) instances with swapped second and third corners.
-    """
+    """Corners (m, 3, 2) of all triangles, in texels; 0 outside; `swapped`: second with third."""
     corners = [np.empty((0, 3, 2), np.float32)]
     for index, instance in enumerate(scene.instances):
         left, top, wide, high = atlas.rects_px[index]
@@ -247,14 +237,7 @@ class Unwrapping(NamedTuple):
 
 
 def unwrap(mesh: Mesh, texels_from_mesh: Float64s) -> Unwrapping | None:
-    """Unwrap a mesh into charts that do not overlap.
-
-    Args:
-        texels_from_mesh: (3, 3) linear map from mesh coordinates to lengths in texels.
-
-    Returns:
-        Unwrapping; None: the mesh has no surface area.
-    """
+    """Unwrap a mesh, mapped by (3, 3) to lengths in texels, into charts; None: it has no area."""
     import xatlas
 
     positions = mesh.positions.astype(np.float64) @ texels_from_mesh.T

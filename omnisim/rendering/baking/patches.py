@@ -39,15 +39,12 @@ class Patches:
     places: Indices  # (p,) texel; outside of the atlas: atlas size + instance
     areas_m2: Float32s  # (p,) areas
     albedo: Float32s  # (p, 3) diffuse reflectance, linear RGB
-    # (p, 3) diffuse transmittance of frosted glass, from the opposite patch
-    transmitted: Float32s
+    transmitted: Float32s  # (p, 3) diffuse transmittance of frosted glass, from the opposite patch
     emission: Float32s  # (p, 3) emitted light, as seen
     spacing_m: Float32s  # (p,) texel width
-    # (2, places) int32 patch on each side of each place; `NO_PATCH`: none
-    of_place: Int32s
+    of_place: Int32s  # (2, places) int32 patch on each side of each place; `NO_PATCH`: none
     corners_px: Float32s  # (m, 3, 2) triangle corners in the atlas
-    # (m,) the back of the triangle faces open space, not the inside of a solid
-    is_hollow: Mask
+    is_hollow: Mask  # (m,) the back of the triangle faces open space, not the inside of a solid
     has_rect: Mask  # (surfaces,) instances with a rectangle in the atlas
     # (surfaces,) texels from the place of a front to that of its back; 0: no back
     back_shift: Indices
@@ -84,12 +81,7 @@ class Patches:
 def build_patches(
     rays: RayScene, specular: SpecularSurfaces, atlas: Atlas, is_hollow: Mask
 ) -> Patches:
-    """Patches of all static instances, ordered by place, fronts first.
-
-    Args:
-        atlas: atlas of the scene's instances.
-        is_hollow: (m,) mask of triangles, see `Patches`.
-    """
+    """Patches of all static instances, ordered by place, fronts first; see `Patches`."""
     geometry, scene = rays.caster.geometry, rays.scene
     width, height = atlas.size_px
     swapped = [bool(np.linalg.det(one.world_from_mesh[:3, :3]) < 0) for one in scene.instances]
@@ -101,7 +93,7 @@ def build_patches(
     triangle_m2 = 0.5 * np.linalg.norm(np.cross(edges_m[:, 0], edges_m[:, 1]), axis=1)
     spread = _spread_samples(triangle_m2, geometry.first_of_surface, ~has_rect, width * height)
     drawn = rasterize(corners_px, in_atlas, width)
-    samples = Samples(*map(np.concatenate, zip(drawn, spread, strict=True)))
+    samples = Samples(*(np.concatenate(parts) for parts in zip(drawn, spread, strict=True)))
     samples = samples.take(np.argsort(samples.texels, kind="stable"))
     places, first, counts = np.unique(samples.texels, return_index=True, return_counts=True)
     surfaces = geometry.surface_of_triangle[samples.triangles[first]]
@@ -192,10 +184,7 @@ def _appearance(
 
 
 def _spread_to_empty(of_texel: Int32s, charts: Int32s) -> Int32s:
-    """Patches (2, texels), with empty texels filled from covered neighbors.
-
-    Texels take patches of their own chart if any are near.
-    """
+    """Patches (2, texels), empty ones filled from neighbors, of their own chart if any are near."""
     from scipy.ndimage import distance_transform_edt
 
     height, width = charts.shape

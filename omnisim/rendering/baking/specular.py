@@ -35,8 +35,7 @@ class Ways(NamedTuple):
     # (n, 3) shares of the light from each way, linear RGB
     reflected: Float32s
     passed: Float32s
-    # (n,) mask of the backs of single-sided panes, which only pass light
-    is_invisible: Mask
+    is_invisible: Mask  # (n,) mask of the backs of single-sided panes, which only pass light
     # (n, 3) unit normals, interpolated and of the triangle, facing the rays
     normals: Float32s
     planes: Float32s
@@ -47,13 +46,7 @@ class Ways(NamedTuple):
 
 
 def chosen(ways: Ways, own: Float32s, numbers: Float32s) -> tuple[NDArray[np.int8], Float32s]:
-    """Ways (n,) at random, see `Way`, and the factors (n, 3) of their light.
-
-    Args:
-        ways: shares of the light from each way.
-        own: (n,) shares of the rays that end, relative to those of the light from other ways.
-        numbers: (n,) random numbers in (0, 1).
-    """
+    """Ways (n,) by numbers in (0, 1), `own` shares that end, and factors (n, 3) of their light."""
     own = np.where(ways.is_invisible, np.float32(0.0), own)
     mirrored, passed = ways.reflected.mean(axis=1), ways.passed.mean(axis=1)
     total = own + mirrored + passed
@@ -78,14 +71,7 @@ def chosen(ways: Ways, own: Float32s, numbers: Float32s) -> tuple[NDArray[np.int
 def onward(
     points_m: Float32s, directions: Float32s, ways: Ways, is_mirrored: Mask, start_m: float
 ) -> tuple[Float32s, Float32s]:
-    """Origins and directions (n, 3) of rays from specular surfaces, mirrored or straight on.
-
-    Args:
-        points_m, directions: (n, 3) hit points, and unit directions of the arriving rays.
-        ways: normals of the surfaces.
-        is_mirrored: (n,) mask; the other rays pass.
-        start_m: offset of the origins from the surfaces.
-    """
+    """Origins and directions (n, 3) of rays from surfaces hit at points (n, 3): mirrored, or on."""
     along = np.einsum("nc,nc->n", directions, ways.normals)
     turned = directions - 2.0 * along[:, None] * ways.normals
     below = np.maximum(_ABOVE - np.einsum("nc,nc->n", turned, ways.planes), 0.0)
@@ -112,9 +98,8 @@ def random_numbers(origins_m: Float32s, directions: Float32s, number: int) -> Fl
 # Mirrors are smooth gloss, metal and clear coats, as the ray back end reflects them. Light passes
 # panes and bodies of glass straight. Frosted glass scatters what it transmits by Lambert's law.
 #
-# Sources: `omnisim.rendering.rays.shading.surface_light` for mirrors,
-# `omnisim.rendering.rays.shading.surface_light` for glass; the mean of Schlick's Fresnel over
-# Lambertian light is f0 + (f90 − f0) / 21.
+# Sources: `omnisim.rendering.rays.shading.surface_light` for mirrors and glass; the mean of
+# Schlick's Fresnel over Lambertian light is f0 + (f90 − f0) / 21.
 _SCHLICK_MEAN = 1.0 / 21.0
 _SMOOTH = MIN_ROUGHNESS + 1e-6
 _MIN_COSINE = 1e-4

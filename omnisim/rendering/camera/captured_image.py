@@ -144,7 +144,12 @@ def read_captured_image(path: Path, sensor: OmniCamera | None = None) -> Capture
         OmnisimError: not an image, no camera, or an image size that differs from the camera's.
     """
     stored, metadata = read_image(path)
-    pixels = _three_channels(stored)
+    colors = stored[..., :3] if stored.shape[2] >= 3 else np.repeat(stored[..., :1], 3, axis=2)
+    if colors.dtype == np.uint16:
+        colors = np.rint(colors / 257.0).astype(np.uint8)
+    elif colors.dtype != np.uint8:
+        colors = colors.astype(np.float32)
+    pixels = np.array(colors, order="C")
     metadata = metadata or {}
     world_from_base = _pose(metadata, "world_from_base", path)
     world_from_optical = _pose(metadata, "world_from_optical", path)
@@ -194,15 +199,6 @@ def read_captured_image(path: Path, sensor: OmniCamera | None = None) -> Capture
         world_from_optical=world_from_optical,
         metadata=metadata,
     )
-
-
-def _three_channels(stored: NDArray[Any]) -> NDArray[Any]:
-    colors = stored[..., :3] if stored.shape[2] >= 3 else np.repeat(stored[..., :1], 3, axis=2)
-    if colors.dtype == np.uint16:
-        colors = np.rint(colors / 257.0).astype(np.uint8)
-    elif colors.dtype != np.uint8:
-        colors = colors.astype(np.float32)
-    return np.array(colors, order="C")
 
 
 def _pose(metadata: dict[str, Any], key: str, path: Path) -> Float64s | None:

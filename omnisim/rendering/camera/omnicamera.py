@@ -23,17 +23,20 @@ from omnisim.core.errors import OpticsError, RunError
 from omnisim.core.extras import missing_packages
 from omnisim.core.short_repr import short_repr
 from omnisim.core.trajectories import Trajectory
-from omnisim.rendering.auto_mesh import MAX_ERROR_PX, auto_polygons, max_polygons, mesh_error_px
 from omnisim.rendering.camera.degradations import Degradation
 from omnisim.rendering.camera.quality import (
     DEFAULT_MIRRORS,
     DEFAULT_NEAR_M,
     DEFAULT_PROBES,
     DEFAULT_QUALITY,
+    MAX_ERROR_PX,
     MAX_IMAGE_PX,
     QUALITIES,
     Capture,
     QualityName,
+    auto_polygons,
+    max_polygons,
+    mesh_error_px,
     near_plane_m,
     quality_named,
 )

@@ -205,10 +205,7 @@ _Traced = tuple[Float32s, Float32s, Mask]
 
 
 def _tracer(camera: CentralCamera, polygons: int | None) -> Callable[[Float64s], _Traced]:
-    """Function from pixels (..., 2) to directions and origins (..., 3), rig frame, and validity.
-
-    Directions are 0 where invalid.
-    """
+    """Function from pixels to directions and origins (..., 3), rig, and validity; 0 if invalid."""
     ray_from_pixel: Callable[[Float64s], Rays] = camera.ray_from_pixel
     if polygons is not None and isinstance(camera, NonCentralCamera):
         from omnisim.cameras.optics.mesh_rays import MeshRays

@@ -31,7 +31,6 @@ from omnisim.core.files.parameters import (
     parse_table,
 )
 from omnisim.core.files.toml_file import extended, read_tables
-from omnisim.rendering.auto_mesh import max_polygons
 from omnisim.rendering.camera.degradations.degradation_file import parse_degradation
 from omnisim.rendering.camera.quality import (
     DEFAULT_QUALITY,
@@ -39,6 +38,7 @@ from omnisim.rendering.camera.quality import (
     Capture,
     QualityName,
     Size,
+    max_polygons,
     quality_named,
 )
 from omnisim.rendering.sensor import MountingTable
@@ -53,8 +53,7 @@ _RIVALS = {
 }
 DEFAULT_SENSOR_FILE = Path(__file__).with_name("paper.toml")
 PolygonCount = Annotated[
-    Literal["auto", "exact"] | pydantic.StrictInt,
-    described("a whole number, 'auto' or 'exact'"),
+    Literal["auto", "exact"] | pydantic.StrictInt, described("a whole number, 'auto' or 'exact'")
 ]
 FaceSize = Annotated[Literal["auto"] | Size, described(f"1 to {MAX_IMAGE_PX} or 'auto'")]
 FocalLength = Annotated[Literal["fit"] | AboveZero, described("a number > 0 or 'fit'")]

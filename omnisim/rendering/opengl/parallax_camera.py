@@ -29,8 +29,7 @@ from omnisim.rendering.contract import (
     Taken,
 )
 from omnisim.rendering.opengl.camera_frame import CameraFrame
-from omnisim.rendering.opengl.capture.depth_pyramid import DepthPyramid
-from omnisim.rendering.opengl.capture.parallax_pass import ChromaticPass, ParallaxPass
+from omnisim.rendering.opengl.capture.parallax_pass import ChromaticPass, DepthPyramid, ParallaxPass
 from omnisim.rendering.opengl.capture.parallax_rays import ParallaxRays, SampleRays
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
 from omnisim.rendering.opengl.drawing.cube_pass import CubePass

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from omnisim.core.array_types import Float64s, Indices
-from omnisim.core.world import ObjectPart
+from omnisim.core.world import ObjectPart, Poses
 from omnisim.ground_truth.hits import BeamHits, EchoLimits, LidarBeams, Revolution, Slice
 from omnisim.rendering.contract import BeamCaster
 from omnisim.rendering.rays.caster import NO_TRIANGLE, RayHits, Rays
@@ -45,9 +45,7 @@ class Beams:
     def refresh(self) -> None:
         """Do nothing: each cast uses the current scene."""
 
-    def cast(
-        self, world_from_scanner: Float64s, world_from_objects: Sequence[Float64s] = ()
-    ) -> Float64s:
+    def cast(self, world_from_scanner: Float64s, world_from_objects: Poses = ()) -> Float64s:
         """Ranges (n,) in meters from a pose (4, 4), with objects at their poses; +inf: no hit."""
         scene, count = self._scene(), len(self._directions)
         rays = Rays(
@@ -230,23 +228,9 @@ def _follow_objects(rays: Rays, one: Slice, parts: Indices, shares: Float64s) ->
     poses = (state.world_from_objects for state in (one.start, one.middle, one.end))
     for part, (start, middle, end) in enumerate(zip(*poses, strict=True), start=1):
         if not np.array_equal(start, end):
-            moving = np.flatnonzero(parts == part)
-            _follow(rays, moving, shares[moving], start, middle, end)
-
-
-def _follow(
-    rays: Rays, indices: Indices, shares: Float64s, start: Float64s, middle: Float64s, end: Float64s
-) -> None:
-    """Move rays into the frame of a moving object's middle pose.
-
-    Args:
-        rays: rays of the slice, which are changed.
-        indices: indices of the rays to move.
-        shares: times of these rays, as shares of the slice.
-        start, middle, end: (4, 4) poses of the object during the slice.
-    """
-    world_from_object = start + shares[:, None, None] * (end - start)
-    moves = middle @ np.linalg.inv(world_from_object)
-    origins_m, directions = rays.origins_m[indices], rays.directions[indices]
-    rays.origins_m[indices] = np.einsum("nij,nj->ni", moves[:, :3, :3], origins_m) + moves[:, :3, 3]
-    rays.directions[indices] = np.einsum("nij,nj->ni", moves[:, :3, :3], directions)
+            own = np.flatnonzero(parts == part)
+            world_from_object = start + shares[own, None, None] * (end - start)
+            moves = middle @ np.linalg.inv(world_from_object)
+            rotations, origins_m = moves[:, :3, :3], rays.origins_m[own]
+            rays.origins_m[own] = np.einsum("nij,nj->ni", rotations, origins_m) + moves[:, :3, 3]
+            rays.directions[own] = np.einsum("nij,nj->ni", rotations, rays.directions[own])

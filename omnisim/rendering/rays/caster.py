@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from omnisim.core.array_types import Float32s, Float64s, Floats, Indices, Int32s, Mask
 from omnisim.core.arrays import bounds_of
 from omnisim.core.extras import require_extra
-from omnisim.core.world import ObjectPart, ObjectPoses, time_of
-from omnisim.rendering.rays.geometry import Poses, build_geometry
+from omnisim.core.world import ObjectPart, ObjectPoses, Poses, time_of
+from omnisim.rendering.rays.geometry import build_geometry
 from omnisim.scene.model import Scene
 
 # Distance by which a ray restarts behind a surface, as a share of its length and of its origin's
@@ -375,13 +375,7 @@ class EmbreeMesh:
     def hits(
         self, origins_m: Float32s, directions: Float32s, far: Float32s | None = None
     ) -> EmbreeHits:
-        """Nearest triangles along rays (n, 3), hit on either side.
-
-        Args:
-            origins_m: (n, 3) origins of the rays.
-            directions: (n, 3) directions of any length.
-            far: (n,) ends of the rays, in lengths of the direction; None: unlimited.
-        """
+        """Nearest triangles, of either side, along rays (n, 3) up to `far` (n,) directions."""
         if self._is_empty:
             none = np.zeros(len(origins_m), dtype=np.float32)
             missed = np.full(len(none), NO_TRIANGLE, dtype=np.int32)

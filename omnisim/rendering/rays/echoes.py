@@ -13,12 +13,12 @@ from typing import NamedTuple
 import numpy as np
 
 from omnisim.core.array_types import Float64s, Indices, Int32s, Mask, UInt32s
+from omnisim.core.world import Poses
 from omnisim.ground_truth.hits import EchoLimits
 from omnisim.rendering.rays.caster import NO_TRIANGLE, RayHits, Rays
-from omnisim.rendering.rays.geometry import Poses
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
 from omnisim.rendering.rays.shading.shading import Shading, View
-from omnisim.rendering.rays.shading.surface_light import SurfaceLight, mirrored_rays, surface_light
+from omnisim.rendering.rays.shading.surface_light import mirrored_rays, surface_light
 
 MAX_SURFACES = 16  # panes and mirrors along a path
 # Dynamic range of a receiver, an assumption: fainter paths are not followed, and fainter echoes are
@@ -36,8 +36,7 @@ class Echoes(NamedTuple):
     # without panes and mirrors
     intensities: Float64s
     surfaces: Int32s  # (m,) indices into the geometry's surfaces
-    # (m,) mask of echoes of surfaces that are not specular and directly hit
-    is_certain: Mask
+    is_certain: Mask  # (m,) mask of echoes of surfaces that are not specular and directly hit
 
     def take(self, indices: Indices) -> Echoes:
         """The selected echoes."""
@@ -71,12 +70,7 @@ def direct_intensities(
 def replace_specular(
     returns: Returns, scene: RayScene, rays: Rays, objects: ObjectState, limits: EchoLimits
 ) -> None:
-    """Replace the returns of beams (n,) that hit specular surfaces first by those behind them.
-
-    Args:
-        returns: first returns of the beams, without panes and mirrors.
-        rays: (n,) beams.
-    """
+    """Replace the returns of beams (n,) that hit specular surfaces first by those behind them."""
     is_specular = np.concatenate(([False], scene.shading.is_specular))
     specular = np.flatnonzero(is_specular[returns.surfaces_plus_one[0]])
     if len(specular):
@@ -164,26 +158,24 @@ def cast_echoes(scene: RayScene, rays: Rays, objects: ObjectState) -> Echoes:
                 ~is_specular & (number == 0),
             )
         )
-        front = _continued(scene, front, hits, light)
+        # behind panes, and reflected by planes, with enough light left
+        passed = front.shares * light.passed[:, LASER] ** 2
+        reflected = front.shares * light.reflected[:, LASER] ** 2 * light.is_flat
+        on, back = np.flatnonzero(passed >= MIN_SHARE), np.flatnonzero(reflected >= MIN_SHARE)
+        behind = scene.caster.behind(front.rays.take(on), hits.ranges_m[on])
+        mirrored = mirrored_rays(
+            scene.caster, front.rays.take(back), hits.take(back), light.take(back)
+        )
+        both = np.concatenate((on, back))
+        front = _Front(
+            front.beams[both],
+            Rays._make(np.concatenate(parts) for parts in zip(behind, mirrored, strict=True)),
+            hits.triangles[both],
+            np.concatenate((passed[on], reflected[back])),
+        )
         if len(front.beams) == 0:
             break
     if not found:
         none = np.zeros(0)
         return Echoes(np.zeros(0, np.intp), none, none, np.zeros(0, np.int32), none > 0.0)
     return Echoes._make(np.concatenate(parts) for parts in zip(*found, strict=True))
-
-
-def _continued(scene: RayScene, front: _Front, hits: RayHits, light: SurfaceLight) -> _Front:
-    """Beams behind panes, and beams reflected by planes, with enough light left."""
-    passed = front.shares * light.passed[:, LASER] ** 2
-    reflected = front.shares * light.reflected[:, LASER] ** 2 * light.is_flat
-    through, back = np.flatnonzero(passed >= MIN_SHARE), np.flatnonzero(reflected >= MIN_SHARE)
-    behind = scene.caster.behind(front.rays.take(through), hits.ranges_m[through])
-    mirrored = mirrored_rays(scene.caster, front.rays.take(back), hits.take(back), light.take(back))
-    both = np.concatenate((through, back))
-    return _Front(
-        front.beams[both],
-        Rays._make(np.concatenate(parts) for parts in zip(behind, mirrored, strict=True)),
-        hits.triangles[both],
-        np.concatenate((passed[through], reflected[back])),
-    )

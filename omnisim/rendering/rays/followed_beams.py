@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Generic, TypeVar
 
 from omnisim.core.array_types import Float64s
-from omnisim.core.world import ObjectPart
+from omnisim.core.world import ObjectPart, Poses
 from omnisim.rendering.contract import BeamCaster, RangeFinder
 
 if TYPE_CHECKING:
@@ -20,13 +20,7 @@ CasterT = TypeVar("CasterT", bound=RangeFinder | BeamCaster)
 
 
 class _Followed(Generic[CasterT]):
-    """Caster that is chosen by the scene, again after each edit.
-
-    Args:
-        follows: tells whether beams are followed at glass and mirrors.
-        draw: makes the caster by virtual cameras.
-        cast: makes the caster by rays.
-    """
+    """Caster by virtual cameras (`draw`) or rays (`cast`), as the scene needs after each edit."""
 
     def __init__(
         self, follows: Callable[[], bool], draw: Callable[[], CasterT], cast: Callable[[], CasterT]
@@ -48,9 +42,7 @@ class _Followed(Generic[CasterT]):
 class FollowedRanges(_Followed[RangeFinder]):
     """Beams of a scanner."""
 
-    def cast(
-        self, world_from_scanner: Float64s, world_from_objects: Sequence[Float64s] = ()
-    ) -> Float64s:
+    def cast(self, world_from_scanner: Float64s, world_from_objects: Poses = ()) -> Float64s:
         """Ranges (n,) in m from a pose (4, 4), with the objects at their poses; +inf: no hit."""
         return self._caster.cast(world_from_scanner, world_from_objects)
 

@@ -22,11 +22,7 @@ T = TypeVar("T", bound=np.generic)
 
 
 class PixelHits:
-    """Hits of the rays of all pixels; constant data is computed once.
-
-    Attributes:
-        has_ray: (height, width) mask of pixels with a ray.
-    """
+    """Hits of all pixels' rays, kept for occlusion; `has_ray`: (height, width) mask."""
 
     def __init__(self, scene: RayScene, pixels: PixelRays, limits: DepthLimits):
         self._scene, self._pixels, self._limits = scene, pixels, limits
@@ -44,8 +40,18 @@ class PixelHits:
     def cast(self, world_from_rig: Float64s, objects: ObjectState, details: HitDetails) -> Hits:
         """Cast all rays from a pose (4, 4)."""
 
+        camera = self._pixels.camera
+
         def of_band(number: int) -> CastHits:
-            return self._cast_band(number, world_from_rig, objects, details)
+            band = self._pixels.band(number)
+            return cast_hits(
+                self._scene,
+                band.aim(self._limits, camera.rig_from_optical, world_from_rig),
+                band.world_footprints(world_from_rig[:3, :3] @ camera.rig_from_optical),
+                world_from_rig[:3, 3],
+                objects,
+                details,
+            )
 
         bands = self._scene.in_threads(of_band, self._bands)
         hits = [band.hits for band in bands]
@@ -70,52 +76,21 @@ class PixelHits:
     def occluded(
         self, world_from_rig: Float64s, objects: ObjectState, other_from_current: Float64s
     ) -> Mask:
-        """Mask (height, width) of the last hits' points that are occluded from another pose.
-
-        Args:
-            world_from_rig: (4, 4) the other pose.
-            objects: state of the dynamic objects at the other time.
-            other_from_current: (surfaces, 3, 4), moves points on each surface from the viewpoint
-                frame of the last hits to the other one.
-        """
+        """Mask (height, width) of the last hits' points that another pose (4, 4) does not see."""
 
         def of_batch(first: int) -> Mask:
-            batch = slice(first, first + _POINTS_PER_BATCH)
-            return self._occluded(batch, world_from_rig, objects, other_from_current)
+            own = slice(first, first + _POINTS_PER_BATCH)
+            seen = SeenPoints(self._points_m[own], self._draws_plus_one[own], self._triangles[own])
+            moved = seen._replace(points_m=moved_points(seen, other_from_current))
+            hit, camera = moved.surfaces_plus_one > 0, self._pixels.camera
+            starts_m = starts_of_rays(camera, moved.points_m, hit, world_from_rig)
+            return cast_occlusion(
+                self._scene, self._limits, moved, starts_m, world_from_rig, objects
+            )
 
         firsts = range(0, len(self._triangles), _POINTS_PER_BATCH)
         none = np.empty(0, dtype=np.bool_)
         return self._placed([none, *self._scene.in_threads(of_batch, firsts)], False)
-
-    def _cast_band(
-        self, number: int, world_from_rig: Float64s, objects: ObjectState, details: HitDetails
-    ) -> CastHits:
-        band, camera = self._pixels.band(number), self._pixels.camera
-        world_from_optical = world_from_rig[:3, :3] @ camera.rig_from_optical
-        return cast_hits(
-            self._scene,
-            band.aim(self._limits, camera.rig_from_optical, world_from_rig),
-            band.world_footprints(world_from_optical),
-            world_from_rig[:3, 3],
-            objects,
-            details,
-        )
-
-    def _occluded(
-        self,
-        batch: slice,
-        world_from_rig: Float64s,
-        objects: ObjectState,
-        other_from_current: Float64s,
-    ) -> Mask:
-        seen = SeenPoints(
-            self._points_m[batch], self._draws_plus_one[batch], self._triangles[batch]
-        )
-        moved = seen._replace(points_m=moved_points(seen, other_from_current))
-        starts_m = starts_of_rays(
-            self._pixels.camera, moved.points_m, moved.surfaces_plus_one > 0, world_from_rig
-        )
-        return cast_occlusion(self._scene, self._limits, moved, starts_m, world_from_rig, objects)
 
     def _placed(self, parts: list[NDArray[T]], otherwise: object) -> NDArray[T]:
         """Image (height, width, …) from values (n, …) of the pixels that have a ray."""
@@ -207,14 +182,7 @@ def cast_occlusion(
     world_from_rig: Float64s,
     objects: ObjectState,
 ) -> Mask:
-    """Mask (n,) of points that are occluded along rays from starts (n, 3), viewpoint frame.
-
-    Args:
-        moved: points at the time and in the frame of the viewpoint.
-        starts_m: (n, 3) ray origins.
-        world_from_rig: (4, 4) pose of the viewpoint.
-        objects: state of the dynamic objects at that time.
-    """
+    """Mask (n,) of moved points that rays from starts (n, 3), viewpoint frame, do not reach."""
     hit, ways_m = np.flatnonzero(moved.surfaces_plus_one), moved.points_m.copy()
     ways_m[hit] -= starts_m[hit]
     ends_m, lengths_m = np.full(len(ways_m), np.inf), np.linalg.norm(ways_m, axis=1)

@@ -116,13 +116,7 @@ def _steps(directions: Float64s, valid: Mask, axis: int) -> Float64s:
 
 
 class RayImage:
-    """Image of an ideal camera; constant data is computed once.
-
-    Args:
-        samples: camera whose pixels are the samples.
-        polygons: number of polygons of the mirror mesh; None: exact mirror.
-        supersampling: samples per pixel side, averaged in linear light.
-    """
+    """Image of an ideal camera, of `supersampling`² samples per pixel; constants are made once."""
 
     def __init__(
         self,
@@ -158,21 +152,19 @@ class RayImage:
         rays = band.aim(self._limits, camera.rig_from_optical, world_from_rig)
         world_from_optical = world_from_rig[:3, :3] @ camera.rig_from_optical
         footprints = band.world_footprints(world_from_optical)
+        # pixels of the samples, and the samples' numbers in them
+        rows, columns = np.nonzero(band.valid)
+        rows, side = rows + band.rows.start, self._supersampling
+        pixels = rows // side * (camera.width_px // side + 1) + columns // side
+        numbers = (rows % side * side + columns % side).astype(np.uint32)
+        ones = np.ones(len(rows), dtype=np.float32)
+        paths = Paths(pixels.astype(np.uint32), numbers, ones, key)
         samples = np.zeros((*band.valid.shape, 4), dtype=np.float32)
         samples[band.valid, :3] = self._scene.radiance(
-            rays, footprints, objects, self._unlit, self._paths(band, key)
+            rays, footprints, objects, self._unlit, paths
         )
         samples[band.valid, 3] = 1.0
         return samples
-
-    def _paths(self, band: Band, key: int) -> Paths:
-        """Pixels of a band's samples, and the samples' numbers in them."""
-        rows, columns = np.nonzero(band.valid)
-        rows, side = rows + band.rows.start, self._supersampling
-        pixels = rows // side * (self._rays.camera.width_px // side + 1) + columns // side
-        numbers = rows % side * side + columns % side
-        ones = np.ones(len(rows), dtype=np.float32)
-        return Paths(pixels.astype(np.uint32), numbers.astype(np.uint32), ones, key)
 
     def _average(self, samples: Float32s) -> Float32s:
         """Pixels (height, width, 4): averages of the samples that cover them."""

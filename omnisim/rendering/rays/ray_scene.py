@@ -10,9 +10,8 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from omnisim.core.array_types import Float32s, Float64s, Indices, Int32s
-from omnisim.core.world import ObjectPart
+from omnisim.core.world import ObjectPart, Poses
 from omnisim.rendering.rays.caster import NO_TRIANGLE, RayCaster, RayHits, Rays
-from omnisim.rendering.rays.geometry import Poses
 from omnisim.rendering.rays.shading.glass import NO_MEDIUM
 from omnisim.rendering.rays.shading.lights import CastShadow
 from omnisim.rendering.rays.shading.reflections import Paths, Tracing
@@ -92,7 +91,13 @@ class RayScene:
         poses, shading, glass = objects.world_from_objects, self.shading, None
         if paths is not None and not unlit and shading.is_glass.any():
             if shading.glass.is_dispersive and paths.channel is None:
-                return self._by_channel(rays, footprints, objects, paths, behind)
+                channels = [  # which dispersive glass refracts differently
+                    self.radiance(
+                        rays, footprints, objects, paths=paths._replace(channel=one), behind=behind
+                    )[:, one]
+                    for one in range(3)
+                ]
+                return np.stack(channels, axis=1)
             glass = GlassPassage(shading, paths, poses)
             paths = glass.paths
         sides = False if glass is None else glass.sides
@@ -153,23 +158,6 @@ class RayScene:
             rays = self.caster.behind(rays.take(on), hits.ranges_m[on])
         return total
 
-    def _by_channel(
-        self,
-        rays: Rays,
-        footprints: Float32s | None,
-        objects: ObjectState,
-        paths: Paths,
-        behind: Int32s | None,
-    ) -> Float32s:
-        """Radiance along rays that dispersive glass refracts differently in each channel."""
-        channels = [
-            self.radiance(
-                rays, footprints, objects, paths=paths._replace(channel=one), behind=behind
-            )[:, one]
-            for one in range(3)
-        ]
-        return np.stack(channels, axis=1)
-
     def first_hits(
         self,
         rays: Rays,
@@ -227,10 +215,7 @@ class RayScene:
         return Tracing(taken._replace(weights=taken.weights * shares[some].max(axis=1)), trace)
 
     def _shadow_caster(self, poses: Poses) -> CastShadow:
-        """Caster of shadow rays, which hit either side, and hidden instances too.
-
-        They pass glass straight.
-        """
+        """Caster of shadow rays: either side, hidden instances too, straight through glass."""
         everything, shading = ObjectState(poses), self.shading
         sees_through = shading.is_pane | shading.is_glass
 
@@ -318,14 +303,7 @@ class GlassPassage:
     def refract(
         self, indices: Indices, view: View, colors: Float32s, opacity: Float32s
     ) -> tuple[Rays, Float32s]:
-        """Rays behind their hits, and transmitted shares (m, 3); 0 at all surfaces but glass.
-
-        Args:
-            indices: (m,) indices of the rays.
-            view: rays (m,) and their hits; all rays must hit.
-            colors: (m, 3 or more) base colors.
-            opacity: (m,) opacity of the surfaces; 0: holes, which refract nothing.
-        """
+        """Rays behind hits (m,) of rays at indices (m,), and shares (m, 3) that glass transmits."""
         shares = np.zeros((len(indices), 3), dtype=np.float32)
         is_glass = self._shading.is_glass[self._shading.surfaces(view.hits)]
         some = np.flatnonzero(is_glass & (opacity > 0.0))

@@ -16,12 +16,12 @@ from omnisim.core.array_types import Float32s, Float64s, Mask, UInt32s
 from omnisim.core.world import ObjectPart
 from omnisim.ground_truth.hits import Hits, ThroughHits
 from omnisim.rendering.contract import CameraSetup, ScenePoses
-from omnisim.rendering.rays.caster import NO_TRIANGLE, DepthLimits, RayHits, Rays
+from omnisim.rendering.rays.caster import NO_TRIANGLE, DepthLimits, Rays
 from omnisim.rendering.rays.pixel_rays import PixelRays
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
 from omnisim.rendering.rays.shading.reflections import MAX_BOUNCES
 from omnisim.rendering.rays.shading.shading import View
-from omnisim.rendering.rays.shading.surface_light import SurfaceLight, mirrored_rays, surface_light
+from omnisim.rendering.rays.shading.surface_light import mirrored_rays, surface_light
 
 MAX_PANES = 32  # along a path, with its mirrors
 MIN_REFLECTED = 0.5  # reflected share of the light, mean of linear RGB, of a mirror
@@ -37,11 +37,7 @@ class Arrivals(NamedTuple):
 
 
 class ThroughCaster:
-    """Casts the rays of pixels that show glass or mirrors first.
-
-    Args:
-        scene: scene to cast at, in its current state.
-    """
+    """Casts the rays of pixels that show glass or mirrors first, at the current scene."""
 
     def __init__(self, scene: Callable[[], RayScene], setup: CameraSetup):
         self._scene, self._setup = scene, setup
@@ -124,29 +120,15 @@ def cast_through(
         bounces[active[mirrors]] += 1
         ends.shares[active[passes]] *= passed[passes]
         ends.shares[active[mirrors]] *= reflected[mirrors]
-        rays, footprints = _continued(scene, rays, hits, light, mirrors, footprints)
+        some = np.flatnonzero(mirrors)
+        mirrored = mirrored_rays(scene.caster, rays.take(some), hits.take(some), light.take(some))
+        rays = Rays(*(values.copy() for values in scene.caster.behind(rays, hits.ranges_m)))
+        for values, new in zip(rays, mirrored, strict=True):
+            values[some] = new
+        normals, footprints = light.normals[some], footprints.copy()
+        heights = np.einsum("nsc,nc->ns", footprints[some], normals)
+        footprints[some] -= (2.0 * heights[..., None] * normals[:, None]).astype(np.float32)
         on = np.flatnonzero(~here)
         active, behind = active[on], hits.triangles[on]
         rays, footprints = rays.take(on), footprints[on]
     return ends
-
-
-def _continued(
-    scene: RayScene,
-    rays: Rays,
-    hits: RayHits,
-    light: SurfaceLight,
-    mirrors: Mask,
-    footprints: Float32s,
-) -> tuple[Rays, Float32s]:
-    """Rays (n,) and footprints behind their hits, or after them at mirrors (n,)."""
-    some = np.flatnonzero(mirrors)
-    following = scene.caster.behind(rays, hits.ranges_m)
-    following = Rays(*(values.copy() for values in following))
-    mirrored = mirrored_rays(scene.caster, rays.take(some), hits.take(some), light.take(some))
-    for values, new in zip(following, mirrored, strict=True):
-        values[some] = new
-    normals, footprints = light.normals[some], footprints.copy()
-    heights = np.einsum("nsc,nc->ns", footprints[some], normals)
-    footprints[some] -= (2.0 * heights[..., None] * normals[:, None]).astype(np.float32)
-    return following, footprints

@@ -50,16 +50,7 @@ def other_from_current(current: ScenePoses, other: ScenePoses) -> Float64s:
 
 
 def transform_points(points: Float64s, objects: Indices | None, transforms: Float64s) -> Float64s:
-    """Transform each point by its object's matrix.
-
-    Args:
-        points: (n, 4), last component 1, or 0 for a direction.
-        objects: (n,) object of each point; None: all on the static scene.
-        transforms: (objects, 3, 4) matrices.
-
-    Returns:
-        Transformed points (n, 3).
-    """
+    """Points (n, 4), last 0 for directions, by matrices (objects, 3, 4) of objects (n,)."""
     moved: Float64s = points @ transforms[0].T
     if objects is not None:
         for index in np.unique(objects):
@@ -96,10 +87,7 @@ def scene_flow(hits: Hits, objects_of_draws: Indices, transforms: Float64s) -> F
 
 
 def in_world(current: ScenePoses, other: ScenePoses) -> Float64s:
-    """Transforms (objects, 3, 4) from points to their motions along the world's axes.
-
-    The static scene's transforms are exactly 0.
-    """
+    """Transforms (objects, 3, 4) from points to motions along the world's axes; 0: static."""
     return moved_from_current(current, other)[:, :3] - np.eye(4)[:3]
 
 
@@ -137,19 +125,15 @@ def deformed_hits(
         seen = np.flatnonzero(draw_ids == draw + 1)
         if len(seen):
             triangles = hits.triangles.ravel()[seen]
-            viewpoint_from_mesh = _viewpoint_from_mesh(one, current)
+            viewpoint_from_mesh = one.object_from_mesh.copy()
+            if one.object_index is not None:
+                pose = current.world_from_objects[one.object_index]
+                viewpoint_from_mesh = pose @ viewpoint_from_mesh
+            viewpoint_from_mesh[:3, 3] -= current.world_from_rig[:3, 3]
             flat[seen, :3] = _deformed(
                 flat[seen, :3].astype(np.float64), one, triangles, viewpoint_from_mesh, times_s
             )
     return hits._replace(points_and_ranges_m=points)
-
-
-def _viewpoint_from_mesh(one: DeformingDraw, poses: ScenePoses) -> Float64s:
-    matrix = one.object_from_mesh.copy()
-    if one.object_index is not None:
-        matrix = poses.world_from_objects[one.object_index] @ matrix
-    matrix[:3, 3] -= poses.world_from_rig[:3, 3]
-    return matrix
 
 
 def _deformed(

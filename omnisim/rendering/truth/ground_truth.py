@@ -73,11 +73,7 @@ class GroundTruth:
     def channels_through(
         self, names: Sequence[str], current: ScenePoses
     ) -> tuple[dict[str, NDArray[Any]], ThroughHits]:
-        """Channels without flow, and the surfaces behind glass and after mirrors.
-
-        Args:
-            names: see `channels`; without flow, scene flow, and channels through glass.
-        """
+        """Channels without flow, and the surfaces behind glass and after mirrors."""
         hits = self._source.hits(current, HitDetails.of_channels(names))
         channels = self._channels_of(hits, names, current, {})
         return channels, self._source.through(current, hits)
@@ -108,7 +104,11 @@ class GroundTruth:
         world_from_optical = current.world_from_rig[:3, :3] @ rig_from_optical
         make: dict[str, Callable[[], NDArray[Any]]] = {
             "range": lambda: hits.ranges_m,
-            "z": lambda: _depths_m(hits, world_from_optical[:, 2]),
+            "z": lambda: np.where(
+                hits.draw_ids == 0,
+                np.float32(np.inf),
+                hits.points_m @ world_from_optical[:, 2].astype(np.float32),
+            ),
             "position": lambda: _positions_m(hits, current.world_from_rig[:3, 3]),
             "normals": lambda: hits.normals,
             "normals_camera": lambda: hits.normals @ world_from_optical.astype(np.float32),
@@ -183,12 +183,6 @@ def instances_of_draws(
         for index, name in draws
     ]
     return np.array([0, *instances], dtype=np.uint32)
-
-
-def _depths_m(hits: Hits, axis: Float64s) -> Float32s:
-    """Coordinates (height, width) of the points along an axis (3,) of the world; +inf: no hit."""
-    depths_m = hits.points_m @ axis.astype(np.float32)
-    return np.where(hits.draw_ids == 0, np.float32(np.inf), depths_m)
 
 
 def _positions_m(hits: Hits, viewpoint_m: Float64s) -> Float64s:

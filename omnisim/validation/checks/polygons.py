@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from omnisim.cameras import pixel_grid
 from omnisim.cameras.mirrors.mirror_mesh import PAPER_POLYGON_COUNTS
 from omnisim.plots.style import BLUE, GRAY, ORANGE, gallery, plot
-from omnisim.rendering.auto_mesh import MAX_ERROR_PX
 from omnisim.rendering.camera.omnicamera import PAPER_POLYGONS, OmniCamera
+from omnisim.rendering.camera.quality import MAX_ERROR_PX
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
 from omnisim.rendering.opengl.gl.context import open_context
 from omnisim.rendering.stage import Stage

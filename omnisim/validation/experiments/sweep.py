@@ -26,7 +26,7 @@ from omnisim.perception.localization.filter import LandmarkMap
 from omnisim.perception.localization.filter_parameters import FilterParameters
 from omnisim.rendering.camera.degradations import Jpeg, Vignetting, WhiteBalance
 from omnisim.rendering.camera.degradations.defocus import covered_share
-from omnisim.rendering.camera.degradations.effect import ImageGeometry
+from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
 from omnisim.runs.run_data import RunData
 from omnisim.validation.experiments.detection_accuracy import accuracy, compare
 from omnisim.validation.experiments.experiment_runs import observations_from_detections, run_seeds

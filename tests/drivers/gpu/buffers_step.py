@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
+from omnisim.rendering.opengl.gl.buffers import gpu_buffer, read_buffer, written_buffer
 from omnisim.rendering.opengl.gl.context import open_context
 from omnisim.rendering.opengl.gl.functions import gl_function
-from omnisim.rendering.opengl.gl.memory import gpu_buffer, read_buffer, written_buffer
 
 SIDE_PX, FRAMES = 64, 12
 COMMANDS, WORDS = SIDE_PX * SIDE_PX, 5  # 32-bit words of an indirect command

@@ -8,7 +8,7 @@ import ctypes
 from collections.abc import Callable
 from typing import Any
 
-from omnisim.rendering.opengl.gl import memory
+from omnisim.rendering.opengl.gl import buffers
 from omnisim.rendering.opengl.gl.functions import gl_function
 
 _STATIC_DRAW, _DYNAMIC_DRAW, _DYNAMIC_COPY = 0x88E4, 0x88E8, 0x88EA
@@ -60,12 +60,12 @@ def use_buffers(kind: str) -> None:
 
         return allocate
 
-    memory.gl_function = function
+    buffers.gl_function = function
 
 
 def draw_nothing_blended() -> None:
     """Leave out blended triangles, whose indices and commands a shader writes."""
-    from omnisim.rendering.opengl.drawing.blended_drawer import BlendedDrawer
+    from omnisim.rendering.opengl.drawing.cluster_drawer import BlendedDrawer
 
     BlendedDrawer.draw = lambda self, *arguments: None
 
@@ -87,8 +87,8 @@ def finish_around_draws() -> None:
 
 def copy_between_buffers(context: Any) -> None:
     """Copy once from buffer to buffer: then the channel for copies has worked before a draw."""
-    source = memory.gpu_buffer(context, bytes(4096))
-    target = memory.gpu_buffer(context, 4096)
+    source = buffers.gpu_buffer(context, bytes(4096))
+    target = buffers.gpu_buffer(context, 4096)
     context.copy_buffer(target, source)
     context.finish()
 

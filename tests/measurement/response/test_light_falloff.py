@@ -6,7 +6,7 @@ import pytest
 from omnisim.core.errors import MeasurementError
 from omnisim.measurement.response import measure_vignetting
 from omnisim.rendering.camera.degradations import Vignetting
-from omnisim.rendering.camera.degradations.effect import ImageGeometry
+from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
 
 SIZE = 320, 240
 CENTER = 163.0, 117.5

@@ -3,7 +3,7 @@
 import numpy as np
 
 from omnisim.rendering.opengl.geometry.vertex_records import CLUSTER_VERTEX
-from omnisim.rendering.opengl.gl.memory import read_buffer
+from omnisim.rendering.opengl.gl.buffers import read_buffer
 
 
 def read_vertices(geometry):

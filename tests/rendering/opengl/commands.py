@@ -5,7 +5,7 @@ from copy import copy
 import numpy as np
 
 from omnisim.rendering.opengl.culling.cluster_culling import BANDS
-from omnisim.rendering.opengl.gl.memory import gpu_buffer, read_buffer
+from omnisim.rendering.opengl.gl.buffers import gpu_buffer, read_buffer
 
 
 def submitted_commands(culler, pass_index=0):

@@ -12,8 +12,8 @@ from omnisim.cameras.mirrors import tessellate
 from omnisim.cameras.mirrors.mirror_mesh import MeshError, mesh_error, unfold
 from omnisim.core.errors import OpticsError
 from omnisim.core.files.atomic_file import check_distinct, check_target
-from omnisim.rendering.auto_mesh import auto_polygons
 from omnisim.rendering.camera.omnicamera import PAPER_POLYGONS, OmniCamera
+from omnisim.rendering.camera.quality import auto_polygons
 from omnisim.scene.formats.mesh.mesh_files import check_mesh_target, write_mirror
 
 

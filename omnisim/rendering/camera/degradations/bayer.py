@@ -12,12 +12,10 @@ from typing import Literal
 import numpy as np
 
 from omnisim.core.array_types import Float32s, Float64s, Indices, Mask
-from omnisim.rendering.camera.degradations.effect import (
-    DEFAULT_SHOT,
+from omnisim.rendering.camera.degradations.effect import DEFAULT_SHOT, SensorEffect, Shot
+from omnisim.rendering.camera.degradations.image_geometry import (
     ImageGeometry,
     LinearImage,
-    SensorEffect,
-    Shot,
     Step,
     UniformValue,
 )
@@ -26,19 +24,16 @@ RED_XY = {"RGGB": (0, 0), "GRBG": (1, 0), "GBRG": (0, 1), "BGGR": (1, 1)}  # col
 # Malvar's filters, in eighths: for green at red or blue; for red at green in red's row; for red
 # at green in red's column (the filter before, transposed); for red at blue.
 _CROSS = ((0, 0, -1, 0, 0), (0, 0, 2, 0, 0), (-1, 2, 4, 2, -1), (0, 0, 2, 0, 0), (0, 0, -1, 0, 0))
-_ROW = (
-    (0, 0, 0.5, 0, 0),
-    (0, -1, 0, -1, 0),
-    (-1, 4, 5, 4, -1),
-    (0, -1, 0, -1, 0),
-    (0, 0, 0.5, 0, 0),
+_ROW_FILTER = np.array(
+    ((0, 0, 0.5, 0, 0), (0, -1, 0, -1, 0), (-1, 4, 5, 4, -1), (0, -1, 0, -1, 0), (0, 0, 0.5, 0, 0))
 )
 _CORNERS = (
-    (0, 0, -1.5, 0, 0),
-    (0, 2, 0, 2, 0),
-    (-1.5, 0, 6, 0, -1.5),
-    (0, 2, 0, 2, 0),
-    (0, 0, -1.5, 0, 0),
+    (0, 0, -1.5, 0, 0), (0, 2, 0, 2, 0), (-1.5, 0, 6, 0, -1.5), (0, 2, 0, 2, 0), (0, 0, -1.5, 0, 0),
+)  # fmt: skip
+# Offsets of the 13 pixels in these filters.
+_SUPPORT = (
+    *((right, down) for right in (-1, 0, 1) for down in (-1, 0, 1)),
+    *((-2, 0), (2, 0), (0, -2), (0, 2)),
 )
 
 
@@ -110,28 +105,15 @@ class Bayer(SensorEffect, name="degradation.bayer"):
         guess = np.where(count > 0, total / np.maximum(count, np.float32(1.0)), raw)
         if self.demosaic == "malvar":
             whole = np.ones(raw.shape, dtype=bool)
-            for right, down in _support():
+            for right, down in _SUPPORT:
                 whole &= _neighbor(valid.astype(np.float32), right, down) > 0.5
-            filtered = self._malvar(raw, colors, color)
+            filtered = _filtered(raw, np.array(_CROSS))
+            if color != 1:
+                in_row, in_column = (_filtered(raw, one) for one in (_ROW_FILTER, _ROW_FILTER.T))
+                green = np.where(np.any(known, axis=1)[:, None], in_row, in_column)
+                filtered = np.where(colors == 1, green, _filtered(raw, np.array(_CORNERS)))
             guess = np.where(whole, filtered, guess)
         return np.where(known, raw, guess)
-
-    def _malvar(self, raw: Float32s, colors: Indices, color: int) -> Float32s:
-        row_filter = np.array(_ROW)
-        cross = _filtered(raw, np.array(_CROSS))
-        if color == 1:
-            return cross
-        corners = _filtered(raw, np.array(_CORNERS))
-        in_row, in_column = _filtered(raw, row_filter), _filtered(raw, row_filter.T)
-        color_row = np.any(colors == color, axis=1)[:, None]
-        green = np.where(color_row, in_row, in_column)
-        return np.where(colors == 1, green, corners)
-
-
-def _support() -> list[tuple[int, int]]:
-    """Offsets of the 13 pixels in Malvar's filters."""
-    near = [(right, down) for right in (-1, 0, 1) for down in (-1, 0, 1)]
-    return [*near, (-2, 0), (2, 0), (0, -2), (0, 2)]
 
 
 def _filtered(raw: Float32s, eighths: Float64s) -> Float32s:

@@ -16,12 +16,8 @@ from pydantic import Field
 from omnisim.core.array_types import Float32s, Float64s
 from omnisim.core.bilinear import corner_and_weights, interpolate
 from omnisim.core.files.parameters import Number
-from omnisim.rendering.camera.degradations.effect import (
-    ImageGeometry,
-    LinearImage,
-    OpticalEffect,
-    Step,
-)
+from omnisim.rendering.camera.degradations.effect import OpticalEffect
+from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage, Step
 
 MAX_COEFFICIENTS, MAX_OFFSET_PX = 4, 64.0
 Scale = Annotated[Number, Field(ge=0.9, le=1.1)]

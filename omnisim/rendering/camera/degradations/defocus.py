@@ -19,12 +19,8 @@ from pydantic import Field
 
 from omnisim.core.array_types import Float32s
 from omnisim.core.files.parameters import Number, Typical
-from omnisim.rendering.camera.degradations.effect import (
-    ImageGeometry,
-    LinearImage,
-    OpticalEffect,
-    Step,
-)
+from omnisim.rendering.camera.degradations.effect import OpticalEffect
+from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage, Step
 
 MAX_PX = 32.0  # 4225 samples per pixel
 MIN_PX = 0.5  # a disc of this radius lies within one pixel

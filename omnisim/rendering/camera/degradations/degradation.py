@@ -11,23 +11,21 @@ from typing import TYPE_CHECKING, Any
 from omnisim.core.array_types import Float32s
 from omnisim.core.errors import OpticsError
 from omnisim.core.short_repr import short_repr
-from omnisim.rendering.camera.degradations.effect import Metering
+from omnisim.rendering.camera.degradations.image_geometry import Metering
 
 if TYPE_CHECKING:  # an ideal camera needs none of them
     from omnisim.rendering.camera.degradations.bayer import Bayer
     from omnisim.rendering.camera.degradations.chromatic_aberration import ChromaticAberration
     from omnisim.rendering.camera.degradations.defocus import Defocus
     from omnisim.rendering.camera.degradations.dirt import Dirt
-    from omnisim.rendering.camera.degradations.effect import (
-        Effect,
-        ImageGeometry,
-        LinearImage,
-        OpticalEffect,
-        SensorEffect,
-        Step,
-    )
+    from omnisim.rendering.camera.degradations.effect import Effect, OpticalEffect, SensorEffect
     from omnisim.rendering.camera.degradations.encoding import Encoding
     from omnisim.rendering.camera.degradations.exposure import Exposure
+    from omnisim.rendering.camera.degradations.image_geometry import (
+        ImageGeometry,
+        LinearImage,
+        Step,
+    )
     from omnisim.rendering.camera.degradations.jpeg import Jpeg
     from omnisim.rendering.camera.degradations.noise import Noise
     from omnisim.rendering.camera.degradations.point_spread import PointSpread
@@ -35,24 +33,6 @@ if TYPE_CHECKING:  # an ideal camera needs none of them
     from omnisim.rendering.camera.degradations.shutter import Shutter
     from omnisim.rendering.camera.degradations.vignetting import Vignetting
     from omnisim.rendering.camera.degradations.white_balance import WhiteBalance
-
-
-# Modules by effect, imported at first use: an ideal camera needs none of them.
-EFFECT_MODULES = {
-    "Bayer": "bayer",
-    "ChromaticAberration": "chromatic_aberration",
-    "Defocus": "defocus",
-    "Dirt": "dirt",
-    "Encoding": "encoding",
-    "Exposure": "exposure",
-    "Jpeg": "jpeg",
-    "Noise": "noise",
-    "PointSpread": "point_spread",
-    "Reflectance": "reflectance",
-    "Shutter": "shutter",
-    "Vignetting": "vignetting",
-    "WhiteBalance": "white_balance",
-}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -223,6 +203,13 @@ class Degradation:
         for effect in self.electronics:
             image = effect.apply(image, geometry, shot)
         return image
+
+
+# Modules by effect, imported at first use: an ideal camera needs none of them. A field is named as
+# its module, and annotated by its class, or None.
+EFFECT_MODULES = {
+    str(one.type).partition(" ")[0]: one.name for one in dataclasses.fields(Degradation)
+}
 
 
 def effect_classes() -> dict[str, Any]:

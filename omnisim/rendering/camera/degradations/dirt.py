@@ -18,13 +18,8 @@ from pydantic import Field
 from omnisim.core.array_types import Float32s, Float64s
 from omnisim.core.files.parameters import Fraction, LongSeed, NotNegative, Number, Typical
 from omnisim.core.random_numbers import key_of, normal, pcg4d, uniform
-from omnisim.rendering.camera.degradations.effect import (
-    Count,
-    ImageGeometry,
-    LinearImage,
-    OpticalEffect,
-    Step,
-)
+from omnisim.rendering.camera.degradations.effect import Count, OpticalEffect
+from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage, Step
 
 Pixels = Annotated[Number, Field(gt=0.0, le=10_000.0)]
 RADIUS_SPREAD = 0.5  # standard deviation of the logarithm of the specks' radii

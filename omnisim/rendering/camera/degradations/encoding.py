@@ -16,7 +16,8 @@ from pydantic import Field
 from omnisim.core.array_types import Float64s
 from omnisim.core.files.parameters import Fraction, IntOrFloat, Number, described
 from omnisim.core.srgb import linear_from_srgb, srgb_from_linear
-from omnisim.rendering.camera.degradations.effect import Effect, LinearImage, Step
+from omnisim.rendering.camera.degradations.effect import Effect
+from omnisim.rendering.camera.degradations.image_geometry import LinearImage, Step
 
 Gamma = Annotated[
     Literal["srgb"] | Annotated[IntOrFloat, Field(ge=0.1, le=10.0)],

@@ -16,14 +16,11 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from omnisim.core.files.parameters import NotNegative, Number, Positive, Typical
-from omnisim.rendering.camera.degradations.effect import (
-    DEFAULT_SHOT,
-    Ev,
+from omnisim.rendering.camera.degradations.effect import DEFAULT_SHOT, Ev, SensorEffect, Shot
+from omnisim.rendering.camera.degradations.image_geometry import (
     ImageGeometry,
     LinearImage,
     Metering,
-    SensorEffect,
-    Shot,
     Step,
 )
 from omnisim.rendering.camera.degradations.reflectance import multiplied
@@ -82,12 +79,7 @@ class Exposure(SensorEffect, name="degradation.exposure"):
         return min(max(metered, self.min_ev), self.max_ev)
 
     def next_ev(self, ev: float, metered_ev: float, later_s: float) -> float:
-        """Exposure of the next image in stops.
-
-        Args:
-            ev: exposure of this image.
-            later_s: time from this image to the next one.
-        """
+        """Exposure of the next image in stops, `later_s` after one with exposure `ev`."""
         if not self.auto:
             return self.ev
         if self.time_constant_s == 0.0:

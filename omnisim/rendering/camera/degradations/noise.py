@@ -25,20 +25,14 @@ from pydantic import Field
 from omnisim.core.array_types import Float32s, UInt32s
 from omnisim.core.files.parameters import Fraction, LongSeed, Name, NotNegative, Positive, Typical
 from omnisim.core.random_numbers import normal, pcg4d, uniform
-from omnisim.rendering.camera.degradations.effect import (
-    DEFAULT_SHOT,
-    ImageGeometry,
-    LinearImage,
-    SensorEffect,
-    Shot,
-    Step,
-)
+from omnisim.rendering.camera.degradations.effect import DEFAULT_SHOT, SensorEffect, Shot
 from omnisim.rendering.camera.degradations.fixed_pattern import (
     no_pattern,
     random_pattern,
     read_pattern,
     resampled,
 )
+from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage, Step
 
 NORMAL_FROM_E = 32.0  # mean number of electrons from which the normal approximation suffices
 MAX_COUNTED = 128  # a mean below NORMAL_FROM_E gives no larger count

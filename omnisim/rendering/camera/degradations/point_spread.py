@@ -20,10 +20,10 @@ from pydantic import Field
 
 from omnisim.core.array_types import Float32s, Float64s
 from omnisim.core.files.parameters import NotNegative, Number
-from omnisim.rendering.camera.degradations.effect import (
+from omnisim.rendering.camera.degradations.effect import OpticalEffect
+from omnisim.rendering.camera.degradations.image_geometry import (
     ImageGeometry,
     LinearImage,
-    OpticalEffect,
     Step,
     UniformValue,
 )
@@ -174,14 +174,7 @@ def _solve(
     across_px: Float64s,
     other_px: Float64s,
 ) -> Float64s:
-    """Widths (n,) along an axis for which the samples have the target modulation.
-
-    Args:
-        modulation: (n,) modulation of the samples.
-        frequencies: (n,) frequency of the modulation along the axis, cycles per px.
-        along_px, across_px: (m,) positions of the samples.
-        other_px: (n,) width across the axis.
-    """
+    """Widths (n,) along an axis with the modulation (n,) at frequencies (n,) for samples (m,)."""
     low, high = np.full(len(modulation), _MIN_SAMPLED_PX), np.full(len(modulation), _SMALL_PX)
     waves = np.cos(2.0 * np.pi * frequencies[:, None] * along_px)
     other = np.exp(-0.5 * (across_px / other_px[:, None]) ** 2)

@@ -12,13 +12,8 @@ import numpy as np
 from pydantic import Field
 
 from omnisim.core.files.parameters import Number
-from omnisim.rendering.camera.degradations.effect import (
-    ImageGeometry,
-    LinearImage,
-    OpticalEffect,
-    Rgb,
-    Step,
-)
+from omnisim.rendering.camera.degradations.effect import OpticalEffect, Rgb
+from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage, Step
 
 
 @dataclass(frozen=True)

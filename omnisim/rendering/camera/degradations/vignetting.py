@@ -14,12 +14,8 @@ from pydantic import Field
 
 from omnisim.core.errors import OpticsError
 from omnisim.core.files.parameters import Signed
-from omnisim.rendering.camera.degradations.effect import (
-    ImageGeometry,
-    LinearImage,
-    OpticalEffect,
-    Step,
-)
+from omnisim.rendering.camera.degradations.effect import OpticalEffect
+from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage, Step
 
 MAX_TERMS = 6
 Coefficients = Annotated[

@@ -12,14 +12,8 @@ from pydantic import Field
 
 from omnisim.core.files.parameters import IntOrFloat, Positive, described
 from omnisim.core.files.table_faults import MIN_POSITIVE
-from omnisim.rendering.camera.degradations.effect import (
-    DEFAULT_SHOT,
-    ImageGeometry,
-    LinearImage,
-    SensorEffect,
-    Shot,
-    Step,
-)
+from omnisim.rendering.camera.degradations.effect import DEFAULT_SHOT, SensorEffect, Shot
+from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage, Step
 from omnisim.rendering.camera.degradations.reflectance import multiplied
 
 Factor = Annotated[Positive, Field(le=100.0)]

@@ -109,11 +109,7 @@ def _halves(rectangle: tuple[int, int, int, int]) -> list[tuple[int, int, int, i
 
 
 class _Lookups:
-    """Places of a grid's cells of pixels on the faces of a plan.
-
-    Args:
-        camera, plan, mesh_error_px: see `image_parts`.
-    """
+    """Places of a grid's cells of pixels on the faces of a plan, see `image_parts`."""
 
     def __init__(self, camera: CentralCamera, plan: TilePlan, mesh_error_px: float):
         self._plan = plan
@@ -132,7 +128,12 @@ class _Lookups:
             face: _bounds(directions @ FACE_FROM_RIG[face].T, at_rim)
             for face in {tile.face for tile in plan.tiles}
         }
-        self._seen = [_within(tile, *bounds[tile.face]) for tile in plan.tiles]
+        self._seen = []  # cells within each tile
+        for tile in plan.tiles:
+            first, last = bounds[tile.face]
+            first, last = np.maximum(first, tile.region[0]), np.minimum(last, tile.region[1])
+            rows, columns = np.nonzero(np.all(first < last, axis=-1))
+            self._seen.append(_SeenCells(columns, rows, first[rows, columns], last[rows, columns]))
 
     def tiles(self, rectangle: tuple[int, int, int, int]) -> list[Tile]:
         """The whole plan's tiles, cut to what a rectangle of the image looks up."""
@@ -157,21 +158,8 @@ class _SeenCells(NamedTuple):
     last: Floats  # (n, 2)
 
 
-def _within(tile: Tile, first: Floats, last: Floats) -> _SeenCells:
-    """Cells within a tile, from the bounds (rows, columns, 2) of all cells on its face."""
-    first, last = np.maximum(first, tile.region[0]), np.minimum(last, tile.region[1])
-    rows, columns = np.nonzero(np.all(first < last, axis=-1))
-    return _SeenCells(columns, rows, first[rows, columns], last[rows, columns])
-
-
 def _bounds(local: Floats, wider_at_rim: float) -> tuple[Floats, Floats]:
-    """Lower and upper tangents (rows, columns, 2) of cells; inverted where a face shows nothing.
-
-    Args:
-        local: directions (1 + rows, 1 + columns, 3) of the cells' corners in the face's frame; 0:
-            no ray.
-        wider_at_rim: share of their neighbors by which cells at a rim are wider.
-    """
+    """Lower and upper tangents (rows, columns, 2) of cells by their corners; inverted: none."""
     shown = local[..., 2] > _MIN_DEPTH
     tangents = local[..., :2] / np.where(shown, local[..., 2], 1.0)[..., None]
     corners = [

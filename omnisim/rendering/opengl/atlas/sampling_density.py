@@ -32,8 +32,7 @@ class RegionDensity(NamedTuple):
     # (2, 2) lower and upper bounds of the region's tangents (right, down); regions of a face do
     # not overlap
     region: Float64s
-    # (2, 2) bounds of the part of the region that the image samples
-    seen_region: Float64s
+    seen_region: Float64s  # (2, 2) bounds of the part of the region that the image samples
 
 
 class SamplingDensity:
@@ -160,12 +159,7 @@ def density_of_camera(
 
 
 def density_of_rays(tangents: Float64s, px_per_tan: Float64s) -> SamplingDensity:
-    """Density of an image from its rays on a face.
-
-    Args:
-        tangents: (n, 2) tangents of the rays.
-        px_per_tan: (n,) pixels per tangent of 1 at each ray.
-    """
+    """Density from rays at tangents (n, 2) of a face, with pixels per tangent of 1 (n,)."""
     density = np.zeros((GRID, GRID))
     column, row = np.clip(np.floor((tangents.T + 1.0) / GRID_STEP).astype(int), 0, GRID - 2)
     for down in (0, 1):

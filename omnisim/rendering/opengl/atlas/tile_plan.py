@@ -293,11 +293,7 @@ class PosedViews(NamedTuple):
 
 
 class TileViews:
-    """Projections of all tiles of a plan.
-
-    Args:
-        near_m, far_m: clip planes of the virtual cameras.
-    """
+    """Projections of all tiles of a plan; `near_m`, `far_m`: clip planes of the virtual cameras."""
 
     def __init__(self, plan: TilePlan, near_m: float, far_m: float):
         self._tiles = plan.tiles

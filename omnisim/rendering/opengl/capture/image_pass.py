@@ -13,10 +13,11 @@ from omnisim.core.array_types import Float32s, Mask
 from omnisim.rendering.opengl.atlas.image_parts import ImagePart
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.capture.pixel_map import CaptureOutput, PixelMap, valid_pixels_array
+from omnisim.rendering.opengl.gl.buffers import gpu_buffer
 from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer, within
 from omnisim.rendering.opengl.gl.functions import StorageBindings
 from omnisim.rendering.opengl.gl.gpu_textures import renderbuffer, texture_2d
-from omnisim.rendering.opengl.gl.memory import gpu_allocation, gpu_buffer
+from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.pixel_readback import Pixels, read_once
 from omnisim.rendering.opengl.gl.shader_files import build_program, uniform
 from omnisim.rendering.opengl.gl.state import GlState
@@ -113,13 +114,7 @@ class RemapPass:
     def draw_batch(
         self, atlases: moderngl.TextureArray, target: moderngl.Framebuffer, count: int
     ) -> None:
-        """Draw encoded images, stacked vertically.
-
-        Args:
-            atlases: texture array with one atlas layer per image.
-            target: framebuffer at least `count` images high.
-            count: number of images, from the first layer.
-        """
+        """Draw the encoded images of the first `count` layers of atlases, stacked vertically."""
         self._state.bind_texture(0, atlases.glo)
         self._tables.bind()
         self._state.use(target)

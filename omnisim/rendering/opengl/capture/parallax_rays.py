@@ -30,8 +30,7 @@ class ParallaxRays:
     directions: Float32s  # (height + 2 margins, width + 2 margins, 3) unit; 0: no ray
     origins_m: Float32s  # origins of these rays, same shape
     smooth: Mask  # (height, width) pixels whose sample rays are interpolated
-    # (height, width) row of each other pixel in the arrays below; −1: no ray
-    rim_numbers: Indices
+    rim_numbers: Indices  # (height, width) row of each other pixel in the arrays below; −1: no ray
     rim_directions: Float32s  # (n, samples, 3), samples row by row
     rim_origins_m: Float32s  # origins of these, same shape
     rim_valid: Mask  # (n, samples) mask of the samples with a ray

@@ -20,14 +20,14 @@ from omnisim.cameras.mirrors.mirror_mesh_rays import mesh_rays
 from omnisim.core.array_types import Float32s, Float64s, Mask
 from omnisim.core.cube import FACE_FROM_RIG, FACE_NAMES
 from omnisim.rendering.opengl.atlas.tile_plan import MAX_TILES, TilePlan
+from omnisim.rendering.opengl.gl.buffers import gpu_buffer
 from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer
 from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
-from omnisim.rendering.opengl.gl.memory import gpu_buffer
 from omnisim.rendering.opengl.gl.pixel_readback import Pixels, read_once
 from omnisim.rendering.opengl.gl.shader_files import (
     build_program,
     columns_first,
-    find_uniform,
+    set_uniforms,
     uniform,
 )
 
@@ -48,21 +48,19 @@ def bind_tiles(program: moderngl.Program, plan: TilePlan, rig_from_optical: Floa
         px_per_tan[index] = half_px
     face_of_tile = [tile.face for tile in plan.tiles]
     first_tiles = np.searchsorted(face_of_tile, np.arange(len(FACE_NAMES) + 1))
-    for name, values in (
-        ("u_max_level", np.float32(plan.max_level)),
-        ("u_level_bias", np.float32(plan.level_bias)),
-        ("u_atlas_px", atlas_px.astype("<f4")),
-        ("u_rig_from_optical", columns_first(rig_from_optical)),
-        ("u_face_from_rig", columns_first(FACE_FROM_RIG)),
-        ("u_first_tile", first_tiles.astype("<i4")),
-        ("u_tile_region", regions),
-        ("u_tile_padded_region", padded),
-        ("u_uv_from_tangent", uv_from_tangent),
-        ("u_tile_px_per_tan", px_per_tan),
-    ):
-        uniform = find_uniform(program, name)
-        if uniform is not None:
-            uniform.write(values)
+    values = {
+        "u_max_level": float(plan.max_level),
+        "u_level_bias": float(plan.level_bias),
+        "u_atlas_px": atlas_px.astype("<f4"),
+        "u_rig_from_optical": columns_first(rig_from_optical),
+        "u_face_from_rig": columns_first(FACE_FROM_RIG),
+        "u_first_tile": first_tiles.astype("<i4"),
+        "u_tile_region": regions,
+        "u_tile_padded_region": padded,
+        "u_uv_from_tangent": uv_from_tangent,
+        "u_tile_px_per_tan": px_per_tan,
+    }
+    set_uniforms(program, values)
 
 
 # Triangles that cover an image's valid pixels, so that nothing outside a mirror is drawn.
@@ -70,13 +68,7 @@ STRIP_PX = 8  # height of a rectangle
 
 
 def covering_triangles(valid: Mask) -> Float32s:
-    """Corners (n, 2) in px (right, down) of triangles that cover all valid pixels.
-
-    Three corners form a triangle. The image's first corner is (0, 0).
-
-    Args:
-        valid: (height, width) mask.
-    """
+    """Corners (3 n, 2) in px (right, down) of triangles over all pixels of a mask."""
     height = len(valid)
     triangles = []
     for top in range(0, height, STRIP_PX):
@@ -123,9 +115,6 @@ class PixelMap:
         camera: camera; for supersampling, the one of the larger image.
         polygons: polygon count of the mirror's mesh; None: exact, by the camera model's GLSL file.
         traced: rays of an optical system's pixels (height, width), which has no such file.
-
-    Attributes:
-        context, camera, polygons: see the arguments.
     """
 
     def __init__(
@@ -264,9 +253,7 @@ class PixelMap:
     ) -> None:
         """Draw a rectangle of pixels to all of the viewport, from an atlas of its own."""
         bind_tiles(array.program, plan, self.camera.rig_from_optical)
-        for name, value in (("u_first_px", first_px), ("u_target_size_px", size_px)):
-            if (member := find_uniform(array.program, name)) is not None:
-                member.value = value
+        set_uniforms(array.program, {"u_first_px": first_px, "u_target_size_px": size_px})
 
     def _reference(self, pixels_px: Float64s) -> Rays:
         """NumPy's rays of pixels (n, 2)."""

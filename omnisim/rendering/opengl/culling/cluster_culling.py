@@ -19,9 +19,10 @@ from numpy.typing import NDArray
 
 from omnisim.core.array_types import Float64s, Indices, Mask, UInt32s
 from omnisim.rendering.opengl.culling.clusters import ClusterHierarchy
+from omnisim.rendering.opengl.gl.buffers import gpu_buffer, written_buffer
 from omnisim.rendering.opengl.gl.functions import COMMAND_BYTES, StorageBindings
 from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
-from omnisim.rendering.opengl.gl.memory import gpu_allocation, gpu_buffer, written_buffer
+from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.shader_files import build_compute_shader, columns_first
 from omnisim.rendering.opengl.gl.state import GlState
 
@@ -70,7 +71,6 @@ class ClusterCuller:
         blended_items: number of blended items with commands of their own in all views.
 
     Attributes:
-        views: see the arguments.
         slices: command ranges of each slice. Each pass rewrites them: the previous pass is drawn
             before its depth is read.
         ranges: number of ranges in all slices.

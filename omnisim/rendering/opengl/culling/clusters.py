@@ -202,7 +202,8 @@ def spatial_clusters(
     """
     total = bounds.shape[1]
     order, codes, bits = _order(bounds, keys, MORTON_BITS)
-    if _longest_run(codes) > max_size:
+    runs = np.flatnonzero(np.append(True, codes[1:] != codes[:-1]))
+    if np.diff(runs, append=total).max() > max_size:
         keys = np.unique(keys, return_inverse=True)[1]  # leaves more bits for the codes
         order, codes, bits = _order(bounds, keys, MAX_MORTON_BITS)
     levels, last_level = _levels(codes, bits, min_size, max_size)
@@ -215,7 +216,10 @@ def spatial_clusters(
     merged = np.bincount(starts + 1, minlength=total + 1)
     merged -= np.bincount(starts + counts, minlength=total + 1)
     first = first[np.cumsum(merged)[first] == 0]
-    return order, _split_to_size(first, total, max_size)
+    # split those that are too large
+    parts = -(-np.diff(first, append=total) // max_size)
+    number = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
+    return order, np.repeat(first, parts) + max_size * number
 
 
 def _levels(
@@ -299,13 +303,6 @@ def _merge_cells(
     return np.concatenate(starts), np.concatenate(sizes)
 
 
-def _split_to_size(first: Indices, total: int, max_size: int) -> Indices:
-    """First box of each cluster, after splitting those larger than `max_size`."""
-    parts = -(-np.diff(first, append=total) // max_size)
-    number = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
-    return np.repeat(first, parts) + max_size * number
-
-
 def _order(
     bounds: Float32s, keys: NDArray[np.integer], max_bits: int
 ) -> tuple[Indices, NDArray[np.uint64], int]:
@@ -316,12 +313,6 @@ def _order(
     _add_morton_codes(bounds, bits, codes)
     order = np.argsort(codes, kind="stable")
     return order, codes[order], bits
-
-
-def _longest_run(values: NDArray[np.uint64]) -> int:
-    """Length of the longest run of equal sorted values (n,)."""
-    starts = np.flatnonzero(np.append(True, values[1:] != values[:-1]))
-    return int(np.diff(starts, append=len(values)).max())
 
 
 def _half_areas(bounds: Float32s) -> Float32s:

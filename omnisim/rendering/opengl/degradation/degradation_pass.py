@@ -13,7 +13,7 @@ import moderngl
 import numpy as np
 
 from omnisim.core.array_types import Float32s
-from omnisim.rendering.camera.degradations.effect import Metering, Step, UniformValue
+from omnisim.rendering.camera.degradations.image_geometry import Metering, Step, UniformValue
 from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer, use_target
 from omnisim.rendering.opengl.gl.functions import flush
 from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
@@ -58,12 +58,7 @@ class DegradationPass:
         self._is_first = True
 
     def add(self, linear: moderngl.Texture, row_weights: Float32s | None = None) -> None:
-        """Add a sub-frame.
-
-        Args:
-            linear: texture with RGB and validity.
-            row_weights: (height,) share of each row's exposure; None: the whole exposure.
-        """
+        """Add a sub-frame, with each row's share (height,) of the exposure; None: the whole."""
         self._context.disable(moderngl.BLEND | moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         self._current = linear
         for step in self._optics:

@@ -45,14 +45,10 @@ class AtlasLevels:
         self._sampler = context.sampler(
             repeat_x=False, repeat_y=False, filter=(moderngl.LINEAR, moderngl.LINEAR)
         )
-        self._targets = [self._target(level) for level in range(1, max_level + 1)]
-
-    def _target(self, level: int) -> moderngl.Framebuffer:
-        texture = self._texture
-        target = framebuffer(texture.ctx, [texture])
-        attach_texture(target.glo, texture.glo, level=level)
-        target.viewport = 0, 0, *(max(1, side >> level) for side in texture.size[:2])
-        return target
+        self._targets = [framebuffer(context, [texture]) for _ in range(max_level)]
+        for level, target in enumerate(self._targets, start=1):
+            attach_texture(target.glo, texture.glo, level=level)
+            target.viewport = 0, 0, *(max(1, side >> level) for side in texture.size[:2])
 
     def draw(self, layers: int = 1) -> None:
         """Draw all levels but the first, for `layers` layers."""

@@ -4,19 +4,33 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from itertools import groupby, product
+from itertools import compress, groupby, product
 from typing import NamedTuple
 
 import moderngl
 import numpy as np
+from numpy.typing import NDArray
 
-from omnisim.core.array_types import Indices
+from omnisim.core.array_types import Float64s, Indices, Mask
 from omnisim.rendering.opengl.culling.cluster_culling import BANDS, ClusterCuller, CommandRange
-from omnisim.rendering.opengl.drawing.item_uniforms import map_units
-from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket, ClusteredGeometry
-from omnisim.rendering.opengl.geometry.vertex_format import PALETTE_UNIT, cluster_vertex_array
-from omnisim.rendering.opengl.gl.functions import IndirectDraws, constant_call
+from omnisim.rendering.opengl.drawing.scene_drawer import map_units
+from omnisim.rendering.opengl.geometry.clustered_geometry import (
+    Bucket,
+    ClusteredGeometry,
+    item_light_coordinates,
+    object_triangles,
+)
+from omnisim.rendering.opengl.geometry.draw_item import DrawItem
+from omnisim.rendering.opengl.geometry.vertex_format import (
+    PALETTE_UNIT,
+    VertexPalette,
+    cluster_vertex_array,
+)
+from omnisim.rendering.opengl.gl.buffers import gpu_buffer
+from omnisim.rendering.opengl.gl.functions import IndirectDraws, StorageBindings, constant_call
+from omnisim.rendering.opengl.gl.shader_files import build_compute_shader
 from omnisim.rendering.opengl.gl.state import GlState
+from omnisim.rendering.opengl.materials.scene_textures import TextureArray
 
 
 class BucketProgram(NamedTuple):
@@ -77,14 +91,7 @@ def _state(bucket: Bucket, shader: BucketProgram, both_sides: bool, palette: int
 
 
 class ClusterDrawer:
-    """Draws visible clusters with the programs of one pass.
-
-    Args:
-        batches: states of the batches.
-
-    Attributes:
-        culler: see the arguments.
-    """
+    """Draws visible clusters with the programs of one pass."""
 
     def __init__(
         self,
@@ -171,3 +178,136 @@ class _StateCalls:
         if shader.sampler is not None and shader.sampler is not self._sampler:
             self._sampler = shader.sampler
             yield partial(shader.sampler.use, 0)
+
+
+# Draws blended items back to front, sorted on the GPU, in all views with one call.
+#
+# One program has all of their materials, since distance alone sets the order.
+
+
+# Limits of one program, and of a sort that compares all pairs.
+MAX_ARRAYS, MAX_TRIANGLES_OF_ITEM, MAX_ITEMS = 4, 1024, 1024
+# Material kind in shaders/scene/material.glsl: number of the texture array, and flags.
+_NO_ARRAY, _UNLIT, _DOUBLE_SIDED = 7, 8, 16
+_ITEMS_BINDING = 9  # after the culler's commands and counts
+_ITEM = np.dtype(  # as in shaders/culling/blended.comp
+    [
+        ("center", "<f4", 3),
+        ("radius", "<f4"),
+        ("first_triangle", "<u4"),
+        ("triangles", "<u4"),
+        ("object", "<u4"),
+        ("unused", "<u4"),
+    ]
+)
+
+
+def arrays_of(items: Sequence[DrawItem]) -> list[TextureArray]:
+    """Texture arrays that the items use."""
+    arrays = {id(item.texture_layer.array): item.texture_layer.array for item in items}
+    return [array for array in arrays.values() if array is not None]
+
+
+def can_sort(items: Sequence[DrawItem], geometry: ClusteredGeometry | None) -> Mask:
+    """Mask (n,) of blended items to sort and draw at once: matte, rigid, small and near ones."""
+    fits = [
+        geometry is not None
+        and item.texture_layer.reflectance is None
+        and item.mesh.deformation is None
+        and 0 < item.triangles <= MAX_TRIANGLES_OF_ITEM
+        and item.is_near(geometry.anchor_m)
+        for item in items
+    ]
+    few = sum(fits) <= MAX_ITEMS and len(arrays_of([*compress(items, fits)])) <= MAX_ARRAYS
+    return np.array(fits, dtype=np.bool_) & few
+
+
+class BlendedDrawer:
+    """Sorts and draws a scene's blended items.
+
+    Args:
+        geometry: clusters of the scene; their objects carry the items.
+        culler: culler of the clusters, with room for the items' commands; its matrices place them.
+        items: items that can be sorted, see `can_sort`.
+        program: program for `CLUSTER_VERTEX` and all texture arrays of the items.
+    """
+
+    def __init__(
+        self,
+        context: moderngl.Context,
+        geometry: ClusteredGeometry,
+        culler: ClusterCuller,
+        items: Sequence[DrawItem],
+        program: moderngl.Program,
+    ):
+        self._context, self._culler, self._program = context, culler, program
+        self._arrays = arrays_of(items)
+        palette = VertexPalette()
+        kinds = [self._kind(item) for item in items]
+        vertices, normals, triangles = object_triangles(items, geometry.anchor_m, palette, kinds)
+        self._palette = palette.texture(context)
+        views, total = culler.views, len(triangles)
+        centers = np.zeros((total, 4), dtype=np.float32)
+        centers[:, :3] = vertices["in_position"][triangles].mean(axis=1, dtype=np.float64)
+        self._items = len(items)
+        self._indices = indices = gpu_buffer(context, 12 * total * views.cameras)
+        self._vertices = cluster_vertex_array(
+            context,
+            program,
+            gpu_buffer(context, vertices),
+            indices,
+            culler.instances,
+            gpu_buffer(context, normals),
+            item_light_coordinates(context, items),
+        )
+        self._shader = build_compute_shader(context, "culling/blended.comp")
+        self._shader["u_items"], self._shader["u_triangles"] = len(items), total
+        self._shader["u_first_command"] = culler.first_blended
+        self._shader["u_count_index"] = culler.blended_count
+        bound = [
+            gpu_buffer(context, _packed(items, geometry.anchor_m)), gpu_buffer(context, centers),
+            gpu_buffer(context, triangles.astype("<u4")), indices,
+        ]  # fmt: skip
+        self._bound = StorageBindings(bound, _ITEMS_BINDING)
+        self._draws, self._state = IndirectDraws(), GlState()
+        self._draw_items = self._draws.drawing(
+            culler.first_blended, culler.blended_count, views.count * len(items)
+        )
+
+    @property
+    def memory_bytes(self) -> int:
+        """Size of the sorted indices for all cameras, bytes."""
+        return self._indices.size
+
+    def draw(self) -> None:
+        """Sort and draw after the culler's last run; needs blending, and `GlState.drawing`."""
+        context, draws, culler = self._context, self._draws, self._culler
+        self._bound.bind()
+        self._shader.run(self._items, culler.views.cameras)
+        context.memory_barrier(context.COMMAND_BARRIER_BIT | context.ELEMENT_ARRAY_BARRIER_BIT)
+        self._state.set_culling(False)
+        for unit, array in enumerate(self._arrays):
+            self._state.bind_texture(unit, array.array.glo)
+        self._state.bind_texture(PALETTE_UNIT, self._palette.glo)
+        draws.bind(culler.commands.glo, culler.counts.glo, self._vertices.glo)
+        draws.use_program(self._program.glo)
+        self._draw_items()
+
+    def _kind(self, item: DrawItem) -> int:
+        array = item.texture_layer.array
+        number = _NO_ARRAY if array is None else self._arrays.index(array)
+        return number + _UNLIT * item.material.unlit + _DOUBLE_SIDED * item.material.double_sided
+
+
+def _packed(items: Sequence[DrawItem], anchor_m: Float64s) -> NDArray[np.void]:
+    """Items (n,) as the shader reads them."""
+    packed = np.zeros(len(items), dtype=_ITEM)
+    packed["triangles"] = [item.triangles for item in items]
+    packed["first_triangle"] = np.cumsum(packed["triangles"]) - packed["triangles"]
+    for one, item in zip(packed, items, strict=True):
+        is_static = item.object_index is None
+        one["center"] = item.center_m - (anchor_m if is_static else 0.0)
+        one["object"] = 0 if item.object_index is None else 1 + item.object_index
+        # matrices are floats
+        one["radius"] = item.radius_m * (1.0 + 1e-5) + 1e-5 * np.abs(one["center"]).sum()
+    return packed

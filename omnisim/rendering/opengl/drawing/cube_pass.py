@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import moderngl
 import numpy as np
+from numpy.typing import NDArray
 
-from omnisim.core.array_types import Float32s, Float64s
 from omnisim.core.errors import GraphicsError
 from omnisim.core.short_repr import counted
 from omnisim.rendering.opengl.atlas.tile_plan import Tile, TilePlan
@@ -19,6 +19,7 @@ from omnisim.rendering.opengl.drawing.surface_program import (
     SurfacePrograms,
 )
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
+from omnisim.rendering.opengl.gl.buffers import written_buffer
 from omnisim.rendering.opengl.gl.framebuffers import (
     attach_layer,
     attach_texture,
@@ -27,7 +28,7 @@ from omnisim.rendering.opengl.gl.framebuffers import (
     resolve,
 )
 from omnisim.rendering.opengl.gl.gpu_textures import DEPTH, depth_texture, renderbuffer, texture_2d
-from omnisim.rendering.opengl.gl.memory import gpu_allocation, written_buffer
+from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.pixel_readback import Pixels, read_once
 
 if TYPE_CHECKING:
@@ -44,6 +45,10 @@ class CubePass:
     """Renders the tiles into one atlas texture.
 
     Args:
+        buffers: scene and dynamic objects; other passes may share them.
+        programs: surface programs for the scene's lights.
+        plan: tiles of the atlas.
+        cameras: virtual cameras.
         whole: tiles of the whole image, if `plan` are those of a part of it.
 
     Attributes:
@@ -163,7 +168,9 @@ class CubePass:
         ]
 
     def render(
-        self, world_from_rig: Float64s, world_from_objects: Sequence[Float64s] = ()
+        self,
+        world_from_rig: NDArray[np.float64],
+        world_from_objects: Sequence[NDArray[np.float64]] = (),
     ) -> moderngl.Texture:
         """Render all tiles from a pose (4, 4) with the objects at their poses; return the atlas."""
         self._draw(world_from_rig, world_from_objects)
@@ -172,7 +179,7 @@ class CubePass:
 
     def render_layers(
         self,
-        poses: Sequence[tuple[Float64s, Sequence[Float64s]]],
+        poses: Sequence[tuple[NDArray[np.float64], Sequence[NDArray[np.float64]]]],
         atlases: moderngl.TextureArray,
         levels: AtlasLevels,
     ) -> None:
@@ -197,7 +204,9 @@ class CubePass:
         return _LAYER_TEXEL_BYTES * texels + self.tiles.culling_bytes + sorted_bytes
 
     def _layers_of(
-        self, poses: Sequence[tuple[Float64s, Sequence[Float64s]]], atlases: moderngl.TextureArray
+        self,
+        poses: Sequence[tuple[NDArray[np.float64], Sequence[NDArray[np.float64]]]],
+        atlases: moderngl.TextureArray,
     ) -> CubeLayers | None:
         """Drawer of all layers together; None: this scene needs one layer after the other."""
         has_drawers = self.tiles.culler is not None and not self.tiles.has_items
@@ -216,7 +225,9 @@ class CubePass:
         return self._layers
 
     def _draw_each(
-        self, poses: Sequence[tuple[Float64s, Sequence[Float64s]]], atlases: moderngl.TextureArray
+        self,
+        poses: Sequence[tuple[NDArray[np.float64], Sequence[NDArray[np.float64]]]],
+        atlases: moderngl.TextureArray,
     ) -> None:
         """Draw the layers one after the other."""
         target = self._resolved if self._is_multisampled else self._target
@@ -227,7 +238,9 @@ class CubePass:
         finally:
             attach_texture(target.glo, self.atlas.glo)
 
-    def _draw(self, world_from_rig: Float64s, world_from_objects: Sequence[Float64s]) -> None:
+    def _draw(
+        self, world_from_rig: NDArray[np.float64], world_from_objects: Sequence[NDArray[np.float64]]
+    ) -> None:
         target = self._target
         self._buffers.deform(world_from_objects)
         if self._probes is not None:
@@ -246,7 +259,10 @@ class CubePass:
             resolve(self._resolved, target)
 
     def _seen_in_probes(
-        self, probes: ProbePass, world_from_rig: Float64s, world_from_objects: Sequence[Float64s]
+        self,
+        probes: ProbePass,
+        world_from_rig: NDArray[np.float64],
+        world_from_objects: Sequence[NDArray[np.float64]],
     ) -> frozenset[int]:
         """Indices of items with a probe that are in view, or may be so in a mirror."""
         if self._mirrors:
@@ -270,7 +286,7 @@ class CubePass:
             raise GraphicsError("virtual_cameras.samples: expected 1 to read depth, got more")
         return self._depth
 
-    def read_face(self, tile: Tile) -> Float32s:
+    def read_face(self, tile: Tile) -> NDArray[np.float32]:
         """Read the 90° of a face as last rendered: linear RGB (size, size, 3), top row first.
 
         The tile must cover the whole face.

@@ -15,9 +15,8 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.core.array_types import Float32s, Float64s, Indices, UInt32s
 from omnisim.rendering.opengl.atlas.tile_plan import PosedViews, TilePlan, TileViews
-from omnisim.rendering.opengl.drawing.item_uniforms import ItemUniforms
+from omnisim.rendering.opengl.drawing.mirror_owner_program import MirrorOwnerProgram
 from omnisim.rendering.opengl.drawing.scene_drawer import SceneDrawer
 from omnisim.rendering.opengl.drawing.scene_view import Probes, SceneView, VirtualCameras
 from omnisim.rendering.opengl.drawing.sky_pass import SkyPass
@@ -26,11 +25,12 @@ from omnisim.rendering.opengl.drawing.surface_program import (
     SurfaceProgram,
     SurfacePrograms,
 )
-from omnisim.rendering.opengl.geometry.draw_item import DrawItem, InstanceTransforms
+from omnisim.rendering.opengl.geometry.draw_item import InstanceTransforms
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
+from omnisim.rendering.opengl.gl.buffers import gpu_buffer
 from omnisim.rendering.opengl.gl.framebuffers import framebuffer
 from omnisim.rendering.opengl.gl.gpu_textures import CLEAR_DEPTH, depth_texture, texture_2d
-from omnisim.rendering.opengl.gl.memory import gpu_allocation, gpu_buffer
+from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.shader_files import build_program, uniform
 from omnisim.rendering.opengl.gl.state import GlState
 from omnisim.scene.model import Material
@@ -45,9 +45,13 @@ class MirrorPass:
     """Draws a camera's views in mirrors, or in panes; of no use once the buffers have changed.
 
     Args:
+        buffers: scene and dynamic objects.
         mirrors: planes of the mirrors, or of the panes.
         of_panes: True for panes.
+        programs: surface programs for the scene's lights.
+        plan: tiles of the camera's atlas.
         whole: tiles of the whole image, whose largest mirrors have views in all of its parts.
+        cameras: virtual cameras.
         sky: pass of the visible sky; None: no sky.
         probes: reflection probes; None: no surface has one.
 
@@ -115,7 +119,7 @@ class MirrorPass:
         first_of_item: dict[int, int] = {}
         numbers: list[NDArray[np.uint8]] = []
         # of their own, since panes are sorted in the scene's
-        triangles: list[UInt32s] = []
+        triangles: list[NDArray[np.uint32]] = []
         count = 0
         for index in self._items.tolist():
             first_of_item[index] = count
@@ -139,7 +143,10 @@ class MirrorPass:
         )
 
     def render(
-        self, view: SceneView, world_from_rig: Float64s, world_from_objects: Sequence[Float64s]
+        self,
+        view: SceneView,
+        world_from_rig: NDArray[np.float64],
+        world_from_objects: Sequence[NDArray[np.float64]],
     ) -> None:
         """Render the mirrored views of a pose (4, 4).
 
@@ -177,8 +184,8 @@ class MirrorPass:
         self._colors.use(MIRROR_UNITS["u_mirrored"])
 
     def _planes_at(
-        self, viewpoint_m: Float64s, world_from_objects: Sequence[Float64s]
-    ) -> tuple[Float64s, Indices]:
+        self, viewpoint_m: NDArray[np.float64], world_from_objects: Sequence[NDArray[np.float64]]
+    ) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
         """Planes (mirrors, 4) and sides (mirrors,) that face a viewpoint (3,).
 
         Planes have unit normals toward the viewpoint, and its heights in meters.
@@ -208,7 +215,10 @@ class MirrorPass:
             )
 
     def _visible(
-        self, sides: Indices, views: PosedViews, transforms: InstanceTransforms
+        self,
+        sides: NDArray[np.intp],
+        views: PosedViews,
+        transforms: InstanceTransforms,
     ) -> list[int]:
         """Indices of the largest mirrors that face the viewpoint and that some tile may show."""
         visible: list[int] = []
@@ -223,7 +233,10 @@ class MirrorPass:
         return visible
 
     def _draw_view(
-        self, number: int, world_from_rig: Float64s, world_from_objects: Sequence[Float64s]
+        self,
+        number: int,
+        world_from_rig: NDArray[np.float64],
+        world_from_objects: Sequence[NDArray[np.float64]],
     ) -> None:
         """Draw the view in a mirror."""
         normal, height_m = self._planes[number, :3], self._planes[number, 3]
@@ -248,42 +261,3 @@ def _facet_slope(material: Material) -> float:
     if material.clearcoat:
         roughness = min(roughness, material.clearcoat_roughness)
     return roughness**2 if is_rough_mirror(material) and roughness > MIN_ROUGHNESS else 0.0
-
-
-# Program that draws, in each texel, the number of the mirror that it shows.
-_ROW_TRIANGLES = 4096
-_NUMBERS_UNIT = 0
-
-
-class MirrorOwnerProgram:
-    """Program that draws the numbers of mirrors.
-
-    Args:
-        numbers: (n,) number of each triangle's mirror; 0: none.
-    """
-
-    def __init__(self, context: moderngl.Context, numbers: NDArray[np.uint8]):
-        files = "scene/mirror_owner.vert", "scene/mirror_owner.frag"
-        self.program = build_program(context, *files)
-        self._item = ItemUniforms(self.program)
-        self._first_triangle = uniform(self.program, "u_first_triangle")
-        uniform(self.program, "u_numbers").value = _NUMBERS_UNIT
-        rows = -(-len(numbers) // _ROW_TRIANGLES)
-        padded = np.zeros((rows, _ROW_TRIANGLES), dtype=np.uint8)
-        padded.ravel()[: len(numbers)] = numbers
-        self._numbers = texture_2d(context, (_ROW_TRIANGLES, rows), 1, padded, dtype="u1")
-
-    def set_matrices(
-        self, clip_from_mesh: Float32s, viewpoint_from_mesh: Float32s, normal_from_mesh: Float32s
-    ) -> None:
-        """Set the matrix (4, 4), column-major, for the next draw calls."""
-        self._item.set_clip_from_mesh(clip_from_mesh)
-
-    def bind_material(self, item: DrawItem) -> None:
-        """Bind the table of numbers."""
-        self._numbers.use(_NUMBERS_UNIT)
-
-    def draw(self, array: moderngl.VertexArray, first: int, count: int, first_id: int) -> None:
-        """Draw `count` indices of a vertex array; `first_id`: its first triangle, and number."""
-        self._first_triangle.value = first_id
-        array.render(moderngl.TRIANGLES, vertices=count, first=3 * first_id)

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from itertools import pairwise
 
 import moderngl
 import numpy as np
 
-from omnisim.core.array_types import Float64s, Mask
-from omnisim.core.world import ObjectPart
+from omnisim.core.array_types import Float64s
+from omnisim.core.world import ObjectPart, Poses
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.geometry.triangle_table import bind_triangles, window_defines
-from omnisim.rendering.opengl.gl.memory import gpu_buffer, written_buffer
+from omnisim.rendering.opengl.gl.buffers import gpu_buffer, written_buffer
 from omnisim.rendering.opengl.gl.pixel_readback import PixelReadback
 from omnisim.rendering.opengl.gl.shader_files import build_compute_shader, columns_first
 from omnisim.rendering.opengl.materials.scene_textures import TextureArray
@@ -109,9 +109,7 @@ class RangePass:
             self._table[name] = values
         self._items = written_buffer(context, self._table.nbytes)
 
-    def cast(
-        self, world_from_scanner: Float64s, world_from_objects: Sequence[Float64s] = ()
-    ) -> Float64s:
+    def cast(self, world_from_scanner: Float64s, world_from_objects: Poses = ()) -> Float64s:
         """Ranges (n,) in m from a pose (4, 4), with the objects at their poses; +inf: no hit."""
         buffers = self._buffers
         buffers.deform(world_from_objects)
@@ -119,7 +117,12 @@ class RangePass:
         scanner_from_viewpoint = np.eye(4)
         scanner_from_viewpoint[:3, :3] = world_from_scanner[:3, :3].T
         centers_m = transforms.centers_m @ scanner_from_viewpoint[:3, :3].T
-        kept = self._may_hit(centers_m, transforms.radii_m)[self._order]
+        radii_m = transforms.radii_m  # of spheres that beams may hit
+        may_hit = np.abs(centers_m[:, 2]) <= radii_m
+        may_hit &= np.linalg.norm(centers_m, axis=1) - radii_m <= self._max_range_m
+        if self._is_front_only:
+            may_hit &= centers_m[:, 0] >= -radii_m
+        kept = may_hit[self._order]
         table = self._table[kept]
         viewpoint_from_mesh = transforms.viewpoint_from_mesh[self._order[kept]]
         table["scanner_from_mesh"] = columns_first(scanner_from_viewpoint @ viewpoint_from_mesh)
@@ -140,14 +143,6 @@ class RangePass:
         ranges_m = np.empty(self._ranges.size // 4, dtype=np.float32)
         self._readback.read((self._ranges, ranges_m))
         return ranges_m.astype(np.float64)
-
-    def _may_hit(self, centers_m: Float64s, radii_m: Float64s) -> Mask:
-        """Mask of spheres (n,) that beams may hit; centers (n, 3) in the scanner's frame."""
-        kept = np.abs(centers_m[:, 2]) <= radii_m
-        kept &= np.linalg.norm(centers_m, axis=1) - radii_m <= self._max_range_m
-        if self._is_front_only:
-            kept &= centers_m[:, 0] >= -radii_m
-        return kept
 
     def _cast_kind(self, kind: _Kind, items: tuple[int, int], first: int, groups: int) -> None:
         """Cast beams at a range of the table's items, with work groups from the first on."""

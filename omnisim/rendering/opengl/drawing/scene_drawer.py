@@ -1,9 +1,10 @@
-"""Draws a scene's items one by one with the programs of one pass."""
+"""Programs of items, their uniforms and texture units, and the drawer of items one by one."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Generic, Protocol, TypeVar
+import struct
+from collections.abc import Callable, Mapping, Sequence
+from typing import Generic, TypeVar
 
 import moderngl
 import numpy as np
@@ -12,30 +13,100 @@ from omnisim.core.array_types import Float32s, Indices
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem, InstanceTransforms
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.geometry.vertex_format import vertex_array
-from omnisim.rendering.opengl.gl.shader_files import columns_first
+from omnisim.rendering.opengl.gl.gpu_textures import AnyTexture
+from omnisim.rendering.opengl.gl.shader_files import columns_first, find_uniform, set_uniforms
 from omnisim.rendering.opengl.gl.state import GlState
+from omnisim.rendering.opengl.materials.scene_textures import MAP_UNITS, bind_maps
 
 
-class DrawProgram(Protocol):
-    """Program that draws triangles of the scene."""
+class ItemProgram:
+    """Program that draws items; uniforms that it lacks, as those of clusters do, are skipped."""
 
-    @property
-    def program(self) -> moderngl.Program:
-        """OpenGL program."""
+    def __init__(self, program: moderngl.Program):
+        self.program = program
+        self._clip_from_mesh = find_uniform(program, "u_clip_from_mesh")
+        self._base_color = find_uniform(program, "u_base_color")
+        self._alpha_cutoff = find_uniform(program, "u_alpha_cutoff")
+        self._record = find_uniform(program, "u_record")
 
     def set_matrices(
         self, clip_from_mesh: Float32s, viewpoint_from_mesh: Float32s, normal_from_mesh: Float32s
     ) -> None:
-        """Set the matrices (4, 4) and (3, 3), column-major, for the next draw calls."""
+        """Set the matrices (4, 4) and (3, 3), column-major, that the next draw calls need."""
+        if self._clip_from_mesh is not None:
+            self._clip_from_mesh.write(clip_from_mesh)
 
     def bind_material(self, item: DrawItem) -> None:
         """Bind an item's material for the next draw calls."""
+        material, reflectance = item.material, item.texture_layer.reflectance
+        if self._base_color is not None:
+            self._base_color.write(struct.pack("4f", *material.base_color))
+        if self._alpha_cutoff is not None:
+            self._alpha_cutoff.value = material.hit_cutoff
+        if self._record is not None and reflectance is not None:
+            self._record.value = reflectance.record
+            bind_maps(reflectance.maps)
 
     def draw(self, array: moderngl.VertexArray, first: int, count: int, first_id: int) -> None:
         """Draw `count` indices of a vertex array; the first triangle gets the ID `first_id`."""
+        array.render(moderngl.TRIANGLES, vertices=count, first=first)
 
 
-P = TypeVar("P", bound=DrawProgram)
+# Texture units and defines of programs that read materials: table, vertex details, maps.
+
+
+MAPS = (  # in the order of `Material.maps`
+    "metallic_roughness_map", "normal_map", "occlusion_map", "emissive_map",
+    "specular_map", "clearcoat_map", "clearcoat_normal_map",
+)  # fmt: skip
+_MAP_UNITS = {f"u_{name}": unit for unit, name in zip(MAP_UNITS, MAPS, strict=True)}
+_DETAILS_UNIT, _MATERIALS_UNIT, _ITEM_DETAILS_UNIT = 10, 11, 12
+
+
+def map_units() -> list[tuple[int, str]]:
+    """Texture units and sampler names of the maps, in the order of `Material.maps`."""
+    return [(unit, name) for name, unit in _MAP_UNITS.items()]
+
+
+def reflectance_defines(
+    maps: Sequence[bool] | None, second_coordinates: bool = False
+) -> tuple[str, ...]:
+    """Defines of a material with the given maps; None: a matte material."""
+    if maps is None:
+        return ()
+    has_maps = [name for name, is_there in zip(MAPS, maps, strict=True) if is_there]
+    return (
+        "REFLECTANCE",
+        *(name.upper() for name in has_maps),
+        *(["TEXTURE_COORDINATES"] if has_maps else []),
+        *(["SECOND_COORDINATES"] if second_coordinates else []),
+    )
+
+
+def connect_material(program: moderngl.Program, clustered: bool) -> None:
+    """Set the texture units of a program's material maps and tables."""
+    details = _DETAILS_UNIT if clustered else _ITEM_DETAILS_UNIT
+    tables = {"u_materials": _MATERIALS_UNIT, "u_vertex_details": details}
+    set_uniforms(program, {**_MAP_UNITS, **tables})
+
+
+def material_tables(buffers: SceneBuffers, has_item_details: bool) -> dict[int, AnyTexture]:
+    """Tables of materials and vertex details by unit, on request also of single items."""
+    clusters, materials = buffers.clustered_geometry, buffers.materials.texture
+    if materials is None:
+        return {}
+    tables: dict[int, AnyTexture] = {_MATERIALS_UNIT: materials}
+    if has_item_details and buffers.item_details is not None:
+        tables[_ITEM_DETAILS_UNIT] = buffers.item_details
+    if clusters is not None and clusters.details is not None:
+        tables[_DETAILS_UNIT] = clusters.details
+    return tables
+
+
+# Draws a scene's items one by one with the programs of one pass.
+
+
+P = TypeVar("P", bound=ItemProgram)
 
 
 class SceneDrawer(Generic[P]):

@@ -11,6 +11,7 @@ from typing import Protocol
 
 import moderngl
 import numpy as np
+from numpy.typing import NDArray
 
 from omnisim.core.array_types import Float64s, Indices, Mask
 from omnisim.core.world import ObjectPart, time_of
@@ -21,11 +22,13 @@ from omnisim.rendering.opengl.culling.cluster_culling import (
     ClusterCuller,
     Views,
 )
-from omnisim.rendering.opengl.drawing.blended_drawer import BlendedDrawer, arrays_of, can_sort
 from omnisim.rendering.opengl.drawing.cluster_drawer import (
+    BlendedDrawer,
     BucketProgram,
     ClusterDrawer,
     DrawBatches,
+    arrays_of,
+    can_sort,
 )
 from omnisim.rendering.opengl.drawing.scene_drawer import P, SceneDrawer
 from omnisim.rendering.opengl.drawing.sky_pass import SkyPass
@@ -299,8 +302,8 @@ class Probes(Protocol):
     def connect(
         self,
         programs: Collection[SurfaceProgram],
-        viewpoint_m: Float64s,
-        world_from_objects: Sequence[Float64s],
+        viewpoint_m: NDArray[np.float64],
+        world_from_objects: Sequence[NDArray[np.float64]],
     ) -> None:
         """Set the probes of items, relative to a viewpoint (3,), in the programs, and bind them."""
 
@@ -389,7 +392,7 @@ class SceneView:
         self.programs.add(program)
         return program
 
-    def _item_drawer(self, items: Indices) -> SceneDrawer[SurfaceProgram]:
+    def _item_drawer(self, items: NDArray[np.intp]) -> SceneDrawer[SurfaceProgram]:
         """Drawer of items (n,) one by one."""
         return SceneDrawer(
             self._buffers, items, self._find_item_program, {}, is_mirrored=self._is_mirrored
@@ -409,14 +412,16 @@ class SceneView:
         program = self._program(variant).program
         return BlendedDrawer(self._buffers.context, geometry, culler, items, program)
 
-    def select(self, left_out: Mask, parts: SceneParts = SceneParts.ALL) -> None:
+    def select(self, left_out: NDArray[np.bool_], parts: SceneParts = SceneParts.ALL) -> None:
         """Select what to draw, see `TileRenderer.select`; blended items of all parts are drawn."""
         self._blended = self._all_blended[~left_out[self._all_blended]]
         self._unsorted = self._all_unsorted[~left_out[self._all_unsorted]]
         self._has_all_sorted = not left_out[self._sorted].any()
         self.tiles.select(left_out, parts)
 
-    def sorts_blended(self, viewpoint_m: Float64s, world_from_objects: Sequence[Float64s]) -> bool:
+    def sorts_blended(
+        self, viewpoint_m: NDArray[np.float64], world_from_objects: Sequence[NDArray[np.float64]]
+    ) -> bool:
         """True if the GPU sorts all that the blended items show to a viewpoint (3,), world."""
         showing = self._buffers.showing(self._unsorted, viewpoint_m, world_from_objects)
         return self._has_all_sorted and next(showing, None) is None
@@ -424,8 +429,8 @@ class SceneView:
     def draw_opaque(
         self,
         target: moderngl.Framebuffer,
-        world_from_rig: Float64s,
-        world_from_objects: Sequence[Float64s],
+        world_from_rig: NDArray[np.float64],
+        world_from_objects: Sequence[NDArray[np.float64]],
     ) -> None:
         """Draw the selected opaque items alone; arguments and conditions as of `draw`."""
         for program in self.programs:
@@ -436,8 +441,8 @@ class SceneView:
     def add_one_by_one(
         self,
         target: moderngl.Framebuffer,
-        world_from_rig: Float64s,
-        world_from_objects: Sequence[Float64s],
+        world_from_rig: NDArray[np.float64],
+        world_from_objects: Sequence[NDArray[np.float64]],
     ) -> None:
         """Draw the selected opaque items outside of clusters, over a drawn view of this pose."""
         with self._state.drawing():
@@ -446,9 +451,9 @@ class SceneView:
     def draw(
         self,
         target: moderngl.Framebuffer,
-        world_from_rig: Float64s,
-        world_from_objects: Sequence[Float64s],
-        mirror: Float64s | None = None,
+        world_from_rig: NDArray[np.float64],
+        world_from_objects: Sequence[NDArray[np.float64]],
+        mirror: NDArray[np.float64] | None = None,
     ) -> None:
         """Draw from a pose (4, 4) onto the bound target; `mirror`: see `SurfaceProgram.set_mirror`.
 
@@ -511,8 +516,8 @@ class SceneView:
     def _draw_back_to_front(
         self,
         target: moderngl.Framebuffer,
-        world_from_rig: Float64s,
-        world_from_objects: Sequence[Float64s],
+        world_from_rig: NDArray[np.float64],
+        world_from_objects: Sequence[NDArray[np.float64]],
         drawer: SceneDrawer[SurfaceProgram],
     ) -> None:
         """Sort visible blended items, and their triangles, back to front; draw them one by one."""

@@ -7,7 +7,7 @@ import numpy as np
 
 from omnisim.core.array_types import Float64s
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan, clips_from_rig
-from omnisim.rendering.opengl.gl.memory import written_buffer
+from omnisim.rendering.opengl.gl.buffers import written_buffer
 from omnisim.rendering.opengl.gl.shader_files import build_program
 from omnisim.rendering.opengl.gl.state import GlState
 
@@ -18,12 +18,7 @@ _INSTANCE = np.dtype(  # inputs of shaders/scene/sky.vert
 
 
 class SkyPass:
-    """Draws the sky where nothing opaque is, before blended surfaces.
-
-    Args:
-        sky: texture of the environment map.
-        cameras: number of cameras drawn together, one layer each; None: one camera, no layers.
-    """
+    """Draws the sky where nothing opaque is; `cameras`: layers drawn together; None: no layers."""
 
     def __init__(
         self,

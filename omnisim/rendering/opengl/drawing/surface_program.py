@@ -13,10 +13,11 @@ from numpy.typing import ArrayLike
 
 from omnisim.core.array_types import Float32s, Float64s
 from omnisim.core.errors import GraphicsError
+from omnisim.core.world import Poses
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.capture.pixel_map import bind_tiles
-from omnisim.rendering.opengl.drawing.item_uniforms import (
-    ItemUniforms,
+from omnisim.rendering.opengl.drawing.scene_drawer import (
+    ItemProgram,
     connect_material,
     material_tables,
     reflectance_defines,
@@ -29,7 +30,7 @@ from omnisim.rendering.opengl.gl.shader_files import (
     build_program,
     columns_first,
     find_uniform,
-    set_sampler,
+    set_uniforms,
     write_fog,
 )
 from omnisim.rendering.opengl.gl.state import GlState
@@ -40,7 +41,6 @@ from omnisim.rendering.opengl.materials.scene_textures import (
     filtered_texture,
     sky_texture,
 )
-from omnisim.scene.light.environment import Environment
 from omnisim.scene.model import MAX_LIGHTS, AlphaMode, Lighting, LightKind
 from omnisim.scene.planar_mirrors import MAX_PLANES
 from omnisim.scene.slabs import normal_of_slabs
@@ -64,12 +64,8 @@ class ShadowSource(Protocol):
     def connect(self, program: moderngl.Program) -> None:
         """Set the samplers and blocks of a program that looks up shadows."""
 
-    def prepare(self, viewpoint_m: Float64s, world_from_objects: Sequence[Float64s]) -> None:
-        """Draw the maps that a frame needs, and bind them.
-
-        Args:
-            viewpoint_m: (3,) position of the viewpoint, world.
-        """
+    def prepare(self, viewpoint_m: Float64s, world_from_objects: Poses) -> None:
+        """Draw the maps that a frame from a viewpoint (3,), world, needs, and bind them."""
 
 
 _ALL_DIRECTIONS = (-1.0, -2.0)  # cosines of a cone with all directions: a point light's
@@ -112,7 +108,7 @@ class SurfaceVariant(NamedTuple):
         in_lightmap = self.light is LightSource.LIGHTMAP and self.maps is None
         return self.lit and self.shading is not Shading.BAKED and not in_lightmap
 
-    def defines(self, lighting: Lighting, shadows: ShadowSource | None = None) -> tuple[str, ...]:  # noqa: C901 - a list of cases
+    def defines(self, lighting: Lighting, shadows: ShadowSource | None = None) -> tuple[str, ...]:
         """Defines of the shaders in a scene with this lighting."""
         defines = []
         is_placed = in_fog = lighting.fog is not None and self.in_fog
@@ -141,35 +137,23 @@ class SurfaceVariant(NamedTuple):
             defines.append("BAKED")
         if self.lit:
             defines += self.light.defines
-        if self.both_sides:
-            defines.append("BOTH_SIDES")
-        if self.is_pane:
-            defines.append("PANE")
-        if self.is_planar_mirror:
-            defines.append(f"PLANAR_MIRRORS {MAX_PLANES}")
-        if self.is_rough_mirror:
-            defines.append("MIRROR_GLOSS")
-        if self.in_mirror:
-            defines.append("IN_MIRROR")
-        if self.has_probe:
-            defines.append("REFLECTION_PROBE")
-        if self.is_glass:
-            defines.append("GLASS")
-        if is_placed or self.in_mirror:
-            defines.append("POSITION")
-        if in_fog:
-            defines.append("FOG")
-        if self.textured:
-            defines.append("TEXTURED")
-        if self.alpha_mode is not AlphaMode.OPAQUE:
-            defines.append(f"ALPHA_{self.alpha_mode.name}")
-        if self.clustered:
-            defines.append("CLUSTERED")
-        if self.layered:
-            defines.append("LAYERED")
-        if self.blended_arrays is not None:
-            defines.append(f"BLENDED_ARRAYS {self.blended_arrays}")
-        return tuple(defines)
+        others = {
+            "BOTH_SIDES": self.both_sides,
+            "PANE": self.is_pane,
+            f"PLANAR_MIRRORS {MAX_PLANES}": self.is_planar_mirror,
+            "MIRROR_GLOSS": self.is_rough_mirror,
+            "IN_MIRROR": self.in_mirror,
+            "REFLECTION_PROBE": self.has_probe,
+            "GLASS": self.is_glass,
+            "POSITION": is_placed or self.in_mirror,
+            "FOG": in_fog,
+            "TEXTURED": self.textured,
+            f"ALPHA_{self.alpha_mode.name}": self.alpha_mode is not AlphaMode.OPAQUE,
+            "CLUSTERED": self.clustered,
+            "LAYERED": self.layered,
+            f"BLENDED_ARRAYS {self.blended_arrays}": self.blended_arrays is not None,
+        }
+        return (*defines, *(name for name, is_defined in others.items() if is_defined))
 
 
 def variant_of(item: DrawItem, unlit: bool) -> SurfaceVariant:
@@ -232,7 +216,7 @@ def variant_of_blended(arrays: int, unlit: bool, items: Sequence[DrawItem]) -> S
     )
 
 
-class SurfaceProgram:
+class SurfaceProgram(ItemProgram):
     """Compiled variant with its uniforms.
 
     Args:
@@ -250,7 +234,8 @@ class SurfaceProgram:
         shadows: ShadowSource | None = None,
     ):
         files = "scene/surface.vert", "scene/surface.frag"
-        self.program = program = build_program(context, *files, variant.defines(lighting, shadows))
+        program = build_program(context, *files, variant.defines(lighting, shadows))
+        super().__init__(program)
         self._shadows = shadows
         self._shadow_viewpoint = find_uniform(program, "u_shadow_viewpoint")
         self._probes_viewpoint = find_uniform(program, "u_probes_viewpoint")
@@ -262,8 +247,6 @@ class SurfaceProgram:
             shadows.connect(program)
         self._is_textured, self.is_pane = variant.textured, variant.is_pane
         self._state = GlState()
-        # uniforms of single items
-        self._item = ItemUniforms(program)
         # the compiler removes both if ambient light alone is left
         self._viewpoint_from_mesh = find_uniform(program, "u_viewpoint_from_mesh")
         self._normal_from_mesh = find_uniform(program, "u_normal_from_mesh")
@@ -276,8 +259,7 @@ class SurfaceProgram:
         self.needs_item_details = variant.second_coordinates and not variant.clustered
         if variant.maps is not None:
             connect_material(program, variant.clustered)
-            for name, unit in _ENVIRONMENT_UNITS.items():
-                set_sampler(program, name, unit)
+            set_uniforms(program, _ENVIRONMENT_UNITS)
         self._rig_from_world = find_uniform(program, "u_rig_from_world")
         self._mirror_planes = find_uniform(program, "u_mirror_planes")
         self._mirror = find_uniform(program, "u_mirror")
@@ -288,14 +270,14 @@ class SurfaceProgram:
         self._glass_absorption = find_uniform(program, "u_glass_absorption_per_m")
         self._slab_normal = find_uniform(program, "u_slab_normal")
         if variant.is_planar_mirror:
-            for name, unit in MIRROR_UNITS.items():
-                set_sampler(program, name, unit)
+            set_uniforms(program, MIRROR_UNITS)
         if lighting.fog is not None and variant.in_fog:
             write_fog(program, lighting.fog)
         if variant.computes_light:
             _write_lights(program, lighting)
             if lighting.environment is not None:
-                _write_environment(program, lighting.environment)
+                irradiance = lighting.environment.irradiance.astype(np.float32)
+                set_uniforms(program, {"u_irradiance": irradiance})
 
     def set_viewpoint(self, viewpoint_m: Float64s) -> None:
         """Set the viewpoint (3,), world: positions of lights and shadow maps are relative to it."""
@@ -310,12 +292,7 @@ class SurfaceProgram:
             self._probes_viewpoint.write(offset_m.astype(np.float32))
 
     def set_mirrors(self, planes: Float64s, plan: TilePlan, world_from_rig: Float64s) -> None:
-        """Set the mirrors of a rig's pose (4, 4).
-
-        Args:
-            planes: (n, 4) unit normals, and the viewpoint's heights.
-            world_from_rig: (4, 4) pose.
-        """
+        """Set the planes (n, 4) of the mirrors of a rig's pose (4, 4): normals and heights."""
         if self._rig_from_world is not None:
             self._rig_from_world.write(columns_first(world_from_rig[:3, :3].T))
             bind_tiles(self.program, plan, np.eye(3))
@@ -339,7 +316,7 @@ class SurfaceProgram:
         self, clip_from_mesh: Float32s, viewpoint_from_mesh: Float32s, normal_from_mesh: Float32s
     ) -> None:
         """Set the matrices (4, 4) and (3, 3), column-major, for the next draw call."""
-        self._item.set_clip_from_mesh(clip_from_mesh)
+        super().set_matrices(clip_from_mesh, viewpoint_from_mesh, normal_from_mesh)
         if self._viewpoint_from_mesh is not None:
             self._viewpoint_from_mesh.write(viewpoint_from_mesh)
         if self._normal_from_mesh is not None:
@@ -347,7 +324,7 @@ class SurfaceProgram:
 
     def bind_material(self, item: DrawItem) -> None:
         """Bind an item's material for the next draw call."""
-        self._item.bind_material(item)
+        super().bind_material(item)
         if self._probe is not None:
             self._probe.write(self._probes[id(item)])
         if self._glass is not None and self._glass_absorption is not None:
@@ -378,7 +355,6 @@ class SurfacePrograms:
         shadows: shadow maps of its lights; None: no shadows.
 
     Attributes:
-        shadows: see the arguments.
         shared_passes: passes that all cameras share: by version of the buffers, number of probes,
             and background.
 
@@ -464,28 +440,18 @@ def _calls(count: int) -> str:
 
 def _write_lights(program: moderngl.Program, lighting: Lighting) -> None:
     """Set the uniforms of all lights except positions, which are relative to the viewpoint."""
-
-    def write(name: str, values: ArrayLike) -> None:
-        uniform = find_uniform(program, name)  # None: replaced by baked light
-        if uniform is not None:
-            uniform.write(np.asarray(values, dtype=np.float32))
-
     directional, punctual = lighting.by_kind()
-    write("u_ambient", lighting.ambient)
+    values: dict[str, ArrayLike] = {"u_ambient": lighting.ambient}
     for name, lights in (("directional", directional), ("punctual", punctual)):
         if lights:
             colors = [np.array(one.color) * one.intensity for one in lights]
-            write(f"u_{name}_color", np.array(colors) * lighting.exposure)
-            write(f"u_{name}_direction", [one.direction for one in lights])
+            values[f"u_{name}_color"] = np.array(colors) * lighting.exposure
+            values[f"u_{name}_direction"] = [one.direction for one in lights]
     if punctual:
         cones = [
             one.cone_cosines if one.kind is LightKind.SPOT else _ALL_DIRECTIONS for one in punctual
         ]
         ranges_m = [min(one.range_m, _NO_RANGE_M) for one in punctual]
-        write("u_punctual_limits", np.column_stack((ranges_m, cones)))
-
-
-def _write_environment(program: moderngl.Program, environment: Environment) -> None:
-    irradiance = find_uniform(program, "u_irradiance")
-    if irradiance is not None:
-        irradiance.write(environment.irradiance.astype(np.float32))
+        values["u_punctual_limits"] = np.column_stack((ranges_m, cones))
+    # those that baked light replaces are missing
+    set_uniforms(program, {key: np.asarray(one, np.float32) for key, one in values.items()})

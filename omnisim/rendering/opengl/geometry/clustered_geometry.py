@@ -34,12 +34,8 @@ from omnisim.rendering.opengl.geometry.vertex_records import (
     NORMAL_BYTES,
     light_coordinates,
 )
-from omnisim.rendering.opengl.gl.memory import (
-    gpu_allocation,
-    gpu_buffer,
-    read_buffer,
-    written_buffer,
-)
+from omnisim.rendering.opengl.gl.buffers import gpu_buffer, read_buffer, written_buffer
+from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.materials.scene_textures import TextureArray, vertex_details
 from omnisim.scene.model import AlphaMode, Lighting, LightKind
 
@@ -153,8 +149,7 @@ class ClusteredGeometry:
     """Instances of opaque and masked materials, see `build_clustered_geometry`."""
 
     buckets: tuple[Bucket, ...]  # buckets in the order of the hierarchy
-    # (3,) float64 world position of the origin of object 0, the static geometry
-    anchor_m: Float64s
+    anchor_m: Float64s  # (3,) float64 world position of the origin of object 0, the static geometry
     objects: int  # number of objects: the static one and the dynamic ones
     # clusters of one bucket and one object each; it orders the triangles of all contained draw
     # items
@@ -218,13 +213,11 @@ def build_clustered_geometry(
     dynamic_objects: int,
     alone: Collection[int] = (),
 ) -> ClusteredGeometry | None:
-    """Build the clustered geometry of a scene; None if no instance qualifies.
-
-    Args:
-        dynamic_objects: number of dynamic objects.
-        alone: indices of items to draw one by one.
-    """
-    anchor_m = _anchor(items)
+    """Clustered geometry of a scene without the items `alone`; None: none qualifies."""
+    static_m = [item.center_m for item in items if item.object_index is None]
+    anchor_m = np.zeros(3)
+    if static_m:
+        anchor_m = 0.5 * (np.min(static_m, axis=0) + np.max(static_m, axis=0))
     contains = _contained(items, anchor_m, alone)
     items = [item for item, is_contained in zip(items, contains, strict=True) if is_contained]
     if not items:
@@ -325,14 +318,6 @@ def _state_order(bucket: Bucket) -> tuple[object, ...]:
     )  # fmt: skip
 
 
-def _anchor(items: Sequence[DrawItem]) -> Float64s:
-    """Center (3,) of the static items, world."""
-    static = [item.center_m for item in items if item.object_index is None]
-    if not static:
-        return np.zeros(3)
-    return 0.5 * (np.min(static, axis=0) + np.max(static, axis=0))
-
-
 def _contained(items: Sequence[DrawItem], anchor_m: Float64s, alone: Collection[int]) -> Mask:
     contained = np.zeros(len(items), dtype=np.bool_)
     meshes = set[int]()  # ids of those that are contained
@@ -390,11 +375,7 @@ class ShadedTriangles(NamedTuple):
 def shaded_triangles(
     context: moderngl.Context, items: Sequence[DrawItem], anchor_m: Float64s, lighting: Lighting
 ) -> ShadedTriangles:
-    """Triangles of items, with light baked into those whose shading allows it.
-
-    Args:
-        anchor_m: (3,) world position that static vertices are relative to.
-    """
+    """Triangles of items, relative to the anchor (3,), with light baked in where it can be."""
     total = sum(item.triangles for item in items)
     next_copy = sum(len(item.mesh.positions) for item in items)
     room = next_copy + next_copy // _ROOM_FOR_COPIES

@@ -63,8 +63,7 @@ class DrawItem:
     base: int  # first vertex of its mesh in the vertex buffer
     material: Material  # material of the mesh
     texture_layer: MaterialTexture  # textures of the material on this mesh
-    # (4, 4) float64, to the world or the dynamic object's frame
-    object_from_mesh: Float64s
+    object_from_mesh: Float64s  # (4, 4) float64, to the world or the dynamic object's frame
     # (3, 3) cofactors of its linear part, signed to keep normals outward
     normal_from_mesh: Float64s
     flips_winding: bool  # True if the transform reverses the winding of triangles
@@ -112,10 +111,7 @@ class DrawItem:
 
     @cached_property
     def _front_planes(self) -> Float64s:
-        """Planes (n, 4) of the triangles: unit normals of their fronts, and offsets.
-
-        They are those of the world, or of the dynamic object's frame.
-        """
+        """Planes (n, 4) of the fronts: unit normals and offsets, world or its object's."""
         positions_m = self.mesh.positions @ self.object_from_mesh[:3, :3].T
         positions_m += self.object_from_mesh[:3, 3]
         first_m, second_m, third_m = np.moveaxis(positions_m[self.mesh.triangles], 1, 0)

@@ -19,7 +19,8 @@ from omnisim.rendering.opengl.geometry.vertex_records import (
     fill_vertices,
     light_coordinates,
 )
-from omnisim.rendering.opengl.gl.memory import gpu_allocation, gpu_buffer, written_buffer
+from omnisim.rendering.opengl.gl.buffers import gpu_buffer, written_buffer
+from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.scene.model import Mesh, Scene
 
 # Vertices and indices that edits may append beyond the initial number.

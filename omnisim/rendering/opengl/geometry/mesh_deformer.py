@@ -12,7 +12,8 @@ from omnisim.core.array_types import Float32s, UInt32s
 from omnisim.core.errors import GraphicsError
 from omnisim.rendering.opengl.geometry.geometry_store import IndexRange
 from omnisim.rendering.opengl.geometry.triangle_table import TriangleTable
-from omnisim.rendering.opengl.gl.memory import gpu_allocation, gpu_buffer, written_buffer
+from omnisim.rendering.opengl.gl.buffers import gpu_buffer, written_buffer
+from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.shader_files import build_compute_shader
 from omnisim.scene.motion.deformation import Deformation
 
@@ -51,8 +52,15 @@ class MeshDeformer:
         bounds, offsets = _tables(self._deformations, bases)
         corners = np.concatenate([_corners(one) for one in ranges if one.mesh.deformation])
         self._count, self._corner_count = len(bounds), len(corners)
-        most = max(self._count, self._corner_count)
-        _check_size(context, most, max(bounds.nbytes, offsets.nbytes))
+        if max(self._count, self._corner_count) > _GROUP_SIZE * _MAX_GROUPS:
+            raise GraphicsError(
+                f"meshes that deform have {max(self._count, self._corner_count) // 3} triangles: "
+                f"expected at most {_GROUP_SIZE * _MAX_GROUPS // 3}"
+            )
+        largest = max(bounds.nbytes, offsets.nbytes)
+        limit = int(context.info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"])
+        if largest > limit:
+            raise GraphicsError(f"meshes that deform take {largest} bytes: this GPU allows {limit}")
         matrices, weights = self._state(0.0)
         with gpu_allocation("meshes that deform", "make the scene smaller"):
             self._bound = [
@@ -69,10 +77,7 @@ class MeshDeformer:
         self._copied: tuple[TriangleTable, float] | None = None
 
     def run(self, time_s: float, vertices: moderngl.Buffer, table: TriangleTable | None) -> None:
-        """Write the vertices for a time and, if a table is given, their triangles.
-
-        Does nothing for a time that is already written.
-        """
+        """Write the vertices for another time and, if a table is given, their triangles."""
         context = self._context
         vertices.bind_to_storage_buffer(0)
         if time_s != self._time_s:
@@ -110,20 +115,6 @@ class MeshDeformer:
         return (
             np.concatenate(matrices).astype(np.float32), np.concatenate(weights).astype(np.float32)
         )  # fmt: skip
-
-
-def _check_size(context: moderngl.Context, corners: int, largest_bytes: int) -> None:
-    """Refuse meshes that shaders cannot deform."""
-    if corners > _GROUP_SIZE * _MAX_GROUPS:
-        raise GraphicsError(
-            f"meshes that deform have {corners // 3} triangles: expected at most "
-            f"{_GROUP_SIZE * _MAX_GROUPS // 3}"
-        )
-    limit = int(context.info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"])
-    if largest_bytes > limit:
-        raise GraphicsError(
-            f"meshes that deform take {largest_bytes} bytes: this GPU allows {limit}"
-        )
 
 
 def _tables(

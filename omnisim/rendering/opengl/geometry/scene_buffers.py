@@ -15,7 +15,7 @@ import numpy as np
 from omnisim.core.array_types import Float64s, Indices, Mask
 from omnisim.core.arrays import bounds_of
 from omnisim.core.errors import GraphicsError
-from omnisim.core.world import ObjectPart, time_of
+from omnisim.core.world import ObjectPart, Poses, time_of
 from omnisim.rendering.camera.quality import MAX_PROBES
 from omnisim.rendering.opengl.geometry.clustered_geometry import (
     ClusteredGeometry,
@@ -53,7 +53,6 @@ class SceneBuffers:
             instance whole, one after the other: slower but simpler, the reference for clusters.
 
     Attributes:
-        context: see the arguments.
         draw_items: opaque and masked instances, then blended ones; each part sorted by material.
         radii_m: (n,) radii of their bounding spheres at 0 s.
         deforming: indices of items whose meshes deform.
@@ -115,25 +114,20 @@ class SceneBuffers:
         self._find_mirrors(np.ones(len(items), dtype=np.bool_))
 
     def _find_mirrors(self, possible: Mask) -> None:
-        """Find planar mirrors and panes among the possible items (n,)."""
+        """Find planar mirrors, panes and reflection probes among the possible items (n,)."""
         self.mirrors: tuple[MirrorPlane, ...] = ()
         self.pane_mirrors: tuple[MirrorPlane, ...] = ()
-        if not self._lighting.is_matte:
-            numbers = np.flatnonzero(possible).tolist()
-            surfaces = {number: self.draw_items[number] for number in numbers}
-            self.mirrors = find_mirrors(surfaces, is_planar_mirror)
-            self.pane_mirrors = find_mirrors(surfaces, is_clear_pane)
-        self.probe_places = self._find_probes(possible)
-
-    def _find_probes(self, possible: Mask) -> tuple[ProbePlace, ...]:
-        """Find the reflection probes of the possible items (n,)."""
+        self.probe_places: tuple[ProbePlace, ...] = ()
         if self._lighting.is_matte:
-            return ()
-        numbers = np.flatnonzero(self._is_drawn).tolist()
+            return
+        numbers = np.flatnonzero(possible).tolist()
         surfaces = {number: self.draw_items[number] for number in numbers}
+        self.mirrors = find_mirrors(surfaces, is_planar_mirror)
+        self.pane_mirrors = find_mirrors(surfaces, is_clear_pane)
+        drawn = np.flatnonzero(self._is_drawn).tolist()
+        surfaces = {number: self.draw_items[number] for number in drawn}
         planes = (*self.mirrors, *self.pane_mirrors)
-        own = set(np.flatnonzero(possible).tolist())
-        return find_probes(surfaces, planes, own)[:MAX_PROBES]
+        self.probe_places = find_probes(surfaces, planes, set(numbers))[:MAX_PROBES]
 
     def _set_items(self, items: Sequence[DrawItem]) -> None:
         self.draw_items = tuple(items)
@@ -238,13 +232,9 @@ class SceneBuffers:
             del self.triangles
 
     def instance_transforms(
-        self, viewpoint_m: Float64s, world_from_objects: Sequence[Float64s] = ()
+        self, viewpoint_m: Float64s, world_from_objects: Poses = ()
     ) -> InstanceTransforms:
-        """Transforms of the items to the frame of a viewpoint (3,), world.
-
-        Args:
-            viewpoint_m: (3,) position of the viewpoint, world.
-        """
+        """Transforms of the items to the frame of a viewpoint (3,), world."""
         posed = self._world_transforms(world_from_objects)
         viewpoint_from_mesh = posed.viewpoint_from_mesh.copy()
         viewpoint_from_mesh[:, :3, 3] -= viewpoint_m  # in float64: precise far from the origin
@@ -252,7 +242,7 @@ class SceneBuffers:
             viewpoint_from_mesh=viewpoint_from_mesh, centers_m=posed.centers_m - viewpoint_m
         )
 
-    def _world_transforms(self, world_from_objects: Sequence[Float64s]) -> InstanceTransforms:
+    def _world_transforms(self, world_from_objects: Poses) -> InstanceTransforms:
         """Transforms of the items to the world, kept until objects move."""
         poses = np.array(world_from_objects)
         key = poses.tobytes()
@@ -264,8 +254,12 @@ class SceneBuffers:
         radii_m = self.radii_m
         if self.deforming.size:
             radii_m = radii_m.copy()
-            spheres = self._spheres_at(time_of(world_from_objects))
-            centers_m[self.deforming], radii_m[self.deforming] = spheres
+            time_s = time_of(world_from_objects)
+            if self._deformed_spheres is None or self._deformed_spheres[0] != time_s:
+                spheres = [self.draw_items[index].sphere_at(time_s) for index in self.deforming]
+                centers = np.array([one.center for one in spheres])
+                self._deformed_spheres = time_s, centers, np.array([one.radius for one in spheres])
+            _, centers_m[self.deforming], radii_m[self.deforming] = self._deformed_spheres
         if self._dynamic.size:
             dynamic = self._dynamic
             world_from_object = poses[self._object_of_item[dynamic]]
@@ -279,23 +273,8 @@ class SceneBuffers:
         self._posed = key, transforms
         return transforms
 
-    def _spheres_at(self, time_s: float) -> tuple[Float64s, Float64s]:
-        """Centers (n, 3) and radii (n,) of deforming items, in their objects' frames."""
-        cached = self._deformed_spheres
-        if cached is None or cached[0] != time_s:
-            spheres = [self.draw_items[index].sphere_at(time_s) for index in self.deforming]
-            centers_m = np.array([one.center for one in spheres])
-            radii_m = np.array([one.radius for one in spheres])
-            self._deformed_spheres = cached = time_s, centers_m, radii_m
-        return cached[1], cached[2]
-
-    def deform(self, world_from_objects: Sequence[Float64s], *, triangles: bool = False) -> None:
-        """Write the vertices of deforming meshes for the time of the poses, before drawing.
-
-        Args:
-            world_from_objects: (4, 4) each, poses of the dynamic objects, with their time.
-            triangles: write the triangle table, too.
-        """
+    def deform(self, world_from_objects: Poses, *, triangles: bool = False) -> None:
+        """Write deforming meshes for the time of the poses, and on request their triangles."""
         if not self.deforming.size:
             return
         if self._deformer is None:
@@ -305,7 +284,7 @@ class SceneBuffers:
         self._deformer.run(time_of(world_from_objects), self._store.allocated[0], table)
 
     def showing(
-        self, items: Indices, viewpoint_m: Float64s, world_from_objects: Sequence[Float64s]
+        self, items: Indices, viewpoint_m: Float64s, world_from_objects: Poses
     ) -> Iterator[int]:
         """Items, among indices (n,), that show something to a viewpoint (3,), world, anywhere."""
         for index in items.tolist():

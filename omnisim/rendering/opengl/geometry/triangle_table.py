@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from omnisim.core.array_types import Float32s, UInt32s
 from omnisim.rendering.opengl.geometry.geometry_store import IndexRange
+from omnisim.rendering.opengl.gl.buffers import written_buffer
 from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
-from omnisim.rendering.opengl.gl.memory import gpu_allocation, written_buffer
+from omnisim.rendering.opengl.gl.memory import gpu_allocation
 
 ROW_BITS = 12  # log2 of the entries per row, as in shaders/ground_truth/tables.glsl
 _ENTRIES_AT_ONCE = 1 << 18  # keeps intermediate arrays small
@@ -27,7 +28,7 @@ class TriangleTable:
     Attributes:
         corners: texture with four integers per corner: its position in the mesh's frame as float
             bits, and the triangle beyond the opposite edge, counted within the mesh
-            (`omnisim.rendering.opengl.geometry.triangle_table`). Blended items have no adjacency.
+            (`neighbors`). Blended items have no adjacency.
         indices: vertex index per corner: the scene's index buffer, or a copy if blended items
             re-sort that in every frame.
 

@@ -94,17 +94,11 @@ def _layout(program: moderngl.Program, vertex: np.dtype[np.void]) -> list[str]:
     for name in vertex.names or ():
         field = vertex[name]
         if name in program:
-            layout.append(_format(field))
+            layout.append(f"{int(np.prod(field.shape))}f{field.base.itemsize}")
             names.append(name)
         else:
             layout.append(f"{field.itemsize}x")
     return [" ".join(layout), *names]
-
-
-def _format(field: np.dtype[np.generic]) -> str:
-    """Moderngl's format of an attribute."""
-    count = int(np.prod(field.shape))
-    return f"{count}f{field.base.itemsize}"
 
 
 # Palette of vertices: color, texture layer, alpha cutoff and baked light, each combination once.

@@ -57,11 +57,7 @@ def fill_vertices(vertices: NDArray[np.void], mesh: Mesh) -> None:
 def light_coordinates(
     parts: Sequence[tuple[int, Mesh, Sequence[LightRectangle]]], count: int
 ) -> Float32s:
-    """Lightmap coordinates (count, 4) of vertices, front and back; negative: none.
-
-    Args:
-        parts: first vertex, mesh, and its lightmap rectangles of front and back, if any.
-    """
+    """Lightmap coordinates (count, 4) of parts, by first vertex; negative: none."""
     places = np.full((count, 4), -1.0, dtype=np.float32)
     for base, mesh, rectangles in parts:
         of_mesh = places[base : base + len(mesh.positions)]

@@ -95,10 +95,7 @@ def within(target: moderngl.Framebuffer, rectangle_px: tuple[int, int, int, int]
 def clear_target(
     target: moderngl.Framebuffer, *colors: tuple[float, float, float, float] | None
 ) -> None:
-    """Clear each attachment of a target in a pass of its own, by default to 0.
-
-    None marks an integer attachment, cleared to 0.
-    """
+    """Clear each attachment in a pass of its own, by default to 0; None: one of integers."""
     use_target(target)
     nothing = [(0.0, 0.0, 0.0, 0.0)] * len(target.color_attachments)
     GlState().clear(colors or nothing, CLEAR_DEPTH)

@@ -28,10 +28,7 @@ def gl_function(name: str, *parameters: type, returns: type | None = None) -> Ca
 
 
 def constant_call(function: Callable[..., Any], *arguments: int) -> Callable[[], Any]:
-    """Call of an OpenGL function with constant arguments.
-
-    They are converted here, once: that takes longer than most calls.
-    """
+    """Call with constant arguments, converted once: that takes longer than most calls."""
     typed: Any = function
     converted = [kind(value) for kind, value in zip(typed.argtypes, arguments, strict=True)]
     address: Any = ctypes.cast(typed, ctypes.c_void_p).value
@@ -76,11 +73,7 @@ class IndirectDraws:
 
 
 class StorageBindings:
-    """Buffers bound to consecutive storage bindings.
-
-    Args:
-        first: first binding.
-    """
+    """Buffers bound to consecutive storage bindings; `first`: first binding."""
 
     def __init__(self, buffers: Sequence[moderngl.Buffer], first: int = 0):
         self.buffers = tuple(buffers)
@@ -110,11 +103,7 @@ _MAX_WAIT_STEPS = 1200  # 10 minutes: more than any image takes by software
 
 
 class Fences:
-    """Sync objects of the current context.
-
-    Args:
-        keeps_passes: the driver is llvmpipe, whose last fences are kept.
-    """
+    """Sync objects of the current context; llvmpipe's last ones are kept."""
 
     def __init__(self, keeps_passes: bool) -> None:
         create = gl_function("glFenceSync", ctypes.c_uint, ctypes.c_uint, returns=ctypes.c_void_p)

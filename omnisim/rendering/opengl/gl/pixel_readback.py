@@ -17,13 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.errors import GraphicsError
+from omnisim.rendering.opengl.gl.buffers import copy_buffer, immutable_buffer
 from omnisim.rendering.opengl.gl.functions import Fences, end_pass, flush, gl_function
-from omnisim.rendering.opengl.gl.memory import (
-    check_allocation,
-    copy_buffer,
-    gpu_allocation,
-    immutable_buffer,
-)
+from omnisim.rendering.opengl.gl.memory import check_allocation, gpu_allocation
 
 LENGTH = 3  # one buffer is drawn, one read, one copied
 
@@ -124,11 +120,7 @@ class Reading:
 
 
 class PixelReadback:
-    """Ring of mapped buffers, which are created when they are needed.
-
-    Attributes:
-        context, fences: OpenGL context, and its fences.
-    """
+    """Ring of mapped buffers, which are created when they are needed."""
 
     def __init__(self, context: moderngl.Context):
         self.context = context

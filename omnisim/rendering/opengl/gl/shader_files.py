@@ -132,21 +132,23 @@ def uniform(program: moderngl.Program | moderngl.ComputeShader, name: str) -> mo
     return member
 
 
-def set_sampler(program: moderngl.Program, name: str, unit: int) -> None:
-    """Set the texture unit of a sampler, unless the compiler removed it."""
-    member = find_uniform(program, name)
-    if member is not None:
-        member.value = unit
+def set_uniforms(
+    program: moderngl.Program | moderngl.ComputeShader, values: Mapping[str, object]
+) -> None:
+    """Set uniforms and samplers by name, unless the compiler removed them."""
+    for name, value in values.items():
+        member = find_uniform(program, name)
+        if isinstance(value, np.ndarray) and member is not None:
+            member.write(value)
+        elif member is not None:
+            member.value = value
 
 
 def write_fog(program: moderngl.Program, fog: Fog) -> None:
     """Set the uniforms of shaders/scene/fog.glsl, if a program has them."""
-    for name, value in (
-        ("u_fog_color", fog.color), ("u_fog_attenuation_per_m", fog.attenuation_per_m)
-    ):  # fmt: skip
-        member = find_uniform(program, name)
-        if member is not None:
-            member.value = value
+    set_uniforms(
+        program, {"u_fog_color": fog.color, "u_fog_attenuation_per_m": fog.attenuation_per_m}
+    )
 
 
 def columns_first(matrices: Float64s) -> Float32s:

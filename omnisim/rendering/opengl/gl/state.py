@@ -46,12 +46,7 @@ def set_constants() -> None:
 
 
 class GlState:
-    """Setters of the current context's state; each OpenGL function is looked up once.
-
-    Attributes:
-        bind_texture: function that binds a texture, by unit and texture name.
-        set_culling: function that enables or disables back-face culling.
-    """
+    """Setters of the current context's state; each OpenGL function is looked up once."""
 
     def __init__(self) -> None:
         self._bind = gl_function("glBindFramebuffer", _ENUM, _ENUM)

@@ -9,9 +9,9 @@ from functools import lru_cache
 
 import moderngl
 import numpy as np
+from numpy.typing import NDArray
 
 from omnisim.cameras import CylindricalCamera
-from omnisim.core.array_types import Int32s
 from omnisim.core.coordinate_frames import BASE_FROM_OPTICAL_LOOKING_AHEAD
 from omnisim.core.poses import pose_from_rotation, rotation_from_yaw
 from omnisim.core.world import ObjectPart
@@ -49,6 +49,8 @@ class LidarPass:
     The virtual cameras of a slice width are created once.
 
     Args:
+        buffers: scene and dynamic objects.
+        beams: beams of the lidar.
         near_m: minimum range.
         hidden: parts of dynamic objects that beams pass through.
         geometry: geometry of the scene in its current state, for the triangles of hits; None: hits
@@ -67,7 +69,7 @@ class LidarPass:
         geometry: Callable[[], Geometry] | None = None,
     ):
         self._buffers, self._beams, self._geometry = buffers, beams, geometry
-        self._first_triangles: tuple[Geometry, Int32s] | None = None
+        self._first_triangles: tuple[Geometry, NDArray[np.int32]] | None = None
         self._cameras = VirtualCameras(
             near_m, beams.max_range_m, hidden=frozenset(hidden), both_sides=True
         )
@@ -137,6 +139,7 @@ class _Sector:
 
     Args:
         buffers, beams, cameras: see `LidarPass`.
+        firings: number of firings in the slice.
         is_whole: the slice is a whole revolution.
 
     Attributes:
@@ -167,7 +170,11 @@ class _Sector:
         self._path_m = uniform(program, "u_path_m")
 
     def render(
-        self, one: Slice, target: moderngl.Framebuffer, rays: moderngl.Texture, heading_rad: float
+        self,
+        one: Slice,
+        target: moderngl.Framebuffer,
+        rays: moderngl.Texture,
+        heading_rad: float,
     ) -> None:
         """Draw the hits of a slice's beams."""
         world_from_rig = one.middle.world_from_lidar @ pose_from_rotation(

@@ -18,7 +18,7 @@ from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.parallax_plan import parallax_tiles
 from omnisim.rendering.contract import Pending, ScenePoses
 from omnisim.rendering.opengl.atlas.sampling_density import MAX_ANISOTROPY
-from omnisim.rendering.opengl.capture.depth_pyramid import DepthPyramid
+from omnisim.rendering.opengl.capture.parallax_pass import DepthPyramid
 from omnisim.rendering.opengl.capture.parallax_rays import MARGIN_PX, ParallaxRays
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
 from omnisim.rendering.opengl.drawing.scene_view import VirtualCameras

@@ -10,22 +10,14 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.core.array_types import Float32s, Float64s, Indices
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.drawing.cluster_drawer import BucketProgram
-from omnisim.rendering.opengl.drawing.item_uniforms import (
-    ItemUniforms,
-    connect_material,
-    material_tables,
-    reflectance_defines,
-)
-from omnisim.rendering.opengl.drawing.scene_drawer import SceneDrawer
+from omnisim.rendering.opengl.drawing.scene_drawer import SceneDrawer, material_tables
 from omnisim.rendering.opengl.drawing.scene_view import TileRenderer, VirtualCameras
-from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket, ClusteredGeometry
+from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
-from omnisim.rendering.opengl.geometry.triangle_table import ROW_BITS
 from omnisim.rendering.opengl.gl.framebuffers import (
     COLORS,
     DEPTH,
@@ -41,12 +33,17 @@ from omnisim.rendering.opengl.gl.gpu_textures import (
     texture_array,
 )
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
-from omnisim.rendering.opengl.gl.shader_files import build_program, find_uniform, uniform
 from omnisim.rendering.opengl.gl.state import GlState
-from omnisim.rendering.opengl.materials.scene_textures import TextureArray
+from omnisim.rendering.opengl.ground_truth.triangle_ids import TriangleIds
+from omnisim.rendering.opengl.ground_truth.visibility_program import (
+    VisibilityProgram,
+    VisibilityVariant,
+    atlas_formats,
+    clear_colors,
+)
 
 # Pose (4, 4) of a camera's rig, and poses of the dynamic objects.
-CameraPoses = tuple[Float64s, Sequence[Float64s]]
+CameraPoses = tuple[NDArray[np.float64], Sequence[NDArray[np.float64]]]
 
 
 class Drawers(NamedTuple):
@@ -63,12 +60,15 @@ class VisibilityPass:
     drawn where its alpha reaches `BLENDED_CUTOFF`.
 
     Args:
+        buffers: scene and dynamic objects; other passes may share them.
+        plan: tiles of the atlas.
         cameras: virtual cameras; only depth range, sides and hidden instances matter here.
         details: details that can be drawn as well, if textures change them.
 
     Attributes:
         buffers, plan, cameras, near_m, far_m, both_sides: see the arguments.
         id_atlas: integer texture, 1 + ID of the triangle; 0: nothing visible.
+        triangle_ids: table of the IDs.
         detail_atlases: textures of base colors (square root of linear RGB) and of materials, by
             sampler name.
         depth: depth of the last rendered atlas.
@@ -140,7 +140,7 @@ class VisibilityPass:
     def _atlases(self, details: HitDetails) -> list[moderngl.Texture]:
         return [self.id_atlas, *(self.detail_atlases[name] for name in atlas_formats(details))]
 
-    def _one_by_one(self) -> Indices:
+    def _one_by_one(self) -> NDArray[np.intp]:
         """Draw items outside of clusters."""
         items, cameras = self.buffers.draw_items, self.cameras
         shown = self.buffers.shown_one_by_one(cameras.hidden)
@@ -149,7 +149,9 @@ class VisibilityPass:
         shown &= alphas >= np.array([one.material.hit_cutoff for one in items])
         return np.flatnonzero(shown)
 
-    def _make_drawer(self, details: HitDetails, items: Indices) -> SceneDrawer[VisibilityProgram]:
+    def _make_drawer(
+        self, details: HitDetails, items: NDArray[np.intp]
+    ) -> SceneDrawer[VisibilityProgram]:
         """Drawer of the items' IDs and details."""
         return SceneDrawer(
             self.buffers,
@@ -167,7 +169,7 @@ class VisibilityPass:
             variant = variant.with_maps(found.maps, found.second_coordinates)
         return self._program(variant)
 
-    def _make_tiles(self, details: HitDetails, items: Indices) -> TileRenderer:
+    def _make_tiles(self, details: HitDetails, items: NDArray[np.intp]) -> TileRenderer:
         """Renderer of the clusters' IDs and details."""
         find_program = partial(self.bucket_program, details)
         tiles = TileRenderer(
@@ -236,8 +238,8 @@ class VisibilityPass:
 
     def render(
         self,
-        world_from_rig: Float64s,
-        world_from_objects: Sequence[Float64s] = (),
+        world_from_rig: NDArray[np.float64],
+        world_from_objects: Sequence[NDArray[np.float64]] = (),
         details: HitDetails = NO_DETAILS,
     ) -> None:
         """Render all tiles from a pose (4, 4), with the dynamic objects at their poses."""
@@ -299,174 +301,3 @@ class VisibilityLayers:
             )
             self._visibility.draw_items(poses, self._layers, self._wanted)
         self._visibility.end()
-
-
-class VisibilityVariant(NamedTuple):
-    """Compiled version of the shader."""
-
-    holes: bool  # discard fragments with alpha below a cutoff
-    details: HitDetails  # details to draw as well
-    textured: bool = True  # materials may have a texture
-    clustered: bool = False  # True: draws clusters; False: single items
-    layered: bool = False  # several cameras, one target layer each
-    # True for each map of the material, in the order of `Material.maps`; None: matte, or
-    # materials are not drawn
-    maps: tuple[bool, ...] | None = None
-    second_coordinates: bool = False  # True if a map uses the second texture coordinates
-
-    def with_maps(
-        self, maps: Sequence[TextureArray | None] | None, second_coordinates: bool
-    ) -> VisibilityVariant:
-        """Variant for a material with these maps, see `Reflectance`; None: matte."""
-        if maps is None or not self.details.materials:
-            return self
-        has_maps = tuple(one is not None for one in maps)
-        return self._replace(maps=has_maps, second_coordinates=second_coordinates)
-
-    @property
-    def defines(self) -> tuple[str, ...]:
-        """Defines of the shaders."""
-        colored = self.holes or self.details.albedos
-        defined = {
-            "ALPHA_MASK": self.holes,
-            "ALBEDO": self.details.albedos,
-            "MATERIALS": self.details.materials,
-            "COLORED": colored,
-            "TEXTURED": self.textured and colored,
-            "CLUSTERED": self.clustered,
-            "LAYERED": self.layered,
-        }
-        names = [name for name, is_defined in defined.items() if is_defined]
-        return (*names, *reflectance_defines(self.maps, self.second_coordinates))
-
-
-def atlas_formats(details: HitDetails) -> dict[str, tuple[int, str]]:
-    """Components and type of each detail's atlas, by sampler name."""
-    formats = {"u_albedos": (4, "f1")} if details.albedos else {}
-    if details.materials:
-        formats |= {"u_gloss": (2, "f2"), "u_emission": (4, "f2")}
-    return formats
-
-
-def clear_colors(details: HitDetails) -> list[tuple[float, float, float, float] | None]:
-    """Clear color of each atlas; None: the integer atlas of IDs."""
-    return [None, *[(0.0, 0.0, 0.0, 0.0)] * len(atlas_formats(details))]
-
-
-class VisibilityProgram:
-    """Compiled variant with its uniforms.
-
-    Attributes:
-        first_plus_one: uniform, 1 + ID of the first triangle.
-        first_command: uniform for clusters, index of the first command.
-    """
-
-    def __init__(self, context: moderngl.Context, variant: VisibilityVariant):
-        folder = "ground_truth/visibility"
-        program = build_program(context, f"{folder}.vert", f"{folder}.frag", variant.defines)
-        self.program = program
-        self._item = ItemUniforms(program)
-        self.first_plus_one = uniform(program, "u_first_plus_one")
-        self.first_command = find_uniform(program, "u_first_command")
-        if variant.maps is not None:
-            connect_material(program, variant.clustered)
-        self._samplers: dict[tuple[bool, bool], moderngl.Sampler] = {}
-        if "TEXTURED" in variant.defines:
-            program["u_textures" if variant.clustered else "u_texture"] = 0
-            # Holes are filtered as in the image. Plain colors need no blend between two levels,
-            # which would cost a quarter of the pass.
-            minify = moderngl.LINEAR_MIPMAP_NEAREST
-            if variant.holes:
-                minify = moderngl.LINEAR_MIPMAP_LINEAR
-            for repeats in ((False, False), (False, True), (True, False), (True, True)):
-                self._samplers[repeats] = context.sampler(
-                    *repeats, filter=(minify, moderngl.LINEAR)
-                )
-
-    def sampler(self, array: TextureArray | None) -> moderngl.Sampler | None:
-        """Sampler of a bucket's textures."""
-        if array is None or not self._samplers:
-            return None
-        return self._samplers[array.array.repeat_x, array.array.repeat_y]
-
-    def set_matrices(
-        self, clip_from_mesh: Float32s, viewpoint_from_mesh: Float32s, normal_from_mesh: Float32s
-    ) -> None:
-        """Set the matrix (4, 4), column-major, for the next draw calls; IDs need no others."""
-        self._item.set_clip_from_mesh(clip_from_mesh)
-
-    def bind_material(self, item: DrawItem) -> None:
-        """Bind an item's material for the next draw call."""
-        self._item.bind_material(item)
-        if self._samplers:
-            texture = item.texture
-            texture.use(0)
-            self._samplers[texture.repeat_x, texture.repeat_y].use(0)
-
-    def draw(self, array: moderngl.VertexArray, first: int, count: int, first_id: int) -> None:
-        """Draw `count` indices of a vertex array; the first triangle gets the ID `first_id`."""
-        self.first_plus_one.value = first_id + 1
-        array.render(moderngl.TRIANGLES, vertices=count, first=first)
-
-    def end(self) -> None:
-        """Restore the textures' own filters."""
-        for sampler in self._samplers.values():
-            sampler.clear(0)
-
-
-# Triangle IDs (visibility buffer), and the table that resolves them.
-#
-# A fragment knows only its triangle's position within the draw call. All triangles are therefore
-# numbered in drawing order, first those of single items, then those of clusters. The atlas holds
-# these IDs; the table maps each to draw item and triangle.
-# Source: Burns & Hunt, "The visibility buffer", 2013.
-_ROW = 1 << ROW_BITS
-_ENTRY = np.dtype([("item_plus_one", "<u4"), ("triangle", "<u4")])
-
-
-class TriangleIds:
-    """Table of triangle IDs: first single items, then clusters.
-
-    Args:
-        one_by_one: (n,) items that are drawn one by one.
-
-    Attributes:
-        first_of_item: ID of the first triangle of each such item.
-        first_of_clusters: ID of the first triangle of the clusters.
-        texture: two integers per ID: 1 + draw item, and triangle in the item.
-    """
-
-    def __init__(self, buffers: SceneBuffers, one_by_one: Indices):
-        self._context, self._buffers = buffers.context, buffers
-        self.refresh(one_by_one)
-
-    def refresh(self, one_by_one: Indices) -> None:
-        """Renumber after the buffers changed; `one_by_one` are the items outside of clusters."""
-        draw_items, geometry = self._buffers.draw_items, self._buffers.clustered_geometry
-        items = one_by_one.tolist()
-        counts = np.array([draw_items[item].triangles for item in items], dtype=np.int64)
-        self.first_of_item = dict(zip(items, (np.cumsum(counts) - counts).tolist(), strict=True))
-        entries = _entries(draw_items, items)
-        self.first_of_clusters = len(entries)
-        if geometry is not None:
-            entries = np.concatenate((entries, cluster_triangle_entries(geometry, draw_items)))
-        padded = np.zeros(max(1, -(-len(entries) // _ROW)) * _ROW, dtype=_ENTRY)
-        padded[: len(entries)] = entries
-        self.texture = texture_2d(self._context, (_ROW, len(padded) // _ROW), 2, padded, dtype="u4")
-
-
-def cluster_triangle_entries(
-    geometry: ClusteredGeometry, draw_items: Sequence[DrawItem]
-) -> NDArray[np.void]:
-    """Table entries (n,) of the clusters' triangles, in drawing order."""
-    entries = _entries(draw_items, np.flatnonzero(geometry.contains).tolist())
-    return entries[geometry.hierarchy.order]
-
-
-def _entries(draw_items: Sequence[DrawItem], items: list[int]) -> NDArray[np.void]:
-    """Table entries (n,) of the items' triangles."""
-    counts = [draw_items[item].triangles for item in items]
-    entries = np.empty(sum(counts), dtype=_ENTRY)
-    entries["item_plus_one"] = np.repeat(np.array(items, dtype=np.intp) + 1, counts)
-    entries["triangle"] = np.concatenate([np.empty(0, int), *map(np.arange, counts)])
-    return entries

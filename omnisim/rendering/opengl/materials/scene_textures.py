@@ -23,7 +23,7 @@ from omnisim.rendering.opengl.gl.gpu_textures import (
     upload,
 )
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
-from omnisim.rendering.opengl.gl.shader_files import find_uniform, set_sampler
+from omnisim.rendering.opengl.gl.shader_files import set_uniforms
 from omnisim.scene.light.baked_light import BakedLight, Probes
 from omnisim.scene.light.environment import Environment
 from omnisim.scene.mipmaps import masked_mipmaps, mipmaps
@@ -104,11 +104,9 @@ class BakedTextures:
 
 def connect_baked_light(program: moderngl.Program, baked: BakedLight) -> None:
     """Set the samplers and uniforms of a program that looks up baked light."""
-    set_sampler(program, "u_lightmap", _LIGHTMAP_UNIT)
-    set_sampler(program, "u_probes", _PROBES_UNIT)
-    scale = find_uniform(program, "u_probes_per_m")
-    if scale is not None:
-        scale.write((1.0 / baked.probes.spacing_m).astype(np.float32))
+    per_m = (1.0 / baked.probes.spacing_m).astype(np.float32)
+    units = {"u_lightmap": _LIGHTMAP_UNIT, "u_probes": _PROBES_UNIT}
+    set_uniforms(program, {**units, "u_probes_per_m": per_m})
 
 
 def _lightmap(context: moderngl.Context, baked: BakedLight) -> moderngl.Texture:
@@ -180,11 +178,7 @@ class MaterialTexture(NamedTuple):
 
 
 class MaterialTextures:
-    """Textures of all requested materials.
-
-    Attributes:
-        table: records of the materials that are not matte.
-    """
+    """Textures of all requested materials; `table`: records of the materials that are not matte."""
 
     def __init__(self, context: moderngl.Context, is_matte: bool = False):
         self._context, self._is_matte = context, is_matte
@@ -350,11 +344,7 @@ class MaterialTable:
 def vertex_details(
     context: moderngl.Context, meshes: Sequence[tuple[Mesh, int]]
 ) -> moderngl.Texture:
-    """Second texture coordinates and material record of each vertex, mesh after mesh.
-
-    Args:
-        meshes: meshes, each with its material's record.
-    """
+    """Second texture coordinates and material record of each vertex, mesh after mesh."""
     bases = np.cumsum([0, *(len(mesh.positions) for mesh, _ in meshes)]).tolist()
     placed = [(mesh, record, base) for (mesh, record), base in zip(meshes, bases, strict=False)]
     return placed_details(context, placed)

@@ -9,7 +9,8 @@ from typing import NamedTuple
 import moderngl
 import numpy as np
 
-from omnisim.core.array_types import Float32s, Float64s, Indices, Mask
+from omnisim.core.array_types import Float64s, Indices, Mask
+from omnisim.core.world import Poses
 from omnisim.rendering.opengl.atlas.tile_plan import frustum_planes
 from omnisim.rendering.opengl.culling.cluster_culling import ClusterCuller, Views
 from omnisim.rendering.opengl.drawing.cluster_drawer import (
@@ -17,10 +18,9 @@ from omnisim.rendering.opengl.drawing.cluster_drawer import (
     ClusterDrawer,
     DrawBatches,
 )
-from omnisim.rendering.opengl.drawing.item_uniforms import ItemUniforms
-from omnisim.rendering.opengl.drawing.scene_drawer import SceneDrawer
+from omnisim.rendering.opengl.drawing.scene_drawer import ItemProgram, SceneDrawer
 from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket, ClusteredGeometry
-from omnisim.rendering.opengl.geometry.draw_item import DrawItem, InstanceTransforms
+from omnisim.rendering.opengl.geometry.draw_item import DrawItem
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.geometry.vertex_records import INSTANCE
 from omnisim.rendering.opengl.gl.shader_files import build_program, columns_first
@@ -109,7 +109,7 @@ class CasterDrawer:
         target: moderngl.Framebuffer,
         clips: Float64s,
         active: Mask,
-        world_from_objects: Sequence[Float64s],
+        world_from_objects: Poses,
         dynamic: bool,
     ) -> None:
         """Draw the static casters, or the dynamic ones on top.
@@ -142,7 +142,7 @@ class CasterDrawer:
                 self._draw_items(target, maps, world_from_objects, self._items[dynamic])
 
     def draw_part(
-        self, target: moderngl.Framebuffer, part: MapPart, world_from_objects: Sequence[Float64s]
+        self, target: moderngl.Framebuffer, part: MapPart, world_from_objects: Poses
     ) -> None:
         """Draw the static casters into a part of a map: the same bytes as in the whole map."""
         self._state.use(target, has_depth=True)
@@ -175,7 +175,7 @@ class CasterDrawer:
         self,
         target: moderngl.Framebuffer,
         parts: Sequence[MapPart],
-        world_from_objects: Sequence[Float64s],
+        world_from_objects: Poses,
         items: Indices,
     ) -> None:
         """Draw items one by one."""
@@ -184,16 +184,12 @@ class CasterDrawer:
         with self._state.unclipped(), self._state.within_rectangles(target) as aim:
             for part in parts:
                 sides = frustum_planes(part.part_clip[None])[0, :4]  # casters at any depth count
-                seen = items[self._in_frustum(sides, transforms, items)]
+                inside_m = transforms.centers_m[items] @ sides[:, :3].T + sides[:, 3]
+                seen = items[np.all(inside_m.T + transforms.radii_m[items] >= 0.0, axis=0)]
                 aim(*part.map_px, within=part.part_px)
                 matrices = columns_first(part.clip @ transforms.viewpoint_from_mesh[seen])
                 for index, clip_from_mesh in zip(seen.tolist(), matrices, strict=True):
                     self._drawer.draw_item(index, clip_from_mesh)
-
-    def _in_frustum(self, planes: Float64s, transforms: InstanceTransforms, items: Indices) -> Mask:
-        """Mask of items (n,) whose bounding spheres are not outside of planes (k, 4)."""
-        inside_m = transforms.centers_m[items] @ planes[:, :3].T + planes[:, 3]
-        return np.all(inside_m.T + transforms.radii_m[items] >= 0.0, axis=0)
 
     def _cluster_drawer(
         self, geometry: ClusteredGeometry, rectangles_px: Float64s, size_px: tuple[int, int]
@@ -244,29 +240,18 @@ class CasterVariant(NamedTuple):
         return tuple(name for name, is_defined in defined.items() if is_defined)
 
 
-class CasterProgram:
+class CasterProgram(ItemProgram):
     """Compiled variant with its uniforms."""
 
     def __init__(self, context: moderngl.Context, variant: CasterVariant):
         files = "scene/caster.vert", "scene/caster.frag"
-        self.program = program = build_program(context, *files, variant.defines)
-        self._item = ItemUniforms(program)
+        super().__init__(program := build_program(context, *files, variant.defines))
         self._is_textured = "TEXTURED" in variant.defines
         if self._is_textured:
             program["u_textures" if variant.clustered else "u_texture"] = 0
 
-    def set_matrices(
-        self, clip_from_mesh: Float32s, viewpoint_from_mesh: Float32s, normal_from_mesh: Float32s
-    ) -> None:
-        """Set the matrix (4, 4), column-major, for the next draw calls; depth needs no others."""
-        self._item.set_clip_from_mesh(clip_from_mesh)
-
     def bind_material(self, item: DrawItem) -> None:
         """Bind an item's material for the next draw calls."""
-        self._item.bind_material(item)
+        super().bind_material(item)
         if self._is_textured:
             item.texture.use(0)
-
-    def draw(self, array: moderngl.VertexArray, first: int, count: int, first_id: int) -> None:
-        """Draw `count` indices of a vertex array; depth needs no IDs."""
-        array.render(moderngl.TRIANGLES, vertices=count, first=first)

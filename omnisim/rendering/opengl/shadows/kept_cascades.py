@@ -16,6 +16,7 @@ import moderngl
 import numpy as np
 
 from omnisim.core.array_types import Float64s
+from omnisim.core.world import Poses
 from omnisim.rendering.opengl.gl.framebuffers import depth_target, use_target
 from omnisim.rendering.opengl.gl.gpu_textures import (
     CLEAR_DEPTH,
@@ -107,13 +108,9 @@ class KeptCascades:
         maps: DepthLevels,
         viewpoint_m: Float64s,
         drawer: CasterDrawer,
-        world_from_objects: Sequence[Float64s],
+        world_from_objects: Poses,
     ) -> None:
-        """Bring the maps of cascades that have moved up to date.
-
-        Args:
-            viewpoint_m: (3,) viewpoint relative to the anchor.
-        """
+        """Bring the maps of moved cascades up to date, for a viewpoint (3,) from the anchor."""
         is_clear = not any(self._first)
         if is_clear:  # quicker than part by part
             use_target(self.levels.target)
@@ -140,7 +137,7 @@ class KeptCascades:
         parts: Sequence[MapPart],
         is_clear: bool,
         drawer: CasterDrawer,
-        world_from_objects: Sequence[Float64s],
+        world_from_objects: Poses,
     ) -> None:
         target = self.levels.target
         for part in parts:
@@ -215,11 +212,7 @@ def entered_cells(old: tuple[int, int] | None, new: tuple[int, int], side: int) 
 
 
 def torus_parts(cells: Cells, side: int) -> list[TorusPart]:
-    """Split a rectangle, at most as large as the torus, where the torus is closed.
-
-    Args:
-        side: cells per side of the torus.
-    """
+    """Split a rectangle, no larger than the torus, where its `side` cells are closed."""
     return [
         TorusPart(
             (left // side, top // side),
@@ -256,7 +249,6 @@ class DepthLevels:
         like: other depth in the context, whose program is used, too; None: the first.
 
     Attributes:
-        size_px: see the arguments.
         texture: texture for samplers that compare.
         target: the finest level as a render target.
     """

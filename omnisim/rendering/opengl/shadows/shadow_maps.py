@@ -15,13 +15,12 @@ import numpy as np
 
 from omnisim.core.array_types import Float64s, Indices, Mask
 from omnisim.core.arrays import bounds_of
-from omnisim.core.world import time_of
+from omnisim.core.world import Poses, time_of
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
+from omnisim.rendering.opengl.gl.buffers import written_buffer
 from omnisim.rendering.opengl.gl.framebuffers import use_target
-from omnisim.rendering.opengl.gl.gpu_textures import (
-    CLEAR_DEPTH,
-)
-from omnisim.rendering.opengl.gl.memory import gpu_allocation, written_buffer
+from omnisim.rendering.opengl.gl.gpu_textures import CLEAR_DEPTH
+from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.shadows.caster_drawer import CasterDrawer
 from omnisim.rendering.opengl.shadows.kept_cascades import DepthLevels, KeptCascades
 from omnisim.rendering.opengl.shadows.shadow_plan import covered_px, make_shadow_plan
@@ -115,13 +114,17 @@ class ShadowMaps:
         if "u_shadow_maps" in program:
             program["u_shadow_maps"] = _UNIT
 
-    def prepare(self, viewpoint_m: Float64s, world_from_objects: Sequence[Float64s]) -> None:
+    def prepare(self, viewpoint_m: Float64s, world_from_objects: Poses) -> None:
         """Draw the maps that a frame needs, and bind them; see `ShadowSource`."""
         views, stale = self._views(viewpoint_m)
         clips = views.clips
         if stale.any():
-            if self._drawn is None:
-                self._draw_fixed(clips, world_from_objects)
+            if self._drawn is None:  # the static casters, in maps that do not follow the viewpoint
+                fixed, first = ~self._follows, self._maps[0]
+                use_target(first.target)
+                first.target.clear(depth=CLEAR_DEPTH)  # of all maps: the others are copied later
+                self._drawer.draw(first.target, clips, fixed, world_from_objects, dynamic=False)
+                first.coarsen(self._rectangles_px[fixed].astype(int).tolist())
             if self._kept is not None:
                 at_m = viewpoint_m - self.anchor_m
                 self._kept.update(self._maps[0], at_m, self._drawer, world_from_objects)
@@ -145,18 +148,7 @@ class ShadowMaps:
     def _middles_m(self, viewpoint_m: Float64s) -> Float64s:
         return self._plan.middles_m(viewpoint_m - self.anchor_m)
 
-    def _draw_fixed(self, clips: Float64s, world_from_objects: Sequence[Float64s]) -> None:
-        """Draw the static casters into the maps that do not follow the viewpoint."""
-        fixed = ~self._follows
-        target = self._maps[0].target
-        use_target(target)
-        target.clear(depth=CLEAR_DEPTH)  # of all maps: those that follow are copied later
-        self._drawer.draw(target, clips, fixed, world_from_objects, dynamic=False)
-        self._maps[0].coarsen(self._rectangles_px[fixed].astype(int).tolist())
-
-    def _draw_dynamic(
-        self, clips: Float64s, stale: Mask, world_from_objects: Sequence[Float64s]
-    ) -> None:
+    def _draw_dynamic(self, clips: Float64s, stale: Mask, world_from_objects: Poses) -> None:
         """Draw the dynamic casters, and restore the static map where they were before."""
         poses, time_s = np.array(world_from_objects), 0.0
         if self._buffers.deforming.size:

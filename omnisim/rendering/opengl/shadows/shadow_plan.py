@@ -94,11 +94,7 @@ class ShadowPlan:
         return tuple(light for light in self.punctual if light.casts_shadow)
 
     def middles_m(self, viewpoint_m: Float64s) -> Float64s:
-        """Centers (lights, cascades, 2) of the directional casters' cascades.
-
-        Args:
-            viewpoint_m: (3,) viewpoint relative to the anchor.
-        """
+        """Centers (lights, cascades, 2) of cascades, for a viewpoint (3,) from the anchor."""
         return np.array([one.middles_m(viewpoint_m) for one in self.cascades if one is not None])
 
     def clips(self, middles_m: Float64s, anchor_m: Float64s) -> Float64s:
@@ -125,7 +121,9 @@ class ShadowPlan:
     def defines(self) -> tuple[str, ...]:
         """Defines of shaders that look up shadows."""
         size_px = np.array([self.width_px, self.height_px], dtype=np.float64)
-        regions = _regions(np.array([block.rectangles_px[0] for block in self.blocks]), size_px)
+        first_px = np.array([block.rectangles_px[0] for block in self.blocks])
+        half = 0.5 * first_px[:, 2:] / size_px
+        regions = np.concatenate((first_px[:, :2] / size_px + half, half), axis=1)
         vectors = [f"vec4({', '.join(map(str, region))})" for region in regions.tolist()]
         texels = [str(2.0 / block.size_px) for block in self.blocks]
         places = sum(not is_cube(light) for light in self.casters)
@@ -153,11 +151,7 @@ class ShadowPlan:
         return scales
 
     def block_data(self, clips: Float64s) -> Float32s:
-        """Values (n, 4) of the uniform block of shaders/scene/shadow_places.glsl.
-
-        Args:
-            clips: (maps, 4, 4) clip_from_anchor matrices.
-        """
+        """Uniform block (n, 4) of shadow_places.glsl, of matrices (maps, 4, 4) clip_from_anchor."""
         places = [np.zeros((0, 4))]
         cascades = [np.zeros((0, 4))]
         ends = np.cumsum([block.columns * block.rows for block in self.blocks]).tolist()
@@ -234,12 +228,6 @@ def _on_shelves(
     return tuple(placed[index] for index in range(len(shapes))), (right, top + shelf)
 
 
-def _regions(rectangles_px: Float64s, texture_px: Float64s) -> Float64s:
-    """Centers and half sizes (n, 4) of rectangles in texture coordinates."""
-    half = 0.5 * rectangles_px[:, 2:] / texture_px
-    return np.concatenate((rectangles_px[:, :2] / texture_px + half, half), axis=1)
-
-
 def _bits(flags: Sequence[bool]) -> str:
     """Bit mask in GLSL."""
     return f"{sum(1 << number for number, flag in enumerate(flags) if flag)}u"
@@ -263,8 +251,7 @@ _GUTTER_PX = 3.0  # beyond the 90° of a face, because lookups are offset from t
 class PunctualView(NamedTuple):
     """Views of a point or spot light."""
 
-    # (faces, 3, 3), rows x, y and forward; one face, or the six of a cube
-    axes: Float64s
+    axes: Float64s  # (faces, 3, 3), rows x, y and forward; one face, or the six of a cube
     tangent: float  # tangent of half of each face's field of view
 
 
@@ -345,7 +332,6 @@ class Cascades:
         count: number of cascades, at most `MAX_CASCADES`.
 
     Attributes:
-        axes: see the arguments.
         halves_m: half widths, ascending.
         depths_m: minimum and maximum z along the axes.
         depth_scale: half the largest width as a share of the depth.

@@ -30,8 +30,7 @@ class Refracted(NamedTuple):
     """Rays (m,) that pass surfaces of glass."""
 
     rays: Rays  # (m,) with virtual origins: ranges are those of the whole path
-    # (m, 3) transmitted share of the light, linear RGB; 0: total reflection
-    shares: Float32s
+    shares: Float32s  # (m, 3) transmitted share of the light, linear RGB; 0: total reflection
     media: Int32s  # (m,) surfaces whose glass the rays are in, or `NO_MEDIUM`
 
 
@@ -41,8 +40,7 @@ class Glass(NamedTuple):
     # (surfaces,) transmitted share of the light that is not reflected; 0: no glass
     transmission: Float64s
     indices: Float64s  # (3, surfaces) refractive indices, for each channel
-    # (surfaces, 3) absorption coefficients of Beer and Lambert's law, 1/m
-    absorption: Float64s
+    absorption: Float64s  # (surfaces, 3) absorption coefficients of Beer and Lambert's law, 1/m
     is_dispersive: bool  # True if indices differ among the channels
 
     @classmethod
@@ -65,13 +63,7 @@ class Glass(NamedTuple):
         return shares
 
     def ratios(self, surfaces: Int32s, is_front: Mask, channel: int | None) -> Float64s:
-        """Refractive indices (n,) behind surfaces (n,), relative to before them.
-
-        Args:
-            surfaces: (n,) surfaces of glass.
-            is_front: (n,) mask of rays that enter glass.
-            channel: channel of the light; None: the material's own index.
-        """
+        """Refractive indices (n,) behind surfaces (n,), relative to before them, for a channel."""
         indices = self.indices[_GREEN if channel is None else channel, surfaces]
         return np.where(is_front, indices, 1.0 / indices)
 
@@ -91,13 +83,7 @@ def interface_reflectance(cosines: Floats, ratios: Floats) -> Floats:
 
 
 def refracted_rays(rays: Rays, hits: RayHits, normals: Floats, ratios: Floats) -> Rays:
-    """Rays (n,) behind their hits; any direction at total reflection.
-
-    Args:
-        rays, hits: (n,); all rays must hit.
-        normals: (n, 3) unit normals of the visible side.
-        ratios: (n,) refractive indices behind the surfaces, relative to before them.
-    """
+    """Rays (n,) behind hits with unit normals (n, 3), by `ratios` (n,) of refractive indices."""
     normals = normals.astype(np.float64)
     along = np.clip(-np.einsum("nc,nc->n", normals, rays.directions), 0.0, 1.0)
     beyond = np.sqrt(np.maximum(1.0 - (1.0 - along**2) / ratios**2, 0.0))
@@ -139,13 +125,7 @@ class Panes(NamedTuple):
         return cls(np.array(shares), np.array([material.ior for material in materials]), depths)
 
     def transmitted(self, surfaces: Int32s, colors: Floats, cosines: Floats) -> Float32s:
-        """Transmittance (n, 3), linear RGB.
-
-        Args:
-            surfaces: (n,) surface indices.
-            colors: (n, 3) base colors, linear RGB.
-            cosines: (n,) cosines of the angles of incidence.
-        """
+        """Transmittance (n, 3), linear RGB, by base colors (n, 3) and cosines of incidence (n,)."""
         passing = 1.0 - pane_reflectance(cosines, self.ior[surfaces])
         passing = passing * self.transmission[surfaces]
         return (passing[:, None] * colors).astype(np.float32)

@@ -18,11 +18,9 @@ from omnisim.scene.model import LAMP_NEAR_M, Light, Lighting, LightKind
 class LampLight(NamedTuple):
     """Light of one lamp at points."""
 
-    # (3,) or (n, 3) linear RGB on a surface that faces the lamp, at level 1
-    color: Float32s
+    color: Float32s  # (3,) or (n, 3) linear RGB on a surface that faces the lamp, at level 1
     levels: Float32s  # (n,) factors of the color
-    # (n, 3) unit, toward the lamp; or (1, 3), the same for all points
-    directions: Float32s
+    directions: Float32s  # (n, 3) unit, toward the lamp; or (1, 3), the same for all points
 
     def take(self, indices: Indices) -> LampLight:
         """Light at the selected points."""
@@ -122,13 +120,7 @@ class Shadows(NamedTuple):
     cast: CastShadow  # function that casts shadow rays
 
     def share(self, light: Light, points_m: Float64s, lit: Mask) -> Float32s:
-        """Shares (n, 1 or 3) of a light that reach points (n, 3): 0 where a surface blocks it.
-
-        Args:
-            light: light that casts shadows.
-            points_m: (n, 3) points of the hits, world.
-            lit: (n,) mask of points that the light can reach if unblocked; others need no ray.
-        """
+        """Shares (n, 1 or 3) of a light at points (n, 3); 0: blocked, or not `lit` (n,)."""
         share = lit.astype(np.float32)[:, None]
         indices = np.flatnonzero(lit)
         if not len(indices):

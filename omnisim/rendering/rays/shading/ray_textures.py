@@ -94,13 +94,7 @@ class TextureTable:
         return directions + matrices[:, None, :, 2]
 
     def lookup(self, textures: Indices, coordinates: Float32s, levels: Float32s) -> Float32s:
-        """Linear RGBA (n, 4), interpolated trilinearly: four nearest texels of two nearest levels.
-
-        Args:
-            textures: (n,) texture indices.
-            coordinates: (n, 2), (0, 0) at the texture's top left.
-            levels: (n,) mip levels; 0: the finest; any number.
-        """
+        """Linear RGBA (n, 4) at coordinates (n, 2) of textures (n,), trilinear in levels (n,)."""
         levels = np.clip(levels, np.float32(0.0), self._last_level[textures])
         finer = np.floor(levels).astype(np.intp)
         share = (levels - finer).astype(np.float32)

@@ -194,7 +194,8 @@ def _reflected(
         facets[glossy] = _visible_facets(facets[glossy], views[glossy], squared[glossy], numbers)
     along = np.einsum("nc,nc->n", views, facets)
     directions = 2.0 * along[:, None] * facets - views
-    factors = lobe.f0 + (lobe.f90[:, None] - lobe.f0) * _grazing(along)[:, None]
+    grazing = (1.0 - np.clip(along, 0.0, 1.0)) ** 5
+    factors = lobe.f0 + (lobe.f90[:, None] - lobe.f0) * grazing[:, None]
     if len(glossy):
         shadowed = _shadowing(lobe.normals, views, directions, squared)
         factors[glossy] *= shadowed[glossy, None]
@@ -279,10 +280,6 @@ def _shadowing(normals: Floats, views: Floats, directions: Floats, squared: Floa
     seen = 2.0 * view / (view + np.sqrt(view * view * (1.0 - squared) + squared))
     both = 4.0 * light * view * smith_visibility(np.maximum(light, 0.0), view, squared)
     return np.where(light > 0.0, both / seen, 0.0)
-
-
-def _grazing(cosines: Floats) -> Floats:
-    return (1.0 - np.clip(cosines, 0.0, 1.0)) ** 5
 
 
 def _cosines(normals: Floats, views: Floats) -> Floats:

@@ -13,8 +13,9 @@ from typing import NamedTuple
 import numpy as np
 
 from omnisim.core.array_types import Float32s, Float64s, Indices, Int32s, Mask
+from omnisim.core.world import Poses
 from omnisim.rendering.rays.caster import RayHits, Rays
-from omnisim.rendering.rays.geometry import Geometry, Poses
+from omnisim.rendering.rays.geometry import Geometry
 from omnisim.rendering.rays.shading.glass import (
     NO_MEDIUM,
     Glass,
@@ -130,13 +131,7 @@ class Shading:
         world_from_objects: Poses = (),
         footprints: Float32s | None = None,
     ) -> Float32s:
-        """Linear RGBA (n, 4) base colors, before lighting.
-
-        Args:
-            rays, hits: (n,); all rays must hit.
-            footprints: (n, 2, 3) direction differences to the neighboring samples, world; None:
-                rays without width.
-        """
+        """Linear RGBA (n, 4) base colors, before lighting; footprints (n, 2, 3) filter textures."""
         surfaces = self.surfaces(hits)
         colors = self._base_color[surfaces]
         if self._geometry.colors is not None:
@@ -162,10 +157,7 @@ class Shading:
         return shares
 
     def media(self, hits: RayHits, media: Int32s, world_from_objects: Poses) -> Int32s:
-        """Media (n,) before hits of rays that started in media (n,), see `Refracted`.
-
-        The back of glass is hit from its inside.
-        """
+        """Media (n,) before hits of rays that started in media (n,): glass, if its back is hit."""
         surfaces = self.surfaces(hits)
         glass = np.flatnonzero(self.is_glass[surfaces])
         leaving = glass[~self.is_front(hits.take(glass), world_from_objects)]
@@ -174,13 +166,7 @@ class Shading:
         return media
 
     def refracted(self, view: View, colors: Float32s, channel: int | None) -> Refracted:
-        """Rays that pass surfaces of thick glass.
-
-        Args:
-            view: rays (n,) and their hits, all on thick glass.
-            colors: (n, 3 or more) base colors.
-            channel: see `Glass.ratios`.
-        """
+        """Rays that pass surfaces of thick glass, all hit, with base colors (n, 3 or more)."""
         surfaces = self.surfaces(view.hits)
         is_front = self.is_front(view.hits, view.world_from_objects)
         normals = self.normals(view.hits, view.world_from_objects)
@@ -288,7 +274,10 @@ class Shading:
             shadows = Shadows(hits.take(glossy), cast_shadow)
             lamps = lamps_at(self._lighting, points_m[glossy], normals[glossy], shadows)
         lamps = [lamp.facing(normals[glossy]) for lamp in lamps]
-        surroundings = self._surroundings(light[glossy], normals[glossy], lamps)
+        surroundings = None
+        if baked is not None:  # without the light of lamps
+            beyond: Float32s = light[glossy] - light_of_lamps(lamps, normals[glossy])
+            surroundings = np.maximum(beyond, np.float32(0.0), out=beyond)
         light[self.is_unlit[surfaces]] = 1.0
         light *= colors[:, :3]
         if len(glossy):
@@ -319,15 +308,6 @@ class Shading:
         """Mask (n,) of hits on the front of triangles; without poses, of static ones."""
         a, b, c = np.moveaxis(self._geometry.corners_m(hits.triangles, world_from_objects), 1, 0)
         return np.einsum("nc,nc->n", np.cross(b - a, c - a), hits.planes) > 0.0
-
-    def _surroundings(
-        self, baked: Float32s, normals: Float32s, lamps: Sequence[LampLight]
-    ) -> Float32s | None:
-        """Baked light (n, 3) minus the light of lamps, at least 0; None: no baked light."""
-        if self._lighting.baked is None:
-            return None
-        beyond: Float32s = baked - light_of_lamps(lamps, normals)
-        return np.maximum(beyond, np.float32(0.0), out=beyond)
 
     def _reflected(
         self,

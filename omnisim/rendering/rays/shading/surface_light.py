@@ -89,11 +89,7 @@ def surface_light(shading: Shading, view: View) -> SurfaceLight:
 
 
 def mirrored_shares(surface: Reflectance, cosines: Float64s) -> Float64s:
-    """Float64s (n, 3) that smooth gloss and smooth clear coats reflect like mirrors.
-
-    Args:
-        cosines: (n,) cosines of the angles of incidence.
-    """
+    """Shares (n, 3) that smooth gloss and coats reflect like mirrors, by cosines (n,)."""
     grazing = (1.0 - cosines) ** 5
     coat = surface.coat * (COAT_F0 + (1.0 - COAT_F0) * grazing)
     gloss = surface.f0 + (surface.f90[:, None] - surface.f0) * grazing[:, None]

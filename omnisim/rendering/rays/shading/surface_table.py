@@ -38,13 +38,7 @@ class SurfaceValues(NamedTuple):
 
 
 class SurfaceTable:
-    """Material factors of all surfaces, and the tables of their maps.
-
-    Attributes:
-        is_matte: (surfaces,) mask.
-        maps: tables of textures, in the order of `Material.maps`.
-        normal_scales: (surfaces,) scales, for each of `NORMAL_SCALES`.
-    """
+    """Material factors of all surfaces, and the tables of their maps, as in `Material.maps`."""
 
     def __init__(self, surfaces: Sequence[Surface], is_matte: bool):
         materials = [surface.material for surface in surfaces]
@@ -102,9 +96,20 @@ class SurfaceTable:
     def reflectance(self, surfaces: Int32s, colors: Floats, sampled: Sampler) -> Reflectance:
         """Reflectance at hits of surfaces (n,) with base colors (n, 3)."""
         values = self.values(surfaces, sampled)
-        metallic, (f0, f90) = values.metallic, self._gloss(surfaces, sampled)
-        coat, coat_roughness = self._clear_coat(surfaces, sampled)
-        share = metallic[:, None]
+        metallic, share = values.metallic, values.metallic[:, None]
+        f0, f90 = self._f0[surfaces], self._f90[surfaces]
+        indices, _ = self.textured(SPECULAR, surfaces)
+        if len(indices):
+            texels = sampled(SPECULAR, indices)
+            f90[indices] *= texels[:, 3]
+            tinted = np.minimum(self._tint[surfaces[indices]] * texels[:, :3], 1.0)
+            f0[indices] = f90[indices, None] * tinted
+        coat, coat_roughness = self._coat[surfaces], self._coat_roughness[surfaces]
+        indices, _ = self.textured(CLEARCOAT, surfaces)
+        if len(indices):
+            texels = sampled(CLEARCOAT, indices)
+            coat[indices] *= texels[:, 0]
+            coat_roughness[indices] *= texels[:, 1]
         return Reflectance(
             body=colors * (1.0 - share),
             dielectric_f0=f0,
@@ -117,27 +122,6 @@ class SurfaceTable:
             occlusion=values.occlusion,
             emissive=values.emissive,
         )
-
-    def _gloss(self, surfaces: Int32s, sampled: Sampler) -> tuple[Floats, Floats]:
-        """Reflectance of dielectrics at normal (n, 3) and at grazing incidence (n,)."""
-        f0, f90 = self._f0[surfaces], self._f90[surfaces]
-        indices, _ = self.textured(SPECULAR, surfaces)
-        if len(indices):
-            texels = sampled(SPECULAR, indices)
-            f90[indices] *= texels[:, 3]
-            tinted = np.minimum(self._tint[surfaces[indices]] * texels[:, :3], 1.0)
-            f0[indices] = f90[indices, None] * tinted
-        return f0, f90
-
-    def _clear_coat(self, surfaces: Int32s, sampled: Sampler) -> tuple[Floats, Floats]:
-        """Strengths and roughnesses (n,) of clear coats."""
-        coat, roughness = self._coat[surfaces], self._coat_roughness[surfaces]
-        indices, _ = self.textured(CLEARCOAT, surfaces)
-        if len(indices):
-            texels = sampled(CLEARCOAT, indices)
-            coat[indices] *= texels[:, 0]
-            roughness[indices] *= texels[:, 1]
-        return coat, roughness
 
 
 # Normal mapping with the tangents of the triangles.

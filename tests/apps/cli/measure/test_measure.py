@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import omnisim as package
-from omnisim.rendering.camera.degradations.effect import ImageGeometry
+from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
 from omnisim.rendering.camera.omnicamera import OmniCamera
 
 FRAMES = Path(package.__file__).parents[1] / "examples" / "noise_frames.py"

@@ -7,7 +7,7 @@ import pytest
 
 from omnisim.core.files.image_files import write_numbers
 from omnisim.rendering.camera.degradations import Vignetting
-from omnisim.rendering.camera.degradations.effect import ImageGeometry
+from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from tests.apps.cli.measure.conftest import write_series
 from tests.measurement.response.test_response import shoulder

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from omnisim.rendering.camera.degradations.effect import ImageGeometry
+from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
 from omnisim.rendering.opengl.degradation.degradation_pass import DegradationPass
 from omnisim.rendering.opengl.gl.pixel_readback import read_once
 

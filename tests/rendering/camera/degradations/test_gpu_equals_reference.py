@@ -21,8 +21,9 @@ from omnisim.rendering.camera.degradations import (
     WhiteBalance,
     preset,
 )
-from omnisim.rendering.camera.degradations.effect import Metering, Shot
+from omnisim.rendering.camera.degradations.effect import Shot
 from omnisim.rendering.camera.degradations.encoding import neutral
+from omnisim.rendering.camera.degradations.image_geometry import Metering
 from omnisim.rendering.opengl.degradation.degradation_pass import DegradationPass
 from omnisim.rendering.opengl.gl.pixel_readback import read_once
 from tests.rendering.camera.degradations.images import GEOMETRY, on_gpu, random_image, read

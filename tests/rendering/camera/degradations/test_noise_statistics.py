@@ -6,7 +6,8 @@ from scipy import stats
 
 from omnisim.core.random_numbers import key_of, normal, pcg4d, uniform
 from omnisim.rendering.camera.degradations import Noise
-from omnisim.rendering.camera.degradations.effect import ImageGeometry, Shot
+from omnisim.rendering.camera.degradations.effect import Shot
+from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
 from omnisim.rendering.camera.degradations.noise import poisson
 from tests.rendering.camera.degradations.images import flat_image, on_gpu
 

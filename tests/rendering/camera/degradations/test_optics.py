@@ -13,7 +13,7 @@ from omnisim.rendering.camera.degradations import (
     PointSpread,
     WhiteBalance,
 )
-from omnisim.rendering.camera.degradations.effect import ImageGeometry
+from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
 from omnisim.rendering.camera.degradations.point_spread import sampled_widths_px
 from tests.rendering.camera.degradations.images import GEOMETRY, on_gpu, random_image
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
-from omnisim.rendering.opengl.capture.depth_pyramid import DepthPyramid
+from omnisim.rendering.opengl.capture.parallax_pass import DepthPyramid
 from tests.rendering.opengl.depths import drawn_depth
 
 BLOCK, BLOCKS_PER_GROUP = 8, 8

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from omnisim.rendering.opengl.culling.cluster_culling import DEPTH_UNIT, SETTINGS
-from omnisim.rendering.opengl.gl.memory import gpu_buffer, read_buffer
+from omnisim.rendering.opengl.gl.buffers import gpu_buffer, read_buffer
 from omnisim.rendering.opengl.gl.shader_files import build_compute_shader
 from tests.rendering.opengl.depths import drawn_depth
 

@@ -8,7 +8,7 @@ import trimesh
 
 from omnisim.core.poses import pose as make_pose
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.opengl.drawing import blended_drawer
+from omnisim.rendering.opengl.drawing import cluster_drawer
 from omnisim.rendering.stage import Stage
 from omnisim.scene.model import AlphaMode, Lighting, Material, Mesh, Texture, Wrap
 from tests.rendering.opengl.drawing.test_cluster_drawer import assert_same, reference_stage
@@ -94,7 +94,7 @@ def test_too_many_are_drawn_one_by_one(limit, monkeypatch):
     with Stage(_scene(SUN)) as stage:
         with stage.open(CAMERA) as renderer:
             expected = renderer.render(POSES[0]).rgba
-        monkeypatch.setattr(blended_drawer, limit, 1)
+        monkeypatch.setattr(cluster_drawer, limit, 1)
         with stage.open(CAMERA) as renderer:
             assert renderer._passes.cube._view.blended_drawer is None
             assert_same(renderer.render(POSES[0]).rgba, expected)

@@ -10,7 +10,7 @@ from omnisim.rendering.opengl.geometry import clustered_geometry
 from omnisim.rendering.opengl.geometry.clustered_geometry import Shading, bake_directional_light
 from omnisim.rendering.opengl.geometry.draw_item import MAX_DISTANCE_M
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
-from omnisim.rendering.opengl.gl.memory import read_buffer
+from omnisim.rendering.opengl.gl.buffers import read_buffer
 from omnisim.scene.model import AlphaMode, Lighting, Material, Mesh
 from tests.rendering.opengl.cluster_readback import lights_of, read_vertices
 from tests.rendering.opengl.sheets import SUN, sheet

@@ -9,7 +9,7 @@ from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.opengl.geometry import geometry_store
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.geometry.vertex_records import VERTEX
-from omnisim.rendering.opengl.gl.memory import read_buffer
+from omnisim.rendering.opengl.gl.buffers import read_buffer
 from omnisim.rendering.stage import open_sensor
 from omnisim.scene import Scene
 from tests.vehicles import surroundings

@@ -12,7 +12,7 @@ from omnisim.rendering.opengl.geometry.clustered_geometry import (
 )
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.geometry.vertex_records import CLUSTER_VERTEX
-from omnisim.rendering.opengl.gl.memory import read_buffer
+from omnisim.rendering.opengl.gl.buffers import read_buffer
 from omnisim.scene.model import Light, Lighting, LightKind, Material, Mesh
 from tests.rendering.opengl.cluster_readback import lights_of, read_vertices
 from tests.rendering.opengl.sheets import LAMP, SUN

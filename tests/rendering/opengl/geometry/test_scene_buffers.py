@@ -4,7 +4,7 @@ import numpy as np
 
 from omnisim.core.poses import pose
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
-from omnisim.rendering.opengl.gl.memory import read_buffer
+from omnisim.rendering.opengl.gl.buffers import read_buffer
 from tests.vehicles import body, merged, surroundings
 
 VIEWPOINT_M = np.array([0.3, -2.0, 1.0])

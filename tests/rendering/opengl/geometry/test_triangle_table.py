@@ -4,7 +4,7 @@ import numpy as np
 
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.geometry.triangle_table import NO_NEIGHBOR, neighbors
-from omnisim.rendering.opengl.gl.memory import read_buffer
+from omnisim.rendering.opengl.gl.buffers import read_buffer
 from omnisim.scene.model import AlphaMode, Material
 from tests.rendering.opengl.sheets import sheet
 from tests.scenes import scene_of

@@ -11,7 +11,7 @@ WRONG = """
 import ctypes
 import numpy as np
 from omnisim.core.errors import GraphicsError
-from omnisim.rendering.opengl.gl.memory import gpu_buffer
+from omnisim.rendering.opengl.gl.buffers import gpu_buffer
 from omnisim.rendering.opengl.gl.context import current, open_context
 from omnisim.rendering.opengl.gl.functions import gl_function
 

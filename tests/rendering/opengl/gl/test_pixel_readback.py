@@ -10,8 +10,8 @@ import pytest
 import omnisim
 from omnisim.core.errors import GraphicsError
 from omnisim.rendering.opengl.gl import debug, functions
+from omnisim.rendering.opengl.gl.buffers import gpu_buffer
 from omnisim.rendering.opengl.gl.functions import gl_function
-from omnisim.rendering.opengl.gl.memory import gpu_buffer
 from omnisim.rendering.opengl.gl.pixel_readback import (
     LENGTH,
     PixelReadback,

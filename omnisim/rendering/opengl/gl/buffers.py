@@ -1,0 +1,71 @@
+"""Buffers with immutable storage: no driver moves them, or guesses how they are used.
+
+Only those of `written_buffer` are written by the processor, and only `pixel_readback` maps buffers.
+"""
+
+from __future__ import annotations
+
+import ctypes
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.rendering.opengl.gl import debug
+from omnisim.rendering.opengl.gl.functions import gl_function
+from omnisim.rendering.opengl.gl.memory import check_allocation
+
+Content = NDArray[np.generic] | bytes | int
+
+_DYNAMIC_STORAGE = 0x0100
+_EMPTY_BYTES = 64  # OpenGL has no empty buffers
+_ENUM, _SIZE, _POINTER = ctypes.c_uint, ctypes.c_ssize_t, ctypes.c_void_p
+
+
+def gpu_buffer(context: moderngl.Context, content: Content) -> moderngl.Buffer:
+    """Buffer that only the GPU reads and writes.
+
+    Args:
+        context: OpenGL context.
+        content: array or bytes to fill it with, or its size in bytes: then it is uninitialized.
+
+    Raises:
+        AllocationError: no room.
+    """
+    return immutable_buffer(context, content, 0)
+
+
+def written_buffer(context: moderngl.Context, content: Content) -> moderngl.Buffer:
+    """Buffer that the processor also writes, by `Buffer.write`; otherwise a `gpu_buffer`."""
+    return immutable_buffer(context, content, _DYNAMIC_STORAGE)
+
+
+def read_buffer(buffer: moderngl.Buffer) -> bytes:
+    """Content of any buffer, once the GPU has finished it: only for what no frame waits for."""
+    content = np.empty(buffer.size, dtype=np.uint8)
+    copy_buffer(buffer, content)
+    return content.tobytes()
+
+
+def copy_buffer(buffer: moderngl.Buffer, content: NDArray[np.uint8]) -> None:
+    """Copy all bytes of any buffer to an array (size,), once the GPU has finished it."""
+    read = gl_function("glGetNamedBufferSubData", _ENUM, _SIZE, _SIZE, _POINTER)
+    read(buffer.glo, 0, buffer.size, content.ctypes.data)
+
+
+def immutable_buffer(context: moderngl.Context, content: Content, access: int) -> moderngl.Buffer:
+    """Buffer with OpenGL's bits of the access that the processor has; see `gpu_buffer`."""
+    values: NDArray[np.generic] | None = None
+    if isinstance(content, bytes):
+        values = np.frombuffer(content, dtype=np.uint8)
+    elif isinstance(content, np.ndarray):
+        values = np.ascontiguousarray(content)
+    size = int(content) if values is None else values.nbytes
+    # moderngl's own storage is replaced before anything uses it
+    buffer = context.buffer(reserve=size or _EMPTY_BYTES)
+    address = None if values is None or not size else values.ctypes.data
+    allocate = gl_function("glNamedBufferStorage", _ENUM, _SIZE, _POINTER, _ENUM)
+    allocate(buffer.glo, buffer.size, address, access)
+    check_allocation(context, f"a buffer of {buffer.size} bytes")
+    debug.label(debug.BUFFER, buffer.glo)
+    return buffer
