@@ -66,11 +66,7 @@ class TextTable:
         return replace(self, lines=self.lines[1:])
 
     def without_column(self, index: int) -> tuple[TextTable, tuple[str, ...]]:
-        """Table without a column, and the column's cells; lines that lack it are left as they are.
-
-        Args:
-            index: number of the column, from 0.
-        """
+        """Table without a column, and its cells; lines that lack it are left as they are."""
         cells = tuple(line.cells[index] if index < len(line.cells) else "" for line in self.lines)
         lines = [
             Line(line.number, line.cells[:index] + line.cells[index + 1 :]) for line in self.lines
@@ -78,27 +74,19 @@ class TextTable:
         return replace(self, lines=lines), cells
 
     def numbers(self, names: list[str]) -> Floats:
-        """All cells (lines, columns) as finite numbers.
-
-        Args:
-            names: column names; each line must have one cell per name.
+        """All cells (lines, columns) as finite numbers; each line has one cell per column name.
 
         Raises:
             TrajectoryError: a line has another number of columns, or a cell is not a number.
         """
-        return np.array([self._row(line, names) for line in self.lines], dtype=np.float64)
-
-    def _row(self, line: Line, names: list[str]) -> list[float]:
-        self._check_width(line, names)
-        return [self._number(line, *pair) for pair in zip(names, line.cells, strict=True)]
-
-    def _check_width(self, line: Line, names: list[str]) -> None:
-        if len(line.cells) != len(names):
-            raise self.fault(
-                line,
-                f"{len(line.cells)} column{'s' if len(line.cells) > 1 else ''}: "
-                f"expected {len(names)}: {' '.join(names)}",
-            )
+        rows = []
+        for line in self.lines:
+            if (count := len(line.cells)) != len(names):
+                columns = f"{count} column{'s' if count > 1 else ''}"
+                raise self.fault(line, f"{columns}: expected {len(names)}: {' '.join(names)}")
+            named = zip(names, line.cells, strict=True)
+            rows.append([self._number(line, name, cell) for name, cell in named])
+        return np.array(rows, dtype=np.float64)
 
     def _number(self, line: Line, name: str, cell: str) -> float:
         if NUMBER.fullmatch(cell):
