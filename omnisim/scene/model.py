@@ -48,29 +48,10 @@ from omnisim.scene.slabs import with_slabs
 from omnisim.scene.space.start_pose import find_start
 
 __all__ = [
-    "LAMP_NEAR_M",
-    "MAX_LIGHTS",
-    "SLIM_M",
-    "AlphaMode",
-    "CameraPose",
-    "ColorBand",
-    "Fog",
-    "Instance",
-    "LabelRule",
-    "Landmark",
-    "Light",
-    "LightKind",
-    "Lighting",
-    "Material",
-    "Mesh",
-    "NamedStart",
-    "Scene",
-    "ScenePath",
-    "StartPose",
-    "Texture",
-    "Wrap",
-    "bounds_m",
-]
+    "LAMP_NEAR_M", "MAX_LIGHTS", "SLIM_M", "AlphaMode", "CameraPose", "ColorBand", "Fog",
+    "Instance", "LabelRule", "Landmark", "Light", "LightKind", "Lighting", "Material", "Mesh",
+    "NamedStart", "Scene", "ScenePath", "StartPose", "Texture", "Wrap", "bounds_m",
+]  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)

@@ -132,10 +132,15 @@ def make_mesh(
     center = 0.5 * bounds_of(points).sum(axis=0)
 
     def per_vertex(values: ArrayLike | None, width: int, what: str) -> Floats32 | None:
-        kept = _per_vertex(values, len(points), width)
-        if values is not None and kept is None and dropped is not None:
+        if values is None:
+            return None
+        with np.errstate(all="ignore"):
+            array = np.ascontiguousarray(values, dtype=np.float32)
+        if array.shape == (len(points), width) and np.isfinite(array).all():
+            return array
+        if dropped is not None:
             dropped.count(f"{what} not drawn: not finite, or not one for each vertex", "mesh")
-        return kept
+        return None
 
     mesh = Mesh(
         name=name,
@@ -170,16 +175,6 @@ def place(read: ImportedScene, world_from_file: Floats) -> tuple[Instance, ...]:
         if not np.isfinite((*material.base_color, material.alpha_cutoff)).all():
             raise SceneError(f"material {material.name!r}: expected finite colors")
     return tuple(placed)
-
-
-def _per_vertex(values: ArrayLike | None, count: int, width: int) -> Floats32 | None:
-    if values is None:
-        return None
-    with np.errstate(all="ignore"):
-        array = np.ascontiguousarray(values, dtype=np.float32)
-    if array.shape != (count, width) or not np.isfinite(array).all():
-        return None
-    return array
 
 
 def colors_rgba(colors: NDArray[np.generic], scale: float) -> Floats32:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import re
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -132,10 +133,11 @@ def _parts(section: Section, units: Units, notices: list[Notice]) -> list[Part]:
         elif not entry.value.startswith("("):
             plain.append(entry)
         else:
-            part = _other_part(entry, units)
-            if part is not None:
-                parts.append(part)
-                continue
+            is_part = "itemclass" in parse_struct(entry) and not entry.key.startswith(("-", "!"))
+            with suppress(RobotFileError):  # lamps and grippers, whose values do not matter
+                if is_part:
+                    parts.append(read_part(entry, units))
+                    continue
             named = _NAME.search(entry.value)
             name = f" {named[1]!r}" if named else ""
             notices.append((entry.line, f"{entry.key}{name}: left out"))
@@ -143,16 +145,6 @@ def _parts(section: Section, units: Units, notices: list[Notice]) -> list[Part]:
         keys = ", ".join(dict.fromkeys(entry.key for entry in plain))
         notices.append((plain[0].line, f"[{section.name}] {keys}: left out"))
     return parts
-
-
-def _other_part(entry: Entry, units: Units) -> Part | None:
-    """Read a part that is not listed as a sensor; None without a class or a valid pose."""
-    if "itemclass" not in parse_struct(entry) or entry.key.startswith(("-", "!")):
-        return None
-    try:
-        return read_part(entry, units)
-    except RobotFileError:  # such as lamps and grippers, whose values do not matter here
-        return None
 
 
 def _sensors(
@@ -386,7 +378,14 @@ def find_scanner(
         values["noise_share"] = _noise_share(settings["noise"])
     elif not is_sick:
         values["noise_share"] = 0.0
-    _check_scan(settings, values)
+    fov, resolution = values.get("scan_fov_rad", math.pi), values.get("resolution_rad", 0.01745)
+    if fov > TURN_RAD or fov / resolution >= 100_000.0:
+        entry = settings["scanfov" if fov > TURN_RAD else "resolution"]
+        check(entry, False, "at most a turn and fewer than 100000 beams")
+    least, most = values.get("min_range_m", 0.0), values.get("max_range_m", 20.0)
+    if not least < most:
+        entry = settings["minrange"]
+        raise entry.fault(f"{entry.key} = {least:g} m: expected less than MaxRange, {most:g} m")
     if section is None:
         notice = f"{part}: no [{part.class_name}]: assumed to be USARSim's SICK LMS200"
         notices.append((part.entry.line, notice))
@@ -395,18 +394,3 @@ def find_scanner(
         if unread:
             notices.append((section.line, f"[{section.name}] {', '.join(unread)}: left out"))
     return part.sensor("usarsim_range_scanner", values)
-
-
-def _check_scan(settings: dict[str, Entry], values: dict[str, float]) -> None:
-    """Raise an error that names the line if the scan settings are impossible."""
-    fov, resolution = values.get("scan_fov_rad", math.pi), values.get("resolution_rad", 0.01745)
-    if fov > TURN_RAD or fov / resolution >= 100_000.0:
-        entry = settings["scanfov" if fov > TURN_RAD else "resolution"]
-        raise entry.fault(
-            f"{entry.key} = {quote(entry.value)}: expected at most a turn and "
-            "fewer than 100000 beams"
-        )
-    least, most = values.get("min_range_m", 0.0), values.get("max_range_m", 20.0)
-    if not least < most:
-        entry = settings["minrange"]
-        raise entry.fault(f"{entry.key} = {least:g} m: expected less than MaxRange, {most:g} m")

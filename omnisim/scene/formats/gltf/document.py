@@ -230,7 +230,8 @@ class Accessors:
         """Bytes of the bufferView that an object references."""
         index = owner.index("bufferView", self._views)
         view = self._views[index]
-        compressed = meshopt_compression(view)
+        compressions = (each for name in EXTENSIONS if (each := view.extension(name)))
+        compressed = next(compressions, None)
         end = view.integer("byteOffset", 0) + view.integer("byteLength")
         is_plain = end <= len(self._buffers[view.index("buffer", self._buffers)])
         if compressed is None or (is_plain and not can_decode_meshopt()):
@@ -240,7 +241,6 @@ class Accessors:
         return self._decompressed[index]
 
     def _slice(self, view: JsonObject) -> memoryview:
-        """Bytes of a slice of a buffer."""
         buffer = self._buffers[view.index("buffer", self._buffers)]
         start = view.integer("byteOffset", 0)
         end = start + view.integer("byteLength")
@@ -333,11 +333,6 @@ STRIDES = {
 }
 _INDEX_STRIDES = (2, 4)
 MAX_RATIO = 4096  # compression ratio: a short file must not exhaust the memory
-
-
-def meshopt_compression(view: JsonObject) -> JsonObject | None:
-    """Compression of a buffer view; None: uncompressed."""
-    return next((each for name in EXTENSIONS if (each := view.extension(name))), None)
 
 
 def can_decode_meshopt() -> bool:

@@ -98,7 +98,11 @@ class Materials:
             factors = Factors(entry.text("name", f"material {index}"))
             materials.append(self._read(index, index in used, factors))
             changed += factors.changed if index in used else []
-        self.notices += factor_notices(changed)
+        if changed:
+            more = len(changed) - _MAX_NAMED
+            rest = f", and {more} more" if more > 0 else ""
+            named = f"{', '.join(changed[:_MAX_NAMED])}{rest}"
+            self.notices.append(f"factors of materials out of range: {named}")
         return tuple(materials)
 
     def _read(self, index: int, is_used: bool, factors: Factors) -> Material:
@@ -164,7 +168,6 @@ class Materials:
         return self._textures[info.index("index", self._textures)]
 
     def _wraps(self, info: JsonObject) -> tuple[int, int]:
-        """OpenGL constants of the wrapping modes along u and v."""
         if not info.has("index") or not self._texture(info).has("sampler"):
             return _REPEAT, _REPEAT
         sampler = self._samplers[self._texture(info).index("sampler", self._samplers)]
@@ -297,15 +300,6 @@ class Factors:
         if not math.isclose(used, value, rel_tol=_ROUNDING):
             self.changed.append(f"{self.material!r} {name} {value:g} (used: {used:g})")
         return used
-
-
-def factor_notices(changed: Sequence[str]) -> list[str]:
-    """At most one line, which names the first values of a file that are outside their ranges."""
-    if not changed:
-        return []
-    more = len(changed) - _MAX_NAMED
-    rest = f", and {more} more" if more > 0 else ""
-    return [f"factors of materials out of range: {', '.join(changed[:_MAX_NAMED])}{rest}"]
 
 
 def _name(entry: JsonObject, key: str) -> str:

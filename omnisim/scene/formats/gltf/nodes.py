@@ -347,7 +347,6 @@ def animated_nodes(
 
 
 def _before(node: JsonObject) -> Floats:
-    """Matrix (4, 4) of a node; an animated node should not have one."""
     matrix = node.numbers("matrix", 16)
     return np.eye(4) if matrix is None else np.reshape(matrix, (4, 4)).T
 

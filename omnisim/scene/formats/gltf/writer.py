@@ -58,7 +58,6 @@ def write_glb(scene: Scene, path: Path) -> list[str]:
 
 
 def _left_out(scene: Scene) -> list[str]:
-    """Notices for content that glTF cannot represent."""
     counts = {
         "starts": len(scene.starts), "paths": len(scene.paths), "labels": len(scene.labels),
         "landmarks": len(scene.landmarks),
@@ -394,7 +393,6 @@ class WrittenMaterials:
     def _put(
         self, owner: Entry, key: str, texture: Texture | None, material: str, **values: float
     ) -> None:
-        """Reference a texture in a material's JSON."""
         if texture is None:
             return
         info: Entry = {"index": self._texture(texture), **values}

@@ -100,7 +100,6 @@ def read_other(
 def _load_with_trimesh(
     kind: str, data: bytes, plain: bytes | None, assets: AssetResolver
 ) -> trimesh.Scene:
-    """Load a file with trimesh, from its normalized form `plain` if there is one."""
     try:
         # suppresses NumPy's warnings about damaged files and Pillow's about large images
         with warnings.catch_warnings(), np.errstate(all="ignore"):
@@ -294,7 +293,6 @@ def _pair(extra: Mapping[str, Sequence[str]], option: str, default: float) -> li
 def _material_of_file(
     mesh_name: str, source: Any, textures: TextureStore, assets: Mapping[str, bytes]
 ) -> Material:
-    """Material of a mesh loaded from a file."""
     image, factor = getattr(source, "image", None), getattr(source, "diffuse", None)
     if isinstance(source, PBRMaterial):
         image, factor = source.baseColorTexture, source.baseColorFactor
@@ -308,7 +306,6 @@ def _material_of_file(
 def _material_in_memory(
     mesh_name: str, source: Any, textures: TextureStore, notices: list[str]
 ) -> Material:
-    """Material of a mesh built in memory."""
     if isinstance(source, PBRMaterial):
         return _pbr_material(mesh_name, source, textures)
     image, factor = getattr(source, "image", None), getattr(source, "diffuse", None)
@@ -321,7 +318,6 @@ def _material_in_memory(
 
 
 def _pbr_material(mesh_name: str, source: PBRMaterial, textures: TextureStore) -> Material:
-    """Material interpreted as in glTF."""
     name = str(source.name or mesh_name)
     image, factor = source.baseColorTexture, source.baseColorFactor
     texture = None if image is None else textures.texture(image, name)

@@ -16,7 +16,6 @@ from xml.etree.ElementTree import Element
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras import PerspectiveCamera, UnifiedCamera
 from omnisim.core.arrays import Floats, Ints
@@ -83,7 +82,12 @@ def load_model(path: Path) -> tuple[mujoco.MjModel, mujoco.MjData, list[str]]:
         data = mujoco.MjData(model)
         if model.nkey:
             mujoco.mj_resetDataKeyframe(model, data, 0)
-        update_poses(model, data)
+        # poses from the joints, like the first part of mj_forward; lights and cameras in tracking
+        # modes need the centers of mass
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_camlight(model, data)
+        mujoco.mj_flex(model, data)
     return model, data, warnings
 
 
@@ -96,14 +100,6 @@ def _warnings() -> Iterator[list[str]]:
         yield texts
     finally:
         mujoco.set_mju_user_warning(before)
-
-
-def update_poses(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """Compute poses from the joints, like the first part of mj_forward."""
-    mujoco.mj_kinematics(model, data)
-    mujoco.mj_comPos(model, data)  # lights and cameras in tracking modes need the centers of mass
-    mujoco.mj_camlight(model, data)
-    mujoco.mj_flex(model, data)
 
 
 class ModelReader:
@@ -154,7 +150,6 @@ class ModelReader:
         return instances
 
     def _notices(self) -> list[str]:
-        """Notices for geoms that are not drawn, or only approximately, one line per kind."""
         model, groups, notices = self._model, self._groups, []
         hidden = sum(int(group) not in groups for group in model.geom_group)
         if hidden:
@@ -454,7 +449,10 @@ def split_model(
     for name in hidden:
         if name not in reader.names:
             raise SceneError(f"hidden: {name!r}: {did_you_mean(name, reader.names, 'geoms:')}")
-    roots = moving_roots(model)
+    # the body to which each body is rigidly attached; 0: it never moves
+    trees = model.body_rootid
+    is_mocap = (model.body_weldid == _WORLD) & (model.body_mocapid[trees] >= 0)
+    roots = np.where(is_mocap, trees, model.body_weldid)
     by_root: dict[int, list[int]] = {_WORLD: []}
     for geom in reader.geoms:
         if reader.names[geom] not in hidden:
@@ -471,13 +469,6 @@ def split_model(
         np.array(list(by_root), dtype=np.int64),
         {name: geom for geom, name in enumerate(reader.names)},
     )
-
-
-def moving_roots(model: mujoco.MjModel) -> NDArray[np.int32]:
-    """Body (nbody,) to which each body is rigidly attached; 0: it never moves."""
-    trees = model.body_rootid
-    is_mocap = (model.body_weldid == _WORLD) & (model.body_mocapid[trees] >= 0)
-    return np.where(is_mocap, trees, model.body_weldid)
 
 
 def _scene(name: str, read: ImportedScene, instances: Iterable[Instance]) -> Scene:

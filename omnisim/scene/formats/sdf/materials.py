@@ -48,7 +48,6 @@ class MaterialReader:
         return self._index(_of_visual(material, visual))
 
     def _plain(self, element: XmlElement, double_sided: bool) -> Material:
-        """Material with color, texture and sides of a `<material>`."""
         script = self._script(element) or ScriptMaterial()
         texture = self._albedo(element, script)
         color = (
@@ -216,7 +215,6 @@ class MaterialReader:
         return self._images[path]
 
     def _folders(self, element: XmlElement) -> Iterator[Path]:
-        """Folders referenced by a script's URIs."""
         for uri in element.children("script"):
             for each in uri.children("uri"):
                 path = self._resources.find(each.own_text, element.file.parent)

@@ -45,9 +45,9 @@ class Scope:
 
     def __init__(self) -> None:
         self._frames: dict[str, _Frame] = {}
-        self._missing: set[str] = set()
+        self.missing: set[str] = set()  # nested models; poses relative to them are undefined
         self._poses: dict[str, Floats] = {}
-        self._aliases: dict[str, str] = {}
+        self.aliases: dict[str, str] = {}  # frames of merged models by their own names
         self._active: list[str] = []
 
     def add(self, name: str, element: XmlElement, default: str = "") -> None:
@@ -57,14 +57,6 @@ class Scope:
     def add_model(self, name: str, element: XmlElement, inner: Scope, placement: str = "") -> None:
         """Add a nested model, to whose frame `placement`, or else own frame, the pose applies."""
         self._frames.setdefault(name, _Frame(element, "", inner, placement))
-
-    def add_missing(self, name: str) -> None:
-        """Add a missing nested model; poses relative to it are undefined."""
-        self._missing.add(name)
-
-    def add_alias(self, name: str, frame: str) -> None:
-        """Make a frame of a merged model accessible by its own name."""
-        self._aliases.setdefault(name, frame)
 
     def place(self, name: str, scope_from_frame: Floats) -> None:
         """Override the pose of a link or model from the file."""
@@ -104,10 +96,10 @@ class Scope:
         """Pose (4, 4) of the scope itself, or of a frame `model::frame` in a nested model."""
         if name in _OWN:
             return np.eye(4)
-        name = self._aliases.get(name, name)
+        name = self.aliases.get(name, name)
         outer, separator, rest = name.partition("::")
         frame = self._frames.get(outer)
-        if frame is None and outer in self._missing:
+        if frame is None and outer in self.missing:
             raise UnplacedError(f"{element.place}: its pose is relative to {outer!r}, not found")
         if not separator or frame is None or frame.inner is None:
             hint = did_you_mean(name, self._frames, "there are")
@@ -221,7 +213,7 @@ class ModelLibrary:
     def _include(self, model: Model, include: XmlElement, used_names: set[str], depth: int) -> None:
         entity = self._included(include)
         if entity is None:
-            model.scope.add_missing(include.text("name") or _last_part(include.text("uri")))
+            model.scope.missing.add(include.text("name") or _last_part(include.text("uri")))
             return
         if entity.element.tag != "model":
             posed = include if include.find("pose") is not None else entity
@@ -241,7 +233,7 @@ class ModelLibrary:
         model.scope.add_model(name, posed, inner.scope, placement)
         if is_merged:
             for frame in entity.children("link", "frame", "joint", "model"):
-                model.scope.add_alias(frame.name, f"{name}::{frame.name}")
+                model.scope.aliases.setdefault(frame.name, f"{name}::{frame.name}")
 
     def _included(self, include: XmlElement) -> XmlElement | None:
         """First entity of an included file; None: the file is missing, and is counted."""

@@ -437,7 +437,11 @@ def make_vertices(corners: Corners, primvars: list[PrimvarValues | None]) -> Ver
     code = points
     for primvar, own in zip(primvars, rows, strict=True):
         if primvar is not None and own is not None and not primvar.is_shared:
-            code = _paired(code, _ranks(primvar.values)[own])
+            ranks = _ranks(primvar.values)[own]
+            size = int(ranks.max(initial=0)) + 1
+            if int(code.max(initial=0)) >= _MAX_KEY // size:
+                code = np.unique(code, return_inverse=True)[1]
+            code = code * size + ranks  # equal if and only if both numbers are
     _, first, inverse = np.unique(code, return_index=True, return_inverse=True)
     return Vertices(
         points[first],
@@ -447,14 +451,6 @@ def make_vertices(corners: Corners, primvars: list[PrimvarValues | None]) -> Ver
             for primvar, own in zip(primvars, rows, strict=True)
         ],
     )
-
-
-def _paired(first: Ints, second: Ints) -> Ints:
-    """Keys (n,) that are equal if and only if both numbers are equal."""
-    size = int(second.max(initial=0)) + 1
-    if int(first.max(initial=0)) >= _MAX_KEY // size:
-        first = np.unique(first, return_inverse=True)[1]
-    return first * size + second
 
 
 def _ranks(values: Floats) -> Ints:
@@ -498,7 +494,10 @@ def triangulate(
         # the diagonal of a quad starts at its reflex corner
         first = is_reflex.argmax(axis=1) if count == 4 else np.zeros(len(loops), np.int64)
         is_concave = is_reflex.any(axis=1) & (count > 4)
-        corners.append(_fans(loops, first)[~is_concave].reshape(-1, 3))
+        rotated = np.take_along_axis(loops, (first[:, None] + np.arange(count)) % count, axis=1)
+        apexes = np.broadcast_to(rotated[:, :1], (len(loops), count - 2))
+        fans = np.stack((apexes, rotated[:, 1:-1], rotated[:, 2:]), axis=2)
+        corners.append(fans[~is_concave].reshape(-1, 3))
         polygons.append(np.repeat(rows[~is_concave], count - 2))
         for row in np.flatnonzero(is_concave):
             axis = int(np.argmax(np.abs(normals[row])))  # projected along it, counter-clockwise
@@ -510,14 +509,6 @@ def triangulate(
     every = np.concatenate(polygons)
     order = np.argsort(every, kind="stable")
     return np.concatenate(corners)[order], every[order]
-
-
-def _fans(loops: Ints, first: Ints) -> Ints:
-    """Triangle fans (n, k - 2, 3) of polygons (n, k), from the `first` (n,) corner of each."""
-    count = loops.shape[1]
-    rotated = np.take_along_axis(loops, (first[:, None] + np.arange(count)) % count, axis=1)
-    apexes = np.broadcast_to(rotated[:, :1], (len(loops), count - 2))
-    return np.stack((apexes, rotated[:, 1:-1], rotated[:, 2:]), axis=2)
 
 
 def _turns(corners: Floats) -> tuple[Floats, Floats]:
