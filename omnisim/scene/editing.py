@@ -195,7 +195,6 @@ def _renumbered(count: int, dropped: set[int]) -> list[int]:
 
 # Validation of arrays passed from Python, and the meshes and materials made from them.
 
-
 _BYTE = np.dtype(np.uint8)
 
 

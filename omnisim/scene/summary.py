@@ -147,5 +147,4 @@ def _arrays(mesh: Mesh) -> list[NDArray[np.generic]]:
 
 
 def _distinct(items: Sequence[Item]) -> list[Item]:
-    """Items without duplicates, by identity."""
     return list({id(item): item for item in items}.values())

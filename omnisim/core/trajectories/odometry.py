@@ -202,7 +202,6 @@ def _chord_per_arc(turns_rad: ArrayLike) -> Floats:
 # The columns are `t_s,distance_m,turn_rad,x_m,y_m,yaw_rad`. Distance and turn are counted from the
 # previous line, and are 0 in the first. Numbers have nine digits after the point.
 
-
 COLUMNS = ["t_s", "distance_m", "turn_rad", "x_m", "y_m", "yaw_rad"]
 # A pose must follow from the previous one by the reading, up to the rounding of printed numbers.
 AGREEMENT = 1e-8

@@ -121,7 +121,6 @@ def _elements(model: Model) -> Iterator[tuple[PlacedModel, XmlElement, XmlElemen
 
 
 def _sensors(model: Model, omissions: Omissions) -> list[ImportedSensor]:
-    """Sensors with unique names and their poses in the base."""
     used_names: set[str] = set()
     return [
         one._replace(name=unique_name(folder_name(one.name), used_names))
@@ -131,7 +130,6 @@ def _sensors(model: Model, omissions: Omissions) -> list[ImportedSensor]:
 
 
 def _kinematics(model: Model, notices: list[str]) -> dict[str, Any] | None:
-    """Kinematics of the first plugin that drives two or four wheels, or None."""
     for placed in placed_models(model):
         for plugin in placed.model.element.children("plugin"):
             if is_wheel_drive(plugin):
@@ -141,7 +139,6 @@ def _kinematics(model: Model, notices: list[str]) -> dict[str, Any] | None:
 
 
 # Sensors of Gazebo models as tables of a robot file.
-
 
 _CAMERAS = ("camera", "wideanglecamera", "wide_angle_camera", "multicamera")
 _DEPTH = ("depth", "depth_camera")

@@ -194,7 +194,6 @@ def translate(matrix: Floats, offset: Floats) -> Floats:
 
 # Up axis and unit of mesh files.
 
-
 _WORLD_FROM_UP_AXIS = {
     "x": np.array([[0.0, -1, 0], [0, 0, -1], [1, 0, 0]]),  # COLLADA: right −y, up x, inward z
     "y": np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]),
@@ -297,7 +296,6 @@ class Omissions:
 
 # Cameras of scene files as viewpoints, with their lenses where omnisim has the model.
 
-
 HEIGHT_PX = 480  # of lenses whose files state no resolution
 
 
@@ -362,7 +360,6 @@ def pinhole(
 def _camera_pose(
     name: str, world_from_camera: Floats, lens: CentralCamera | None
 ) -> CameraPose | None:
-    """Pose of a camera; None: degenerate axes or coordinates that are too large."""
     if not np.abs(world_from_camera).max() < MAX_COORDINATE:  # false for NaN as well
         return None
     ahead, up = -world_from_camera[:3, 2], world_from_camera[:3, 1]

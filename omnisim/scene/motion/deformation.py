@@ -172,7 +172,6 @@ class Deformation:
 
     @cached_property
     def _scale(self) -> float:
-        """Largest scale factor of `mesh_from_world`."""
         return float(np.linalg.norm(self.mesh_from_world[:3, :3], 2))
 
     @cached_property

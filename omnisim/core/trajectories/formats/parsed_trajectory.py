@@ -170,7 +170,6 @@ def check_printed_times(times_s: Floats) -> None:
 
 # Poses parsed from a trajectory file, with times if the file has them.
 
-
 # A quaternion or matrix printed with a few digits, or rounded to float32, is well within this.
 ROUNDING = 1e-3
 # "world": x forward, y left, z up (REP 103); "kitti": x right, y down, z forward, for the pose at

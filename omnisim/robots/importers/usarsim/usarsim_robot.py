@@ -194,7 +194,6 @@ def _named(
 # looks up at the mirror from below. The Position of a whole camera or a mirror is assumed to be the
 # effective viewpoint as well.
 
-
 _MIRROR = re.compile(r"mirror")
 _VIRTUAL = re.compile(r"cameratexture|virtualcam")
 _OMNI = re.compile(r"omni.*cam|omnidirectional|catadioptric")
@@ -238,7 +237,6 @@ def _rank(part: Part) -> int | None:
 
 
 def _find_lens(group: list[Part], parts: list[Part]) -> Part | None:
-    """Find the camera that looks up at the mirror from below."""
     x, y, z = group[0].position_m
     for part in parts:
         px, py, pz = part.position_m
@@ -304,7 +302,6 @@ def find_range_sensor(
 
 
 def _cone(entries: dict[str, Entry], units: Units) -> dict[str, float]:
-    """Read the beam angle and the ray counts of a sonar."""
     values: dict[str, float] = {}
     if "beamangle" in entries:
         entry = entries["beamangle"]
@@ -340,7 +337,6 @@ def _check_limits(
 
 
 # Laser scanners in USARBot.ini: a part, with settings in its class's section.
-
 
 _SICK = re.compile(r"sick|lms\d|lms$")
 _SCANNER = re.compile(r"rangescanner|hokuyo|urg")

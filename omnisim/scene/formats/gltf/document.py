@@ -57,7 +57,6 @@ def _split(data: bytes) -> tuple[bytes, memoryview]:
 
 # JSON of a glTF file: type-checked properties, and errors that name their location.
 
-
 Value = TypeVar("Value")
 MAX_NUMBER = 1e15  # products of larger numbers overflow float32
 
@@ -181,7 +180,6 @@ def _error(place: str, expected: str, value: object) -> SceneError:
 
 
 # Buffers, buffer views and accessors, decoded to arrays.
-
 
 _INDEX_TYPES: dict[int | str, str] = {5121: "<u1", 5123: "<u2", 5125: "<u4"}
 _COMPONENT_TYPES = {5120: "<i1", 5122: "<i2", 5126: "<f4"} | _INDEX_TYPES
@@ -320,7 +318,6 @@ class Accessors:
 # Decompression of buffer views with meshoptimizer.
 #
 # Source: EXT_meshopt_compression, succeeded by KHR_meshopt_compression.
-
 
 EXTENSIONS = ("KHR_meshopt_compression", "EXT_meshopt_compression")
 MODES: dict[int | str, str] = {mode: mode for mode in ("ATTRIBUTES", "TRIANGLES", "INDICES")}

@@ -191,7 +191,6 @@ class Materials:
         return None
 
     def _open(self, entry: JsonObject, accessors: Accessors) -> Image.Image | None:
-        """Image, not yet decoded; None: missing or in an unknown format."""
         uri, data = entry.text("uri", ""), b""
         from PIL import Image  # slow to import
 
@@ -262,7 +261,6 @@ def _wrap(number: int) -> Wrap:
 
 # Factors of materials within the ranges that glTF gives them.
 
-
 _MAX_NAMED = 5
 _ROUNDING = 1e-6  # of exporters, which write float32
 Color = tuple[float, float, float]
@@ -310,7 +308,6 @@ def _name(entry: JsonObject, key: str) -> str:
 
 # Maps that a file may split over several images, packed into one texture.
 
-
 # Texture and its used channels; None: all channels are 1.
 Part = tuple[Texture | None, tuple[int, ...]]
 
@@ -355,7 +352,6 @@ def _packed(parts: Sequence[Part], given: Sequence[Texture]) -> Bytes:
 
 
 # Reflectance of materials: metal, roughness, gloss, clear coat and emission.
-
 
 DEFAULT_IOR = 1.5
 _WHOLE = 25.0  # specular color with which a dielectric of that index reflects all, not 4 %
@@ -446,7 +442,6 @@ def _attenuation_distance_m(volume: JsonObject, factors: Factors) -> float:
 
 
 def _tint_of(red: float, green: float, blue: float) -> Color:
-    """Specular color of a dielectric of the default index, for a reflectance."""
     return _WHOLE * red, _WHOLE * green, _WHOLE * blue
 
 

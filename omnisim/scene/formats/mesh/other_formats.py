@@ -119,7 +119,6 @@ def _load_with_trimesh(
 
 
 def _check_image(name: str, assets: AssetResolver) -> None:
-    """Record an image that cannot be opened, which trimesh ignores silently."""
     data = b""
     try:
         data = assets[name]
@@ -151,7 +150,6 @@ def _material_files(names: list[str], assets: AssetResolver) -> bytes:
 # Colors are sRGB by convention of these formats and are decoded here; only the base color of a
 # `PBRMaterial` in memory is linear, as in glTF. Triangle winding is unreliable, so meshes are
 # double-sided unless a `PBRMaterial` in memory says otherwise.
-
 
 _OPAQUE_FROM = 0.999
 _ALPHA_MODES = {"OPAQUE": AlphaMode.OPAQUE, "MASK": AlphaMode.MASK, "BLEND": AlphaMode.BLEND}
@@ -280,7 +278,6 @@ def _texture_coordinates(visual: trimesh.visual.TextureVisuals) -> Floats:
 
 
 def _pair(extra: Mapping[str, Sequence[str]], option: str, default: float) -> list[float]:
-    """First two numbers of an option of MTL's color map."""
     words = extra.get(f"map_kd-{option}") or ()
     try:
         return ([float(word) for word in words] + [default, default])[:2]
@@ -406,7 +403,6 @@ def _with_alpha(texture: Texture, levels: Bytes) -> Texture:
 
 
 # Formats that omnisim cannot read, with a conversion for each.
-
 
 _EXPANDED = (".sdf", ".world", ".urdf", ".xml")  # suffixes before .xacro
 SOURCE, TARGET = "{source}", "{target}"  # placeholders in a conversion's command

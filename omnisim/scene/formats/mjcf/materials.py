@@ -232,7 +232,6 @@ def texture_pixels(model: mujoco.MjModel, texture: int) -> Bytes:
 #
 # Levels follow MuJoCo's renderer: a white surface is white where the levels add up to 1.
 
-
 _Type = mujoco.mjtLightType
 # Mean cosine over the visible half of a distant ball: the effect of a light at the eye.
 _HEADLIGHT_SHARE = 2.0 / 3.0

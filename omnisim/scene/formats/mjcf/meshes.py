@@ -207,7 +207,6 @@ def _vertex_normals(positions: Floats, triangles: Ints) -> Floats:
 
 # Triangles of a MuJoCo model's geoms, each in its geom's frame.
 
-
 # Minimum half size of an infinite plane, which otherwise reaches MuJoCo's far clipping plane.
 MIN_REACH_M = 100.0
 
@@ -327,7 +326,6 @@ def _height_field(model: mujoco.MjModel, field: int) -> Surface:
 #
 # Source: MuJoCo, render_gl3.c, settexture (object-linear texture coordinates); OpenGL 4.6, table
 # 8.19 (faces of a cube).
-
 
 # Axis of each cube face, and the axes and signs of right and down in its image.
 _FACES = (

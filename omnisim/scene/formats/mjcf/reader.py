@@ -187,7 +187,6 @@ def _one_line(text: str) -> str:
 
 # Names of a MuJoCo model's elements, and of the instances made from its geoms.
 
-
 _WORLD = 0
 
 
@@ -221,7 +220,6 @@ def geom_names(model: mujoco.MjModel) -> tuple[str, ...]:
 
 
 # Files referenced by a MuJoCo model and read by MuJoCo itself, recorded as sources.
-
 
 _FOLDERS = ("assetdir", "meshdir", "texturedir")
 
@@ -275,7 +273,6 @@ def without_world(scene: Scene, path: Path) -> Scene:
 
 # Cameras: lens, mount, and the viewpoint of a frame's first image.
 
-
 _DEFAULT_SIZE_PX = (640, 480)  # for cameras without a resolution
 
 
@@ -313,7 +310,6 @@ def lens_of(
 
 
 # Elements of a MuJoCo model that carry cameras, and their poses.
-
 
 # MuJoCo's cameras look along −z with y up, as in OpenGL.
 _OPTICAL_FROM_OPENGL = np.diag([1.0, -1.0, -1.0])
@@ -366,7 +362,6 @@ def find_mount(model: mujoco.MjModel, **names: str | None) -> Mount | None:
 
 # Start pose for a MuJoCo model: its first fixed camera, or an overview of its center.
 
-
 # In front of a model that faces +x, and above its center.
 _OFFSET_PER_EXTENT = np.array([0.6, 0.0, 0.3])
 
@@ -395,7 +390,6 @@ def _camera(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Floats, Floats]
 
 
 # MuJoCo models in motion: a static scene, and moving bodies as objects.
-
 
 _ORIGIN = StartPose((0.0, 0.0, 0.0))
 
@@ -472,7 +466,6 @@ def split_model(
 
 
 def _scene(name: str, read: ImportedScene, instances: Iterable[Instance]) -> Scene:
-    """Scene of some of the instances, with only the meshes that they use."""
     chosen = tuple(instances)
     index_of = {mesh: index for index, mesh in enumerate(dict.fromkeys(one.mesh for one in chosen))}
     return Scene(

@@ -142,7 +142,6 @@ def centered(file: MeshFile, instances: tuple[Instance, ...]) -> tuple[Instance,
 
 # Triangles of SDF geometries other than meshes.
 
-
 # Corners of a whole texture on a rectangle.
 _CORNER_UV = np.array([(0.0, 1.0), (1.0, 1.0), (1.0, 0.0), (0.0, 0.0)])
 _LOOP_TOLERANCE_M = 1e-4  # Gazebo's tolerance between the ends of a closed polyline
@@ -285,7 +284,6 @@ def make_shape(geometry: XmlElement, kind: XmlElement, max_segments: int) -> Sha
 # The brightest pixel is at the height of the map's size, and black is at 0. The first image row
 # is at the largest y.
 
-
 MAX_POINTS = 513  # per side, about half a million triangles
 _BAKED_PX = (256, 2048)  # minimum and maximum side of a texture blended from several layers
 
@@ -365,7 +363,6 @@ def blend(layers: list[Layer], levels: Floats, size: tuple[float, ...]) -> Image
 
 
 def _tiled(layer: Layer, size: tuple[float, ...], side: int) -> Bytes:
-    """Layer (side, side, 3) repeated over the terrain."""
     width, height = (
         min(max(1, round(side * layer.size_m / extent)), 4 * side) for extent in size[:2]
     )

@@ -70,7 +70,6 @@ class MaterialReader:
         )
 
     def _reflectance(self, element: XmlElement, plain: Material) -> Material:
-        """Material with metal, roughness and maps of its `<pbr>`; matte without `<pbr>`."""
         metal = element.find("pbr/metal")
         values = metal or element.find("pbr/specular")
         if values is None:
@@ -224,7 +223,6 @@ class MaterialReader:
                     yield folder.parent / "textures"
 
     def _script(self, element: XmlElement) -> ScriptMaterial | None:
-        """Material of a script, from its files or among Gazebo's own; None: not found."""
         name = element.text("script/name")
         script = element.find("script")
         if script is None or not name:
@@ -261,7 +259,6 @@ def _of_visual(material: Material, visual: XmlElement) -> Material:
 
 
 # OGRE material scripts of Gazebo Classic: colors and textures.
-
 
 Rgb = tuple[float, float, float]
 

@@ -110,7 +110,6 @@ class Scope:
 
 # Tree of models: nested ones, and those included from files.
 
-
 _MAX_DEPTH = 24  # nesting depth of models
 _MAX_MODELS = 200_000  # models per world: a few files with repeated includes could make billions
 _SHOWN = 4  # names per notice
@@ -278,7 +277,6 @@ def _short(uri: str) -> str:
 
 
 def _last_part(uri: str) -> str:
-    """Last path component of a URI: its folder or file name."""
     return unquote(uri.strip("/").rpartition("/")[2])
 
 
@@ -332,7 +330,6 @@ def read_root(path: Path, data: bytes | None = None) -> XmlElement:
 
 # Substitutes for models that Gazebo Classic worlds expect to be installed.
 
-
 BUILTIN_MODELS = {
     "sun": """
         <light name="sun" type="directional">
@@ -354,7 +351,6 @@ BUILTIN_MODELS = {
 
 
 # Folders of Gazebo models, whose SDF files are listed in `model.config`.
-
 
 MANIFESTS = ("model.config", "manifest.xml")
 

@@ -132,7 +132,6 @@ class Gprims:
         color: Floats | None,
         has_vertex_colors: bool,
     ) -> int:
-        """Index of a material, with the sides and the constant color of a prim."""
         sided = bool(UsdGeom.Gprim(prim).GetDoubleSidedAttr().Get(self._time))
         factor = (1.0, 1.0, 1.0, 1.0) if color is None else tuple(color.tolist())
         if appearance is None and color is None and not has_vertex_colors:
@@ -156,7 +155,6 @@ class Gprims:
 
 
 # Triangles of meshes and shapes, with the elements that store their values.
-
 
 _NO_SUBDIVISION = ("none", "")
 
@@ -252,7 +250,6 @@ def _smooth_normals(points: Floats, triangles: Ints) -> Floats:
 
 
 # Parametric shapes of USD: cubes, spheres, cylinders, cones, capsules, planes.
-
 
 _MAX_SIZE = 1e12
 # Rotations of a shape around z to each axis; columns are the shape's axes.
@@ -353,7 +350,6 @@ def _size(prim: Usd.Prim, key: str, time: Usd.TimeCode, unit: float) -> float:
 
 
 # Corners of a mesh's faces: primvars, polygons as triangles, corners as vertices.
-
 
 _MAX_KEY = 2**62
 
@@ -465,7 +461,6 @@ def _ranks(values: Floats) -> Ints:
 
 
 # Triangulation of polygons in 3D: fans for convex ones, ear clipping for the others.
-
 
 _FLAT = 1e-9  # tolerance relative to the largest turn, against rounding errors at reflex corners
 

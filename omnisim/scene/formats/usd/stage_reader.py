@@ -118,7 +118,6 @@ class _Reader:
         return read, self._world_from_stage
 
     def _placed(self, root: Usd.Prim, frame_from_parent: Floats, nested: int) -> list[_PlacedMesh]:
-        """Meshes of a prim and its descendants, in the frame of its parent."""
         placed: list[_PlacedMesh] = []
         owners: dict[str, str] = {}  # object names by path
         for site in self._walk.sites(root, frame_from_parent):
@@ -209,7 +208,6 @@ class _Reader:
 
 
 def _labels(class_of: dict[str, str]) -> tuple[LabelRule, ...]:
-    """Label rules of the objects' classes, in alphabetical order."""
     return tuple(
         LabelRule(
             number,
@@ -222,7 +220,6 @@ def _labels(class_of: dict[str, str]) -> tuple[LabelRule, ...]:
 
 
 # Traversal of a stage: visible prims, their poses, and the objects that contain them.
-
 
 MAX_DEPTH = 500  # nesting depth of prims, which Sdf paths do not limit
 _DRAWN = (UsdGeom.Tokens.default_, UsdGeom.Tokens.render)
@@ -322,7 +319,6 @@ class Walk:
 
 # Semantic classes of prims: UsdSemantics, and Omniverse's older schema.
 
-
 _LABELS = "semantics:labels:"
 _TAXONOMIES = ("class", "category")  # in order of preference
 _OLDER_TYPE, _OLDER_DATA = ":params:semanticType", ":params:semanticData"
@@ -390,7 +386,6 @@ def read_copies(instancer: UsdGeom.PointInstancer, time: Usd.TimeCode) -> list[C
 
 
 # Opening of USD stages, with usd-core's errors as one-line messages.
-
 
 _LIGHTS = ("SphereLight", "DiskLight", "RectLight", "CylinderLight", "DistantLight", "DomeLight")
 _READ_TYPES = ("Mesh", "Camera", *_LIGHTS)  # types all of whose properties are looked at
@@ -474,7 +469,6 @@ def _relative(text: str, path: Path) -> str:
 
 
 # Cameras of a stage: start poses and lenses.
-
 
 _LEVEL = 1e-6  # minimum horizontal part of a viewing direction that has a heading
 
