@@ -37,11 +37,7 @@ UNITS = ["ns"] + ["m"] * 3 + [""] * 4 + ["m s^-1"] * 3 + ["rad s^-1"] * 3 + ["m 
 
 
 def read(table: TextTable) -> ParsedTrajectory:
-    """Read a table of 17 columns, with or without a header.
-
-    Raises:
-        TrajectoryError: the file is invalid; names file, line, actual and expected value.
-    """
+    """Read a table of 17 columns, with or without a header."""
     if not is_number(table.lines[0].cells[0]):
         table = table.without_header()
     numbers = table.numbers(COLUMNS)

@@ -54,11 +54,7 @@ class TextTable:
         return TrajectoryError(f"{self.source}:{line.number}: {message}")
 
     def without_header(self) -> TextTable:
-        """Table without its first line.
-
-        Raises:
-            TrajectoryError: no line is left.
-        """
+        """Table without its first line."""
         if len(self.lines) == 1:
             raise TrajectoryError(
                 f"{self.source}: only a header: expected at least one line of numbers"
@@ -74,11 +70,7 @@ class TextTable:
         return replace(self, lines=lines), cells
 
     def numbers(self, names: list[str]) -> Floats:
-        """All cells (lines, columns) as finite numbers; each line has one cell per column name.
-
-        Raises:
-            TrajectoryError: a line has another number of columns, or a cell is not a number.
-        """
+        """All cells (lines, columns) as finite numbers; each line has one cell per column name."""
         rows = []
         for line in self.lines:
             if (count := len(line.cells)) != len(names):
@@ -99,11 +91,7 @@ class TextTable:
         raise self.fault(line, f"{name} = {quote(cell)!r}: expected a number")
 
     def check_times(self, times_s: Floats, printed: list[str]) -> None:
-        """Reject times (lines,) that do not increase; `printed` holds their text in the file.
-
-        Raises:
-            TrajectoryError: two successive times do not increase; names the line and both times.
-        """
+        """Reject times (lines,) that do not increase; `printed` holds their text in the file."""
         later = np.diff(times_s) > 0.0
         if not np.all(later):
             k = int(np.argmin(later))
@@ -116,11 +104,7 @@ class TextTable:
 
 
 def read_text_table(path: Path) -> TextTable:
-    """Read a text file with cells separated by commas or blanks; `#` starts a comment line.
-
-    Raises:
-        TrajectoryError: the file cannot be read, is not text, or has only comments.
-    """
+    """Read a text file with cells separated by commas or blanks; `#` starts a comment line."""
     try:
         text = read_source(path).decode("utf-8-sig")
     except OSError as reason:
@@ -154,11 +138,7 @@ def quote(text: str) -> str:
 
 
 def check_printed_times(times_s: Floats) -> None:
-    """Reject times (n,) that become equal when printed to the nanosecond.
-
-    Raises:
-        TrajectoryError: two times become equal; names the first two.
-    """
+    """Reject times (n,) that become equal when printed to the nanosecond."""
     same = np.diff(np.rint(times_s * 1e9)) <= 0.0
     if np.any(same):
         k = int(np.argmax(same))
@@ -221,9 +201,6 @@ def parsed_trajectory(
         times_s: (n,) times, or None.
         positions_m: (n, 3) positions.
         rotations: (n, 3, 3) rotations.
-
-    Raises:
-        TrajectoryError: a position is too far away.
     """
     _refuse(
         table,
@@ -237,11 +214,7 @@ def parsed_trajectory(
 
 
 def read_times(table: TextTable, times_s: Floats) -> Floats:
-    """Validated times (n,) from a table's first column.
-
-    Raises:
-        TrajectoryError: times are too large, or do not increase.
-    """
+    """Validated times (n,) from a table's first column."""
     for line, time in zip(table.lines, times_s, strict=True):
         if abs(time) >= MAX_S:
             raise table.fault(line, f"time {time:g} s: expected less than {MAX_S:g} s")
@@ -250,11 +223,7 @@ def read_times(table: TextTable, times_s: Floats) -> Floats:
 
 
 def read_quaternions(table: TextTable, xyzw: Floats) -> Floats:
-    """Rotations (n, 3, 3) from a table's quaternions (n, 4).
-
-    Raises:
-        TrajectoryError: the length of a quaternion differs from 1 by more than rounding.
-    """
+    """Rotations (n, 3, 3) from a table's quaternions (n, 4)."""
     lengths = np.linalg.norm(xyzw, axis=-1)
     _refuse(
         table,
@@ -265,11 +234,7 @@ def read_quaternions(table: TextTable, xyzw: Floats) -> Floats:
 
 
 def read_rotations(table: TextTable, matrices: Floats) -> Floats:
-    """Rotations (n, 3, 3) from a table's matrices, with rounding errors removed.
-
-    Raises:
-        TrajectoryError: a matrix differs from a rotation by more than rounding.
-    """
+    """Rotations (n, 3, 3) from a table's matrices, with rounding errors removed."""
     _refuse(
         table,
         is_rotation(matrices, ROUNDING),

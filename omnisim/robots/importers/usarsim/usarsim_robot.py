@@ -207,16 +207,6 @@ LOOKS_UP = 0.9998  # cosine of 1°
 
 def find_cameras(parts: list[Part]) -> list[tuple[ImportedSensor, list[Part]]]:
     """Find the omnidirectional cameras of a robot, and the parts of each camera."""
-    cameras = []
-    for group in _groups(parts):
-        lens = _find_lens(group, parts)
-        members = [*group, *([lens] if lens else [])]
-        cameras.append((_camera(group[0], members), members))
-    return cameras
-
-
-def _groups(parts: list[Part]) -> list[list[Part]]:
-    """Group omnidirectional cameras' parts by position; each group starts with its lead part."""
     groups: list[list[Part]] = []
     for part in parts:
         if _rank(part) is None:
@@ -227,7 +217,21 @@ def _groups(parts: list[Part]) -> list[list[Part]]:
             groups.append([part])
         else:
             group.append(part)
-    return [sorted(group, key=lambda part: _rank(part) or 0) for group in groups]
+    cameras = []
+    for group in groups:
+        lead, *others = sorted(group, key=lambda part: _rank(part) or 0)
+        lens = _find_lens(lead, parts)
+        members = [lead, *others, *([lens] if lens else [])]
+        camera = ImportedSensor(
+            name=lead.name,
+            type="omnicamera",
+            position_m=lead.position_m,
+            # virtual cameras look in all directions
+            angles_deg=(0.0, 0.0, 0.0) if _rank(lead) == 2 else lead.angles_deg,
+            comments=(*(f"line {part.entry.line}: {part}" for part in members), _FILE),
+        )
+        cameras.append((camera, members))
+    return cameras
 
 
 def _rank(part: Part) -> int | None:
@@ -236,8 +240,9 @@ def _rank(part: Part) -> int | None:
     return next((rank for rank, pattern in ranks if pattern.search(part.short_class)), None)
 
 
-def _find_lens(group: list[Part], parts: list[Part]) -> Part | None:
-    x, y, z = group[0].position_m
+def _find_lens(lead: Part, parts: list[Part]) -> Part | None:
+    """Camera that looks up at the lead part, a mirror, from below."""
+    x, y, z = lead.position_m
     for part in parts:
         px, py, pz = part.position_m
         if (
@@ -249,17 +254,6 @@ def _find_lens(group: list[Part], parts: list[Part]) -> Part | None:
         ):
             return part
     return None
-
-
-def _camera(lead: Part, members: list[Part]) -> ImportedSensor:
-    return ImportedSensor(
-        name=lead.name,
-        type="omnicamera",
-        position_m=lead.position_m,
-        # virtual cameras look in all directions
-        angles_deg=(0.0, 0.0, 0.0) if _rank(lead) == 2 else lead.angles_deg,
-        comments=(*(f"line {part.entry.line}: {part}" for part in members), _FILE),
-    )
 
 
 # Sonars and infrared sensors in USARBot.ini: a part, with settings in its class's section.

@@ -73,15 +73,19 @@ class _Reader:
         self._assets, self._textures = AssetResolver(path), TextureStore()
         self._stage = open_stage(path, self._notices)
         note_file(path)
-        self._time = first_time(self._stage)
-        stated = stage_axes(self._stage)
-        unit = stated.meters_per_unit if axes.meters_per_unit is None else axes.meters_per_unit
-        self._world_from_stage = world_from_axes(
-            axes.up_axis or stated.up_axis or "y", 1.0 if unit is None else unit
-        )
+        # the first frame, or else the earliest time of each attribute
+        self._time = Usd.TimeCode.EarliestTime()
+        if self._stage.HasAuthoredTimeCodeRange():
+            self._time = Usd.TimeCode(self._stage.GetStartTimeCode())
+        unit, up_axis = UsdGeom.GetStageMetersPerUnit(self._stage), axes.up_axis
+        if not 0.0 < unit < 1e30:
+            raise SceneError(f"metersPerUnit = {unit:g}: expected a number > 0")
+        unit = unit if axes.meters_per_unit is None else axes.meters_per_unit
+        up_axis = up_axis or str(UsdGeom.GetStageUpAxis(self._stage)).lower() or "y"
+        self._world_from_stage = world_from_axes(up_axis, unit)
         files = TextureFiles(self._assets, self._textures, self._notices)
         surfaces = Surfaces(files, self._time, self._notices)
-        self._gprims = Gprims(surfaces, self._time, unit or 1.0, self._notices)
+        self._gprims = Gprims(surfaces, self._time, unit, self._notices)
         self._lights = Lights(self._world_from_stage, self._time, self._notices)
         self._walk = Walk(self._stage, self._time, self._notices)
         self._start: StartPose | None = None
@@ -409,15 +413,8 @@ def open_stage(path: Path, notices: Omissions) -> Usd.Stage:
             notices.count("files of MaterialX are not read", "reference")
         else:
             notices.add(f"{text}: drawn without it")
-    _compare_axes(stage, notices)
-    return stage
-
-
-def _compare_axes(stage: Usd.Stage, notices: Omissions) -> None:
-    """Add a notice for each layer whose unit or up axis differs from the stage's.
-
-    USD does not convert, and viewers do not either: a composed prim is in the stage's unit.
-    """
+    # a layer may have another unit or up axis than the stage: USD does not convert, and viewers do
+    # not either
     axes = ("metersPerUnit", UsdGeom.GetStageMetersPerUnit(stage)), (
         "upAxis", UsdGeom.GetStageUpAxis(stage)
     )  # fmt: skip
@@ -431,14 +428,7 @@ def _compare_axes(stage: Usd.Stage, notices: Omissions) -> None:
         if others:
             name = Path(layer.realPath).name
             notices.add(f"{name}: {', '.join(others)} of the stage: USD does not convert it")
-
-
-def stage_axes(stage: Usd.Stage) -> FileAxes:
-    """Up axis and unit of a stage; the defaults are y and centimeters."""
-    unit = UsdGeom.GetStageMetersPerUnit(stage)
-    if not 0.0 < unit < 1e30:
-        raise SceneError(f"metersPerUnit = {unit:g}: expected a number > 0")
-    return FileAxes(str(UsdGeom.GetStageUpAxis(stage)).lower(), unit)
+    return stage
 
 
 def stage_parts(stage: Usd.Stage, time: Usd.TimeCode) -> Parts:
@@ -454,13 +444,6 @@ def stage_parts(stage: Usd.Stage, time: Usd.TimeCode) -> Parts:
             if name in known or (kind in _READ_TYPES and ":" not in name):
                 is_value = isinstance(attribute, Usd.Attribute)
                 yield name, str(attribute.Get(time)) if is_value else "targets"
-
-
-def first_time(stage: Usd.Stage) -> Usd.TimeCode:
-    """Time of the stage's first frame, or else the earliest time of each attribute."""
-    if stage.HasAuthoredTimeCodeRange():
-        return Usd.TimeCode(stage.GetStartTimeCode())
-    return Usd.TimeCode.EarliestTime()
 
 
 def _relative(text: str, path: Path) -> str:
