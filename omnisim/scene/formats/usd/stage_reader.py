@@ -87,7 +87,10 @@ class _Reader:
         surfaces = Surfaces(files, self._time, self._notices)
         self._gprims = Gprims(surfaces, self._time, unit, self._notices)
         self._lights = Lights(self._world_from_stage, self._time, self._notices)
-        self._walk = Walk(self._stage, self._time, self._notices)
+        self._children = Usd.TraverseInstanceProxies()
+        roots = self._stage.GetPseudoRoot().GetChildren()
+        alone = roots[0] if len(roots) == 1 else None
+        self._whole = self._stage.GetDefaultPrim() or alone  # contains the whole stage
         self._start: StartPose | None = None
         self._cameras = Cameras()
         self._copies_of: dict[str, list[_PlacedMesh]] = {}
@@ -124,7 +127,7 @@ class _Reader:
     def _placed(self, root: Usd.Prim, frame_from_parent: Floats, nested: int) -> list[_PlacedMesh]:
         placed: list[_PlacedMesh] = []
         owners: dict[str, str] = {}  # object names by path
-        for site in self._walk.sites(root, frame_from_parent):
+        for site in self._sites(root, frame_from_parent):
             prim = site.prim
             if is_light(prim):
                 if not nested:
@@ -133,7 +136,7 @@ class _Reader:
                 world_from_camera = self._world_from_stage @ site.stage_from_prim
                 self._start = self._start or start_of_camera(world_from_camera)
                 lens = read_lens(partial(lens_of, prim, self._time))
-                self._cameras.add(self._walk.path_name(prim), world_from_camera, lens)
+                self._cameras.add(self._path_name(prim), world_from_camera, lens)
             elif prim.IsA(UsdGeom.PointInstancer):
                 placed += self._copies(site, owners, nested)
             elif prim.IsA(UsdGeom.Mesh) or is_shape(prim):
@@ -166,7 +169,7 @@ class _Reader:
         """
         owner = site.owner
         if owner is None:
-            return self._distinct(self._walk.path_name(site.prim)), site.stage_from_prim, ""
+            return self._distinct(self._path_name(site.prim)), site.stage_from_prim, ""
         if owner.path not in owners:
             owners[owner.path] = self._distinct(owner.name)
         return owners[owner.path], owner.stage_from_object, owner.class_name
@@ -210,60 +213,8 @@ class _Reader:
         self._names[name] += 1
         return name if not count else self._distinct(f"{name}_{count}")
 
-
-def _labels(class_of: dict[str, str]) -> tuple[LabelRule, ...]:
-    return tuple(
-        LabelRule(
-            number,
-            name,
-            distinct_color(number),
-            tuple(each for each, own in class_of.items() if own == name),
-        )
-        for number, name in enumerate(sorted(set(class_of.values())), start=1)
-    )
-
-
-# Traversal of a stage: visible prims, their poses, and the objects that contain them.
-
-MAX_DEPTH = 500  # nesting depth of prims, which Sdf paths do not limit
-_DRAWN = (UsdGeom.Tokens.default_, UsdGeom.Tokens.render)
-
-
-class ObjectFrame(NamedTuple):
-    """Object that contains prims: a component, or a prim with a class."""
-
-    name: str
-    path: str
-    stage_from_object: Floats  # (4, 4) transform
-    class_name: str = ""  # semantic class; empty: none
-
-
-class Site(NamedTuple):
-    """Prim with its inherited properties."""
-
-    prim: Usd.Prim  # the prim itself, or its proxy in an instance
-    stage_from_prim: Floats  # (4, 4) transform
-    purpose: str = UsdGeom.Tokens.default_  # purpose of UsdGeomImageable
-    owner: ObjectFrame | None = None  # object that contains the prim; None: no object
-
-    @property
-    def is_drawn(self) -> bool:
-        """True for the purposes default and render."""
-        return self.purpose in _DRAWN
-
-
-class Walk:
-    """Traversal of visible prims, parents before children, in stage order."""
-
-    def __init__(self, stage: Usd.Stage, time: Usd.TimeCode, notices: Omissions):
-        self._time, self._notices = time, notices
-        self._children = Usd.TraverseInstanceProxies()
-        default = stage.GetDefaultPrim()
-        roots = stage.GetPseudoRoot().GetChildren()
-        self._whole = default or (roots[0] if len(roots) == 1 else None)
-
-    def sites(self, root: Usd.Prim, stage_from_parent: Floats) -> Iterator[Site]:
-        """Sites of a prim and its descendants, except those below a PointInstancer."""
+    def _sites(self, root: Usd.Prim, stage_from_parent: Floats) -> Iterator[Site]:
+        """Sites of a prim and its visible descendants, parents first, none below a PointInstancer."""
         stack = [(Site(root, stage_from_parent), 0)]
         while stack:
             parent, depth = stack.pop()
@@ -278,7 +229,7 @@ class Walk:
             children = site.prim.GetFilteredChildren(self._children)
             stack += [(site._replace(prim=child), depth + 1) for child in reversed(children)]
 
-    def path_name(self, prim: Usd.Prim) -> str:
+    def _path_name(self, prim: Usd.Prim) -> str:
         """Path of a prim, relative to the prim that contains the whole stage."""
         path = prim.GetPath()
         if self._whole and path != self._whole.GetPath() and path.HasPrefix(self._whole.GetPath()):
@@ -319,6 +270,47 @@ class Walk:
             if form.GetResetXformStack():
                 return parent_from_prim
             return stage_from_parent @ parent_from_prim
+
+
+def _labels(class_of: dict[str, str]) -> tuple[LabelRule, ...]:
+    return tuple(
+        LabelRule(
+            number,
+            name,
+            distinct_color(number),
+            tuple(each for each, own in class_of.items() if own == name),
+        )
+        for number, name in enumerate(sorted(set(class_of.values())), start=1)
+    )
+
+
+# Traversal of a stage: visible prims, their poses, and the objects that contain them.
+
+MAX_DEPTH = 500  # nesting depth of prims, which Sdf paths do not limit
+_DRAWN = (UsdGeom.Tokens.default_, UsdGeom.Tokens.render)
+
+
+class ObjectFrame(NamedTuple):
+    """Object that contains prims: a component, or a prim with a class."""
+
+    name: str
+    path: str
+    stage_from_object: Floats  # (4, 4) transform
+    class_name: str = ""  # semantic class; empty: none
+
+
+class Site(NamedTuple):
+    """Prim with its inherited properties."""
+
+    prim: Usd.Prim  # the prim itself, or its proxy in an instance
+    stage_from_prim: Floats  # (4, 4) transform
+    purpose: str = UsdGeom.Tokens.default_  # purpose of UsdGeomImageable
+    owner: ObjectFrame | None = None  # object that contains the prim; None: no object
+
+    @property
+    def is_drawn(self) -> bool:
+        """True for the purposes default and render."""
+        return self.purpose in _DRAWN
 
 
 # Semantic classes of prims: UsdSemantics, and Omniverse's older schema.
