@@ -49,7 +49,7 @@ class Materials:
         """Open all images; unreadable ones are recorded in `assets.faults`."""
         self.entries = [*root.objects("materials"), JsonObject({}, "materials")]
         self.notices: list[str] = []
-        self._packs = PackedMaps()
+        self._packs: dict[tuple[object, ...], tuple[Texture, Sequence[Part]]] = {}
         self._store, self._assets = textures, assets
         self._textures, self._samplers = root.objects("textures"), root.objects("samplers")
         self._image_entries = root.objects("images")
@@ -127,20 +127,26 @@ class Materials:
     def _packed(self, maps: Sequence[Texture | None], material: str) -> list[Texture | None]:
         """Maps in the order of `Material.maps`, packed from maps in the order of `_maps`."""
         *plain, strength, color, coat, coat_roughness, coat_normal = maps
-        gloss, clear = (
-            ((color, (0, 1, 2)), (strength, (3,))),
-            ((coat, (0,)), (coat_roughness, (1,))),
-        )
-        packed = list(plain)
-        for what, parts in (("specular", gloss), ("clearcoat", clear)):
-            try:
-                packed.append(self._packs.pack(parts))
-            except ValueError:
-                packed.append(None)
-                self.notices.append(
-                    f"{what} maps of {material!r} are placed differently: not drawn"
-                )
-        return [*packed, coat_normal]
+        gloss = (color, (0, 1, 2)), (strength, (3,))
+        clear = (coat, (0,)), (coat_roughness, (1,))
+        packed = self._pack("specular", gloss, material), self._pack("clearcoat", clear, material)
+        return [*plain, *packed, coat_normal]
+
+    def _pack(self, what: str, parts: Sequence[Part], material: str) -> Texture | None:
+        """Texture with the channels of all parts, packed once for all materials; None: no map."""
+        given = [texture for texture, _ in parts if texture is not None]
+        places = {(one.uv_set, one.uv_transform, one.wrap_u, one.wrap_v) for one in given}
+        if len(places) > 1:
+            notice = f"{what} maps of {material!r} are placed differently: not drawn"
+            self.notices.append(notice)
+        if len(places) != 1:
+            return None
+        if len(given) == len(parts) and len({id(one.pixels) for one in given}) == 1:
+            return given[0]
+        key = (*(None if one is None else id(one.pixels) for one, _ in parts), places.pop())
+        if key not in self._packs:  # storing the parts keeps their ids from being reused
+            self._packs[key] = replace(given[0], pixels=_packed_pixels(parts, given)), parts
+        return self._packs[key][0]
 
     def _map(
         self, entry: JsonObject, info: JsonObject, is_linear: bool, material: str
@@ -312,33 +318,7 @@ def _name(entry: JsonObject, key: str) -> str:
 Part = tuple[Texture | None, tuple[int, ...]]
 
 
-class PackedMaps:
-    """Textures packed from several maps, each packed once for all materials."""
-
-    def __init__(self) -> None:
-        self._found: dict[tuple[object, ...], tuple[Texture, list[Part]]] = {}
-
-    def pack(self, parts: Sequence[Part]) -> Texture | None:
-        """Texture with the channels of all parts; None: no part has a texture.
-
-        Raises:
-            ValueError: maps with different placements.
-        """
-        given = [texture for texture, _ in parts if texture is not None]
-        if not given:
-            return None
-        places = {(one.uv_set, one.uv_transform, one.wrap_u, one.wrap_v) for one in given}
-        if len(places) > 1:
-            raise ValueError
-        if len(given) == len(parts) and len({id(one.pixels) for one in given}) == 1:
-            return given[0]
-        key = (*(None if one is None else id(one.pixels) for one, _ in parts), places.pop())
-        if key not in self._found:  # storing the parts keeps their ids from being reused
-            self._found[key] = replace(given[0], pixels=_packed(parts, given)), list(parts)
-        return self._found[key][0]
-
-
-def _packed(parts: Sequence[Part], given: Sequence[Texture]) -> Bytes:
+def _packed_pixels(parts: Sequence[Part], given: Sequence[Texture]) -> Bytes:
     from PIL import Image  # slow to import
 
     height, width = np.max([one.pixels.shape[:2] for one in given], axis=0).tolist()

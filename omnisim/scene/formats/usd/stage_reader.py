@@ -214,7 +214,7 @@ class _Reader:
         return name if not count else self._distinct(f"{name}_{count}")
 
     def _sites(self, root: Usd.Prim, stage_from_parent: Floats) -> Iterator[Site]:
-        """Sites of a prim and its visible descendants, parents first, none below a PointInstancer."""
+        """Sites of a prim and its visible descendants, parents first, but below PointInstancers."""
         stack = [(Site(root, stage_from_parent), 0)]
         while stack:
             parent, depth = stack.pop()
