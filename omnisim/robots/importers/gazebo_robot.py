@@ -69,7 +69,13 @@ def import_model(
         omissions = Omissions()
         sensors = _sensors(whole, omissions)
         about_drive: list[str] = []
-        kinematics = _kinematics(model, about_drive)
+        elements = (placed.model.element for placed in placed_models(model))
+        plugins = (plugin for one in elements for plugin in one.children("plugin"))
+        plugin, kinematics = next(filter(is_wheel_drive, plugins), None), None
+        if plugin is None:
+            about_drive.append("kinematics: left out: no plugin of a differential drive")
+        else:
+            kinematics = drive_table(plugin, about_drive)
     except (SceneError, RobotFileError) as reason:
         raise RobotFileError(f"{path}: {reason}") from None
     notices = [*library.notices, *(notice for one in sensors for notice in one.notices)]
@@ -127,15 +133,6 @@ def _sensors(model: Model, omissions: Omissions) -> list[ImportedSensor]:
         for placed, link, sensor in _elements(model)
         for one in read_sensors(sensor, placed.pose_of(sensor, link.name), omissions)
     ]
-
-
-def _kinematics(model: Model, notices: list[str]) -> dict[str, Any] | None:
-    for placed in placed_models(model):
-        for plugin in placed.model.element.children("plugin"):
-            if is_wheel_drive(plugin):
-                return drive_table(plugin, notices)
-    notices.append("kinematics: left out: no plugin of a differential drive")
-    return None
 
 
 # Sensors of Gazebo models as tables of a robot file.

@@ -324,16 +324,15 @@ class Mount(NamedTuple):
 
     def pose(self, data: mujoco.MjData) -> Floats:
         """Pose (4, 4) world_from_mount, x forward, z up."""
-        if self.kind == "body":
-            rotation, position = data.xmat[self.number], data.xpos[self.number]
-        elif self.kind == "site":
-            rotation, position = data.site_xmat[self.number], data.site_xpos[self.number]
-        else:
-            rotation, position = data.cam_xmat[self.number], data.cam_xpos[self.number]
-        rotation = rotation.reshape(3, 3)
+        rotations, positions = {
+            "body": (data.xmat, data.xpos),
+            "site": (data.site_xmat, data.site_xpos),
+            "camera": (data.cam_xmat, data.cam_xpos),
+        }[self.kind]
+        rotation = rotations[self.number].reshape(3, 3)
         if self.kind == "camera":
             rotation = rotation @ _OPENGL_FROM_BASE
-        return pose_from_rotation(rotation, position)
+        return pose_from_rotation(rotation, positions[self.number])
 
 
 def find_mount(model: mujoco.MjModel, **names: str | None) -> Mount | None:
