@@ -17,7 +17,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import trimesh
@@ -210,7 +210,7 @@ def import_trimesh(
         if not isinstance(geometry, trimesh.Trimesh):
             notices.append("points and lines are not drawn")
         elif len(geometry.faces):
-            own, visual = _object(name, objects), geometry.visual
+            own, visual = _object(name, objects), cast(Any, geometry.visual)
             mesh, center = _mesh(own, geometry, len(materials), smooth, dropped)
             index_of[name] = (len(meshes), center)
             meshes.append(mesh)
