@@ -191,11 +191,10 @@ class ModelLibrary:
             if child.element.tag == "include":
                 self._include(model, child, used_names, depth)
             else:
-                inner = self.tree(child, unique_name(child.name or "model", used_names), depth + 1)
-                model.models.append(inner)
-                model.scope.add_model(
-                    inner.name, child, inner.scope, child.attribute("placement_frame")
-                )
+                name = unique_name(child.name or "model", used_names)
+                model.models.append(self.tree(child, name, depth + 1))
+                placement = child.attribute("placement_frame")
+                model.scope.add_model(name, child, model.models[-1].scope, placement)
         for link in element.children("link"):
             model.scope.add(link.name, link)
             shapes = (visual.find("geometry") for visual in link.children("visual"))
@@ -214,8 +213,8 @@ class ModelLibrary:
         if entity is None:
             model.scope.missing.add(include.text("name") or _last_part(include.text("uri")))
             return
+        posed = include if include.find("pose") is not None else entity
         if entity.element.tag != "model":
-            posed = include if include.find("pose") is not None else entity
             model.others.append(with_pose_of(entity, posed))
             return
         is_merged = include.attribute("merge").lower() in ("true", "1")
@@ -223,7 +222,6 @@ class ModelLibrary:
         inner = self.tree(entity, name, depth + 1)
         inner.is_merged = is_merged
         model.models.append(inner)
-        posed = include if include.find("pose") is not None else entity
         placement = include.text("placement_frame") or entity.attribute("placement_frame")
         first, _, rest = placement.partition("::")
         frames = {one.name for one in entity.children("link", "frame", "joint", "model")}
@@ -263,11 +261,11 @@ def _names(uris: Counter[str]) -> str:
     counts: Counter[str] = Counter()
     for uri, count in uris.items():
         counts[_short(uri)] += count
-    shown = [
-        name if count == 1 else f"{name} × {count}" for name, count in counts.most_common(_SHOWN)
-    ]
-    more = len(counts) - len(shown)
-    return ", ".join([*shown, *([f"and {counted(more, 'other')}"] if more else [])])
+    most = counts.most_common(_SHOWN)
+    shown = [name if count == 1 else f"{name} × {count}" for name, count in most]
+    if more := len(counts) - len(shown):
+        shown.append(f"and {counted(more, 'other')}")
+    return ", ".join(shown)
 
 
 def _short(uri: str) -> str:
