@@ -25,9 +25,7 @@ def bounds_of(points: NDArray[_Number]) -> NDArray[_Number]:
     return np.stack((rows.min(axis=1), rows.max(axis=1)))
 
 
-def triangle_bounds(
-    corners: NDArray[_Number],
-) -> tuple[NDArray[_Number], NDArray[_Number]]:
+def triangle_bounds(corners: NDArray[_Number]) -> tuple[NDArray[_Number], NDArray[_Number]]:
     """Minimum and maximum coordinates (n, ...) of triangle corners (n, 3, ...)."""
     first, second, third = corners[:, 0], corners[:, 1], corners[:, 2]
     low = np.minimum(np.minimum(first, second), third)

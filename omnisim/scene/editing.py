@@ -2,7 +2,8 @@
 
 An instance consists of all parts with the same name, as in the ground truth. Content is never
 changed in place: an edit returns new content that shares all unchanged arrays, so that a stage
-uploads only the changes.
+uploads only the changes. Errors are SceneErrors that name the instance, the expected and the actual
+value.
 """
 
 from __future__ import annotations
@@ -30,11 +31,7 @@ class Content(NamedTuple):
 
 
 def find(content: Content, name: str) -> tuple[Instance, ...]:
-    """Parts of an instance, by its name.
-
-    Raises:
-        SceneError: unknown instance.
-    """
+    """Parts of an instance, by its name."""
     parts = tuple(one for one in content.instances if one.name == name)
     if not parts:
         names = dict.fromkeys(one.name for one in content.instances)
@@ -44,11 +41,7 @@ def find(content: Content, name: str) -> tuple[Instance, ...]:
 
 
 def pose_of(content: Content, name: str) -> Floats:
-    """Pose (4, 4) of an instance's frame, without the scale of its node.
-
-    Raises:
-        SceneError: unknown instance.
-    """
+    """Pose (4, 4) of an instance's frame, without the scale of its node."""
     node = find(content, name)[0].world_from_node
     if is_pose(node):
         return node.copy()
@@ -62,11 +55,7 @@ def pose_of(content: Content, name: str) -> Floats:
 
 
 def move(content: Content, name: str, world_from_instance: ArrayLike) -> Content:
-    """Move an instance's frame to a pose (4, 4).
-
-    Raises:
-        SceneError: an unknown instance or an invalid pose.
-    """
+    """Move an instance's frame to a pose (4, 4)."""
     before = pose_of(content, name)
     displacement = instance_pose(name, world_from_instance) @ inverse(before)
     moved = tuple(
@@ -85,11 +74,7 @@ def move(content: Content, name: str, world_from_instance: ArrayLike) -> Content
 
 
 def add(content: Content, name: str, part: Content, world_from_part: ArrayLike) -> Content:
-    """Add all instances of other content as one instance.
-
-    Raises:
-        SceneError: an empty name, an existing name or an invalid pose.
-    """
+    """Add all instances of other content as one instance."""
     if not isinstance(name, str) or not name:
         raise SceneError(f"instance: expected a name, got {name!r}")
     if any(one.name == name for one in content.instances):
@@ -122,11 +107,7 @@ def free_name(content: Content, name: str) -> str:
 
 
 def remove(content: Content, name: str) -> Content:
-    """Remove an instance.
-
-    Raises:
-        SceneError: unknown instance.
-    """
+    """Remove an instance."""
     find(content, name)
     kept = tuple(one for one in content.instances if one.name != name)
     return _without_unused(content, content._replace(instances=kept))
@@ -135,11 +116,7 @@ def remove(content: Content, name: str) -> Content:
 def recolor(
     content: Content, name: str, base_color: ArrayLike, texture: ArrayLike | None
 ) -> Content:
-    """Replace an instance's appearance by a color, or by a texture times a color.
-
-    Raises:
-        SceneError: an unknown instance, or an invalid color or texture.
-    """
+    """Replace an instance's appearance by a color, or by a texture times a color."""
     meshes, materials = list(content.meshes), list(content.materials)
     mesh_at: dict[int, int] = {}
     material_at: dict[int, int] = {}
@@ -195,7 +172,6 @@ def _renumbered(count: int, dropped: set[int]) -> list[int]:
 
 # Validation of arrays passed from Python, and the meshes and materials made from them.
 
-
 _BYTE = np.dtype(np.uint8)
 
 
@@ -210,11 +186,7 @@ def import_arrays(
     base_color: ArrayLike | None,
     double_sided: bool,
 ) -> ImportedScene:
-    """Import one instance; the arguments are those of `Scene.from_arrays`.
-
-    Raises:
-        SceneError: an array is invalid; names the instance, the expected and the actual value.
-    """
+    """Import one instance; the arguments are those of `Scene.from_arrays`."""
     vertices = _numbers(name, "vertices_m", vertices_m, ("n", 3))
     corners = _numbers(name, "triangles", triangles, ("m", 3))
     if not (len(corners) and (corners == np.floor(corners)).all()):
@@ -252,9 +224,6 @@ def color_material(
         base_color: (3,) or (4,), from 0 to 1.
         texture: (height, width, 3 or 4) uint8 sRGB; None: no texture.
         like: material that supplies the name, `double_sided` and `unlit`.
-
-    Raises:
-        SceneError: a value is invalid; names the instance, the expected and the actual value.
     """
     rgba = _numbers(name, "base_color", base_color, None)
     if rgba.shape not in ((3,), (4,)) or rgba.min() < 0.0 or rgba.max() > 1.0:
@@ -280,11 +249,7 @@ def color_material(
 
 
 def instance_pose(name: str, matrix: ArrayLike) -> Floats:
-    """Checked pose (4, 4) of an instance.
-
-    Raises:
-        SceneError: a value is invalid; names the instance, the expected and the actual value.
-    """
+    """Checked pose (4, 4) of an instance."""
     checked = _numbers(name, "pose", matrix, (4, 4))
     try:
         return check_pose(checked)

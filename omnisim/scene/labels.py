@@ -76,7 +76,11 @@ def find_labels(
     for key, part in (dynamic_objects or {}).items():
         named += [(key, each.name) for each in part.instances]
     names = dict.fromkeys(named)
-    rules = scene.labels or _rules_by_name({name for owner, name in names if owner not in vehicles})
+    rules = scene.labels
+    if not rules:  # without patterns, one for each class derived from the instances' names
+        derived = {class_name(name) for owner, name in names if owner not in vehicles} - {VEHICLE}
+        numbered = enumerate(sorted(derived), start=1)
+        rules = tuple(LabelRule(i, name, distinct_color(i), ()) for i, name in numbered)
     classes = {rule.id: ClassLabel(rule.id, rule.name, rule.color) for rule in rules}
     ids = {rule.name: rule.id for rule in rules}
     for name in (VEHICLE, UNLABELED):
@@ -98,12 +102,6 @@ def find_labels(
         "table" if scene.labels else "names",
         tuple(unlabeled),
     )
-
-
-def _rules_by_name(instances: set[str]) -> tuple[LabelRule, ...]:
-    """Rules without patterns, one for each class derived from the instances' names."""
-    names = sorted({class_name(instance) for instance in instances} - {VEHICLE})
-    return tuple(LabelRule(i, name, distinct_color(i), ()) for i, name in enumerate(names, start=1))
 
 
 def _first_match(rules: tuple[LabelRule, ...], name: str) -> int | None:

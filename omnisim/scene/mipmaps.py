@@ -91,7 +91,6 @@ def _mean_of_pairs(values: NDArray[np.uint16], axis: int) -> NDArray[np.uint16]:
 
 # Mip levels of alpha-masked textures that preserve the coverage at every level.
 
-
 _SEARCH_STEPS = 12  # bisections of [0, 16], down to 4/1000: one 8-bit step
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from dataclasses import dataclass, field, replace
 from enum import Enum
@@ -396,17 +395,14 @@ class Lighting:
 
     def by_kind(self) -> tuple[tuple[Light, ...], tuple[Light, ...]]:
         """Directional lights, and point and spot lights, as two groups."""
-        is_directional = [light.kind is LightKind.DIRECTIONAL for light in self.lights]
-        return (
-            tuple(itertools.compress(self.lights, is_directional)),
-            tuple(itertools.compress(self.lights, (not one for one in is_directional))),
-        )
+        directional = [one for one in self.lights if one.kind is LightKind.DIRECTIONAL]
+        punctual = [one for one in self.lights if one.kind is not LightKind.DIRECTIONAL]
+        return tuple(directional), tuple(punctual)
 
     def with_shadows(self, casts: bool) -> Lighting:
         """Copy in which all lights cast shadows, or none does."""
-        return replace(
-            self, lights=tuple(replace(light, casts_shadow=casts) for light in self.lights)
-        )
+        lights = tuple(replace(light, casts_shadow=casts) for light in self.lights)
+        return replace(self, lights=lights)
 
     def without_shadows(self) -> Lighting:
         """Copy in which no light casts shadows."""

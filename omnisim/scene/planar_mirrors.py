@@ -142,7 +142,6 @@ def find_mirrors(
 
 
 def _placed(index: int, surface: ShownSurface, part: FlatPart) -> _PlacedPart:
-    """Flat part of a surface in the frame of its object."""
     transform = surface.object_from_mesh
     linear = transform[:3, :3]
     cofactors = np.cross(linear[[1, 2, 0]], linear[[2, 0, 1]])

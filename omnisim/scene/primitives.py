@@ -173,7 +173,6 @@ def _dome(count: int, first_rad: float, last_rad: float) -> Surface:
 
 
 def _tube(count: int, radius_m: float, half_length_m: float) -> Surface:
-    """Lateral surface of a cylinder."""
     normals = np.concatenate((_circle(count), np.zeros((count + 1, 1))), axis=1)
     normals = np.concatenate((normals, normals))
     positions = normals * radius_m

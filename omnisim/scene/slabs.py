@@ -32,7 +32,9 @@ def with_slabs(
     """Meshes and materials of a scene, in which meshes that are slabs have a `SlabMaterial`."""
     places: dict[int, list[Floats]] = {}
     for one in instances:
-        if _may_be_slab(materials[meshes[one.mesh].material]):
+        material = materials[meshes[one.mesh].material]
+        is_opaque = material.alpha_mode is AlphaMode.OPAQUE and material.normal_map is None
+        if is_opaque and material.glass_transmission > 0.0:  # clear, thick glass, no slab yet
             places.setdefault(one.mesh, []).append(one.world_from_mesh)
     found = {number: _thickness_m(meshes[number], own) for number, own in places.items()}
     slabs = {number: slab_m for number, slab_m in found.items() if slab_m is not None}
@@ -52,12 +54,6 @@ def with_slabs(
                 taken.add(old)
         meshes[number] = replace(meshes[number], material=known[key])
     return tuple(meshes), tuple(materials)
-
-
-def _may_be_slab(material: Material) -> bool:
-    """True for clear, thick glass without normal maps that is no slab yet."""
-    is_opaque = material.alpha_mode is AlphaMode.OPAQUE and material.normal_map is None
-    return is_opaque and material.glass_transmission > 0.0
 
 
 def _thickness_m(mesh: Mesh, places: Sequence[Floats]) -> float | None:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.scene.labels import find_labels
-from omnisim.scene.model import Material, Mesh, Scene, Texture, bounds_m
+from omnisim.scene.model import Material, Scene, Texture, bounds_m
 from omnisim.scene.space.floor import floor_height_m, triangles_within
 
 # Surfaces with at most this slope and with heights within a step form one floor.
@@ -122,7 +122,12 @@ def memory_bytes(scene: Scene) -> tuple[int, int]:
 
     Textures that differ only in their placement share their pixels.
     """
-    arrays = {id(array): array for mesh in scene.meshes for array in _arrays(mesh)}
+    arrays: dict[int, NDArray[np.generic]] = {}
+    for mesh in scene.meshes:
+        deformed = [] if mesh.deformation is None else mesh.deformation.arrays
+        coordinates = mesh.texture_coordinates, mesh.second_texture_coordinates
+        own = mesh.positions, mesh.triangles, mesh.normals, *coordinates, mesh.colors, *deformed
+        arrays |= {id(array): array for array in own if array is not None}
     pixels = {id(texture.pixels): texture.pixels.nbytes for texture in scene_textures(scene)}
     return sum(array.nbytes for array in arrays.values()), sum(pixels.values())
 
@@ -137,15 +142,5 @@ def textures_of(material: Material) -> list[Texture]:
     return [one for one in (material.texture, *material.maps) if one is not None]
 
 
-def _arrays(mesh: Mesh) -> list[NDArray[np.generic]]:
-    optional = (
-        mesh.normals, mesh.texture_coordinates, mesh.second_texture_coordinates, mesh.colors
-    )  # fmt: skip
-    deformed = [] if mesh.deformation is None else mesh.deformation.arrays
-    present = (one for one in optional if one is not None)
-    return [mesh.positions, mesh.triangles, *present, *deformed]
-
-
 def _distinct(items: Sequence[Item]) -> list[Item]:
-    """Items without duplicates, by identity."""
     return list({id(item): item for item in items}.values())

@@ -124,13 +124,10 @@ class Odometry:
 
 
 def wheel_readings(truth: Trajectory) -> Odometry:
-    """Readings of perfect wheels.
+    """Readings of perfect wheels along a trajectory, of which only x, y and yaw are used.
 
     Each step is approximated by an arc; wheels do not measure sideways motion. Dead reckoning
     restores, up to rounding, a trajectory whose steps are arcs, lines and turns on the spot.
-
-    Args:
-        truth: true trajectory; only x, y and yaw are used.
     """
     yaw = truth.yaw_rad
     turns = wrap_angles(np.diff(yaw))
@@ -161,12 +158,7 @@ def simulate_odometry(truth: Trajectory, errors: OdometryErrors, seed: int) -> O
 
 
 def with_errors(true: Odometry, errors: OdometryErrors, seed: int) -> Odometry:
-    """Add wheel errors to readings, as `simulate_odometry` does.
-
-    Args:
-        true: error-free readings.
-        errors: errors of the wheels.
-        seed: 0 or above.
+    """Add wheel errors to error-free readings, as `simulate_odometry` does.
 
     Raises:
         TrajectoryError: the seed is negative.
@@ -210,7 +202,6 @@ def _chord_per_arc(turns_rad: ArrayLike) -> Floats:
 # The columns are `t_s,distance_m,turn_rad,x_m,y_m,yaw_rad`. Distance and turn are counted from the
 # previous line, and are 0 in the first. Numbers have nine digits after the point.
 
-
 COLUMNS = ["t_s", "distance_m", "turn_rad", "x_m", "y_m", "yaw_rad"]
 # A pose must follow from the previous one by the reading, up to the rounding of printed numbers.
 AGREEMENT = 1e-8
@@ -250,15 +241,11 @@ def read_odometry(path: Path) -> Odometry:
         raise table.fault(table.lines[int(np.argmax(far))], f"expected numbers below {MAX_M:g}")
     readings, poses = numbers[:, 1:3], numbers[:, 3:]
     if np.any(readings[0] != 0.0):
-        raise table.fault(
-            table.lines[0],
-            f"first line: expected distance and turn 0, got {readings[0, 0]:g} m, "
-            f"{readings[0, 1]:g} rad",
-        )
+        got = f"{readings[0, 0]:g} m, {readings[0, 1]:g} rad"
+        raise table.fault(table.lines[0], f"first line: expected distance and turn 0, got {got}")
     for k in range(1, len(poses)):
-        step = Odometry(
-            times_s[k - 1 : k + 1], readings[k, :1], readings[k, 1:], tuple(poses[k - 1])
-        )
+        before = tuple(poses[k - 1])
+        step = Odometry(times_s[k - 1 : k + 1], readings[k, :1], readings[k, 1:], before)
         off = poses[k] - step.planar_poses[1]
         off[2] = wrap_angle(off[2])
         if np.max(np.abs(off)) > AGREEMENT * (1.0 + np.max(np.abs((*poses[k], *readings[k])))):

@@ -13,12 +13,10 @@ spline algorithms for orientation interpolation", IJNME 46 (1999), without its i
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 import scipy  # its submodules load on first use
 
-from omnisim.core.arrays import Bools, Floats
+from omnisim.core.arrays import Floats
 from omnisim.core.poses import pose_from_rotation
 from omnisim.core.trajectories.body_motion import BodyMotion, MotionStates
 from omnisim.core.trajectories.trajectory import Trajectory
@@ -46,8 +44,7 @@ class SplineMotion(BodyMotion):
         turned = np.concatenate((np.zeros((1, 3)), np.cumsum(vectors, axis=0)))
         slopes = _slopes(times, positions, from_rest)
         self._position = scipy.interpolate.CubicHermiteSpline(times, positions, slopes)
-        rates = _slopes(times, turned, from_rest)
-        self._rotation = _rotation_vectors(times, vectors, rates)
+        self._rotation = _rotation_vectors(times, vectors, _slopes(times, turned, from_rest))
 
     def _states(self, times_s: Floats) -> MotionStates:
         times = times_s - self.start_s
@@ -55,12 +52,11 @@ class SplineMotion(BodyMotion):
         step = np.clip(np.searchsorted(self._rotation.x, times, side="right") - 1, 0, last)
         vectors = self._rotation(times)
         turned = scipy.spatial.transform.Rotation.from_rotvec(vectors).as_matrix()
-        rates = _body_rates(vectors, self._rotation(times, 1))
         return MotionStates(
             pose_from_rotation(self._rotations[step] @ turned, self._position(times)),
             self._position(times, 1),
             self._position(times, 2),
-            rates,
+            _body_rates(vectors, self._rotation(times, 1)),
         )
 
 
@@ -68,7 +64,9 @@ def _slopes(times_s: Floats, values: Floats, from_rest: bool) -> Floats:
     """Slopes (n, 3) of clamped splines through values (n, 3), 0 at both ends of each rest."""
     slopes = np.zeros_like(values)
     last = len(values) - 1
-    for first, end in _moving(np.linalg.norm(np.diff(values, axis=0), axis=1) > REST):
+    moves = np.linalg.norm(np.diff(values, axis=0), axis=1) > REST
+    edges = np.flatnonzero(np.diff(np.concatenate(((False,), moves, (False,))).astype(np.int8)))
+    for first, end in edges.reshape(-1, 2).tolist():  # of each run of moving steps
         part = slice(first, end + 1)
         times, own = times_s[part], values[part]
         begin, finish = np.zeros(3), np.zeros(3)
@@ -80,12 +78,6 @@ def _slopes(times_s: Floats, values: Floats, from_rest: bool) -> Floats:
         slopes[part] = spline(times, 1)
         slopes[[first, end]] = begin, finish  # exact to the last bit
     return slopes
-
-
-def _moving(moves: Bools) -> Iterator[tuple[int, int]]:
-    """Index of the first and the last pose of each run of moving steps (n,)."""
-    edges = np.flatnonzero(np.diff(np.concatenate(((False,), moves, (False,))).astype(np.int8)))
-    yield from zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
 
 
 def _end_slope(times_s: Floats, values: Floats) -> Floats:
@@ -110,9 +102,8 @@ def _rotation_vectors(times_s: Floats, vectors: Floats, rates: Floats) -> scipy.
     begin, finish = rates[:-1], _vector_rates(vectors, rates[1:])
     cubic = (begin + finish - 2.0 * vectors / steps_s) / steps_s**2
     square = (3.0 * vectors / steps_s - 2.0 * begin - finish) / steps_s
-    return scipy.interpolate.PPoly(
-        np.stack((cubic, square, begin, np.zeros_like(vectors))), times_s
-    )
+    parts = np.stack((cubic, square, begin, np.zeros_like(vectors)))
+    return scipy.interpolate.PPoly(parts, times_s)
 
 
 def _body_rates(vectors: Floats, slopes: Floats) -> Floats:

@@ -44,7 +44,17 @@ class Trajectory:
             )
         if not len(times):
             raise TrajectoryError("trajectory: no pose: expected at least one")
-        _check_times(times)
+        finite = np.abs(times) < MAX_S
+        if not np.all(finite):
+            k = np.argmin(finite)
+            raise TrajectoryError(f"trajectory: time {k} is {times[k]:g} s: expected a finite time")
+        later = np.diff(times) > 0.0
+        if not np.all(later):
+            k = np.argmin(later)
+            raise TrajectoryError(
+                f"trajectory: time {k + 1}, {times[k + 1]:.9g} s, is not after "
+                f"time {k}, {times[k]:.9g} s: expected times that increase"
+            )
         check_poses(poses)
         for name, values in (("times_s", times), ("world_from_base", poses)):
             values.flags.writeable = False
@@ -192,18 +202,4 @@ def check_poses(poses: Floats) -> None:
         raise TrajectoryError(
             f"trajectory: pose {np.argmin(proper)}: "
             "expected a rotation and a translation, no scale, no mirroring"
-        )
-
-
-def _check_times(times: Floats) -> None:
-    finite = np.abs(times) < MAX_S
-    if not np.all(finite):
-        k = np.argmin(finite)
-        raise TrajectoryError(f"trajectory: time {k} is {times[k]:g} s: expected a finite time")
-    later = np.diff(times) > 0.0
-    if not np.all(later):
-        k = np.argmin(later)
-        raise TrajectoryError(
-            f"trajectory: time {k + 1}, {times[k + 1]:.9g} s, is not after "
-            f"time {k}, {times[k]:.9g} s: expected times that increase"
         )

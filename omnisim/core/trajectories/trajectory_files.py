@@ -162,7 +162,10 @@ def _format_of(path: Path, table: TextTable) -> str:
     if suffix in (".tum", ".kitti"):
         return suffix[1:]
     cells = table.lines[0].cells
-    if table.separator is None and suffix != ".csv" and _starts_a_pose(cells):
+    # a number, or the name of an image before the numbers of a TUM file
+    is_named = len(cells) == len(tum.COLUMNS) and is_file_name(cells[0]) and is_number(cells[1])
+    starts_a_pose = is_named or is_number(cells[0])
+    if table.separator is None and suffix != ".csv" and starts_a_pose:
         by_width = {len(tum.COLUMNS): "tum", len(kitti.COLUMNS): "kitti"}
         if len(cells) in by_width:
             return by_width[len(cells)]
@@ -171,14 +174,5 @@ def _format_of(path: Path, table: TextTable) -> str:
     elif len(cells) == len(euroc.COLUMNS):
         return "euroc"
     between = "commas" if table.separator else "blanks"
-    raise table.fault(
-        table.lines[0],
-        f"{len(cells)} column{'s' if len(cells) > 1 else ''} between {between}, "
-        f"first {quote(cells[0])!r}: {WANTED}",
-    )
-
-
-def _starts_a_pose(cells: list[str]) -> bool:
-    """True for a number, or for the name of an image before the numbers of a TUM file."""
-    is_named = len(cells) == len(tum.COLUMNS) and is_file_name(cells[0]) and is_number(cells[1])
-    return is_named or is_number(cells[0])
+    columns = f"{len(cells)} column{'s' if len(cells) > 1 else ''} between {between}"
+    raise table.fault(table.lines[0], f"{columns}, first {quote(cells[0])!r}: {WANTED}")

@@ -69,7 +69,13 @@ def import_model(
         omissions = Omissions()
         sensors = _sensors(whole, omissions)
         about_drive: list[str] = []
-        kinematics = _kinematics(model, about_drive)
+        elements = (placed.model.element for placed in placed_models(model))
+        plugins = (plugin for one in elements for plugin in one.children("plugin"))
+        plugin, kinematics = next(filter(is_wheel_drive, plugins), None), None
+        if plugin is None:
+            about_drive.append("kinematics: left out: no plugin of a differential drive")
+        else:
+            kinematics = drive_table(plugin, about_drive)
     except (SceneError, RobotFileError) as reason:
         raise RobotFileError(f"{path}: {reason}") from None
     notices = [*library.notices, *(notice for one in sensors for notice in one.notices)]
@@ -121,7 +127,6 @@ def _elements(model: Model) -> Iterator[tuple[PlacedModel, XmlElement, XmlElemen
 
 
 def _sensors(model: Model, omissions: Omissions) -> list[ImportedSensor]:
-    """Sensors with unique names and their poses in the base."""
     used_names: set[str] = set()
     return [
         one._replace(name=unique_name(folder_name(one.name), used_names))
@@ -130,18 +135,7 @@ def _sensors(model: Model, omissions: Omissions) -> list[ImportedSensor]:
     ]
 
 
-def _kinematics(model: Model, notices: list[str]) -> dict[str, Any] | None:
-    """Kinematics of the first plugin that drives two or four wheels, or None."""
-    for placed in placed_models(model):
-        for plugin in placed.model.element.children("plugin"):
-            if is_wheel_drive(plugin):
-                return drive_table(plugin, notices)
-    notices.append("kinematics: left out: no plugin of a differential drive")
-    return None
-
-
 # Sensors of Gazebo models as tables of a robot file.
-
 
 _CAMERAS = ("camera", "wideanglecamera", "wide_angle_camera", "multicamera")
 _DEPTH = ("depth", "depth_camera")

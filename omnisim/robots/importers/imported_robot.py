@@ -93,7 +93,6 @@ class ImportedRobot:
         return toml_text(head | table)
 
     def _sensor_files(self, output: Path) -> dict[str, str]:
-        """Names of the sensor files, by sensor name."""
         return {name: f"{output.stem}-{name}.toml" for name in self.cameras}
 
     def _table(self, folder: Path, files: Mapping[str, str] = {}) -> dict[str, Any]:

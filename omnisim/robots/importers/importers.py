@@ -15,42 +15,7 @@ from omnisim.robots.vehicle import Vehicle
 
 Resources = Sequence[str | Path]
 
-# Imported on demand: robot files need none of the formats.
-
-
-def _import_gazebo(path: Path, name: str | None, resources: Resources) -> ImportedRobot:
-    from omnisim.robots.importers.gazebo_robot import import_model
-
-    return import_model(path, name, resources)
-
-
-def _import_urdf(path: Path, name: str | None, resources: Resources) -> ImportedRobot:
-    from omnisim.robots.importers.urdf_robot import import_urdf
-
-    _check_no_name(path, name)
-    return import_urdf(path, resources)
-
-
-def _import_mjcf(path: Path, name: str | None, resources: Resources) -> ImportedRobot:
-    from omnisim.scene.formats.xml.element import is_urdf
-
-    if is_urdf(path):
-        return _import_urdf(path, name, resources)
-    _check_no_name(path, name)
-    require_extra("mujoco", str(path))
-    from omnisim.robots.importers.mjcf_robot import import_mjcf  # needs the extra
-
-    return import_mjcf(path, resources)
-
-
-_IMPORTERS = {
-    ".sdf": _import_gazebo,
-    ".world": _import_gazebo,
-    ".urdf": _import_urdf,
-    ".xml": _import_mjcf,
-    ".mjcf": _import_mjcf,
-}
-SUFFIXES = tuple(_IMPORTERS)
+SUFFIXES = (".sdf", ".world", ".urdf", ".xml", ".mjcf")
 
 
 def import_model(path: Path, name: str | None = None, resources: Resources = ()) -> ImportedRobot:
@@ -67,12 +32,25 @@ def import_model(path: Path, name: str | None = None, resources: Resources = ())
     """
     if not path.is_file():
         raise RobotFileError(f"{path}: no such file")
-    return _IMPORTERS.get(path.suffix.lower(), _import_mjcf)(path, name, resources)
+    # imported on demand: robot files need none of the formats
+    suffix = path.suffix.lower()
+    if suffix in (".sdf", ".world"):
+        from omnisim.robots.importers import gazebo_robot
 
+        return gazebo_robot.import_model(path, name, resources)
+    from omnisim.scene.formats.xml.element import is_urdf
 
-def _check_no_name(path: Path, name: str | None) -> None:
+    has_urdf = suffix == ".urdf" or is_urdf(path)
     if name is not None:
         raise RobotFileError(f"{path}: --class: expected none, as the file has one robot")
+    if has_urdf:
+        from omnisim.robots.importers.urdf_robot import import_urdf
+
+        return import_urdf(path, resources)
+    require_extra("mujoco", str(path))
+    from omnisim.robots.importers.mjcf_robot import import_mjcf  # needs the extra
+
+    return import_mjcf(path, resources)
 
 
 class LoadedModel(NamedTuple):

@@ -83,7 +83,6 @@ def imported_robot(
 
 # Wheels on joints, and the drive that they form.
 
-
 ACROSS_COSINE = 0.9  # minimum cosine between a wheel's axis and y
 GROUND_SHARE = 0.25  # maximum height of a wheel's lowest point above the ground, in radii
 
@@ -145,7 +144,6 @@ def drive_of(wheels: Sequence[Wheel], notices: list[str]) -> WheelDrive | None:
 
 
 # Gazebo's drive plugins for wheeled robots, as tables of a robot file.
-
 
 _PLUGINS = ("diff-drive", "diff_drive", "DiffDrive", "skid_steer")
 _SKIDS = "skid_steer"

@@ -149,7 +149,6 @@ def _cameras(
 
 
 def _imus(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[ImportedSensor]:
-    """IMUs: one at each site with a gyroscope or an accelerometer."""
     sites = {
         int(model.sensor_objid[number])
         for number in range(model.nsensor)

@@ -113,7 +113,6 @@ def _tire(link: XmlElement, pose: Floats, body: Scene | None) -> tuple[Floats, f
 
 
 def _mass(robot: XmlElement, poses: Poses) -> tuple[float, Floats]:
-    """Total mass of all links, and the center of mass (3,)."""
     total_kg, moment = 0.0, np.zeros(3)
     for link in robot.children("link"):
         inertial = link.find("inertial")

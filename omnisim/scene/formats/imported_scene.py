@@ -132,10 +132,15 @@ def make_mesh(
     center = 0.5 * bounds_of(points).sum(axis=0)
 
     def per_vertex(values: ArrayLike | None, width: int, what: str) -> Floats32 | None:
-        kept = _per_vertex(values, len(points), width)
-        if values is not None and kept is None and dropped is not None:
+        if values is None:
+            return None
+        with np.errstate(all="ignore"):
+            array = np.ascontiguousarray(values, dtype=np.float32)
+        if array.shape == (len(points), width) and np.isfinite(array).all():
+            return array
+        if dropped is not None:
             dropped.count(f"{what} not drawn: not finite, or not one for each vertex", "mesh")
-        return kept
+        return None
 
     mesh = Mesh(
         name=name,
@@ -172,16 +177,6 @@ def place(read: ImportedScene, world_from_file: Floats) -> tuple[Instance, ...]:
     return tuple(placed)
 
 
-def _per_vertex(values: ArrayLike | None, count: int, width: int) -> Floats32 | None:
-    if values is None:
-        return None
-    with np.errstate(all="ignore"):
-        array = np.ascontiguousarray(values, dtype=np.float32)
-    if array.shape != (count, width) or not np.isfinite(array).all():
-        return None
-    return array
-
-
 def colors_rgba(colors: NDArray[np.generic], scale: float) -> Floats32:
     """Colors (n, 3 or 4) as RGBA float32, divided by `scale`."""
     values = np.asarray(colors, dtype=np.float32) / np.float32(scale)
@@ -198,7 +193,6 @@ def translate(matrix: Floats, offset: Floats) -> Floats:
 
 
 # Up axis and unit of mesh files.
-
 
 _WORLD_FROM_UP_AXIS = {
     "x": np.array([[0.0, -1, 0], [0, 0, -1], [1, 0, 0]]),  # COLLADA: right −y, up x, inward z
@@ -302,7 +296,6 @@ class Omissions:
 
 # Cameras of scene files as viewpoints, with their lenses where omnisim has the model.
 
-
 HEIGHT_PX = 480  # of lenses whose files state no resolution
 
 
@@ -367,7 +360,6 @@ def pinhole(
 def _camera_pose(
     name: str, world_from_camera: Floats, lens: CentralCamera | None
 ) -> CameraPose | None:
-    """Pose of a camera; None: degenerate axes or coordinates that are too large."""
     if not np.abs(world_from_camera).max() < MAX_COORDINATE:  # false for NaN as well
         return None
     ahead, up = -world_from_camera[:3, 2], world_from_camera[:3, 1]

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.core.arrays import Floats32, Indices
+from omnisim.core.arrays import Floats, Floats32, Indices
 from omnisim.scene.motion.node_motion import AnimatedNode, Keyframes, NodePoses
 
 
@@ -21,24 +21,23 @@ class Skeleton:
     nodes: Sequence[AnimatedNode | None]  # animated nodes of the joints; None: a static joint
     # (joints, 4, 4) transforms from the bind pose of the mesh to each joint's node; for a static
     # joint, to the world
-    node_from_bind: Floats32
+    node_from_bind: Floats
 
     @property
     def moves(self) -> bool:
         """True if any joint moves."""
         return any(node is not None for node in self.nodes)
 
-    def matrices_at(self, time_s: float) -> Floats32:
+    def matrices_at(self, time_s: float) -> Floats:
         """Transforms (joints, 4, 4) from the mesh's bind pose to the world."""
         matrices = self._latest.get(time_s)
         if matrices is None:
             matrices = self._poses.at(time_s) @ self.node_from_bind
-            # shared by all meshes of the skin in the same frame
             self._latest.clear()
             self._latest[time_s] = matrices
         return matrices
 
-    def scales_at(self, time_s: float) -> Floats32:
+    def scales_at(self, time_s: float) -> Floats:
         """Largest scale factors (joints,) of the transforms."""
         scales = self._latest_scales.get(time_s)
         if scales is None:
@@ -48,15 +47,16 @@ class Skeleton:
         return scales
 
     @cached_property
-    def _latest_scales(self) -> dict[float, Floats32]:
-        return {}
-
-    @cached_property
     def _poses(self) -> NodePoses:
         return NodePoses(self.nodes)
 
+    # of the last time, shared by all meshes of the skin in the same frame
     @cached_property
-    def _latest(self) -> dict[float, Floats32]:
+    def _latest(self) -> dict[float, Floats]:
+        return {}
+
+    @cached_property
+    def _latest_scales(self) -> dict[float, Floats]:
         return {}
 
 
@@ -69,21 +69,21 @@ class MorphTargets:
     weights: Keyframes  # (targets,) weights over time
     period_s: float  # period after which the weights repeat
 
-    def weights_at(self, time_s: float) -> Floats32:
+    def weights_at(self, time_s: float) -> Floats:
         """Weights (targets,) at a world time."""
         return self.weights.at(time_s % self.period_s if self.period_s else 0.0)
 
     @cached_property
-    def longest(self) -> Floats32:
+    def longest(self) -> Floats:
         """Lengths (targets,) of the longest offset per target."""
-        lengths: Floats32 = np.linalg.norm(self.positions.astype(np.float64), axis=2)
+        lengths: Floats = np.linalg.norm(self.positions.astype(np.float64), axis=2)
         return lengths.max(axis=1, initial=0.0)
 
 
 class Sphere(NamedTuple):
     """Bounding sphere of a mesh, in the mesh's frame."""
 
-    center: Floats32
+    center: Floats
     radius: float
 
 
@@ -101,7 +101,7 @@ class Deformation:
     normals: Floats32 | None  # (n, 3) in the bind pose; None: flat shading
     joints: NDArray[np.uint32]  # (n, k) joint indices
     shares: Floats32  # (n, k) weights, which sum to 1 per vertex
-    mesh_from_world: Floats32  # (4, 4) transform applied after those of the skeleton
+    mesh_from_world: Floats  # (4, 4) transform applied after those of the skeleton
     skeleton: Skeleton  # skeleton with the joints
     targets: MorphTargets | None = None  # morph targets; None: no morphing
 
@@ -115,15 +115,15 @@ class Deformation:
             arrays += [self.targets.positions, self.targets.normals]
         return [one for one in arrays if one is not None]
 
-    def matrices_at(self, time_s: float) -> Floats32:
+    def matrices_at(self, time_s: float) -> Floats:
         """Transforms (joints, 4, 4) from the bind pose to the mesh's frame."""
         return self.mesh_from_world @ self.skeleton.matrices_at(time_s)
 
-    def weights_at(self, time_s: float) -> Floats32:
+    def weights_at(self, time_s: float) -> Floats:
         """Weights (targets,) of the morph targets at a world time."""
         return np.zeros(0) if self.targets is None else self.targets.weights_at(time_s)
 
-    def positions_at(self, time_s: float, vertices: Indices | None = None) -> Floats32:
+    def positions_at(self, time_s: float, vertices: Indices | None = None) -> Floats:
         """Positions (n, 3) of all vertices, or of a subset, at a world time."""
         subset = slice(None) if vertices is None else vertices
         positions = self.positions[subset].astype(np.float64)
@@ -133,7 +133,7 @@ class Deformation:
         blended = self._blended(time_s, subset)
         return np.einsum("nab,nb->na", blended[:, :, :3], positions) + blended[:, :, 3]
 
-    def normals_at(self, time_s: float) -> Floats32 | None:
+    def normals_at(self, time_s: float) -> Floats | None:
         """Unit normals (n, 3) of all vertices at a world time; None: flat shading."""
         if self.normals is None:
             return None
@@ -162,7 +162,7 @@ class Deformation:
         center = 0.5 * (low + high)
         return Sphere(center, float((np.linalg.norm(at - center, axis=1) + reach).max()))
 
-    def joint_boxes(self) -> tuple[Indices, Floats32]:
+    def joint_boxes(self) -> tuple[Indices, Floats]:
         """Joints (k,) with vertices, and the box corners (k, 8, 3) of these in the bind pose."""
         low, high = self._joint_bounds
         used = np.flatnonzero((low <= high).all(axis=1))
@@ -172,11 +172,10 @@ class Deformation:
 
     @cached_property
     def _scale(self) -> float:
-        """Largest scale factor of `mesh_from_world`."""
         return float(np.linalg.norm(self.mesh_from_world[:3, :3], 2))
 
     @cached_property
-    def _joint_bounds(self) -> tuple[Floats32, Floats32]:
+    def _joint_bounds(self) -> tuple[Floats, Floats]:
         """Smallest and largest coordinates (joints, 3) of each joint's vertices."""
         count = len(self.skeleton.node_from_bind)
         low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
@@ -187,7 +186,7 @@ class Deformation:
         return low, high
 
     @cached_property
-    def _joint_spheres(self) -> tuple[Floats32, Floats32]:
+    def _joint_spheres(self) -> tuple[Floats, Floats]:
         """Centers (joints, 3) and radii (joints,) of each joint's vertices; −1: no vertices."""
         low, high = self._joint_bounds
         centers = np.zeros(low.shape)
@@ -199,7 +198,7 @@ class Deformation:
         np.maximum.at(radii, joints, np.linalg.norm(self.positions[rows] - centers[joints], axis=1))
         return centers, radii
 
-    def _blended(self, time_s: float, subset: slice | Indices) -> Floats32:
+    def _blended(self, time_s: float, subset: slice | Indices) -> Floats:
         """Weighted mean of the joints' transforms (n, 3, 4) per vertex."""
         matrices = self.matrices_at(time_s)[:, :3]
         return np.einsum(

@@ -188,7 +188,6 @@ def _stacked(tracks: Sequence[Keyframes | Floats]) -> Keyframes:
 
 # Keyframe interpolation: stepwise, linear, or along cubic splines.
 
-
 # Exporters write constant values with float32 noise.
 _NOISE = 1e-6
 

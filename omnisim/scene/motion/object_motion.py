@@ -182,5 +182,4 @@ def _axis(way_m: Floats, radius_m: float) -> Floats:
 
 
 def _rotation(vector: Floats) -> Floats:
-    """Rotation (3, 3) of a rotation vector (3,)."""
     return rotation_type().from_rotvec(vector).as_matrix()

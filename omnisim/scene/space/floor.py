@@ -80,7 +80,6 @@ def _areas(first_m: Floats, second_m: Floats) -> Floats:
 
 # Triangles of a scene in the world, and a bounding volume hierarchy over them.
 
-
 MORTON_BITS = 16  # per axis
 
 

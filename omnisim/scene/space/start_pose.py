@@ -95,7 +95,8 @@ def _search(
     radius = min(surroundings.half_m, 0.5 * float(np.linalg.norm(bounds[1, :2] - bounds[0, :2])))
     plan = _rings(middle[:2], 2.0 * clearance, radius, 0.01 * clearance)
     plan = plan[np.all((plan >= bounds[0, :2]) & (plan <= bounds[1, :2]), axis=1)]
-    inside, left = None, surroundings.affordable_sights()
+    count = COMPARISONS // max(1, len(surroundings.triangles))
+    inside, left = None, min(max(count, MIN_SIGHTS), MAX_SIGHTS)
     share = left // HEIGHTS_SHARE
     for z in _heights(bounds, middle[2], scale):
         without_floor = None
@@ -148,11 +149,7 @@ def _rings(middle: Floats, step: float, radius: float, grid: float) -> Floats:
 
 
 class _Surroundings:
-    """Surfaces around a point within a square of the floor plan, of unlimited height.
-
-    Attributes:
-        half_m: half width of the square.
-    """
+    """Surfaces around a point within a square of the floor plan, of unlimited height."""
 
     def __init__(
         self,
@@ -161,7 +158,7 @@ class _Surroundings:
         middle: Floats,
         half_m: float,
     ):
-        self.half_m = half_m
+        self.half_m = half_m  # half width of the square
         low, high = middle[:2] - half_m, middle[:2] + half_m
         boxes = instance_bounds_m(meshes, instances)
         meets = np.all((boxes[:, 0, :2] <= high) & (boxes[:, 1, :2] >= low), axis=1)
@@ -172,29 +169,24 @@ class _Surroundings:
             is_mirrored = np.linalg.det(matrix[:3, :3]) < 0.0  # mirroring flips the winding only
             triangles.append(mesh.triangles[:, :: -1 if is_mirrored else 1] + np.int64(count))
             count += len(mesh.positions)
-        self._points, self._triangles = np.concatenate(points), np.concatenate(triangles)
+        self._points, self.triangles = np.concatenate(points), np.concatenate(triangles)
         # stored by axis, so that comparisons read contiguous numbers
-        self._low, self._high = np.empty((2, 3, len(self._triangles)))
+        self._low, self._high = np.empty((2, 3, len(self.triangles)))
         for axis in range(3):
-            a, b, c = np.ascontiguousarray(self._points[:, axis])[self._triangles.T]
+            a, b, c = np.ascontiguousarray(self._points[:, axis])[self.triangles.T]
             self._low[axis] = np.minimum(np.minimum(a, b), c)
             self._high[axis] = np.maximum(np.maximum(a, b), c)
-
-    def affordable_sights(self) -> int:
-        """Number of sight tests within the time budget."""
-        count = COMPARISONS // max(1, len(self._triangles))
-        return min(max(count, MIN_SIGHTS), MAX_SIGHTS)
 
     def _within(self, low: Floats, high: Floats) -> Floats:
         """Corners (n, 3, 3) of the triangles whose bounds overlap a box with two corners (3,)."""
         near: Indices | slice = slice(None)
-        rows = np.arange(len(self._triangles))
+        rows = np.arange(len(self.triangles))
         for axis in (2, 0, 1):
             if np.isfinite(low[axis]):
                 meets = self._low[axis, near] <= high[axis]
                 meets &= self._high[axis, near] >= low[axis]
                 near = rows = rows[meets]
-        return self._points[self._triangles[near]]
+        return self._points[self.triangles[near]]
 
     def is_clear(self, points: Floats, clearance: float) -> Bools:
         """Mask (n,) of the points (n, 3) without a surface within the clearance."""

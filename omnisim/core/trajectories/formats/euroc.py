@@ -15,7 +15,6 @@ import numpy as np
 from omnisim.core.arrays import Floats
 from omnisim.core.poses import quaternion_from_rotation
 from omnisim.core.trajectories.formats.parsed_trajectory import (
-    Line,
     ParsedTrajectory,
     TextTable,
     check_printed_times,
@@ -38,25 +37,19 @@ UNITS = ["ns"] + ["m"] * 3 + [""] * 4 + ["m s^-1"] * 3 + ["rad s^-1"] * 3 + ["m 
 
 
 def read(table: TextTable) -> ParsedTrajectory:
-    """Read a table of 17 columns, with or without a header.
-
-    Raises:
-        TrajectoryError: the file is invalid; names file, line, actual and expected value.
-    """
+    """Read a table of 17 columns, with or without a header."""
     if not is_number(table.lines[0].cells[0]):
         table = table.without_header()
     numbers = table.numbers(COLUMNS)
-    stamps = [_stamp(table, line) for line in table.lines]
+    for line in table.lines:
+        if not STAMP.fullmatch(line.cells[0]):
+            stamp = quote(line.cells[0])
+            raise table.fault(line, f"timestamp = {stamp}: expected whole nanoseconds")
+    stamps = [int(line.cells[0]) for line in table.lines]
     times_s = np.array([stamp / 1_000_000_000 for stamp in stamps])
     table.check_times(times_s, [f"{stamp} ns" for stamp in stamps])
     rotations = read_quaternions(table, numbers[:, (5, 6, 7, 4)])
     return parsed_trajectory(table, times_s, numbers[:, 1:4], rotations)
-
-
-def _stamp(table: TextTable, line: Line) -> int:
-    if not STAMP.fullmatch(line.cells[0]):
-        raise table.fault(line, f"timestamp = {quote(line.cells[0])}: expected whole nanoseconds")
-    return int(line.cells[0])
 
 
 def lines(trajectory: Trajectory) -> Iterator[str]:

@@ -21,11 +21,7 @@ COLUMNS = [f"{name}{row}" for row in "012" for name in ("x", "y", "z", "t")]
 
 
 def read(table: TextTable) -> ParsedTrajectory:
-    """Read a table of 12 columns.
-
-    Raises:
-        TrajectoryError: the file is invalid; names file, line, actual and expected value.
-    """
+    """Read a table of 12 columns."""
     matrices = table.numbers(COLUMNS).reshape(-1, 3, 4)
     return parsed_trajectory(
         table, None, matrices[:, :, 3], read_rotations(table, matrices[:, :, :3])

@@ -54,11 +54,7 @@ class TextTable:
         return TrajectoryError(f"{self.source}:{line.number}: {message}")
 
     def without_header(self) -> TextTable:
-        """Table without its first line.
-
-        Raises:
-            TrajectoryError: no line is left.
-        """
+        """Table without its first line."""
         if len(self.lines) == 1:
             raise TrajectoryError(
                 f"{self.source}: only a header: expected at least one line of numbers"
@@ -66,11 +62,7 @@ class TextTable:
         return replace(self, lines=self.lines[1:])
 
     def without_column(self, index: int) -> tuple[TextTable, tuple[str, ...]]:
-        """Table without a column, and the column's cells; lines that lack it are left as they are.
-
-        Args:
-            index: number of the column, from 0.
-        """
+        """Table without a column, and its cells; lines that lack it are left as they are."""
         cells = tuple(line.cells[index] if index < len(line.cells) else "" for line in self.lines)
         lines = [
             Line(line.number, line.cells[:index] + line.cells[index + 1 :]) for line in self.lines
@@ -78,27 +70,15 @@ class TextTable:
         return replace(self, lines=lines), cells
 
     def numbers(self, names: list[str]) -> Floats:
-        """All cells (lines, columns) as finite numbers.
-
-        Args:
-            names: column names; each line must have one cell per name.
-
-        Raises:
-            TrajectoryError: a line has another number of columns, or a cell is not a number.
-        """
-        return np.array([self._row(line, names) for line in self.lines], dtype=np.float64)
-
-    def _row(self, line: Line, names: list[str]) -> list[float]:
-        self._check_width(line, names)
-        return [self._number(line, *pair) for pair in zip(names, line.cells, strict=True)]
-
-    def _check_width(self, line: Line, names: list[str]) -> None:
-        if len(line.cells) != len(names):
-            raise self.fault(
-                line,
-                f"{len(line.cells)} column{'s' if len(line.cells) > 1 else ''}: "
-                f"expected {len(names)}: {' '.join(names)}",
-            )
+        """All cells (lines, columns) as finite numbers; each line has one cell per column name."""
+        rows = []
+        for line in self.lines:
+            if (count := len(line.cells)) != len(names):
+                columns = f"{count} column{'s' if count > 1 else ''}"
+                raise self.fault(line, f"{columns}: expected {len(names)}: {' '.join(names)}")
+            named = zip(names, line.cells, strict=True)
+            rows.append([self._number(line, name, cell) for name, cell in named])
+        return np.array(rows, dtype=np.float64)
 
     def _number(self, line: Line, name: str, cell: str) -> float:
         if NUMBER.fullmatch(cell):
@@ -111,11 +91,7 @@ class TextTable:
         raise self.fault(line, f"{name} = {quote(cell)!r}: expected a number")
 
     def check_times(self, times_s: Floats, printed: list[str]) -> None:
-        """Reject times (lines,) that do not increase; `printed` holds their text in the file.
-
-        Raises:
-            TrajectoryError: two successive times do not increase; names the line and both times.
-        """
+        """Reject times (lines,) that do not increase; `printed` holds their text in the file."""
         later = np.diff(times_s) > 0.0
         if not np.all(later):
             k = int(np.argmin(later))
@@ -128,11 +104,7 @@ class TextTable:
 
 
 def read_text_table(path: Path) -> TextTable:
-    """Read a text file with cells separated by commas or blanks; `#` starts a comment line.
-
-    Raises:
-        TrajectoryError: the file cannot be read, is not text, or has only comments.
-    """
+    """Read a text file with cells separated by commas or blanks; `#` starts a comment line."""
     try:
         text = read_source(path).decode("utf-8-sig")
     except OSError as reason:
@@ -166,11 +138,7 @@ def quote(text: str) -> str:
 
 
 def check_printed_times(times_s: Floats) -> None:
-    """Reject times (n,) that become equal when printed to the nanosecond.
-
-    Raises:
-        TrajectoryError: two times become equal; names the first two.
-    """
+    """Reject times (n,) that become equal when printed to the nanosecond."""
     same = np.diff(np.rint(times_s * 1e9)) <= 0.0
     if np.any(same):
         k = int(np.argmax(same))
@@ -181,7 +149,6 @@ def check_printed_times(times_s: Floats) -> None:
 
 
 # Poses parsed from a trajectory file, with times if the file has them.
-
 
 # A quaternion or matrix printed with a few digits, or rounded to float32, is well within this.
 ROUNDING = 1e-3
@@ -234,9 +201,6 @@ def parsed_trajectory(
         times_s: (n,) times, or None.
         positions_m: (n, 3) positions.
         rotations: (n, 3, 3) rotations.
-
-    Raises:
-        TrajectoryError: a position is too far away.
     """
     _refuse(
         table,
@@ -250,11 +214,7 @@ def parsed_trajectory(
 
 
 def read_times(table: TextTable, times_s: Floats) -> Floats:
-    """Validated times (n,) from a table's first column.
-
-    Raises:
-        TrajectoryError: times are too large, or do not increase.
-    """
+    """Validated times (n,) from a table's first column."""
     for line, time in zip(table.lines, times_s, strict=True):
         if abs(time) >= MAX_S:
             raise table.fault(line, f"time {time:g} s: expected less than {MAX_S:g} s")
@@ -263,11 +223,7 @@ def read_times(table: TextTable, times_s: Floats) -> Floats:
 
 
 def read_quaternions(table: TextTable, xyzw: Floats) -> Floats:
-    """Rotations (n, 3, 3) from a table's quaternions (n, 4).
-
-    Raises:
-        TrajectoryError: the length of a quaternion differs from 1 by more than rounding.
-    """
+    """Rotations (n, 3, 3) from a table's quaternions (n, 4)."""
     lengths = np.linalg.norm(xyzw, axis=-1)
     _refuse(
         table,
@@ -278,11 +234,7 @@ def read_quaternions(table: TextTable, xyzw: Floats) -> Floats:
 
 
 def read_rotations(table: TextTable, matrices: Floats) -> Floats:
-    """Rotations (n, 3, 3) from a table's matrices, with rounding errors removed.
-
-    Raises:
-        TrajectoryError: a matrix differs from a rotation by more than rounding.
-    """
+    """Rotations (n, 3, 3) from a table's matrices, with rounding errors removed."""
     _refuse(
         table,
         is_rotation(matrices, ROUNDING),

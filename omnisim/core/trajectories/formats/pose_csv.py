@@ -31,11 +31,7 @@ IMAGE_COLUMN = "image"
 
 
 def read(table: TextTable) -> ParsedTrajectory:
-    """Read a table whose first line names its columns.
-
-    Raises:
-        TrajectoryError: the file is invalid; names file, line, actual and expected value.
-    """
+    """Read a table whose first line names its columns."""
     names = _header(table)
     table = table.without_header()
     images = None

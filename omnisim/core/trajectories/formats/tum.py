@@ -28,11 +28,7 @@ COLUMNS = ["t", "x", "y", "z", "qx", "qy", "qz", "qw"]
 
 
 def read(table: TextTable) -> ParsedTrajectory:
-    """Read a table of 8 columns.
-
-    Raises:
-        TrajectoryError: the file is invalid; names file, line, actual and expected value.
-    """
+    """Read a table of 8 columns."""
     if is_file_name(table.lines[0].cells[0]):
         table, names = table.without_column(0)
         numbers = table.numbers(COLUMNS[1:])

@@ -183,7 +183,6 @@ class _Reader:
 # and yaw (Z) in that frame. omnisim has the same x axis, but y and z are reversed: roll is kept,
 # pitch and yaw change sign.
 
-
 # No sensor is farther from its robot: larger numbers are in another unit.
 FARTHEST_M = 10.0
 ON_CHASSIS = {"", "hard", "none"}

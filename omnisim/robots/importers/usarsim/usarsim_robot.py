@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import re
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -132,10 +133,11 @@ def _parts(section: Section, units: Units, notices: list[Notice]) -> list[Part]:
         elif not entry.value.startswith("("):
             plain.append(entry)
         else:
-            part = _other_part(entry, units)
-            if part is not None:
-                parts.append(part)
-                continue
+            is_part = "itemclass" in parse_struct(entry) and not entry.key.startswith(("-", "!"))
+            with suppress(RobotFileError):  # lamps and grippers, whose values do not matter
+                if is_part:
+                    parts.append(read_part(entry, units))
+                    continue
             named = _NAME.search(entry.value)
             name = f" {named[1]!r}" if named else ""
             notices.append((entry.line, f"{entry.key}{name}: left out"))
@@ -143,16 +145,6 @@ def _parts(section: Section, units: Units, notices: list[Notice]) -> list[Part]:
         keys = ", ".join(dict.fromkeys(entry.key for entry in plain))
         notices.append((plain[0].line, f"[{section.name}] {keys}: left out"))
     return parts
-
-
-def _other_part(entry: Entry, units: Units) -> Part | None:
-    """Read a part that is not listed as a sensor; None without a class or a valid pose."""
-    if "itemclass" not in parse_struct(entry) or entry.key.startswith(("-", "!")):
-        return None
-    try:
-        return read_part(entry, units)
-    except RobotFileError:  # such as lamps and grippers, whose values do not matter here
-        return None
 
 
 def _sensors(
@@ -202,7 +194,6 @@ def _named(
 # looks up at the mirror from below. The Position of a whole camera or a mirror is assumed to be the
 # effective viewpoint as well.
 
-
 _MIRROR = re.compile(r"mirror")
 _VIRTUAL = re.compile(r"cameratexture|virtualcam")
 _OMNI = re.compile(r"omni.*cam|omnidirectional|catadioptric")
@@ -216,16 +207,6 @@ LOOKS_UP = 0.9998  # cosine of 1°
 
 def find_cameras(parts: list[Part]) -> list[tuple[ImportedSensor, list[Part]]]:
     """Find the omnidirectional cameras of a robot, and the parts of each camera."""
-    cameras = []
-    for group in _groups(parts):
-        lens = _find_lens(group, parts)
-        members = [*group, *([lens] if lens else [])]
-        cameras.append((_camera(group[0], members), members))
-    return cameras
-
-
-def _groups(parts: list[Part]) -> list[list[Part]]:
-    """Group omnidirectional cameras' parts by position; each group starts with its lead part."""
     groups: list[list[Part]] = []
     for part in parts:
         if _rank(part) is None:
@@ -236,7 +217,21 @@ def _groups(parts: list[Part]) -> list[list[Part]]:
             groups.append([part])
         else:
             group.append(part)
-    return [sorted(group, key=lambda part: _rank(part) or 0) for group in groups]
+    cameras = []
+    for group in groups:
+        lead, *others = sorted(group, key=lambda part: _rank(part) or 0)
+        lens = _find_lens(lead, parts)
+        members = [lead, *others, *([lens] if lens else [])]
+        camera = ImportedSensor(
+            name=lead.name,
+            type="omnicamera",
+            position_m=lead.position_m,
+            # virtual cameras look in all directions
+            angles_deg=(0.0, 0.0, 0.0) if _rank(lead) == 2 else lead.angles_deg,
+            comments=(*(f"line {part.entry.line}: {part}" for part in members), _FILE),
+        )
+        cameras.append((camera, members))
+    return cameras
 
 
 def _rank(part: Part) -> int | None:
@@ -245,9 +240,9 @@ def _rank(part: Part) -> int | None:
     return next((rank for rank, pattern in ranks if pattern.search(part.short_class)), None)
 
 
-def _find_lens(group: list[Part], parts: list[Part]) -> Part | None:
-    """Find the camera that looks up at the mirror from below."""
-    x, y, z = group[0].position_m
+def _find_lens(lead: Part, parts: list[Part]) -> Part | None:
+    """Camera that looks up at the lead part, a mirror, from below."""
+    x, y, z = lead.position_m
     for part in parts:
         px, py, pz = part.position_m
         if (
@@ -259,17 +254,6 @@ def _find_lens(group: list[Part], parts: list[Part]) -> Part | None:
         ):
             return part
     return None
-
-
-def _camera(lead: Part, members: list[Part]) -> ImportedSensor:
-    return ImportedSensor(
-        name=lead.name,
-        type="omnicamera",
-        position_m=lead.position_m,
-        # virtual cameras look in all directions
-        angles_deg=(0.0, 0.0, 0.0) if _rank(lead) == 2 else lead.angles_deg,
-        comments=(*(f"line {part.entry.line}: {part}" for part in members), _FILE),
-    )
 
 
 # Sonars and infrared sensors in USARBot.ini: a part, with settings in its class's section.
@@ -312,7 +296,6 @@ def find_range_sensor(
 
 
 def _cone(entries: dict[str, Entry], units: Units) -> dict[str, float]:
-    """Read the beam angle and the ray counts of a sonar."""
     values: dict[str, float] = {}
     if "beamangle" in entries:
         entry = entries["beamangle"]
@@ -348,7 +331,6 @@ def _check_limits(
 
 
 # Laser scanners in USARBot.ini: a part, with settings in its class's section.
-
 
 _SICK = re.compile(r"sick|lms\d|lms$")
 _SCANNER = re.compile(r"rangescanner|hokuyo|urg")
@@ -386,7 +368,14 @@ def find_scanner(
         values["noise_share"] = _noise_share(settings["noise"])
     elif not is_sick:
         values["noise_share"] = 0.0
-    _check_scan(settings, values)
+    fov, resolution = values.get("scan_fov_rad", math.pi), values.get("resolution_rad", 0.01745)
+    if fov > TURN_RAD or fov / resolution >= 100_000.0:
+        entry = settings["scanfov" if fov > TURN_RAD else "resolution"]
+        check(entry, False, "at most a turn and fewer than 100000 beams")
+    least, most = values.get("min_range_m", 0.0), values.get("max_range_m", 20.0)
+    if not least < most:
+        entry = settings["minrange"]
+        raise entry.fault(f"{entry.key} = {least:g} m: expected less than MaxRange, {most:g} m")
     if section is None:
         notice = f"{part}: no [{part.class_name}]: assumed to be USARSim's SICK LMS200"
         notices.append((part.entry.line, notice))
@@ -395,18 +384,3 @@ def find_scanner(
         if unread:
             notices.append((section.line, f"[{section.name}] {', '.join(unread)}: left out"))
     return part.sensor("usarsim_range_scanner", values)
-
-
-def _check_scan(settings: dict[str, Entry], values: dict[str, float]) -> None:
-    """Raise an error that names the line if the scan settings are impossible."""
-    fov, resolution = values.get("scan_fov_rad", math.pi), values.get("resolution_rad", 0.01745)
-    if fov > TURN_RAD or fov / resolution >= 100_000.0:
-        entry = settings["scanfov" if fov > TURN_RAD else "resolution"]
-        raise entry.fault(
-            f"{entry.key} = {quote(entry.value)}: expected at most a turn and "
-            "fewer than 100000 beams"
-        )
-    least, most = values.get("min_range_m", 0.0), values.get("max_range_m", 20.0)
-    if not least < most:
-        entry = settings["minrange"]
-        raise entry.fault(f"{entry.key} = {least:g} m: expected less than MaxRange, {most:g} m")

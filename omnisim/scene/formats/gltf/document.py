@@ -57,7 +57,6 @@ def _split(data: bytes) -> tuple[bytes, memoryview]:
 
 # JSON of a glTF file: type-checked properties, and errors that name their location.
 
-
 Value = TypeVar("Value")
 MAX_NUMBER = 1e15  # products of larger numbers overflow float32
 
@@ -182,7 +181,6 @@ def _error(place: str, expected: str, value: object) -> SceneError:
 
 # Buffers, buffer views and accessors, decoded to arrays.
 
-
 _INDEX_TYPES: dict[int | str, str] = {5121: "<u1", 5123: "<u2", 5125: "<u4"}
 _COMPONENT_TYPES = {5120: "<i1", 5122: "<i2", 5126: "<f4"} | _INDEX_TYPES
 _SHAPES: dict[int | str, tuple[int, ...]] = {
@@ -230,7 +228,8 @@ class Accessors:
         """Bytes of the bufferView that an object references."""
         index = owner.index("bufferView", self._views)
         view = self._views[index]
-        compressed = meshopt_compression(view)
+        compressions = (each for name in EXTENSIONS if (each := view.extension(name)))
+        compressed = next(compressions, None)
         end = view.integer("byteOffset", 0) + view.integer("byteLength")
         is_plain = end <= len(self._buffers[view.index("buffer", self._buffers)])
         if compressed is None or (is_plain and not can_decode_meshopt()):
@@ -240,7 +239,6 @@ class Accessors:
         return self._decompressed[index]
 
     def _slice(self, view: JsonObject) -> memoryview:
-        """Bytes of a slice of a buffer."""
         buffer = self._buffers[view.index("buffer", self._buffers)]
         start = view.integer("byteOffset", 0)
         end = start + view.integer("byteLength")
@@ -321,7 +319,6 @@ class Accessors:
 #
 # Source: EXT_meshopt_compression, succeeded by KHR_meshopt_compression.
 
-
 EXTENSIONS = ("KHR_meshopt_compression", "EXT_meshopt_compression")
 MODES: dict[int | str, str] = {mode: mode for mode in ("ATTRIBUTES", "TRIANGLES", "INDICES")}
 # Valid strides in bytes per attribute filter; without a filter: multiples of 4.
@@ -333,11 +330,6 @@ STRIDES = {
 }
 _INDEX_STRIDES = (2, 4)
 MAX_RATIO = 4096  # compression ratio: a short file must not exhaust the memory
-
-
-def meshopt_compression(view: JsonObject) -> JsonObject | None:
-    """Compression of a buffer view; None: uncompressed."""
-    return next((each for name in EXTENSIONS if (each := view.extension(name))), None)
 
 
 def can_decode_meshopt() -> bool:

@@ -49,7 +49,7 @@ class Materials:
         """Open all images; unreadable ones are recorded in `assets.faults`."""
         self.entries = [*root.objects("materials"), JsonObject({}, "materials")]
         self.notices: list[str] = []
-        self._packs = PackedMaps()
+        self._packs: dict[tuple[object, ...], tuple[Texture, Sequence[Part]]] = {}
         self._store, self._assets = textures, assets
         self._textures, self._samplers = root.objects("textures"), root.objects("samplers")
         self._image_entries = root.objects("images")
@@ -98,7 +98,11 @@ class Materials:
             factors = Factors(entry.text("name", f"material {index}"))
             materials.append(self._read(index, index in used, factors))
             changed += factors.changed if index in used else []
-        self.notices += factor_notices(changed)
+        if changed:
+            more = len(changed) - _MAX_NAMED
+            rest = f", and {more} more" if more > 0 else ""
+            named = f"{', '.join(changed[:_MAX_NAMED])}{rest}"
+            self.notices.append(f"factors of materials out of range: {named}")
         return tuple(materials)
 
     def _read(self, index: int, is_used: bool, factors: Factors) -> Material:
@@ -123,20 +127,26 @@ class Materials:
     def _packed(self, maps: Sequence[Texture | None], material: str) -> list[Texture | None]:
         """Maps in the order of `Material.maps`, packed from maps in the order of `_maps`."""
         *plain, strength, color, coat, coat_roughness, coat_normal = maps
-        gloss, clear = (
-            ((color, (0, 1, 2)), (strength, (3,))),
-            ((coat, (0,)), (coat_roughness, (1,))),
-        )
-        packed = list(plain)
-        for what, parts in (("specular", gloss), ("clearcoat", clear)):
-            try:
-                packed.append(self._packs.pack(parts))
-            except ValueError:
-                packed.append(None)
-                self.notices.append(
-                    f"{what} maps of {material!r} are placed differently: not drawn"
-                )
-        return [*packed, coat_normal]
+        gloss = (color, (0, 1, 2)), (strength, (3,))
+        clear = (coat, (0,)), (coat_roughness, (1,))
+        packed = self._pack("specular", gloss, material), self._pack("clearcoat", clear, material)
+        return [*plain, *packed, coat_normal]
+
+    def _pack(self, what: str, parts: Sequence[Part], material: str) -> Texture | None:
+        """Texture with the channels of all parts, packed once for all materials; None: no map."""
+        given = [texture for texture, _ in parts if texture is not None]
+        places = {(one.uv_set, one.uv_transform, one.wrap_u, one.wrap_v) for one in given}
+        if len(places) > 1:
+            notice = f"{what} maps of {material!r} are placed differently: not drawn"
+            self.notices.append(notice)
+        if len(places) != 1:
+            return None
+        if len(given) == len(parts) and len({id(one.pixels) for one in given}) == 1:
+            return given[0]
+        key = (*(None if one is None else id(one.pixels) for one, _ in parts), places.pop())
+        if key not in self._packs:  # storing the parts keeps their ids from being reused
+            self._packs[key] = replace(given[0], pixels=_packed_pixels(parts, given)), parts
+        return self._packs[key][0]
 
     def _map(
         self, entry: JsonObject, info: JsonObject, is_linear: bool, material: str
@@ -164,7 +174,6 @@ class Materials:
         return self._textures[info.index("index", self._textures)]
 
     def _wraps(self, info: JsonObject) -> tuple[int, int]:
-        """OpenGL constants of the wrapping modes along u and v."""
         if not info.has("index") or not self._texture(info).has("sampler"):
             return _REPEAT, _REPEAT
         sampler = self._samplers[self._texture(info).index("sampler", self._samplers)]
@@ -188,7 +197,6 @@ class Materials:
         return None
 
     def _open(self, entry: JsonObject, accessors: Accessors) -> Image.Image | None:
-        """Image, not yet decoded; None: missing or in an unknown format."""
         uri, data = entry.text("uri", ""), b""
         from PIL import Image  # slow to import
 
@@ -259,7 +267,6 @@ def _wrap(number: int) -> Wrap:
 
 # Factors of materials within the ranges that glTF gives them.
 
-
 _MAX_NAMED = 5
 _ROUNDING = 1e-6  # of exporters, which write float32
 Color = tuple[float, float, float]
@@ -299,15 +306,6 @@ class Factors:
         return used
 
 
-def factor_notices(changed: Sequence[str]) -> list[str]:
-    """At most one line, which names the first values of a file that are outside their ranges."""
-    if not changed:
-        return []
-    more = len(changed) - _MAX_NAMED
-    rest = f", and {more} more" if more > 0 else ""
-    return [f"factors of materials out of range: {', '.join(changed[:_MAX_NAMED])}{rest}"]
-
-
 def _name(entry: JsonObject, key: str) -> str:
     """Key, with the texture that it belongs to."""
     parent = entry.place.rpartition(".")[2]
@@ -316,38 +314,11 @@ def _name(entry: JsonObject, key: str) -> str:
 
 # Maps that a file may split over several images, packed into one texture.
 
-
 # Texture and its used channels; None: all channels are 1.
 Part = tuple[Texture | None, tuple[int, ...]]
 
 
-class PackedMaps:
-    """Textures packed from several maps, each packed once for all materials."""
-
-    def __init__(self) -> None:
-        self._found: dict[tuple[object, ...], tuple[Texture, list[Part]]] = {}
-
-    def pack(self, parts: Sequence[Part]) -> Texture | None:
-        """Texture with the channels of all parts; None: no part has a texture.
-
-        Raises:
-            ValueError: maps with different placements.
-        """
-        given = [texture for texture, _ in parts if texture is not None]
-        if not given:
-            return None
-        places = {(one.uv_set, one.uv_transform, one.wrap_u, one.wrap_v) for one in given}
-        if len(places) > 1:
-            raise ValueError
-        if len(given) == len(parts) and len({id(one.pixels) for one in given}) == 1:
-            return given[0]
-        key = (*(None if one is None else id(one.pixels) for one, _ in parts), places.pop())
-        if key not in self._found:  # storing the parts keeps their ids from being reused
-            self._found[key] = replace(given[0], pixels=_packed(parts, given)), list(parts)
-        return self._found[key][0]
-
-
-def _packed(parts: Sequence[Part], given: Sequence[Texture]) -> Bytes:
+def _packed_pixels(parts: Sequence[Part], given: Sequence[Texture]) -> Bytes:
     from PIL import Image  # slow to import
 
     height, width = np.max([one.pixels.shape[:2] for one in given], axis=0).tolist()
@@ -361,7 +332,6 @@ def _packed(parts: Sequence[Part], given: Sequence[Texture]) -> Bytes:
 
 
 # Reflectance of materials: metal, roughness, gloss, clear coat and emission.
-
 
 DEFAULT_IOR = 1.5
 _WHOLE = 25.0  # specular color with which a dielectric of that index reflects all, not 4 %
@@ -452,7 +422,6 @@ def _attenuation_distance_m(volume: JsonObject, factors: Factors) -> float:
 
 
 def _tint_of(red: float, green: float, blue: float) -> Color:
-    """Specular color of a dielectric of the default index, for a reflectance."""
     return _WHOLE * red, _WHOLE * green, _WHOLE * blue
 
 

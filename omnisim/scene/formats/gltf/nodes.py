@@ -93,7 +93,6 @@ def _orthonormalize(matrix: Floats) -> Floats:
 #
 # Source: EXT_mesh_gpu_instancing.
 
-
 MAX_COPIES = 200_000
 _COMPONENTS = {"TRANSLATION": 3, "ROTATION": 4, "SCALE": 3}
 
@@ -131,7 +130,6 @@ def read_copies(node: JsonObject, accessors: Accessors) -> Floats | None:
 
 
 # Punctual lights.
-
 
 _EXTENSION = "KHR_lights_punctual"
 _KINDS = {kind.value: kind for kind in LightKind}
@@ -176,7 +174,6 @@ def read_lights(
 
 
 # Animations: keyframes of nodes and weights, and the nodes that they move.
-
 
 NO_ANIMATION = "none"
 _WEIGHTS = "weights"
@@ -347,13 +344,11 @@ def animated_nodes(
 
 
 def _before(node: JsonObject) -> Floats:
-    """Matrix (4, 4) of a node; an animated node should not have one."""
     matrix = node.numbers("matrix", 16)
     return np.eye(4) if matrix is None else np.reshape(matrix, (4, 4)).T
 
 
 def _start(node: JsonObject, properties: Properties) -> tuple[Floats, Floats, Floats]:
-    """Translation (3,), rotation (4,) and scale (3,) of a node at 0 s."""
     translation, rotation, scale = (
         properties[key].at(0.0)
         if key in properties
@@ -364,7 +359,6 @@ def _start(node: JsonObject, properties: Properties) -> tuple[Floats, Floats, Fl
 
 
 # Dynamic objects of an animation, its non-rigid nodes, and its unplayed parts.
-
 
 _CHECKS = 32  # samples of a node's motion over the animation
 Moved = Mapping[int, MovingNode]

@@ -125,7 +125,6 @@ class Primitive:
 
 # Meshes of skinned, morphed or non-rigidly moving nodes, static or animated.
 
-
 _CHECKS = 32  # samples of a mesh's extent over the animation
 _SUM_TOLERANCE = 0.01  # for sums of weights, above the rounding of four 8-bit weights
 _SINGULAR = 1e-12  # minimum determinant of a bind matrix, relative to its cubed scale
@@ -220,7 +219,6 @@ class DeformingMeshes:
         return morph(primitive, weights, animated, animation.period_s)
 
     def _by_its_node(self, index: int, plain: Mesh, morphed: MorphedVertices) -> DeformedMesh:
-        """Morphed mesh, posed by its node."""
         pose = self._played.poses[index]
         if morphed.targets is None:
             mesh, center = _remade(plain, morphed.positions, morphed.normals)
@@ -231,7 +229,6 @@ class DeformingMeshes:
         return DeformedMesh(mesh, translate(pose, center), index)
 
     def _check(self, mesh: Mesh) -> None:
-        """Reject a mesh whose coordinates become too large during the animation."""
         assert mesh.deformation is not None
         for time_s in np.linspace(0.0, self._played.animation.period_s, _CHECKS).tolist():
             center, radius = mesh.deformation.sphere_at(time_s)

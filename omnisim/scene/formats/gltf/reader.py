@@ -152,7 +152,6 @@ def _read_cameras(
 
 
 def _lens(camera: JsonObject) -> CentralCamera | str:
-    """Lens of a camera, 4:3 without an aspect ratio."""
     if not camera.has("perspective"):
         return "it is orthographic"
     values = camera.object("perspective")
@@ -214,7 +213,6 @@ class _Meshes:
     def _copy(
         self, node: JsonObject, index: int, pose: Floats, copies: Floats
     ) -> Iterator[tuple[int | None, Instance]]:
-        """Instances of a node's copies, numbered, without deformation."""
         name = node.text("name", f"node {index}")
         parts = self._parts[node.index("mesh", self._parts)]
         for number, file_from_copy in enumerate(pose @ copies):
@@ -261,7 +259,6 @@ class _Meshes:
 # Features of glTF: applied, omitted with a notice, ignored or refused.
 #
 # `FEATURES` is the source of the notices, of the table in the documentation and of its tests.
-
 
 _NEAREST = 9728  # OpenGL's constant
 

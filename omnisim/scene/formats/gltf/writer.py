@@ -58,7 +58,6 @@ def write_glb(scene: Scene, path: Path) -> list[str]:
 
 
 def _left_out(scene: Scene) -> list[str]:
-    """Notices for content that glTF cannot represent."""
     counts = {
         "starts": len(scene.starts), "paths": len(scene.paths), "labels": len(scene.labels),
         "landmarks": len(scene.landmarks),
@@ -138,7 +137,6 @@ class _Document:
             file.write(bytes(-len(blob) % 4))
 
     def _mesh(self, meshes: Sequence[Mesh], written: NodeMesh) -> Entry:
-        """JSON of a mesh, with one primitive for each of the scene's meshes."""
         primitives = [
             self._primitive(baked_mesh(meshes[index], matrix))
             for index, matrix in zip(written.meshes, written.node_from_meshes, strict=True)
@@ -186,7 +184,6 @@ class _Document:
 
 
 # Nodes and meshes of an exported glTF file.
-
 
 _MAX_ERROR = 1e-6  # relative to a mesh's size, for vertices moved to the node's frame
 _SAME = 1e-9
@@ -288,7 +285,6 @@ def _is_exact(mesh: Mesh, node_from_mesh: Floats) -> bool:
 
 
 def _unit(normals: Floats32) -> Floats32:
-    """Unit normals (n, 3); zero-length ones become +y."""
     lengths = np.linalg.norm(normals, axis=1)
     off = np.abs(lengths - 1.0) > _UNIT
     if not off.any():
@@ -300,7 +296,6 @@ def _unit(normals: Floats32) -> Floats32:
 
 
 # Materials, textures and images of an exported glTF file.
-
 
 _WRAPS = {Wrap.REPEAT: 10497, Wrap.CLAMP_TO_EDGE: 33071}  # OpenGL's constants
 _SHEAR = 1e-9
@@ -394,7 +389,6 @@ class WrittenMaterials:
     def _put(
         self, owner: Entry, key: str, texture: Texture | None, material: str, **values: float
     ) -> None:
-        """Reference a texture in a material's JSON."""
         if texture is None:
             return
         info: Entry = {"index": self._texture(texture), **values}
@@ -463,7 +457,6 @@ def _texture_transform(texture: Texture) -> Entry | None:
 
 
 # Lights of an exported glTF file.
-
 
 _NARROWEST_RAD = 1e-4  # gap between a spot's cones, which glTF requires to differ
 

@@ -150,7 +150,6 @@ def _split_options(words: list[str]) -> tuple[list[tuple[str, list[str]]], str]:
 
 # Parts of OBJ, MTL, PLY, STL, OFF and COLLADA files.
 
-
 _WORDS = re.compile(r"^[ \t]*([A-Za-z_]+\w*)(?:[ \t]+([^\n]*))?", re.MULTILINE)
 
 
@@ -175,7 +174,6 @@ def _text_parts(data: bytes) -> Iterator[tuple[str, str]]:
 
 
 def _mtl_parts(data: bytes) -> Iterator[tuple[str, str]]:
-    """Keys in lower case, each once a material."""
     seen: set[str] = set()
     for line in decode_text(data).split("\n"):
         key, _, value = line.partition(" ")
@@ -230,7 +228,6 @@ _PARTS: dict[str, Callable[[bytes], Parts]] = {
 
 
 # Diagnosis of files that trimesh cannot read, at a cost that only damaged files incur.
-
 
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?|nan|[-+]?inf", re.IGNORECASE)
 _CORNER = re.compile(r"(-?\d{1,18})(/-?\d*){0,2}", re.ASCII)
@@ -346,7 +343,6 @@ def _ply_end(data: bytes) -> str:
 
 
 def _line_count(data: bytes) -> int:
-    """Number of non-blank lines."""
     return sum(1 for line in data.split(b"\n") if line.strip())
 
 

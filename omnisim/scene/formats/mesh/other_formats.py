@@ -17,7 +17,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import trimesh
@@ -100,7 +100,6 @@ def read_other(
 def _load_with_trimesh(
     kind: str, data: bytes, plain: bytes | None, assets: AssetResolver
 ) -> trimesh.Scene:
-    """Load a file with trimesh, from its normalized form `plain` if there is one."""
     try:
         # suppresses NumPy's warnings about damaged files and Pillow's about large images
         with warnings.catch_warnings(), np.errstate(all="ignore"):
@@ -120,7 +119,6 @@ def _load_with_trimesh(
 
 
 def _check_image(name: str, assets: AssetResolver) -> None:
-    """Record an image that cannot be opened, which trimesh ignores silently."""
     data = b""
     try:
         data = assets[name]
@@ -152,7 +150,6 @@ def _material_files(names: list[str], assets: AssetResolver) -> bytes:
 # Colors are sRGB by convention of these formats and are decoded here; only the base color of a
 # `PBRMaterial` in memory is linear, as in glTF. Triangle winding is unreliable, so meshes are
 # double-sided unless a `PBRMaterial` in memory says otherwise.
-
 
 _OPAQUE_FROM = 0.999
 _ALPHA_MODES = {"OPAQUE": AlphaMode.OPAQUE, "MASK": AlphaMode.MASK, "BLEND": AlphaMode.BLEND}
@@ -213,7 +210,7 @@ def import_trimesh(
         if not isinstance(geometry, trimesh.Trimesh):
             notices.append("points and lines are not drawn")
         elif len(geometry.faces):
-            own, visual = _object(name, objects), geometry.visual
+            own, visual = _object(name, objects), cast(Any, geometry.visual)
             mesh, center = _mesh(own, geometry, len(materials), smooth, dropped)
             index_of[name] = (len(meshes), center)
             meshes.append(mesh)
@@ -281,7 +278,6 @@ def _texture_coordinates(visual: trimesh.visual.TextureVisuals) -> Floats:
 
 
 def _pair(extra: Mapping[str, Sequence[str]], option: str, default: float) -> list[float]:
-    """First two numbers of an option of MTL's color map."""
     words = extra.get(f"map_kd-{option}") or ()
     try:
         return ([float(word) for word in words] + [default, default])[:2]
@@ -294,7 +290,6 @@ def _pair(extra: Mapping[str, Sequence[str]], option: str, default: float) -> li
 def _material_of_file(
     mesh_name: str, source: Any, textures: TextureStore, assets: Mapping[str, bytes]
 ) -> Material:
-    """Material of a mesh loaded from a file."""
     image, factor = getattr(source, "image", None), getattr(source, "diffuse", None)
     if isinstance(source, PBRMaterial):
         image, factor = source.baseColorTexture, source.baseColorFactor
@@ -308,7 +303,6 @@ def _material_of_file(
 def _material_in_memory(
     mesh_name: str, source: Any, textures: TextureStore, notices: list[str]
 ) -> Material:
-    """Material of a mesh built in memory."""
     if isinstance(source, PBRMaterial):
         return _pbr_material(mesh_name, source, textures)
     image, factor = getattr(source, "image", None), getattr(source, "diffuse", None)
@@ -321,7 +315,6 @@ def _material_in_memory(
 
 
 def _pbr_material(mesh_name: str, source: PBRMaterial, textures: TextureStore) -> Material:
-    """Material interpreted as in glTF."""
     name = str(source.name or mesh_name)
     image, factor = source.baseColorTexture, source.baseColorFactor
     texture = None if image is None else textures.texture(image, name)
@@ -410,7 +403,6 @@ def _with_alpha(texture: Texture, levels: Bytes) -> Texture:
 
 
 # Formats that omnisim cannot read, with a conversion for each.
-
 
 _EXPANDED = (".sdf", ".world", ".urdf", ".xml")  # suffixes before .xacro
 SOURCE, TARGET = "{source}", "{target}"  # placeholders in a conversion's command

@@ -104,7 +104,7 @@ class Materials:
         if texture is not None and not self.textures.is_cube(texture):
             image = self.textures.image(texture)
         elif texture is not None and face is not None:
-            image = self.textures.face(texture, face)
+            image = self.textures.image(texture, face)
         elif texture is not None:
             plain = self.textures.plain_color(texture) or (1.0, 1.0, 1.0)
             red, green, blue = (a * b for a, b in zip((red, green, blue), plain, strict=True))
@@ -181,14 +181,21 @@ class Textures:
         """True for a cube with six faces, false for a flat image."""
         return int(self._model.tex_type[texture]) != mujoco.mjtTexture.mjTEXTURE_2D
 
-    def image(self, texture: int, is_linear: bool = False) -> Texture:
-        """Flat image, which repeats."""
-        return self._make(texture, None, is_linear)
+    def image(self, texture: int, face: int | None = None, is_linear: bool = False) -> Texture:
+        """Flat image, which repeats, or a face of a cube.
 
-    def face(self, texture: int, face: int) -> Texture:
-        """Face of a cube, in OpenGL's order (+x, −x, +y, …); a square image serves all six."""
-        is_square = self._model.tex_height[texture] == self._model.tex_width[texture]
-        return self._make(texture, 0 if is_square else face, False)
+        Faces are in OpenGL's order (+x, −x, +y, …); a square image serves all six.
+        """
+        if face is not None and self._model.tex_height[texture] == self._model.tex_width[texture]:
+            face = 0
+        key = (texture, face, is_linear)
+        if key not in self._made:
+            pixels, wrap = texture_pixels(self._model, texture), Wrap.REPEAT
+            if face is not None:
+                side = pixels.shape[1]
+                pixels, wrap = pixels[face * side : (face + 1) * side], Wrap.CLAMP_TO_EDGE
+            self._made[key] = Texture(np.ascontiguousarray(pixels), wrap, wrap, is_linear=is_linear)
+        return self._made[key]
 
     def plain_color(self, texture: int) -> tuple[float, float, float] | None:
         """Linear RGB of a single-color texture; None: several colors."""
@@ -203,16 +210,6 @@ class Textures:
         pixels = texture_pixels(self._model, texture)[..., :3]
         red, green, blue = linear_from_srgb8(pixels).mean(axis=(0, 1)).tolist()
         return red, green, blue
-
-    def _make(self, texture: int, face: int | None, is_linear: bool) -> Texture:
-        key = (texture, face, is_linear)
-        if key not in self._made:
-            pixels, wrap = texture_pixels(self._model, texture), Wrap.REPEAT
-            if face is not None:
-                side = pixels.shape[1]
-                pixels, wrap = pixels[face * side : (face + 1) * side], Wrap.CLAMP_TO_EDGE
-            self._made[key] = Texture(np.ascontiguousarray(pixels), wrap, wrap, is_linear=is_linear)
-        return self._made[key]
 
 
 def texture_pixels(model: mujoco.MjModel, texture: int) -> Bytes:
@@ -231,7 +228,6 @@ def texture_pixels(model: mujoco.MjModel, texture: int) -> Bytes:
 # Lights of a MuJoCo model, and its background.
 #
 # Levels follow MuJoCo's renderer: a white surface is white where the levels add up to 1.
-
 
 _Type = mujoco.mjtLightType
 # Mean cosine over the visible half of a distant ball: the effect of a light at the eye.

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.core.arrays import Bools, Floats, Floats32, Ints
+from omnisim.core.arrays import Floats, Floats32, Ints
 from omnisim.core.errors import SceneError
 from omnisim.core.poses import rotation_from_quaternion
 from omnisim.scene.formats.imported_scene import make_mesh
@@ -207,7 +207,6 @@ def _vertex_normals(positions: Floats, triangles: Ints) -> Floats:
 
 # Triangles of a MuJoCo model's geoms, each in its geom's frame.
 
-
 # Minimum half size of an infinite plane, which otherwise reaches MuJoCo's far clipping plane.
 MIN_REACH_M = 100.0
 
@@ -299,7 +298,6 @@ def _rows(
 
 
 def _height_field(model: mujoco.MjModel, field: int) -> Surface:
-    """Height field with its sides and base, flat-shaded as in MuJoCo."""
     rows, columns = int(model.hfield_nrow[field]), int(model.hfield_ncol[field])
     half_x, half_y, top, base = (float(size) for size in model.hfield_size[field])
     start = int(model.hfield_adr[field])
@@ -328,7 +326,6 @@ def _height_field(model: mujoco.MjModel, field: int) -> Surface:
 #
 # Source: MuJoCo, render_gl3.c, settexture (object-linear texture coordinates); OpenGL 4.6, table
 # 8.19 (faces of a cube).
-
 
 # Axis of each cube face, and the axes and signs of right and down in its image.
 _FACES = (
@@ -372,7 +369,9 @@ def map_cube(shape: Shape, sizes: Floats, is_uniform: bool) -> list[MappedSurfac
     columns = [surface.positions, ray] + ([surface.normals] if surface.normals is not None else [])
     corners = np.concatenate(columns, axis=1)[surface.triangles]
     for edge in _EDGES:
-        is_done = _is_on_one_face(corners[:, :, 3:6])
+        reach = np.abs(corners[:, :, 3:6]).max(axis=2, keepdims=True) * (1.0 - 1e-9)
+        is_far = np.concatenate((corners[:, :, 3:6] >= reach, corners[:, :, 3:6] <= -reach), axis=2)
+        is_done = is_far.sum(axis=1).max(axis=1, initial=0) == 3  # all corners on one face
         rest = corners[~is_done]
         corners = np.concatenate((corners[is_done], _cut(rest, rest[:, :, 3:6] @ edge)))
     middles = corners[:, :, 3:6].sum(axis=1)
@@ -398,14 +397,6 @@ def map_cube(shape: Shape, sizes: Floats, is_uniform: bool) -> list[MappedSurfac
             )
         )
     return mapped
-
-
-def _is_on_one_face(rays: Floats) -> Bools:
-    """Mask (m,) of triangles (m, 3, 3) whose corners all project to one face of the cube."""
-    reach = np.abs(rays).max(axis=2, keepdims=True) * (1.0 - 1e-9)
-    is_far = np.concatenate((rays >= reach, rays <= -reach), axis=2)  # along +x, …, −z
-    most: Ints = is_far.sum(axis=1).max(axis=1, initial=0)
-    return most == 3
 
 
 def _cut(corners: Floats, sides: Floats) -> Floats:

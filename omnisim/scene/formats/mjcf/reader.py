@@ -16,7 +16,6 @@ from xml.etree.ElementTree import Element
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras import PerspectiveCamera, UnifiedCamera
 from omnisim.core.arrays import Floats, Ints
@@ -83,7 +82,12 @@ def load_model(path: Path) -> tuple[mujoco.MjModel, mujoco.MjData, list[str]]:
         data = mujoco.MjData(model)
         if model.nkey:
             mujoco.mj_resetDataKeyframe(model, data, 0)
-        update_poses(model, data)
+        # poses from the joints, like the first part of mj_forward; lights and cameras in tracking
+        # modes need the centers of mass
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_camlight(model, data)
+        mujoco.mj_flex(model, data)
     return model, data, warnings
 
 
@@ -96,14 +100,6 @@ def _warnings() -> Iterator[list[str]]:
         yield texts
     finally:
         mujoco.set_mju_user_warning(before)
-
-
-def update_poses(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """Compute poses from the joints, like the first part of mj_forward."""
-    mujoco.mj_kinematics(model, data)
-    mujoco.mj_comPos(model, data)  # lights and cameras in tracking modes need the centers of mass
-    mujoco.mj_camlight(model, data)
-    mujoco.mj_flex(model, data)
 
 
 class ModelReader:
@@ -154,7 +150,6 @@ class ModelReader:
         return instances
 
     def _notices(self) -> list[str]:
-        """Notices for geoms that are not drawn, or only approximately, one line per kind."""
         model, groups, notices = self._model, self._groups, []
         hidden = sum(int(group) not in groups for group in model.geom_group)
         if hidden:
@@ -192,7 +187,6 @@ def _one_line(text: str) -> str:
 
 # Names of a MuJoCo model's elements, and of the instances made from its geoms.
 
-
 _WORLD = 0
 
 
@@ -226,7 +220,6 @@ def geom_names(model: mujoco.MjModel) -> tuple[str, ...]:
 
 
 # Files referenced by a MuJoCo model and read by MuJoCo itself, recorded as sources.
-
 
 _FOLDERS = ("assetdir", "meshdir", "texturedir")
 
@@ -280,7 +273,6 @@ def without_world(scene: Scene, path: Path) -> Scene:
 
 # Cameras: lens, mount, and the viewpoint of a frame's first image.
 
-
 _DEFAULT_SIZE_PX = (640, 480)  # for cameras without a resolution
 
 
@@ -319,7 +311,6 @@ def lens_of(
 
 # Elements of a MuJoCo model that carry cameras, and their poses.
 
-
 # MuJoCo's cameras look along −z with y up, as in OpenGL.
 _OPTICAL_FROM_OPENGL = np.diag([1.0, -1.0, -1.0])
 _OPENGL_FROM_BASE = (BASE_FROM_OPTICAL_LOOKING_AHEAD @ _OPTICAL_FROM_OPENGL).T
@@ -333,16 +324,15 @@ class Mount(NamedTuple):
 
     def pose(self, data: mujoco.MjData) -> Floats:
         """Pose (4, 4) world_from_mount, x forward, z up."""
-        if self.kind == "body":
-            rotation, position = data.xmat[self.number], data.xpos[self.number]
-        elif self.kind == "site":
-            rotation, position = data.site_xmat[self.number], data.site_xpos[self.number]
-        else:
-            rotation, position = data.cam_xmat[self.number], data.cam_xpos[self.number]
-        rotation = rotation.reshape(3, 3)
+        rotations, positions = {
+            "body": (data.xmat, data.xpos),
+            "site": (data.site_xmat, data.site_xpos),
+            "camera": (data.cam_xmat, data.cam_xpos),
+        }[self.kind]
+        rotation = rotations[self.number].reshape(3, 3)
         if self.kind == "camera":
             rotation = rotation @ _OPENGL_FROM_BASE
-        return pose_from_rotation(rotation, position)
+        return pose_from_rotation(rotation, positions[self.number])
 
 
 def find_mount(model: mujoco.MjModel, **names: str | None) -> Mount | None:
@@ -370,7 +360,6 @@ def find_mount(model: mujoco.MjModel, **names: str | None) -> Mount | None:
 
 
 # Start pose for a MuJoCo model: its first fixed camera, or an overview of its center.
-
 
 # In front of a model that faces +x, and above its center.
 _OFFSET_PER_EXTENT = np.array([0.6, 0.0, 0.3])
@@ -400,7 +389,6 @@ def _camera(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Floats, Floats]
 
 
 # MuJoCo models in motion: a static scene, and moving bodies as objects.
-
 
 _ORIGIN = StartPose((0.0, 0.0, 0.0))
 
@@ -454,7 +442,10 @@ def split_model(
     for name in hidden:
         if name not in reader.names:
             raise SceneError(f"hidden: {name!r}: {did_you_mean(name, reader.names, 'geoms:')}")
-    roots = moving_roots(model)
+    # the body to which each body is rigidly attached; 0: it never moves
+    trees = model.body_rootid
+    is_mocap = (model.body_weldid == _WORLD) & (model.body_mocapid[trees] >= 0)
+    roots = np.where(is_mocap, trees, model.body_weldid)
     by_root: dict[int, list[int]] = {_WORLD: []}
     for geom in reader.geoms:
         if reader.names[geom] not in hidden:
@@ -473,15 +464,7 @@ def split_model(
     )
 
 
-def moving_roots(model: mujoco.MjModel) -> NDArray[np.int32]:
-    """Body (nbody,) to which each body is rigidly attached; 0: it never moves."""
-    trees = model.body_rootid
-    is_mocap = (model.body_weldid == _WORLD) & (model.body_mocapid[trees] >= 0)
-    return np.where(is_mocap, trees, model.body_weldid)
-
-
 def _scene(name: str, read: ImportedScene, instances: Iterable[Instance]) -> Scene:
-    """Scene of some of the instances, with only the meshes that they use."""
     chosen = tuple(instances)
     index_of = {mesh: index for index, mesh in enumerate(dict.fromkeys(one.mesh for one in chosen))}
     return Scene(

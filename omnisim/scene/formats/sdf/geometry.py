@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import io
+import itertools
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import trimesh
 from PIL import Image
 
 from omnisim.core.arrays import Bytes, Floats
@@ -111,9 +114,7 @@ def submesh(file: MeshFile, name: str) -> tuple[Instance, ...]:
     In COLLADA files, node names decide, as in Gazebo, then geometry names if no node matches.
     """
     if file.data:
-        from omnisim.scene.formats.sdf.collada_submeshes import submesh_names  # slow to import
-
-        names = submesh_names(file.data)
+        names = _submesh_names(file.data)
         for kind in (0, 1):
             chosen = (one for one in file.instances if names.get(one.name, ("", ""))[kind] == name)
             if instances := tuple(chosen):
@@ -124,6 +125,51 @@ def submesh(file: MeshFile, name: str) -> tuple[Instance, ...]:
     # readers append numbers to make names unique
     numbered = re.compile(re.escape(name) + r"[._\- ]*\d+")
     return exact or tuple(one for one, names in named if any(map(numbered.fullmatch, names)))
+
+
+def _submesh_names(data: bytes) -> dict[str, tuple[str, str]]:
+    """Names of COLLADA's submeshes and of their geometries, keyed by trimesh's mesh names.
+
+    Gazebo names a submesh after the node that instantiates it. An unnamed node takes the name of
+    its nearest named ancestor, or else `unnamed_submesh_N`.
+
+    Source: gz-common, graphics/src/ColladaLoader.cc, `LoadNode`.
+    """
+    import collada  # type: ignore[import-untyped]  # slow to import
+    from collada.scene import GeometryNode, Node
+
+    unnamed = (f"unnamed_submesh_{number}" for number in itertools.count())
+
+    def instances(node: Any, ancestor: str) -> Iterator[tuple[Any, str]]:
+        """Geometries below a node in file order, each with the name of its node."""
+        if isinstance(node, GeometryNode):
+            yield node.geometry, ancestor
+        if not isinstance(node, Node):
+            return
+        target = getattr(node, "node", node)  # the target, if this is an instance of a node
+        name = target.xmlnode.get("name") or ancestor
+        children = node.children or ()
+        below = iter([list(instances(one, name)) for one in children if isinstance(one, Node)])
+        if not name and any(isinstance(one, GeometryNode) for one in node.children):
+            name = next(unnamed)
+        for child in children:
+            yield from next(below) if isinstance(child, Node) else instances(child, name)
+
+    tolerated = [  # by trimesh, and so here
+        collada.common.DaeError, collada.common.DaeIncompleteError,
+        collada.common.DaeMalformedError, collada.common.DaeBrokenRefError,
+        collada.common.DaeUnsupportedError,
+    ]  # fmt: skip
+    surfaces = collada.polylist.Polylist, collada.triangleset.TriangleSet
+    names: dict[str, tuple[str, str]] = {}
+    counts: dict[str | None, int] = {}
+    for root in collada.Collada(io.BytesIO(data), ignore=tolerated).scene.nodes:
+        for geometry, owner in instances(root, ""):
+            for primitive in geometry.primitives:
+                if isinstance(primitive, surfaces) and primitive.vertex is not None:
+                    mesh = trimesh.util.unique_name(geometry.id, contains=names, counts=counts)
+                    names[mesh] = owner, geometry.id
+    return names
 
 
 def centered(file: MeshFile, instances: tuple[Instance, ...]) -> tuple[Instance, ...]:
@@ -141,7 +187,6 @@ def centered(file: MeshFile, instances: tuple[Instance, ...]) -> tuple[Instance,
 
 
 # Triangles of SDF geometries other than meshes.
-
 
 # Corners of a whole texture on a rectangle.
 _CORNER_UV = np.array([(0.0, 1.0), (1.0, 1.0), (1.0, 0.0), (0.0, 0.0)])
@@ -285,7 +330,6 @@ def make_shape(geometry: XmlElement, kind: XmlElement, max_segments: int) -> Sha
 # The brightest pixel is at the height of the map's size, and black is at 0. The first image row
 # is at the largest y.
 
-
 MAX_POINTS = 513  # per side, about half a million triangles
 _BAKED_PX = (256, 2048)  # minimum and maximum side of a texture blended from several layers
 
@@ -365,7 +409,6 @@ def blend(layers: list[Layer], levels: Floats, size: tuple[float, ...]) -> Image
 
 
 def _tiled(layer: Layer, size: tuple[float, ...], side: int) -> Bytes:
-    """Layer (side, side, 3) repeated over the terrain."""
     width, height = (
         min(max(1, round(side * layer.size_m / extent)), 4 * side) for extent in size[:2]
     )

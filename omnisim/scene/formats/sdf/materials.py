@@ -48,7 +48,6 @@ class MaterialReader:
         return self._index(_of_visual(material, visual))
 
     def _plain(self, element: XmlElement, double_sided: bool) -> Material:
-        """Material with color, texture and sides of a `<material>`."""
         script = self._script(element) or ScriptMaterial()
         texture = self._albedo(element, script)
         color = (
@@ -71,7 +70,6 @@ class MaterialReader:
         )
 
     def _reflectance(self, element: XmlElement, plain: Material) -> Material:
-        """Material with metal, roughness and maps of its `<pbr>`; matte without `<pbr>`."""
         metal = element.find("pbr/metal")
         values = metal or element.find("pbr/specular")
         if values is None:
@@ -216,7 +214,6 @@ class MaterialReader:
         return self._images[path]
 
     def _folders(self, element: XmlElement) -> Iterator[Path]:
-        """Folders referenced by a script's URIs."""
         for uri in element.children("script"):
             for each in uri.children("uri"):
                 path = self._resources.find(each.own_text, element.file.parent)
@@ -226,7 +223,6 @@ class MaterialReader:
                     yield folder.parent / "textures"
 
     def _script(self, element: XmlElement) -> ScriptMaterial | None:
-        """Material of a script, from its files or among Gazebo's own; None: not found."""
         name = element.text("script/name")
         script = element.find("script")
         if script is None or not name:
@@ -263,7 +259,6 @@ def _of_visual(material: Material, visual: XmlElement) -> Material:
 
 
 # OGRE material scripts of Gazebo Classic: colors and textures.
-
 
 Rgb = tuple[float, float, float]
 

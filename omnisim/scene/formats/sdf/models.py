@@ -45,9 +45,9 @@ class Scope:
 
     def __init__(self) -> None:
         self._frames: dict[str, _Frame] = {}
-        self._missing: set[str] = set()
+        self.missing: set[str] = set()  # nested models; poses relative to them are undefined
         self._poses: dict[str, Floats] = {}
-        self._aliases: dict[str, str] = {}
+        self.aliases: dict[str, str] = {}  # frames of merged models by their own names
         self._active: list[str] = []
 
     def add(self, name: str, element: XmlElement, default: str = "") -> None:
@@ -57,14 +57,6 @@ class Scope:
     def add_model(self, name: str, element: XmlElement, inner: Scope, placement: str = "") -> None:
         """Add a nested model, to whose frame `placement`, or else own frame, the pose applies."""
         self._frames.setdefault(name, _Frame(element, "", inner, placement))
-
-    def add_missing(self, name: str) -> None:
-        """Add a missing nested model; poses relative to it are undefined."""
-        self._missing.add(name)
-
-    def add_alias(self, name: str, frame: str) -> None:
-        """Make a frame of a merged model accessible by its own name."""
-        self._aliases.setdefault(name, frame)
 
     def place(self, name: str, scope_from_frame: Floats) -> None:
         """Override the pose of a link or model from the file."""
@@ -104,10 +96,10 @@ class Scope:
         """Pose (4, 4) of the scope itself, or of a frame `model::frame` in a nested model."""
         if name in _OWN:
             return np.eye(4)
-        name = self._aliases.get(name, name)
+        name = self.aliases.get(name, name)
         outer, separator, rest = name.partition("::")
         frame = self._frames.get(outer)
-        if frame is None and outer in self._missing:
+        if frame is None and outer in self.missing:
             raise UnplacedError(f"{element.place}: its pose is relative to {outer!r}, not found")
         if not separator or frame is None or frame.inner is None:
             hint = did_you_mean(name, self._frames, "there are")
@@ -117,7 +109,6 @@ class Scope:
 
 
 # Tree of models: nested ones, and those included from files.
-
 
 _MAX_DEPTH = 24  # nesting depth of models
 _MAX_MODELS = 200_000  # models per world: a few files with repeated includes could make billions
@@ -200,11 +191,10 @@ class ModelLibrary:
             if child.element.tag == "include":
                 self._include(model, child, used_names, depth)
             else:
-                inner = self.tree(child, unique_name(child.name or "model", used_names), depth + 1)
-                model.models.append(inner)
-                model.scope.add_model(
-                    inner.name, child, inner.scope, child.attribute("placement_frame")
-                )
+                name = unique_name(child.name or "model", used_names)
+                model.models.append(self.tree(child, name, depth + 1))
+                placement = child.attribute("placement_frame")
+                model.scope.add_model(name, child, model.models[-1].scope, placement)
         for link in element.children("link"):
             model.scope.add(link.name, link)
             shapes = (visual.find("geometry") for visual in link.children("visual"))
@@ -221,10 +211,10 @@ class ModelLibrary:
     def _include(self, model: Model, include: XmlElement, used_names: set[str], depth: int) -> None:
         entity = self._included(include)
         if entity is None:
-            model.scope.add_missing(include.text("name") or _last_part(include.text("uri")))
+            model.scope.missing.add(include.text("name") or _last_part(include.text("uri")))
             return
+        posed = include if include.find("pose") is not None else entity
         if entity.element.tag != "model":
-            posed = include if include.find("pose") is not None else entity
             model.others.append(with_pose_of(entity, posed))
             return
         is_merged = include.attribute("merge").lower() in ("true", "1")
@@ -232,7 +222,6 @@ class ModelLibrary:
         inner = self.tree(entity, name, depth + 1)
         inner.is_merged = is_merged
         model.models.append(inner)
-        posed = include if include.find("pose") is not None else entity
         placement = include.text("placement_frame") or entity.attribute("placement_frame")
         first, _, rest = placement.partition("::")
         frames = {one.name for one in entity.children("link", "frame", "joint", "model")}
@@ -241,7 +230,7 @@ class ModelLibrary:
         model.scope.add_model(name, posed, inner.scope, placement)
         if is_merged:
             for frame in entity.children("link", "frame", "joint", "model"):
-                model.scope.add_alias(frame.name, f"{name}::{frame.name}")
+                model.scope.aliases.setdefault(frame.name, f"{name}::{frame.name}")
 
     def _included(self, include: XmlElement) -> XmlElement | None:
         """First entity of an included file; None: the file is missing, and is counted."""
@@ -272,11 +261,11 @@ def _names(uris: Counter[str]) -> str:
     counts: Counter[str] = Counter()
     for uri, count in uris.items():
         counts[_short(uri)] += count
-    shown = [
-        name if count == 1 else f"{name} × {count}" for name, count in counts.most_common(_SHOWN)
-    ]
-    more = len(counts) - len(shown)
-    return ", ".join([*shown, *([f"and {counted(more, 'other')}"] if more else [])])
+    most = counts.most_common(_SHOWN)
+    shown = [name if count == 1 else f"{name} × {count}" for name, count in most]
+    if more := len(counts) - len(shown):
+        shown.append(f"and {counted(more, 'other')}")
+    return ", ".join(shown)
 
 
 def _short(uri: str) -> str:
@@ -286,7 +275,6 @@ def _short(uri: str) -> str:
 
 
 def _last_part(uri: str) -> str:
-    """Last path component of a URI: its folder or file name."""
     return unquote(uri.strip("/").rpartition("/")[2])
 
 
@@ -340,7 +328,6 @@ def read_root(path: Path, data: bytes | None = None) -> XmlElement:
 
 # Substitutes for models that Gazebo Classic worlds expect to be installed.
 
-
 BUILTIN_MODELS = {
     "sun": """
         <light name="sun" type="directional">
@@ -362,7 +349,6 @@ BUILTIN_MODELS = {
 
 
 # Folders of Gazebo models, whose SDF files are listed in `model.config`.
-
 
 MANIFESTS = ("model.config", "manifest.xml")
 

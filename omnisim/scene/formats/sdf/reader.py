@@ -148,7 +148,6 @@ class _Reader:
     def _read_camera(
         self, placed: PlacedModel, link: XmlElement, sensor: XmlElement, camera: XmlElement
     ) -> None:
-        """Camera as a viewpoint; Gazebo's look along x, z up."""
         from omnisim.cameras.calibration.formats import gazebo  # seldom needed
 
         pose = self._pose_of(placed, sensor, link.name)
@@ -205,7 +204,6 @@ class _Reader:
         self._place(terrain(element, levels, tile_m), material, file_from_visual, name)
 
     def _shape(self, geometry: XmlElement, kind: XmlElement) -> Shape:
-        """Shape of a geometry; equal geometries share one."""
         key = tuple((one.tag, (one.text or "").strip()) for one in geometry.element.iter())
         if key not in self._shapes:
             limit = segment_limit(self._library.round_shapes)
@@ -267,7 +265,6 @@ class _Reader:
 
 # State of a world: saved poses, from which Gazebo Classic restores its models.
 
-
 _UNIT = (1.0, 1.0, 1.0)
 
 
@@ -298,7 +295,6 @@ def _move(outer: Model, state: XmlElement, omissions: Omissions) -> None:
 
 
 # Lights of worlds and links.
-
 
 _KINDS = {kind.value: kind for kind in LightKind}
 _REFERENCE_M = 5.0  # distance of equal brightness for lights with another falloff

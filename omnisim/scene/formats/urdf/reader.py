@@ -166,7 +166,6 @@ class _Reader:
             self._instances.append(Instance(name, self._mesh_of[id(mesh), own], place, pose))
 
     def _material(self, visual: XmlElement) -> int | None:
-        """Index of a visual's own material; None: no material."""
         stated = visual.find("material")
         if stated is None:
             return None
@@ -182,7 +181,6 @@ class _Reader:
         return self._material_of[key]
 
     def _read_material(self, element: XmlElement) -> Material:
-        """Material of an sRGB color and a texture."""
         color, texture = element.find("color"), self._texture(element)
         rgba = (1.0, 1.0, 1.0, 1.0) if texture is not None else _GRAY
         if color is not None:
@@ -220,7 +218,6 @@ def _has_own(mesh: Mesh, material: Material) -> bool:
 
 
 def _surface(shape: XmlElement) -> Surface:
-    """Surface of a primitive shape."""
     if shape.tag == "box":
         return primitives.box(0.5 * np.array(shape.attribute_sizes("size", 3)))
     (radius,) = shape.attribute_sizes("radius")
@@ -271,7 +268,6 @@ def link_poses(robot: XmlElement) -> dict[str, Floats]:
 
 
 def _end(joint: XmlElement, tag: str, links: list[str]) -> XmlElement:
-    """Parent or child element of a joint, with a valid link name."""
     end = joint.find(tag)
     if end is None:
         raise SceneError(f"{joint.place}: expected a <{tag}>, got none")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -132,7 +131,6 @@ class Gprims:
         color: Floats | None,
         has_vertex_colors: bool,
     ) -> int:
-        """Index of a material, with the sides and the constant color of a prim."""
         sided = bool(UsdGeom.Gprim(prim).GetDoubleSidedAttr().Get(self._time))
         factor = (1.0, 1.0, 1.0, 1.0) if color is None else tuple(color.tolist())
         if appearance is None and color is None and not has_vertex_colors:
@@ -156,7 +154,6 @@ class Gprims:
 
 
 # Triangles of meshes and shapes, with the elements that store their values.
-
 
 _NO_SUBDIVISION = ("none", "")
 
@@ -253,7 +250,7 @@ def _smooth_normals(points: Floats, triangles: Ints) -> Floats:
 
 # Parametric shapes of USD: cubes, spheres, cylinders, cones, capsules, planes.
 
-
+_SHAPES = ("Cube", "Sphere", "Plane", "Cylinder", "Cone", "Capsule")
 _MAX_SIZE = 1e12
 # Rotations of a shape around z to each axis; columns are the shape's axes.
 _FROM_Z = {
@@ -263,62 +260,48 @@ _FROM_Z = {
 }
 
 
+def is_shape(prim: Usd.Prim) -> bool:
+    """True for a parametric shape."""
+    return str(prim.GetTypeName()).removesuffix("_1") in _SHAPES
+
+
 def read_shape(prim: Usd.Prim, time: Usd.TimeCode, meters_per_unit: float) -> Surface:
     """Triangles of a shape in stage units, with a resolution that suits its size in meters."""
-    surface = _SHAPES[str(prim.GetTypeName())](prim, time, meters_per_unit)
-    axis = prim.GetAttribute("axis")
-    turn = _FROM_Z.get(str(axis.Get(time)) if axis else "Z", np.eye(3))
+
+    def size_m(key: str) -> float:
+        value = prim.GetAttribute(key).Get(time)
+        if not isinstance(value, float) or not (math.isfinite(value) and 0.0 <= value < _MAX_SIZE):
+            raise SceneError(f"{prim.GetPath()}.{key} = {value!r:.40}: expected a number ≥ 0")
+        return value * meters_per_unit
+
+    kind, axis = str(prim.GetTypeName()).removesuffix("_1"), prim.GetAttribute("axis")
+    along = str(axis.Get(time)) if axis else "Z"
+    has_two_radii = bool(prim.GetAttribute("radiusBottom"))
+    radii = ("radiusBottom", "radiusTop") if has_two_radii else ("radius", "radius")
+    if kind == "Cube":
+        surface = primitives.box(np.full(3, 0.5 * size_m("size")))
+    elif kind == "Sphere":
+        surface = primitives.ellipsoid(np.full(3, size_m("radius")))
+    elif kind == "Plane":  # faces +axis; its width is along x, or along z if it faces x
+        width, length = 0.5 * size_m("width"), 0.5 * size_m("length")
+        surface = primitives.rectangle(*((width, length) if along == "Z" else (length, width)))
+    elif kind == "Capsule":
+        bottom, top = map(size_m, radii)
+        if bottom != top:
+            raise SceneError(f"{prim.GetPath()}: expected a capsule of one radius, got two")
+        surface = primitives.capsule(bottom, 0.5 * size_m("height"))
+    else:
+        half_length, (bottom, top) = 0.5 * size_m("height"), map(size_m, radii)
+        if kind == "Cylinder" and bottom == top:
+            surface = primitives.cylinder(bottom, half_length)
+        else:
+            surface = _frustum(bottom, 0.0 if kind == "Cone" else top, half_length)
+    turn = _FROM_Z.get(along, np.eye(3))
     return Surface(
         surface.positions @ turn.T / meters_per_unit,
         surface.triangles,
         None if surface.normals is None else surface.normals @ turn.T,
     )
-
-
-def is_shape(prim: Usd.Prim) -> bool:
-    """True for a parametric shape."""
-    return str(prim.GetTypeName()) in _SHAPES
-
-
-def _cube(prim: Usd.Prim, time: Usd.TimeCode, unit: float) -> Surface:
-    return primitives.box(np.full(3, 0.5 * _size(prim, "size", time, unit)))
-
-
-def _sphere(prim: Usd.Prim, time: Usd.TimeCode, unit: float) -> Surface:
-    return primitives.ellipsoid(np.full(3, _size(prim, "radius", time, unit)))
-
-
-def _plane(prim: Usd.Prim, time: Usd.TimeCode, unit: float) -> Surface:
-    """Plane that faces +axis; its width is along x, or along z if it faces x."""
-    width, length = (0.5 * _size(prim, key, time, unit) for key in ("width", "length"))
-    sizes = {"X": (length, width), "Y": (length, width), "Z": (width, length)}
-    return primitives.rectangle(*sizes[str(UsdGeom.Plane(prim).GetAxisAttr().Get(time))])
-
-
-def _cylinder(prim: Usd.Prim, time: Usd.TimeCode, unit: float) -> Surface:
-    half_length = 0.5 * _size(prim, "height", time, unit)
-    bottom, top = _radii(prim, time, unit)
-    if bottom == top:
-        return primitives.cylinder(bottom, half_length)
-    return _frustum(bottom, top, half_length)
-
-
-def _cone(prim: Usd.Prim, time: Usd.TimeCode, unit: float) -> Surface:
-    half_length = 0.5 * _size(prim, "height", time, unit)
-    return _frustum(_size(prim, "radius", time, unit), 0.0, half_length)
-
-
-def _capsule(prim: Usd.Prim, time: Usd.TimeCode, unit: float) -> Surface:
-    bottom, top = _radii(prim, time, unit)
-    if bottom != top:
-        raise SceneError(f"{prim.GetPath()}: expected a capsule of one radius, got two")
-    return primitives.capsule(bottom, 0.5 * _size(prim, "height", time, unit))
-
-
-_SHAPES: dict[str, Callable[[Usd.Prim, Usd.TimeCode, float], Surface]] = {
-    "Cube": _cube, "Sphere": _sphere, "Plane": _plane, "Cylinder": _cylinder,
-    "Cylinder_1": _cylinder, "Cone": _cone, "Capsule": _capsule, "Capsule_1": _capsule,
-}  # fmt: skip
 
 
 def _frustum(bottom_m: float, top_m: float, half_length_m: float) -> Surface:
@@ -338,22 +321,7 @@ def _frustum(bottom_m: float, top_m: float, half_length_m: float) -> Surface:
     return Surface(positions, whole.triangles[areas > 0.0], normals)
 
 
-def _radii(prim: Usd.Prim, time: Usd.TimeCode, unit: float) -> tuple[float, float]:
-    if prim.GetAttribute("radiusBottom"):
-        return _size(prim, "radiusBottom", time, unit), _size(prim, "radiusTop", time, unit)
-    radius = _size(prim, "radius", time, unit)
-    return radius, radius
-
-
-def _size(prim: Usd.Prim, key: str, time: Usd.TimeCode, unit: float) -> float:
-    value = prim.GetAttribute(key).Get(time)
-    if not isinstance(value, float) or not (math.isfinite(value) and 0.0 <= value < _MAX_SIZE):
-        raise SceneError(f"{prim.GetPath()}.{key} = {value!r:.40}: expected a number ≥ 0")
-    return value * unit
-
-
 # Corners of a mesh's faces: primvars, polygons as triangles, corners as vertices.
-
 
 _MAX_KEY = 2**62
 
@@ -437,7 +405,11 @@ def make_vertices(corners: Corners, primvars: list[PrimvarValues | None]) -> Ver
     code = points
     for primvar, own in zip(primvars, rows, strict=True):
         if primvar is not None and own is not None and not primvar.is_shared:
-            code = _paired(code, _ranks(primvar.values)[own])
+            ranks = _ranks(primvar.values)[own]
+            size = int(ranks.max(initial=0)) + 1
+            if int(code.max(initial=0)) >= _MAX_KEY // size:
+                code = np.unique(code, return_inverse=True)[1]
+            code = code * size + ranks  # equal if and only if both numbers are
     _, first, inverse = np.unique(code, return_index=True, return_inverse=True)
     return Vertices(
         points[first],
@@ -447,14 +419,6 @@ def make_vertices(corners: Corners, primvars: list[PrimvarValues | None]) -> Ver
             for primvar, own in zip(primvars, rows, strict=True)
         ],
     )
-
-
-def _paired(first: Ints, second: Ints) -> Ints:
-    """Keys (n,) that are equal if and only if both numbers are equal."""
-    size = int(second.max(initial=0)) + 1
-    if int(first.max(initial=0)) >= _MAX_KEY // size:
-        first = np.unique(first, return_inverse=True)[1]
-    return first * size + second
 
 
 def _ranks(values: Floats) -> Ints:
@@ -469,7 +433,6 @@ def _ranks(values: Floats) -> Ints:
 
 
 # Triangulation of polygons in 3D: fans for convex ones, ear clipping for the others.
-
 
 _FLAT = 1e-9  # tolerance relative to the largest turn, against rounding errors at reflex corners
 
@@ -498,7 +461,10 @@ def triangulate(
         # the diagonal of a quad starts at its reflex corner
         first = is_reflex.argmax(axis=1) if count == 4 else np.zeros(len(loops), np.int64)
         is_concave = is_reflex.any(axis=1) & (count > 4)
-        corners.append(_fans(loops, first)[~is_concave].reshape(-1, 3))
+        rotated = np.take_along_axis(loops, (first[:, None] + np.arange(count)) % count, axis=1)
+        apexes = np.broadcast_to(rotated[:, :1], (len(loops), count - 2))
+        fans = np.stack((apexes, rotated[:, 1:-1], rotated[:, 2:]), axis=2)
+        corners.append(fans[~is_concave].reshape(-1, 3))
         polygons.append(np.repeat(rows[~is_concave], count - 2))
         for row in np.flatnonzero(is_concave):
             axis = int(np.argmax(np.abs(normals[row])))  # projected along it, counter-clockwise
@@ -510,14 +476,6 @@ def triangulate(
     every = np.concatenate(polygons)
     order = np.argsort(every, kind="stable")
     return np.concatenate(corners)[order], every[order]
-
-
-def _fans(loops: Ints, first: Ints) -> Ints:
-    """Triangle fans (n, k - 2, 3) of polygons (n, k), from the `first` (n,) corner of each."""
-    count = loops.shape[1]
-    rotated = np.take_along_axis(loops, (first[:, None] + np.arange(count)) % count, axis=1)
-    apexes = np.broadcast_to(rotated[:, :1], (len(loops), count - 2))
-    return np.stack((apexes, rotated[:, 1:-1], rotated[:, 2:]), axis=2)
 
 
 def _turns(corners: Floats) -> tuple[Floats, Floats]:

@@ -167,7 +167,6 @@ class Lights:
 # Source: OpenUSD, previewSurface of Hydra Storm, projectToLatLong: the map's center is at +z,
 # with +x to the left and +y at the top.
 
-
 MAX_ROWS = 2048
 ROWS_AT_ONCE = 64  # limits memory use
 MAX_RADIANCE = 1e9
@@ -199,7 +198,6 @@ def dome_map(texture: Sdf.AssetPath, layout: str, world_from_dome: Floats) -> Fl
 
 
 def _read(resolved: str) -> Floats32 | None:
-    """Linear RGB (height, width, 3) of a file or package member; None: unreadable."""
     try:
         data = content_of(resolved)
     except OSError:

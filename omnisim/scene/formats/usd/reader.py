@@ -44,7 +44,6 @@ def _read(path: Path, axes: FileAxes) -> tuple[ImportedScene, Floats, Sources]:
 
 # Function calls in a separate process, to contain a library's crashes, output and memory use.
 
-
 Result = TypeVar("Result")
 # Processor time: a stage of some hundred megabytes takes a minute, a damaged one may never end.
 LIMIT_CPU_S = 300

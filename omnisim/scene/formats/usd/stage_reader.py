@@ -73,17 +73,24 @@ class _Reader:
         self._assets, self._textures = AssetResolver(path), TextureStore()
         self._stage = open_stage(path, self._notices)
         note_file(path)
-        self._time = first_time(self._stage)
-        stated = stage_axes(self._stage)
-        unit = stated.meters_per_unit if axes.meters_per_unit is None else axes.meters_per_unit
-        self._world_from_stage = world_from_axes(
-            axes.up_axis or stated.up_axis or "y", 1.0 if unit is None else unit
-        )
+        # the first frame, or else the earliest time of each attribute
+        self._time = Usd.TimeCode.EarliestTime()
+        if self._stage.HasAuthoredTimeCodeRange():
+            self._time = Usd.TimeCode(self._stage.GetStartTimeCode())
+        unit, up_axis = UsdGeom.GetStageMetersPerUnit(self._stage), axes.up_axis
+        if not 0.0 < unit < 1e30:
+            raise SceneError(f"metersPerUnit = {unit:g}: expected a number > 0")
+        unit = unit if axes.meters_per_unit is None else axes.meters_per_unit
+        up_axis = up_axis or str(UsdGeom.GetStageUpAxis(self._stage)).lower() or "y"
+        self._world_from_stage = world_from_axes(up_axis, unit)
         files = TextureFiles(self._assets, self._textures, self._notices)
         surfaces = Surfaces(files, self._time, self._notices)
-        self._gprims = Gprims(surfaces, self._time, unit or 1.0, self._notices)
+        self._gprims = Gprims(surfaces, self._time, unit, self._notices)
         self._lights = Lights(self._world_from_stage, self._time, self._notices)
-        self._walk = Walk(self._stage, self._time, self._notices)
+        self._children = Usd.TraverseInstanceProxies()
+        roots = self._stage.GetPseudoRoot().GetChildren()
+        alone = roots[0] if len(roots) == 1 else None
+        self._whole = self._stage.GetDefaultPrim() or alone  # contains the whole stage
         self._start: StartPose | None = None
         self._cameras = Cameras()
         self._copies_of: dict[str, list[_PlacedMesh]] = {}
@@ -118,10 +125,9 @@ class _Reader:
         return read, self._world_from_stage
 
     def _placed(self, root: Usd.Prim, frame_from_parent: Floats, nested: int) -> list[_PlacedMesh]:
-        """Meshes of a prim and its descendants, in the frame of its parent."""
         placed: list[_PlacedMesh] = []
         owners: dict[str, str] = {}  # object names by path
-        for site in self._walk.sites(root, frame_from_parent):
+        for site in self._sites(root, frame_from_parent):
             prim = site.prim
             if is_light(prim):
                 if not nested:
@@ -130,7 +136,7 @@ class _Reader:
                 world_from_camera = self._world_from_stage @ site.stage_from_prim
                 self._start = self._start or start_of_camera(world_from_camera)
                 lens = read_lens(partial(lens_of, prim, self._time))
-                self._cameras.add(self._walk.path_name(prim), world_from_camera, lens)
+                self._cameras.add(self._path_name(prim), world_from_camera, lens)
             elif prim.IsA(UsdGeom.PointInstancer):
                 placed += self._copies(site, owners, nested)
             elif prim.IsA(UsdGeom.Mesh) or is_shape(prim):
@@ -163,7 +169,7 @@ class _Reader:
         """
         owner = site.owner
         if owner is None:
-            return self._distinct(self._walk.path_name(site.prim)), site.stage_from_prim, ""
+            return self._distinct(self._path_name(site.prim)), site.stage_from_prim, ""
         if owner.path not in owners:
             owners[owner.path] = self._distinct(owner.name)
         return owners[owner.path], owner.stage_from_object, owner.class_name
@@ -207,62 +213,8 @@ class _Reader:
         self._names[name] += 1
         return name if not count else self._distinct(f"{name}_{count}")
 
-
-def _labels(class_of: dict[str, str]) -> tuple[LabelRule, ...]:
-    """Label rules of the objects' classes, in alphabetical order."""
-    return tuple(
-        LabelRule(
-            number,
-            name,
-            distinct_color(number),
-            tuple(each for each, own in class_of.items() if own == name),
-        )
-        for number, name in enumerate(sorted(set(class_of.values())), start=1)
-    )
-
-
-# Traversal of a stage: visible prims, their poses, and the objects that contain them.
-
-
-MAX_DEPTH = 500  # nesting depth of prims, which Sdf paths do not limit
-_DRAWN = (UsdGeom.Tokens.default_, UsdGeom.Tokens.render)
-
-
-class ObjectFrame(NamedTuple):
-    """Object that contains prims: a component, or a prim with a class."""
-
-    name: str
-    path: str
-    stage_from_object: Floats  # (4, 4) transform
-    class_name: str = ""  # semantic class; empty: none
-
-
-class Site(NamedTuple):
-    """Prim with its inherited properties."""
-
-    prim: Usd.Prim  # the prim itself, or its proxy in an instance
-    stage_from_prim: Floats  # (4, 4) transform
-    purpose: str = UsdGeom.Tokens.default_  # purpose of UsdGeomImageable
-    owner: ObjectFrame | None = None  # object that contains the prim; None: no object
-
-    @property
-    def is_drawn(self) -> bool:
-        """True for the purposes default and render."""
-        return self.purpose in _DRAWN
-
-
-class Walk:
-    """Traversal of visible prims, parents before children, in stage order."""
-
-    def __init__(self, stage: Usd.Stage, time: Usd.TimeCode, notices: Omissions):
-        self._time, self._notices = time, notices
-        self._children = Usd.TraverseInstanceProxies()
-        default = stage.GetDefaultPrim()
-        roots = stage.GetPseudoRoot().GetChildren()
-        self._whole = default or (roots[0] if len(roots) == 1 else None)
-
-    def sites(self, root: Usd.Prim, stage_from_parent: Floats) -> Iterator[Site]:
-        """Sites of a prim and its descendants, except those below a PointInstancer."""
+    def _sites(self, root: Usd.Prim, stage_from_parent: Floats) -> Iterator[Site]:
+        """Sites of a prim and its visible descendants, parents first, but below PointInstancers."""
         stack = [(Site(root, stage_from_parent), 0)]
         while stack:
             parent, depth = stack.pop()
@@ -277,7 +229,7 @@ class Walk:
             children = site.prim.GetFilteredChildren(self._children)
             stack += [(site._replace(prim=child), depth + 1) for child in reversed(children)]
 
-    def path_name(self, prim: Usd.Prim) -> str:
+    def _path_name(self, prim: Usd.Prim) -> str:
         """Path of a prim, relative to the prim that contains the whole stage."""
         path = prim.GetPath()
         if self._whole and path != self._whole.GetPath() and path.HasPrefix(self._whole.GetPath()):
@@ -320,8 +272,48 @@ class Walk:
             return stage_from_parent @ parent_from_prim
 
 
-# Semantic classes of prims: UsdSemantics, and Omniverse's older schema.
+def _labels(class_of: dict[str, str]) -> tuple[LabelRule, ...]:
+    return tuple(
+        LabelRule(
+            number,
+            name,
+            distinct_color(number),
+            tuple(each for each, own in class_of.items() if own == name),
+        )
+        for number, name in enumerate(sorted(set(class_of.values())), start=1)
+    )
 
+
+# Traversal of a stage: visible prims, their poses, and the objects that contain them.
+
+MAX_DEPTH = 500  # nesting depth of prims, which Sdf paths do not limit
+_DRAWN = (UsdGeom.Tokens.default_, UsdGeom.Tokens.render)
+
+
+class ObjectFrame(NamedTuple):
+    """Object that contains prims: a component, or a prim with a class."""
+
+    name: str
+    path: str
+    stage_from_object: Floats  # (4, 4) transform
+    class_name: str = ""  # semantic class; empty: none
+
+
+class Site(NamedTuple):
+    """Prim with its inherited properties."""
+
+    prim: Usd.Prim  # the prim itself, or its proxy in an instance
+    stage_from_prim: Floats  # (4, 4) transform
+    purpose: str = UsdGeom.Tokens.default_  # purpose of UsdGeomImageable
+    owner: ObjectFrame | None = None  # object that contains the prim; None: no object
+
+    @property
+    def is_drawn(self) -> bool:
+        """True for the purposes default and render."""
+        return self.purpose in _DRAWN
+
+
+# Semantic classes of prims: UsdSemantics, and Omniverse's older schema.
 
 _LABELS = "semantics:labels:"
 _TAXONOMIES = ("class", "category")  # in order of preference
@@ -391,7 +383,6 @@ def read_copies(instancer: UsdGeom.PointInstancer, time: Usd.TimeCode) -> list[C
 
 # Opening of USD stages, with usd-core's errors as one-line messages.
 
-
 _LIGHTS = ("SphereLight", "DiskLight", "RectLight", "CylinderLight", "DistantLight", "DomeLight")
 _READ_TYPES = ("Mesh", "Camera", *_LIGHTS)  # types all of whose properties are looked at
 _MAX_FAULT = 200  # characters of usd-core's message
@@ -414,15 +405,8 @@ def open_stage(path: Path, notices: Omissions) -> Usd.Stage:
             notices.count("files of MaterialX are not read", "reference")
         else:
             notices.add(f"{text}: drawn without it")
-    _compare_axes(stage, notices)
-    return stage
-
-
-def _compare_axes(stage: Usd.Stage, notices: Omissions) -> None:
-    """Add a notice for each layer whose unit or up axis differs from the stage's.
-
-    USD does not convert, and viewers do not either: a composed prim is in the stage's unit.
-    """
+    # a layer may have another unit or up axis than the stage: USD does not convert, and viewers do
+    # not either
     axes = ("metersPerUnit", UsdGeom.GetStageMetersPerUnit(stage)), (
         "upAxis", UsdGeom.GetStageUpAxis(stage)
     )  # fmt: skip
@@ -436,14 +420,7 @@ def _compare_axes(stage: Usd.Stage, notices: Omissions) -> None:
         if others:
             name = Path(layer.realPath).name
             notices.add(f"{name}: {', '.join(others)} of the stage: USD does not convert it")
-
-
-def stage_axes(stage: Usd.Stage) -> FileAxes:
-    """Up axis and unit of a stage; the defaults are y and centimeters."""
-    unit = UsdGeom.GetStageMetersPerUnit(stage)
-    if not 0.0 < unit < 1e30:
-        raise SceneError(f"metersPerUnit = {unit:g}: expected a number > 0")
-    return FileAxes(str(UsdGeom.GetStageUpAxis(stage)).lower(), unit)
+    return stage
 
 
 def stage_parts(stage: Usd.Stage, time: Usd.TimeCode) -> Parts:
@@ -461,20 +438,12 @@ def stage_parts(stage: Usd.Stage, time: Usd.TimeCode) -> Parts:
                 yield name, str(attribute.Get(time)) if is_value else "targets"
 
 
-def first_time(stage: Usd.Stage) -> Usd.TimeCode:
-    """Time of the stage's first frame, or else the earliest time of each attribute."""
-    if stage.HasAuthoredTimeCodeRange():
-        return Usd.TimeCode(stage.GetStartTimeCode())
-    return Usd.TimeCode.EarliestTime()
-
-
 def _relative(text: str, path: Path) -> str:
     """Message on one line, with paths relative to the stage's folder."""
     return re.sub(re.escape(f"{path.resolve().parent}/"), "", " ".join(text.split()))
 
 
 # Cameras of a stage: start poses and lenses.
-
 
 _LEVEL = 1e-6  # minimum horizontal part of a viewing direction that has a heading
 

@@ -110,7 +110,6 @@ class _PreviewSurface:
         return Appearance(material, self._uv, diffuse.primvar, opacity.primvar)
 
     def _base(self, material: Material, diffuse: ShaderInput, opacity: ShaderInput) -> Material:
-        """Material with its base color and alpha."""
         color, texture = diffuse.color((0.18, 0.18, 0.18)), None
         if diffuse.primvar:
             color = (1.0, 1.0, 1.0)
@@ -216,7 +215,6 @@ def _relative(target: Affine, applied: Affine) -> Affine:
 
 
 # Shading networks: values and connections, texture files, OmniPBR.
-
 
 Affine = tuple[tuple[float, float, float], tuple[float, float, float]]
 Rgba = tuple[float, float, float, float]
@@ -391,7 +389,6 @@ def numbers(value: object, default: tuple[float, ...]) -> tuple[float, ...]:
 
 # Textures of a stage, from files and package members, each decoded once.
 
-
 CHANNELS = {"r": 0, "g": 1, "b": 2, "a": 3}
 _WRAPS = {"clamp": Wrap.CLAMP_TO_EDGE, "black": Wrap.CLAMP_TO_EDGE}
 
@@ -509,7 +506,6 @@ def _plane(pixels: Bytes, source: TextureSource, channel: str) -> Bytes:
 
 
 def _levels(scale: float, bias: float) -> Bytes:
-    """Lookup table (256,) of levels after a scale and a bias."""
     values = np.rint(np.arange(256) * scale + 255.0 * bias)
     return np.clip(values, 0, 255).astype(np.uint8)
 
@@ -524,7 +520,6 @@ def _resized(pixels: Bytes, shape: NDArray[np.integer]) -> Bytes:
 
 
 # OmniPBR, the material of Omniverse and Isaac Sim, without its gloss maps.
-
 
 OMNI_PBR_NAMES = ("OmniPBR", "OmniPBR_Opacity")
 _MAPS = (
@@ -580,7 +575,6 @@ def read_omni_pbr(
 
 
 def _asset_texture(inputs: Inputs, key: str) -> TextureSource | None:
-    """Texture of an input whose value is an asset."""
     value = inputs.get(key).value
     if not isinstance(value, Sdf.AssetPath) or not value.path:
         return None

@@ -212,7 +212,6 @@ def _quote(value: object) -> str:
 # Gazebo's parser is lenient, and Gazebo's own worlds depend on it: they contain comments with
 # double hyphens, undeclared namespace prefixes and unescaped ampersands.
 
-
 MAX_BYTES = 1 << 28
 MAX_DEPTH = 128
 _COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)
