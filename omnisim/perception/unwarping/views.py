@@ -111,13 +111,16 @@ def birdseye_view(
 
 
 def highest_elevation_deg(camera: CentralCamera, base_from_optical: NDArray[np.float64]) -> float:
-    """Find the highest whole degree of elevation, up to 60, visible at all azimuths; 0: none.
+    """Find the highest whole degree of elevation, up to 60, visible at all azimuths.
+
+    If there is none, as of a lens that looks ahead, the highest one visible anywhere; else 0.
 
     Args:
         camera: level or tilted camera.
         base_from_optical: (3, 3) rotation from its optical frame to the vehicle's base.
     """
     azimuth = np.radians(np.arange(0.0, 360.0, 5.0))
+    highest_deg = 0.0
     for elevation_deg in range(60, -60, -1):
         elevation = math.radians(elevation_deg)
         base = np.stack(
@@ -134,9 +137,12 @@ def highest_elevation_deg(camera: CentralCamera, base_from_optical: NDArray[np.f
             & (pixels.positions_px <= (camera.width_px - 1, camera.height_px - 1)),
             axis=-1,
         )
-        if np.all(pixels.valid & inside):
+        seen = pixels.valid & inside
+        if seen.all():
             return float(elevation_deg)
-    return 0.0
+        if seen.any():
+            highest_deg = max(highest_deg, float(elevation_deg))
+    return highest_deg
 
 
 def _turned(yaw_rad: float, pitch_rad: float = 0.0) -> NDArray[np.float64]:
