@@ -142,7 +142,7 @@ def check_central(camera: CentralCamera, use: str) -> None:
         )
 
 
-def without_prefix(reason: Exception) -> str:
+def without_prefix(reason: Exception | str) -> str:
     """Message of an error of a camera's parameters, without the word camera in front of the key."""
     return str(reason).removeprefix("camera: ").removeprefix("camera.")
 

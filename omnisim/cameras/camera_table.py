@@ -27,13 +27,16 @@ def camera_from_table(parameters: Mapping[str, Any], source: str, key: str) -> C
     try:
         camera = camera_from_parameters(parameters)
     except OpticsError as reason:
-        message = without_prefix(reason).partition("\n")[0]
+        message, *others = map(without_prefix, str(reason).split("\n"))
+        others = [line.removesuffix(": missing") for line in others if line.endswith(": missing")]
         missing, _, rest = message.partition(": missing")
         for name in parameters if missing != message and not rest else ():
             hint = did_you_mean(name, [missing])
             # a key that is misspelled, and no other key of a model
             if hint.startswith("did") and not any(name in one for one in FIELDS):
                 message = f"{name}: unknown key; {hint}"
+        if message.endswith(": missing"):
+            message = f"{', '.join((message.removesuffix(': missing'), *others))}: missing"
         raise SensorFileError(f"{source}: {key}.{message}") from None
     known = camera.parameters()
     for name in parameters:

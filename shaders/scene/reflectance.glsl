@@ -18,6 +18,7 @@ const float PI = 3.14159265358979;
 const float MIN_ROUGHNESS = 0.04, MAX_TRACED_ROUGHNESS = 0.5;
 const float COAT_F0 = 0.04;
 const float MIN_COSINE = 1e-3;
+const float ABOVE = 1e-3;  // omnisim/rendering/rays/shading/reflections.py
 
 struct Reflectance {
     vec3 body;          // light scattered below the surface of a dielectric
@@ -76,11 +77,19 @@ vec3 reflected_lamp(
 }
 
 // Dominant direction of reflected light: the rougher the surface, the nearer to the normal.
+// It is above the surface, whatever a normal map says.
 // Source: Lagarde and de Rousiers, "Moving Frostbite to PBR", 2014, listing 22.
-vec3 dominant_direction(vec3 normal, vec3 view, float roughness) {
+vec3 dominant_direction(vec3 normal, vec3 shape_normal, vec3 view, float roughness) {
     float alpha = roughness * roughness;
     float share = (1.0 - alpha) * (sqrt(1.0 - alpha) + alpha);
+#if defined(NORMAL_MAP) || defined(CLEARCOAT_NORMAL_MAP)
+    vec3 facing = view - 2.0 * min(dot(normal, view), 0.0) * normal;
+    vec3 direction = normalize(mix(normal, reflect(-facing, normal), share));
+    float below = max(ABOVE - dot(direction, shape_normal), 0.0);
+    return normalize(direction + below * shape_normal);
+#else
     return normalize(mix(normal, reflect(-view, normal), share));
+#endif
 }
 
 // Radiance around a direction, given the surroundings' light on a white surface.
@@ -129,8 +138,8 @@ vec3 light_of_surroundings(vec3 position, vec3 normal, vec3 shape_normal) {
 #endif
 
 vec3 reflected_environment(
-    Reflectance surface, vec3 position, vec3 normal, vec3 coat_normal, vec3 view, float coat,
-    vec3 light) {
+    Reflectance surface, vec3 position, vec3 normal, vec3 coat_normal, vec3 shape_normal, vec3 view,
+    float coat, vec3 light) {
     float spread = reflected_spread(normal, view);
     float coat_spread = reflected_spread(coat_normal, view);
     float cosine = clamp(abs(dot(normal, view)), MIN_COSINE, 1.0);
@@ -139,8 +148,8 @@ vec3 reflected_environment(
     vec3 total = surface.body * (1.0 - lost) * light
         + (surface.f0 * shares.x + surface.f90 * shares.y)
             * reflected_surroundings(
-                position, dominant_direction(normal, view, surface.roughness), surface.roughness,
-                spread, normal, light);
+                position, dominant_direction(normal, shape_normal, view, surface.roughness),
+                surface.roughness, spread, normal, light);
 #ifdef PLANAR_MIRRORS
     ivec2 at;
     uint mirror = mirror_at(position, at);
@@ -164,7 +173,8 @@ vec3 reflected_environment(
             clamp(abs(dot(coat_normal, view)), MIN_COSINE, 1.0), surface.coat_roughness).xy;
         total += coat * (coated.x + coated.y)
             * reflected_surroundings(
-                position, dominant_direction(coat_normal, view, surface.coat_roughness),
+                position,
+                dominant_direction(coat_normal, shape_normal, view, surface.coat_roughness),
                 surface.coat_roughness, coat_spread, coat_normal, light);
     }
     return surface.occlusion * total;
@@ -205,7 +215,8 @@ vec3 reflected_light(
     float coat = surface.coat * mix(COAT_F0, 1.0, pow(1.0 - coat_cosine, 5.0));
     vec3 light = light_of_surroundings(position, normal, shape_normal);
     vec3 total = (1.0 - coat) * surface.emissive
-        + reflected_environment(surface, position, normal, coat_normal, view, coat, light);
+        + reflected_environment(
+            surface, position, normal, coat_normal, shape_normal, view, coat, light);
     vec3 area = surface_area(position);
 #ifdef IN_MIRROR
     widen_highlights(surface, position, shape_normal);

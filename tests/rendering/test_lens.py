@@ -49,7 +49,12 @@ def test_lens_from_a_sensor_file(tmp_path):
     ("old", "new", "words"),
     [
         ("equidistant", "equidistand", r"lens\.model: expected one of .*, got 'equidistand'"),
-        ("focal_length_px = 90.0\n", "", r"lens\.focal_length_px: missing"),
+        ("focal_length_px = 90.0\n", "", r"lens\.focal_length_px: missing$"),
+        (
+            "focal_length_px = 90.0\nprincipal_point_px = [160.25, 118.5]\n",
+            "",
+            r"lens\.focal_length_px, principal_point_px: missing$",
+        ),
         ("90.0", "'90'", r"lens\.focal_length_px: expected a number, got '90'"),
         (
             "theta_max_deg",

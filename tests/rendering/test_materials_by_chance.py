@@ -70,6 +70,12 @@ def test_few_materials_by_chance_are_those_of_rays(first):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("number", [23, 255, 263])
+def test_normal_maps_reflect_nothing_below_the_surface(number):
+    assert differing_share(number) <= MAX_SHARE
+
+
+@pytest.mark.slow
 @pytest.mark.long
 def test_most_materials_by_chance_are_those_of_rays():
     shares = np.array([differing_share(number) for number in range(100, 200)])

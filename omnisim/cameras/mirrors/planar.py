@@ -25,7 +25,7 @@ from omnisim.core.coordinate_frames import FLIP_Z, RIG_FROM_OPTICAL_LOOKING_UP
 
 @dataclass(frozen=True)
 class PlanarCamera(PerspectiveCamera):
-    """Camera that looks at a plane mirror; see `PerspectiveCamera` for its attributes."""
+    """Camera that looks at a plane mirror."""
 
     model_name = "planar"
     _rig_from_optical: ClassVar[NDArray[np.float64]] = RIG_FROM_OPTICAL_LOOKING_UP

@@ -19,7 +19,7 @@ from omnisim.cameras.parametric_camera import WideTheta
 
 @dataclass(frozen=True)
 class EquidistantCamera(FisheyeCamera):
-    """Fisheye with r = f θ; see `FisheyeCamera` for its attributes."""
+    """Fisheye lens: r = f θ."""
 
     theta_max_rad: WideTheta = math.pi
     """Angle from the axis where the domain ends."""

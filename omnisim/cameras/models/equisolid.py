@@ -19,7 +19,7 @@ from omnisim.cameras.parametric_camera import WideTheta
 
 @dataclass(frozen=True)
 class EquisolidCamera(FisheyeCamera):
-    """Fisheye with r = 2 f sin(θ/2); see `FisheyeCamera` for its attributes."""
+    """Fisheye lens: r = 2 f sin(θ/2)."""
 
     theta_max_rad: WideTheta = math.pi
     """Angle from the axis where the domain ends."""

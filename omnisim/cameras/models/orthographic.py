@@ -21,7 +21,7 @@ from omnisim.core.files.parameters import Typical
 
 @dataclass(frozen=True)
 class OrthographicCamera(FisheyeCamera):
-    """Fisheye with r = f sin θ; see `FisheyeCamera` for its attributes."""
+    """Fisheye lens: r = f sin θ."""
 
     theta_max_rad: Annotated[ThetaMax, Typical(math.radians(70.0), math.radians(90.0))] = (
         0.5 * math.pi

@@ -24,7 +24,7 @@ LIMIT_RAD = math.radians(150.0)
 
 @dataclass(frozen=True)
 class StereographicCamera(FisheyeCamera):
-    """Fisheye with r = 2 f tan(θ/2); see `FisheyeCamera` for its attributes."""
+    """Fisheye lens: r = 2 f tan(θ/2)."""
 
     theta_max_rad: Annotated[ThetaMax, Typical(math.radians(90.0), math.radians(120.0))] = LIMIT_RAD
     """Angle from the axis where the domain ends."""

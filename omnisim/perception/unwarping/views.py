@@ -96,11 +96,14 @@ def birdseye_view(
 
 
 def highest_elevation_deg(camera: CentralCamera, base_from_optical: NDArray[np.float64]) -> float:
-    """Highest whole degree of elevation, up to 60, visible at all azimuths; 0: none.
+    """Highest whole degree of elevation, up to 60, visible at all azimuths.
+
+    If there is none, as of a lens that looks ahead, the highest one visible anywhere; else 0.
 
     `base_from_optical` is the (3, 3) rotation of the camera, level or tilted.
     """
     azimuth = np.radians(np.arange(0.0, 360.0, 5.0))
+    highest_deg = 0.0
     for elevation_deg in range(60, -60, -1):
         elevation = math.radians(elevation_deg)
         x, y = math.cos(elevation) * np.cos(azimuth), math.cos(elevation) * np.sin(azimuth)
@@ -108,9 +111,12 @@ def highest_elevation_deg(camera: CentralCamera, base_from_optical: NDArray[np.f
         pixels = camera.pixel_from_ray(base @ base_from_optical)
         last = camera.width_px - 1, camera.height_px - 1
         inside = (pixels.positions_px >= 0.0) & (pixels.positions_px <= last)
-        if np.all(pixels.valid & inside.all(axis=-1)):
+        seen = pixels.valid & inside.all(axis=-1)
+        if seen.all():
             return float(elevation_deg)
-    return 0.0
+        if seen.any():
+            highest_deg = max(highest_deg, float(elevation_deg))
+    return highest_deg
 
 
 def _turned(yaw_rad: float, pitch_rad: float = 0.0) -> NDArray[np.float64]:

@@ -21,7 +21,6 @@ from omnisim.ground_truth.hits import (
     LidarBeams,
     ThroughHits,
 )
-from omnisim.rendering.camera.degradations.effect import ImageGeometry, LinearImage
 from omnisim.rendering.camera.degradations.encoding import Encoding, eight_bits
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage
 from omnisim.rendering.contract import (

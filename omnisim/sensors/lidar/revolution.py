@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from omnisim.core.errors import OmnisimError
 from omnisim.ground_truth.hits import LidarPoses, Revolution, Slice
-from omnisim.rendering.degraded_camera import MovingBoxes
 from omnisim.rendering.truth.moving_boxes import MovingBoxes
 
 SLICES = (8, 16, 32, 64)  # candidate numbers of slices of a revolution with motion

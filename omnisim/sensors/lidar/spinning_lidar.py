@@ -36,7 +36,6 @@ from omnisim.core.short_repr import short_repr
 from omnisim.core.world import Motion, ObjectPart, WorldState
 from omnisim.ground_truth.hits import EchoLimits, LidarBeams, LidarPoses
 from omnisim.rendering.contract import BeamCaster, LabelCache, Pending
-from omnisim.rendering.degraded_camera import MovingBoxes
 from omnisim.rendering.instrument import Instrument
 from omnisim.rendering.sensor import Moment, Mount, SensorSettings
 from omnisim.rendering.shared_scene import SharedScene

@@ -9,12 +9,13 @@ import pytest
 
 from omnisim.apps.cli.options import ENTRIES
 from omnisim.apps.doctor import OK, Result
+from omnisim.cameras.optics import read_optics_file, write_corners
 from tests.apps.cli import test_usage_errors  # noqa: F401 - imports the requests of all commands
 from tests.apps.cli.measure.conftest import write_series
+from tests.cameras.optics.boards.test_calibrate import boards_of
 from tests.datasets.plans import write_plan
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
-CORNERS = "image,x_m,y_m,u_px,v_px\n"
 # Commands in their order; later ones read what earlier ones wrote. `N` is a new folder each.
 COMMANDS = """
 render rings -o N/a.png --size 32 --quality fast --faces N/f --rays N/r.exr --calibration N/c.json
@@ -32,14 +33,14 @@ scene show rings --plot N/s.png
 scene convert rings -o N/s.glb
 robot import robot.ini -o N/r.toml
 drive soccer --robot superscout --path path.csv --size 64 --quality fast --step 1 -o N/run
-drive soccer --robot superscout --path path.csv --size 64 --step 1 --also semantic,instance -o run
+drive soccer --robot superscout --path path.csv --size 64 --step 0.4 --also semantic,instance -o run
 record rings --trajectory poses.tum --size 32 --quality fast -o N/rig
 plot run -o N/p.png
 video run -o N/v.mp4
 export run --to tum -o N/tum
 landmarks train run -o N/m.npz
 landmarks train run -o m.npz
-landmarks detect run --model m.npz -o N/d.csv --show N/d
+landmarks detect run --model m.npz -o N/d.csv --show N/d.png
 localize run -o N/l
 evaluate run --with wheels -o N/e
 generate plan.toml -o N/set
@@ -73,6 +74,8 @@ def _outputs():
 @pytest.fixture
 def inputs(tmp_path):
     shutil.copy(EXAMPLES / "optics" / "sphere.toml", tmp_path / "ball.toml")
+    ball = read_optics_file(tmp_path / "ball.toml")
+    write_corners(tmp_path / "corners.csv", boards_of(ball, 3))
     (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     (tmp_path / "path.csv").write_text("x_m,y_m\n0,0\n2,0\n")
     (tmp_path / "poses.tum").write_text("0 0 0 1 0 0 0 1\n1 0.1 0 1 0 0 0 1\n")

@@ -8,7 +8,6 @@ from omnisim.core.errors import MeasurementError
 from omnisim.core.srgb import srgb_from_linear
 from omnisim.measurement.sharpness import measure_sharpness
 from omnisim.rendering.camera.degradations import ChromaticAberration, Encoding, PointSpread
-from omnisim.rendering.camera.degradations.effect import ImageGeometry
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
 from omnisim.validation.checks.measured.sharpness import (
     AnalyticLens,

@@ -5,13 +5,21 @@ import math
 import numpy as np
 import pytest
 
-from omnisim.cameras import HyperbolicCamera, PerspectiveCamera, pixel_grid
+from omnisim.cameras import EquidistantCamera, HyperbolicCamera, PerspectiveCamera, pixel_grid
 from omnisim.cameras.mirrors import HyperbolicMirror
-from omnisim.core.coordinate_frames import RIG_FROM_OPTICAL_LOOKING_UP
+from omnisim.core.coordinate_frames import (
+    BASE_FROM_OPTICAL_LOOKING_AHEAD,
+    RIG_FROM_OPTICAL_LOOKING_UP,
+)
 from omnisim.core.errors import OpticsError
 from omnisim.core.srgb import linear_from_srgb
 from omnisim.perception.unwarping.unwarping import Unwarping
-from omnisim.perception.unwarping.views import birdseye_view, cylinder_view, perspective_view
+from omnisim.perception.unwarping.views import (
+    birdseye_view,
+    cylinder_view,
+    highest_elevation_deg,
+    perspective_view,
+)
 
 CAMERA = HyperbolicCamera.framed_on_rim(HyperbolicMirror(), 600, 600)
 BASE_FROM_OPTICAL = RIG_FROM_OPTICAL_LOOKING_UP
@@ -117,6 +125,17 @@ def test_what_the_camera_does_not_see_is_masked():
     assert not unwarp.valid[elevations > math.radians(15.0)].any()
     assert not unwarp.valid[:, :100].any()
     assert unwarp.valid[120:, 102:].all()
+
+
+def test_a_cylinder_of_a_lens_ahead_reaches_the_top_of_its_image():
+    ahead = BASE_FROM_OPTICAL_LOOKING_AHEAD
+    fisheye = EquidistantCamera(640, 640, 193.0, (319.5, 319.5), math.radians(95.0))
+    assert highest_elevation_deg(fisheye, ahead) == 60.0
+    # 55° × 43°: half of the height is visible
+    pinhole = PerspectiveCamera(640, 480, 610.0, (319.5, 239.5))
+    assert highest_elevation_deg(pinhole, ahead) == 21.0
+    # at all azimuths; the rim, at 15°, is halfway through the outermost pixels
+    assert highest_elevation_deg(CAMERA, BASE_FROM_OPTICAL) == 14.0
 
 
 def test_bad_views_are_named():

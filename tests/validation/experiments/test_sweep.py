@@ -7,7 +7,6 @@ import pytest
 
 from omnisim.perception.localization.filter import Observation
 from omnisim.rendering.camera.degradations.defocus import Defocus
-from omnisim.rendering.camera.degradations.effect import ImageGeometry
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
 from omnisim.validation.experiments.experiment_runs import in_field_of_view
 from omnisim.validation.experiments.sweep import CAUSES, degraded

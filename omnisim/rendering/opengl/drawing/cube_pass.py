@@ -330,7 +330,7 @@ class CubeLayers:
         )
         self._positions = written_buffer(context, 16 * count * len(programs.positions_m))
 
-    def draw(self, poses: Sequence[tuple[Float64s, Sequence[Float64s]]]) -> None:
+    def draw(self, poses: Sequence[tuple[Pose, Poses]]) -> None:
         """Draw from poses of rigs and dynamic objects that all share the shadow maps."""
         rigs = np.array([rig for rig, _ in poses])
         objects = np.array([objects for _, objects in poses])

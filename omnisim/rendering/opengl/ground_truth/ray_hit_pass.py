@@ -25,7 +25,7 @@ from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.pixel_readback import PixelReadback, Pixels, Read
 from omnisim.rendering.opengl.gl.shader_files import build_program, columns_first, uniform
 from omnisim.rendering.opengl.ground_truth.hit_tables import HitTables
-from omnisim.rendering.opengl.ground_truth.visibility_pass import VisibilityPass, atlas_formats
+from omnisim.rendering.opengl.ground_truth.visibility_pass import VisibilityPass
 from omnisim.rendering.opengl.ground_truth.visibility_program import atlas_formats
 
 _UNITS = {"u_albedos": 4, "u_gloss": 5, "u_emission": 7}

@@ -13,7 +13,7 @@ import numpy as np
 from omnisim.core.array_types import Floats
 from omnisim.core.bilinear import sample
 from omnisim.rendering.rays.shading.lights import LampLight, ambient_light
-from omnisim.rendering.rays.shading.reflections import TracedGloss
+from omnisim.rendering.rays.shading.reflections import ABOVE, TracedGloss, facing_views
 from omnisim.scene.model import Lighting
 from omnisim.scene.surface_reflectance import COAT_F0, environment_table, smith_visibility
 
@@ -41,6 +41,7 @@ class SurfaceDirections(NamedTuple):
     # (n, 3) normal-mapped unit normals of the surface and its clear coat
     normals: Floats
     coat_normals: Floats
+    shape_normals: Floats  # (n, 3) unit normals before normal mapping
     views: Floats  # (n, 3) unit directions toward the origins of the rays
 
 
@@ -128,14 +129,15 @@ def _environment(
     gloss = surface.f0 * shares[:, :1] + surface.f90[:, None] * shares[:, 1:2]
     light = ambient_light(lighting, normals.astype(np.float32)) if baked is None else baked
     total = body * light
-    reflected = gloss * _radiance(lighting, normals, views, surface.roughness, baked)
+    reflected = gloss * _radiance(lighting, directions, normals, surface.roughness, baked)
     if traced is not None and traced.gloss is not None:
         reflected[traced.gloss.indices] = traced.gloss.light
     total += reflected
     total *= (1.0 - coat)[:, None]
     if coat.any():
         coated = _shares(_cosines(directions.coat_normals, views), surface.coat_roughness)
-        seen = _radiance(lighting, directions.coat_normals, views, surface.coat_roughness, baked)
+        normals, roughness = directions.coat_normals, surface.coat_roughness
+        seen = _radiance(lighting, directions, normals, roughness, baked)
         reflected = (coat * coated[:, :2].sum(axis=1))[:, None] * seen
         if traced is not None and traced.coat is not None:
             indices = traced.coat.indices
@@ -145,12 +147,16 @@ def _environment(
 
 
 def _radiance(
-    lighting: Lighting, normals: Floats, views: Floats, roughness: Floats, baked: Floats | None
+    lighting: Lighting,
+    surface: SurfaceDirections,
+    normals: Floats,
+    roughness: Floats,
+    baked: Floats | None,
 ) -> Floats:
     """Prefiltered radiance (n, 3) of the environment in the dominant direction of reflection.
 
-    With baked light, the environment map is scaled by the share of its light that reaches the
-    surface.
+    Directions of mapped normals that point into the surface are moved above it. With baked light,
+    the environment map is scaled by the share of its light that reaches the surface.
     Source: Lagarde and de Rousiers, "Moving Frostbite to PBR", 2014, listing 22; Lazarov, "Getting
     more physical in Call of Duty: Black Ops II", 2013.
     """
@@ -158,10 +164,15 @@ def _radiance(
         return baked
     total: Floats = np.tile(np.array(lighting.ambient), (len(normals), 1))
     if lighting.environment is not None:
+        is_mapped = (normals != surface.shape_normals).any(axis=1)
+        views = np.where(is_mapped[:, None], facing_views(normals, surface.views), surface.views)
         mirrored = 2.0 * _dot(normals, views)[:, None] * normals - views
         alpha = roughness * roughness
         share = ((1.0 - alpha) * (np.sqrt(1.0 - alpha) + alpha))[:, None]
         toward = normals + share * (mirrored - normals)
+        toward /= np.linalg.norm(toward, axis=1, keepdims=True)
+        below = np.maximum(ABOVE - _dot(toward, surface.shape_normals), 0.0) * is_mapped
+        toward += below[:, None] * surface.shape_normals
         toward /= np.linalg.norm(toward, axis=1, keepdims=True)
         total = total + lighting.environment.light(toward, roughness)
     if baked is not None:

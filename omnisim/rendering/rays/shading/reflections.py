@@ -27,10 +27,10 @@ from omnisim.scene.surface_reflectance import MAX_TRACED_ROUGHNESS, MIN_ROUGHNES
 
 MAX_BOUNCES = 6  # reflections along a path; the next surface is shaded as if it were rough
 RAYS_PER_SAMPLE = 8  # at the first rough surface of a path; further bounces take one
+ABOVE = 1e-3  # minimum cosine between a reflected ray and the surface, whatever its normals
 _MIN_WEIGHT = 1.0 / 512.0  # share of a reflection in its sample: half an 8-bit step of white
 # Offset of reflected rays from their surface: a constant, and a factor of the path's length.
 _START_M, _START_SHARE = 1e-5, 1e-5
-_ABOVE = 1e-3  # minimum cosine between a reflected ray and the triangle's plane
 # Steps of the additive recurrence R2, in units of 2⁻³²
 _R2_STEPS = tuple(round(2.0**32 * 1.32471795724474602596**-power) for power in (1, 2))
 
@@ -180,13 +180,22 @@ def _cones(lobe: Lobe, arrivals: Arrivals, paths: Paths) -> Floats:
     return np.stack((angles, widths_m), axis=1)
 
 
+def facing_views(normals: Floats, views: Floats) -> Floats:
+    """Unit directions (n, 3) toward the viewer, mirrored to the front of normals seen from behind.
+
+    Normal maps and interpolated normals may face away from a viewer who sees the surface.
+    """
+    behind = np.minimum(np.einsum("nc,nc->n", normals, views), 0.0)
+    return views - 2.0 * behind[:, None] * normals
+
+
 def _reflected(
     lobe: Lobe, arrivals: Arrivals, paths: Paths, transmits: bool
 ) -> tuple[Rays, Float32s | None, Floats]:
     """Reflected or transmitted rays (n,), their footprints (n, 2, 3), and their factors (n, 3)."""
     rays, hits, footprints, _ = arrivals
-    views = -rays.directions
     facets = lobe.normals.astype(np.float64)
+    views = facing_views(facets, -rays.directions)
     squared = lobe.roughness.astype(np.float64) ** 4
     glossy = np.flatnonzero(lobe.roughness > MIN_ROUGHNESS)
     if len(glossy):
@@ -200,7 +209,7 @@ def _reflected(
         shadowed = _shadowing(lobe.normals, views, directions, squared)
         factors[glossy] *= shadowed[glossy, None]
     planes = hits.planes / np.maximum(np.linalg.norm(hits.planes, axis=1), 1e-30)[:, None]
-    below = np.maximum(_ABOVE - np.einsum("nc,nc->n", directions, planes), 0.0)
+    below = np.maximum(ABOVE - np.einsum("nc,nc->n", directions, planes), 0.0)
     directions += below[:, None] * planes  # interpolated normals may reflect into the surface
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     starts_m = _START_M + _START_SHARE * hits.ranges_m

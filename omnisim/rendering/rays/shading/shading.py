@@ -321,7 +321,7 @@ class Shading:
         """Light (n, 3), linear RGB, from surfaces of which some are not matte."""
         surfaces, sampled = self.surfaces(view.hits), self.sampler(view)
         mapped, coat = (self._mapped(slot, normals, view, sampled) for slot in NORMAL_SCALES)
-        directions = SurfaceDirections(mapped, coat, -view.rays.directions)
+        directions = SurfaceDirections(mapped, coat, normals, -view.rays.directions)
         reflectance = self.table.reflectance(surfaces, colors, sampled)
         traced = scattered = spreads = None
         if tracing is not None:

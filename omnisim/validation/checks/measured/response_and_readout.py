@@ -17,7 +17,6 @@ from omnisim.measurement.geometry import BoardView, Chessboard
 from omnisim.measurement.geometry.board_detection import find_board
 from omnisim.measurement.response import measure_response, measure_vignetting
 from omnisim.measurement.timing import line_profiles, measure_readout, measure_timing
-from omnisim.rendering.camera.degradations.effect import ImageGeometry
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
 from omnisim.report.report import Measure, ResultTable, Section
 from omnisim.validation.fixture import Fixture

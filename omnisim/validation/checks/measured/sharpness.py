@@ -11,7 +11,6 @@ from scipy.optimize import brentq
 from scipy.special import j1, ndtr
 
 from omnisim.measurement.sharpness import MeasuredSharpness, measure_sharpness
-from omnisim.rendering.camera.degradations.effect import ImageGeometry
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
 from omnisim.report.report import Measure, ResultTable, Section
 from omnisim.validation.fixture import Fixture

@@ -8,6 +8,7 @@ from omnisim.rendering.opengl.materials.scene_textures import MaterialTextures
 from omnisim.rendering.rays.geometry import Surface
 from omnisim.rendering.rays.shading.ray_textures import TextureTable
 from omnisim.scene.model import AlphaMode, Material, Texture, Wrap
+from omnisim.scene.parts import IDENTITY_UV
 from tests.scenes import square
 
 FRAGMENT = """#version 430 core
@@ -71,3 +72,21 @@ def test_surfaces_without_textures_have_none():
         ]
     )
     assert table.texture_of_surface.tolist() == [-1, -1]
+
+
+@pytest.mark.parametrize("is_turned", [False, True])
+def test_coordinates_are_those_of_the_set_after_the_transform(is_turned):
+    transforms = IDENTITY_UV, ((0.5, -2.0, 0.25), (1.5, 0.0, -3.0)) if is_turned else IDENTITY_UV
+    textures = [
+        Texture(np.zeros((2, 2, 4), np.uint8), uv_set=uv_set, uv_transform=transform)
+        for uv_set, transform in enumerate(transforms)
+    ]
+    surfaces = (Surface("", None, Material(texture=one), True, True) for one in textures)
+    table = TextureTable(surfaces)
+    first, second = np.random.default_rng(4).normal(size=(2, 5, 3, 2)).astype(np.float32)
+    numbers = np.array([0, 1, 0, 1, 1])
+    placed = table.place(numbers, first, second)
+    given = np.where((numbers == 1)[:, None, None], second, first)
+    matrix = np.array(transforms, np.float32)[numbers]
+    expected = np.einsum("nkj,nij->nki", given, matrix[:, :, :2]) + matrix[:, None, :, 2]
+    np.testing.assert_array_equal(placed, expected)
