@@ -187,9 +187,8 @@ def shape_schemas() -> dict[str, type[Table]]:
 
 @overriding(
     Surface,
-    *("name", "shape", "medium", "rim_radius_m", "rim_center_m", "hole_radius_m"),
     defaults={"name": None, "rim_radius_m": None},
-    are_first=True,
+    order=("name", "shape", "medium", "rim_radius_m", "rim_center_m", "hole_radius_m"),
 )
 class SurfaceTable(AlignmentTable):
     """A mirror or a boundary between media; tables are in the order in which rays meet them.
@@ -328,9 +327,8 @@ class CameraTable(AlignmentTable):
 
 @overriding(
     OpticalSystem,
-    *("medium", "looking", "origin_m", "color", "chromatic", "camera", "surfaces", "obstacles"),
     defaults={},
-    are_first=True,
+    order=("medium", "looking", "origin_m", "color", "chromatic", "camera", "surfaces"),
 )
 class OpticsFile(Table):
     """A complete optics file."""
