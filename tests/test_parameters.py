@@ -268,7 +268,7 @@ def test_a_table_has_fields_of_a_class():
     assert (texts["far_m"], texts["near_m"]) == ("Its own.", "Nearest surface.")
 
 
-@overriding(Lens, "near_m", "own", "half_deg", defaults={}, are_first=True)
+@overriding(Lens, "near_m", "half_deg", defaults={}, order=("near_m", "own", "half_deg"))
 class Ordered(Table):
     """A lens, and a key of its own."""
 

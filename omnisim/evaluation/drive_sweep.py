@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
 
-from omnisim.core.errors import OmnisimError, OutputError
+from omnisim.core.errors import OmnisimError, OutputError, PlanError
 from omnisim.core.files.sources import fingerprint
 from omnisim.datasets.export.recording import Recording
 from omnisim.datasets.generate.workers import threads_shared
@@ -134,3 +134,44 @@ def _measure(
         for name in plan.estimators
     ]  # fmt: skip
     return PointResult(point, tuple(outcomes), drive_folder / RUN, estimates)
+
+
+def run_sweep_on_ray(
+    plan: SweepPlan, points: Sequence[SweepPoint], folder: Path, address: str | None = None
+) -> Iterator[PointResult]:
+    """Record and evaluate drives on a Ray cluster with shared folders, a task each; yields results.
+
+    Args:
+        plan: plan of the sweep.
+        points: points of the sweep.
+        folder: folder with a subfolder for each drive, which all machines can write.
+        address: address of the cluster; None: a cluster on this machine.
+
+    Raises:
+        OmnisimError: the first fault other than a failed estimator, or an unreachable cluster.
+    """
+    import ray  # of an extra
+
+    from omnisim.datasets.generate.ray_cluster import ONE_THREAD, RESTARTS, ray_cluster
+
+    with ray_cluster(address):
+        measure = ray.remote(num_cpus=1, max_retries=RESTARTS)(_measured_or_fault)
+        pending = [
+            measure.options(runtime_env=ONE_THREAD).remote(plan, group, folder.resolve())
+            for group in points_by_drive(points)
+        ]
+        while pending:
+            (done,), pending = ray.wait(pending)
+            result = ray.get(done)
+            if isinstance(result, str):
+                raise PlanError(result)
+            yield from result
+
+
+def _measured_or_fault(
+    plan: SweepPlan, points: Sequence[SweepPoint], folder: Path
+) -> list[PointResult] | str:
+    try:
+        return measure_drive(plan, points, folder, ChildProcesses())
+    except OmnisimError as reason:
+        return str(reason)

@@ -14,6 +14,7 @@ from pydantic import Field
 from omnisim.cameras import CentralCamera
 from omnisim.core.arrays import Bytes, Floats, Floats32, bounds_of
 from omnisim.core.files.parameters import (
+    NOT_IN_FILES,
     AboveZero,
     Fraction,
     Level,
@@ -340,8 +341,8 @@ class Light:
     direction: NDArray[np.float64] = field(default_factory=lambda: np.array([0.0, 0.0, -1.0]))
     range_m: Positive = math.inf
     """Distance at which the light of a point or spot lamp ends, m. Default: infinite."""
-    cone_cosines: tuple[float, float] = (1.0, 0.0)
-    casts_shadow: bool = True  # True: surfaces block the light, except those within `LAMP_NEAR_M`
+    cone_cosines: tuple[float, float] = field(default=(1.0, 0.0), metadata=NOT_IN_FILES)
+    casts_shadow: bool = field(default=True, metadata=NOT_IN_FILES)
 
     def __repr__(self) -> str:
         return short_repr(self, self.kind.value, f"intensity {self.intensity:g}")

@@ -18,7 +18,7 @@ from omnisim.cameras.optics.media import Medium, medium_parameter
 from omnisim.cameras.optics.shapes import Shape
 from omnisim.cameras.optics.shapes.shape import Floats
 from omnisim.core.errors import OpticsError
-from omnisim.core.files.parameters import Coordinate, Length, Number, Parameters
+from omnisim.core.files.parameters import NOT_IN_FILES, Coordinate, Length, Number, Parameters
 from omnisim.core.poses import check_pose
 
 Place = tuple[Coordinate, Coordinate, Coordinate]
@@ -46,7 +46,9 @@ class Surface:
     """
 
     shape: Shape
-    system_from_surface: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
+    system_from_surface: NDArray[np.float64] = field(
+        default_factory=lambda: np.eye(4), metadata=NOT_IN_FILES
+    )
     rim_radius_m: Length = math.inf
     """Radius of its rim in meters; default: the extent of its shape."""
     rim_center_m: tuple[Coordinate, Coordinate] = (0.0, 0.0)

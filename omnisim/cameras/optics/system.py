@@ -49,7 +49,7 @@ from omnisim.core.coordinate_frames import (
     RIG_FROM_OPTICAL_LOOKING_UP,
 )
 from omnisim.core.errors import OpticsError
-from omnisim.core.files.parameters import Flag
+from omnisim.core.files.parameters import NOT_IN_FILES, Flag
 from omnisim.core.poses import check_pose, pose_from_rotation
 from omnisim.core.short_repr import counted, short_repr
 
@@ -82,12 +82,14 @@ class OpticalSystem:
     obstacles: Annotated[tuple[Rod, ...], Field(max_length=64)] = ()
     medium: Medium = "air"
     """Medium around the camera: a name, a refractive index, or three indices for R, G and B."""
-    system_from_camera: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
+    system_from_camera: NDArray[np.float64] = field(
+        default_factory=lambda: np.eye(4), metadata=NOT_IN_FILES
+    )
     origin_m: Place = (0.0, 0.0, 0.0)
     """Origin of the sensor's frame, meters in the system's frame; default: the camera's pinhole."""
     color: Primary | None = None
     """Primary whose wavelength is refracted; default: helium's d line."""
-    orientation: NDArray[np.float64] | None = None
+    orientation: NDArray[np.float64] | None = field(default=None, metadata=NOT_IN_FILES)
     chromatic: Flag = False
     """Render red, green and blue along rays of their own wavelengths, at three times the cost.
     Ground truth uses green."""

@@ -27,7 +27,7 @@ from omnisim.cameras.optics.shapes import (
 from omnisim.cameras.optics.surface import Place, Surface
 from omnisim.cameras.optics.system import ORIENTATIONS, OpticalSystem
 from omnisim.core import poses
-from omnisim.core.errors import OmnisimError, OpticsError, SensorFileError
+from omnisim.core.errors import OmnisimError, OpticsError, SensorFileError, did_you_mean
 from omnisim.core.files.parameters import (
     Coordinate,
     Length,
@@ -187,9 +187,8 @@ def shape_schemas() -> dict[str, type[Table]]:
 
 @overriding(
     Surface,
-    *("name", "shape", "medium", "rim_radius_m", "rim_center_m", "hole_radius_m"),
     defaults={"name": None, "rim_radius_m": None},
-    are_first=True,
+    order=("name", "shape", "medium", "rim_radius_m", "rim_center_m", "hole_radius_m"),
 )
 class SurfaceTable(AlignmentTable):
     """A mirror or a boundary between media; tables are in the order in which rays meet them.
@@ -222,6 +221,10 @@ class SurfaceTable(AlignmentTable):
     def _make_surfaces(self, source: str, key: str) -> list[Surface]:
         given = dict(self.__pydantic_extra__ or {})
         table = SHAPE_TABLES.get(self.shape) or table_of(_PARAMETRIC[self.shape])
+        for name in given:
+            hint = did_you_mean(name, (*table.model_fields, *type(self).model_fields))
+            if name not in table.model_fields and hint.startswith("did"):
+                raise SensorFileError(f"{source}: {key}.{name}: unknown key; {hint}")
         shape = parse_table(given, table, SensorFileError, source, key)
         if isinstance(shape, PortShape | DomeShape):
             if self.medium is None:
@@ -328,9 +331,8 @@ class CameraTable(AlignmentTable):
 
 @overriding(
     OpticalSystem,
-    *("medium", "looking", "origin_m", "color", "chromatic", "camera", "surfaces", "obstacles"),
     defaults={},
-    are_first=True,
+    order=("medium", "looking", "origin_m", "color", "chromatic", "camera", "surfaces"),
 )
 class OpticsFile(Table):
     """A complete optics file."""

@@ -36,7 +36,7 @@ import dataclasses
 import math
 import types
 import typing
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from enum import Enum
 from typing import Annotated, Any, ClassVar, TypeVar, cast, get_args, get_origin, get_type_hints
 
@@ -320,7 +320,7 @@ def _file_fields(kind: type, file_key: Callable[[str], str]) -> Iterator[tuple[s
 
 
 def overriding(
-    kind: type, *names: str, defaults: Mapping[str, Any] | None = None, are_first: bool = False
+    kind: type, *names: str, defaults: Mapping[str, Any] | None = None, order: Sequence[str] = ()
 ) -> Callable[[type[TableT]], type[TableT]]:
     """Decorator that adds the fields of a class to the keys of a table.
 
@@ -329,7 +329,7 @@ def overriding(
         names: keys of the fields to add; empty: all.
         defaults: defaults that differ from the class's; None: each key is optional, as a value that
             is given takes the place of that of a device.
-        are_first: True: first keys of the table, in the order of `names`, which may have its own.
+        order: keys that come first, of the class or of the table; others follow as they are.
     """
 
     def add(base: type[TableT]) -> type[TableT]:
@@ -342,10 +342,9 @@ def overriding(
             base.__name__, __base__=base, __doc__=base.__doc__, __module__=base.__module__, **fields
         )
         made.fields_of = kind
-        if are_first:
+        if order:
             own = made.model_fields
-            order = dict.fromkeys((*names, *fields, *own))
-            made.__pydantic_fields__ = {key: own[key] for key in order}
+            made.__pydantic_fields__ = {key: own[key] for key in dict.fromkeys((*order, *own))}
         return made
 
     return add

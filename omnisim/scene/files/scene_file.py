@@ -100,7 +100,9 @@ class ObjectTrajectoryTable(Table):
 MotionTable = ObjectPathTable | ObjectTrajectoryTable | Orbit | Shuttle
 
 
-@overriding(FreeBody)
+@overriding(
+    FreeBody, order=("name", "file", "up_axis", "animation", "position_m", "yaw_deg", "mass_kg")
+)
 class ObjectTable(Table):
     """Dynamic object, moved by one of path, trajectory, orbit and shuttle; static without them."""
 
@@ -142,12 +144,7 @@ class ObjectTable(Table):
         return next((value for _, value in self if isinstance(value, MotionTable)), None)
 
 
-@overriding(
-    LabelRule,
-    *("name", "nodes", "color", "id"),
-    defaults={"color": None, "id": None},
-    are_first=True,
-)
+@overriding(LabelRule, defaults={"color": None, "id": None}, order=("name", "nodes", "color"))
 class LabelTable(Table):
     """Class of instances; `omnisim/scene/labels.py` explains the keys."""
 

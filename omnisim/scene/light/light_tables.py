@@ -58,9 +58,8 @@ class LightTable(Table):
 
 @overriding(
     Light,
-    *("kind", "position_m", "direction", "intensity", "color", "range_m"),
     defaults={"color": (1.0, 1.0, 1.0), "range_m": None},
-    are_first=True,
+    order=("kind", "position_m", "direction", "intensity", "color", "range_m"),
 )
 class LampTable(Table):
     """Lamp, in addition to those of the mesh file."""
@@ -125,8 +124,7 @@ class SunTable(Table):
     """Cast shadows."""
 
 
-@overriding(Fog, "color", defaults={}, are_first=True)
-@overriding(Fog, "attenuation_per_m")
+@overriding(Fog, defaults={"attenuation_per_m": None}, order=("color", "visibility_m"))
 class FogTable(Table):
     """Homogeneous fog or water between the camera and the surfaces."""
 

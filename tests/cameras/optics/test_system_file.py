@@ -55,6 +55,10 @@ def test_misalignment_is_about_the_vertex():
         ({"shape": "ball"}, "surfaces.0.shape: expected "),
         ({"radius_m": "wide"}, "surfaces.0.radius_m: expected "),
         ({"radios_m": 1.0}, "surfaces.0.radios_m: unknown key; did you mean 'radius_m'?"),
+        (
+            {"hole_raduis_m": 0.01},
+            "surfaces.0.hole_raduis_m: unknown key; did you mean 'hole_radius_m'?",
+        ),
         ({"position_m": None}, "surfaces.0.position_m: missing"),
         ({"medium": "honey"}, "surfaces.0.medium: expected vacuum, air, water, acrylic, glass, a"),
         ({"shape": "conic", "radius_m": 0.0}, "surfaces.0.radius_m: expected a number of meters"),

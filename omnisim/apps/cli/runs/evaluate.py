@@ -13,7 +13,7 @@ from omnisim.core.errors import OmnisimError, PlanError
 from omnisim.core.extras import require_extra
 from omnisim.core.files.atomic_file import write_text
 from omnisim.datasets.export.recording import Recording
-from omnisim.evaluation.drive_sweep import PointResult, run_sweep
+from omnisim.evaluation.drive_sweep import PointResult, run_sweep, run_sweep_on_ray
 from omnisim.evaluation.estimator_registry import COMMAND, ESTIMATORS, estimator_named
 from omnisim.evaluation.run_evaluation import Outcome, estimator_folder, evaluate_estimator
 from omnisim.evaluation.sweep_plan import find_plan, read_plan
@@ -110,8 +110,6 @@ def _sweep(request: EvaluateRequest, path: Path) -> None:
     folder = request.output / DRIVES
     if request.engine == "ray":
         require_extra("ray", "omnisim evaluate --engine ray")
-        from omnisim.evaluation.ray_sweep import run_sweep_on_ray
-
         steps = run_sweep_on_ray(plan, points, folder, request.address)
     else:
         steps = run_sweep(plan, points, folder, request.processes)
