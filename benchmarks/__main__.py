@@ -125,7 +125,7 @@ def _make_folder(folder: Path, names: list[str]) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as reason:
-        raise OutputError(f"{folder}: cannot be made: {reason.strerror}") from None
+        raise OutputError(f"{folder}: cannot be created: {reason.strerror}") from None
     for name in names:
         for suffix in (".json", ".png"):
             check_target(folder / f"{name}{suffix}")

@@ -87,13 +87,8 @@ def _section(
             CaptionedFigure("fig13-errors", errors_figure([panel]),
                     "Distance from the true position, and how many landmarks the gate let through.")
         )  # fmt: skip
-    return Section(
-        run.name,
-        "Successors of the paper's Fig. 11, 12 and 13.",
-        track_measures(track, truth),
-        figures=figures,
-        notices=warnings,
-    )
+    text, measures = "Successors of the paper's Fig. 11, 12 and 13.", track_measures(track, truth)
+    return Section(run.name, text, measures, figures=figures, notices=warnings)
 
 
 def track_measures(track: Track, truth: NDArray[np.float64] | None) -> list[Measure]:

@@ -76,19 +76,14 @@ def sphere_of_pixels(model: CentralCamera) -> NDArray[np.int64]:
 def chart(lighting: Lighting) -> Scene:
     """Scene of the chart in the given lighting."""
     materials, meshes, instances = [], [], []
-    shape = sphere(RADIUS_M)
+    shape, color = sphere(RADIUS_M), (*BASE_COLOR, 1.0)
     pairs = itertools.product(ROUGHNESS, METALLIC)
     for number, ((roughness, metallic), center_m) in enumerate(
         zip(pairs, centers_m(), strict=True)
     ):
+        name = f"roughness {roughness:g}, metallic {metallic:g}"
         materials.append(
-            Material(
-                f"roughness {roughness:g}, metallic {metallic:g}",
-                (*BASE_COLOR, 1.0),
-                metallic=metallic,
-                roughness=roughness,
-                specular=1.0,
-            )
+            Material(name, color, metallic=metallic, roughness=roughness, specular=1.0)
         )
         name = f"sphere {number}"
         meshes.append(replace(shape, name=name, material=number))

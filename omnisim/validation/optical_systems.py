@@ -108,13 +108,9 @@ def traced_rays(system: OpticalSystem, count: int = 97) -> TracedAxialRays:
     if not kept.any():
         raise OpticsError("optics: expected a pixel that sees something, got none")
     into, across = into[kept], across[kept]
-    return TracedAxialRays(
-        pixels[kept],
-        into[:, :2] / across[:, None],
-        np.arctan2(across, into[:, 2]),
-        rays.origins_m[kept],
-        rays.directions[kept],
-    )
+    outward, beta_rad = into[:, :2] / across[:, None], np.arctan2(across, into[:, 2])
+    origins_m, directions = rays.origins_m[kept], rays.directions[kept]
+    return TracedAxialRays(pixels[kept], outward, beta_rad, origins_m, directions)
 
 
 def sphere(beta: Floats, vertex_m: float, radius_m: float) -> AxialRays:

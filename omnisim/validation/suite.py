@@ -46,11 +46,6 @@ def make_report(sections: Sequence[Section], is_quick: bool, machine: dict[str, 
     notices += [f"Left out: {'; '.join(left_out)}."] if left_out else []
     notices += [f"Not checked: {part.title}: {part.skipped}" for part in sections if part.skipped]
     seconds = round(sum(section.seconds or 0.0 for section in sections), 1)
-    return Report(
-        "Validation",
-        "Images against the paper's equations and independent oracles.",
-        sections,
-        {"quick": is_quick, "left_out": left_out, "seconds": seconds},
-        notices,
-        machine,
-    )
+    facts = {"quick": is_quick, "left_out": left_out, "seconds": seconds}
+    text = "Images against the paper's equations and independent oracles."
+    return Report("Validation", text, sections, facts, notices, machine)

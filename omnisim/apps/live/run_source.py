@@ -98,15 +98,10 @@ class RunSource:
         arm_m = np.zeros(3)
         if frame.world_from_optical is not None:
             arm_m = base[:3, :3].T @ (frame.world_from_optical[:3, 3] - base[:3, 3])
-        return LiveFrame(
-            self.camera.model,
-            pose_from_rotation(frame.base_from_optical, arm_m),
-            base,
-            frame.pixels,
-            path.read_bytes() if draw.is_fine else None,
-            stored.read(tuple(names)) if names else {},
-            stored.labels if names else None,
-        )
+        base_from_optical = pose_from_rotation(frame.base_from_optical, arm_m)
+        png = path.read_bytes() if draw.is_fine else None
+        truth = (stored.read(tuple(names)), stored.labels) if names else ({}, None)
+        return LiveFrame(self.camera.model, base_from_optical, base, frame.pixels, png, *truth)
 
     def files(self, draw: Draw) -> dict[str, bytes]:
         """Contents of the camera's files at a step, by file name."""

@@ -150,7 +150,7 @@ class Session:
             if isinstance(message, messages.Probe):
                 self._probe = job  # replaces the previous one, as the mouse has moved
             elif len(self._jobs) >= MAX_JOBS:
-                raise OutputError("save: expected fewer at once, others are being written")
+                raise OutputError("save: too many at once: others are still being written")
             else:
                 self._jobs.append(job)
             self._condition.notify()

@@ -112,7 +112,7 @@ def direction_in(view: View, u: float, v: float) -> NDArray[np.float64]:
     pixel = np.array((u * view.camera.width_px - 0.5, v * view.camera.height_px - 0.5))
     rays = view.camera.ray_from_pixel(pixel)
     if not rays.valid:
-        raise OpticsError("no ray here: outside of the lens or the mirror")
+        raise OpticsError("no ray here: outside the lens or mirror")
     return view.base_from_view @ rays.directions
 
 

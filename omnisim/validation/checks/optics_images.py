@@ -157,15 +157,10 @@ def check(fixture: Fixture, title: str) -> Section:
                 Measure(f"{name}: image by {FINE} × {FINE} samples per pixel", result.fine_db,
                         "dB", FINE_BOUND_DB, at_least=True),
             ]  # fmt: skip
-        rows.append(
-            (
-                name,
-                str(len(result.markers_px)),
-                f"{mean_abs(result.markers_px):.3f}, {max_abs(result.markers_px):.3f}",
-                f"{max_abs(result.rays_px):.4f}",
-                f"{result.images.decibels:.1f}",
-            )
-        )
+        off_px = result.markers_px
+        centers = str(len(off_px)), f"{mean_abs(off_px):.3f}, {max_abs(off_px):.3f}"
+        ray, decibels = f"{max_abs(result.rays_px):.4f}", f"{result.images.decibels:.1f}"
+        rows.append((name, *centers, ray, decibels))
         images |= beside(name, *result.images)
     columns = ("system", "markers", "mean, largest px", "single rays, largest px", "image, dB")
     return Section(

@@ -99,15 +99,10 @@ def accuracy(matches: Sequence[DetectionMatch], nearest_m: float, farthest_m: fl
     errors = np.array([each.range_error_m for each in right])
     paper = np.array([each.detection.range_eq2_m for each in right if each.detection])
     exact = np.array([each.detection.range_m for each in right if each.detection])
-    return Accuracy(
-        share(len(right), len(present)),
-        share(len(right), len(seen)),
-        _rms(bearings),
-        _rms(errors / ranges),
-        _rms((errors + paper - exact) / ranges),
-        float(np.mean(paper - exact)) if len(right) else math.nan,
-        len(right),
-    )
+    shares = share(len(right), len(present)), share(len(right), len(seen))
+    rms = _rms(bearings), _rms(errors / ranges), _rms((errors + paper - exact) / ranges)
+    eq2_m = float(np.mean(paper - exact)) if right else math.nan
+    return Accuracy(*shares, *rms, eq2_m, len(right))
 
 
 def _rms(values: NDArray[np.float64]) -> float:

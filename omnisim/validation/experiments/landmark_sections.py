@@ -162,14 +162,9 @@ def degradations(
     progress: Progress,
 ) -> Section:
     """Effect of each degradation alone, with increasing strength."""
-    clean, outcomes = sweep(
-        simulated.run,
-        RunLabels(simulated.run, trained.model.colors),
-        trained.model,
-        simulated.odometry_errors,
-        parameters,
-        progress,
-    )
+    run, model, wheels = simulated.run, trained.model, simulated.odometry_errors
+    labels = RunLabels(run, model.colors)
+    clean, outcomes = sweep(run, labels, model, wheels, parameters, progress)
     rows = [("none", "", *_cells(clean))]
     for cause in CAUSES:
         for level, outcome in zip(cause.levels, outcomes[cause.name], strict=True):

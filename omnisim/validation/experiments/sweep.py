@@ -165,14 +165,8 @@ def sweep(
         seen = observations_from_detections(detections, parameters)
         seeds = run_seeds(run, wheels, [seen] * SEEDS, parameters)
         error_m = float(np.median(seeds.errors_m[:, 5:].mean(axis=1)))
-        return Outcome(
-            near.recall,
-            near.precision,
-            near.bearing_rms_rad,
-            near.range_rms_share,
-            alarms / max(others, 1),
-            error_m,
-        )
+        rms = near.bearing_rms_rad, near.range_rms_share
+        return Outcome(near.recall, near.precision, *rms, alarms / max(others, 1), error_m)
 
     tasks = [(cause, level) for cause in CAUSES for level in cause.levels]
     outcomes: dict[str, list[Outcome]] = {cause.name: [] for cause in CAUSES}

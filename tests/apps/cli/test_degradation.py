@@ -32,7 +32,7 @@ def test_render_with_a_preset_a_seed_and_a_motion(omnisim, tmp_path):
 def test_motion_without_exposure_time_is_noted(omnisim, tmp_path):
     status, _, err = omnisim(*RENDER, "-o", "a.png", "--speed", 1)
     assert status == 0
-    assert "shutter takes no time: no motion shows" in err
+    assert "exposure is instantaneous: motion has no effect" in err
 
 
 def test_invalid_motions_are_refused(omnisim, tmp_path):

@@ -81,7 +81,7 @@ def run(request: RenderRequest) -> None:
     speed_mps, turn_rate_degps = request.motion.speed_mps, request.motion.turn_rate_degps
     shutter = camera.degradation.shutter
     if (speed_mps or turn_rate_degps) and not (shutter and shutter.duration_s):
-        print_note("this camera's shutter takes no time: no motion shows")
+        print_note("this camera's exposure is instantaneous: motion has no effect")
     turn_rate_radps = math.radians(turn_rate_degps)
     twist = Twist((speed_mps, 0.0, 0.0), (0.0, 0.0, turn_rate_radps)).through(base)
     time_s, interval_s = request.viewpoint.time_s, request.flow.interval_s

@@ -204,6 +204,6 @@ def _print(measured: MeasuredGeometry, rejected: Sequence[RejectedImage]) -> Non
         print_note(f"{image.name} not used: {image.reason}")
     if measured.rms_px > _MANY_PX:
         print_note(
-            f"{measured.rms_px:.2f} px RMS is more than sharp images leave: several cameras, zoom "
-            "or focus, a board that moved or bent, or a lens that no model describes"
+            f"{measured.rms_px:.2f} px RMS is more than sharp images have; possible causes: "
+            "several cameras, zoom or focus, a moved or bent board, or a lens no model describes"
         )

@@ -318,12 +318,10 @@ def sharpness(request: MeasureSharpnessRequest) -> None:
         center_px = _principal_point_px(camera)
         height, width = read_edge_image(files[0], encoding).shape[:2]
         check_size(files[0], (width, height), camera, request.sensor)
+    images = (read_edge_image(file, encoding) for file in track(files, "Images"))
+    names = [str(path) for path in files]
     measured = measure_sharpness(
-        (read_edge_image(file, encoding) for file in track(files, "Images")),
-        boards=boards,
-        center_px=center_px,
-        encoding=encoding,
-        names=[str(path) for path in files],
+        images, boards=boards, center_px=center_px, encoding=encoding, names=names
     )
     degradation = dict(tables.get("degradation", {}))  # measured effects replace those of a kind
     if measured.point_spread is not None:

@@ -77,7 +77,7 @@ def import_robot(request: ImportRequest) -> None:
         expected = f"expected a configuration of USARSim (.ini) or {models}"
         raise OutputError(f"{request.configuration}: {expected}")
     if request.resources:
-        raise OutputError("--resources: expected with a model of Gazebo's, URDF's or MuJoCo's only")
+        raise OutputError("--resources: expected a Gazebo, URDF or MuJoCo model beside it")
     imported = usarsim.import_robot(
         request.configuration, request.robot_class, request.unreal_units, request.origin_height_m
     )

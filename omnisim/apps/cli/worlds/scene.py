@@ -250,7 +250,7 @@ def bake(request: BakeRequest) -> None:
     _check_distinct(request.world.scene, "the baked light", output)
     scene = load_requested_scene(request.world, baked=NO_BAKED_LIGHT)
     if scene.objects:
-        print_note("dynamic objects are left out: probes light them")
+        print_note("dynamic objects are not baked: probes light them")
     settings = BakeSettings(request.texel_m, request.samples, request.bounces, request.seed)
     began_s = time.monotonic()
     if output is None or request.estimate:

@@ -45,7 +45,7 @@ def test_corners_that_fit_badly_leave_a_note(omnisim, tmp_path):
     options = ("--size", "400", "300", "--model", "kannala_brandt", "-o", "camera.toml")
     status, _, error = omnisim("measure", "geometry", "corners.csv", *options)
     assert status == 0, error
-    assert "px RMS is more than sharp images leave: several cameras, zoom" in error
+    assert "px RMS is more than sharp images have; possible causes: several cameras" in error
 
 
 @pytest.mark.slow
