@@ -32,8 +32,8 @@ def main(start: float, scene_name: str, path: str, device: int | None) -> dict[s
     done(BEFORE)
     import omnisim.apps.cli.app
     import omnisim.apps.cli.images.render  # noqa: F401
-    from omnisim.rendering import cube_backend
     from omnisim.rendering.camera.omnicamera import OmniCamera
+    from omnisim.rendering.opengl import cube_backend
     from omnisim.rendering.stage import Stage
     from omnisim.scene import load_scene
 

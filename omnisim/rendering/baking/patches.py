@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -93,7 +94,8 @@ def build_patches(
     triangle_m2 = 0.5 * np.linalg.norm(np.cross(edges_m[:, 0], edges_m[:, 1]), axis=1)
     spread = _spread_samples(triangle_m2, geometry.first_of_surface, ~has_rect, width * height)
     drawn = rasterize(corners_px, in_atlas, width)
-    samples = Samples(*(np.concatenate(parts) for parts in zip(drawn, spread, strict=True)))
+    columns: Iterator[tuple[NDArray[Any], NDArray[Any]]] = zip(drawn, spread, strict=True)
+    samples = Samples(*(np.concatenate(parts) for parts in columns))
     samples = samples.take(np.argsort(samples.texels, kind="stable"))
     places, first, counts = np.unique(samples.texels, return_index=True, return_counts=True)
     surfaces = geometry.surface_of_triangle[samples.triangles[first]]

@@ -128,7 +128,7 @@ class OpenGLCamera(CameraBackend, Generic[HitsT]):
         if degradation.is_ideal:
             return None
         from omnisim.core.random_numbers import key_of
-        from omnisim.rendering.camera.degradations.effect import ImageGeometry
+        from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
         from omnisim.rendering.opengl.degradation.degradation_pass import DegradationPass
 
         geometry = ImageGeometry.of_camera(self._sensor.model)

@@ -11,7 +11,7 @@ from omnisim.core.errors import OutputError
 from omnisim.core.files.image_files import read_image
 from omnisim.core.package_files import SCENES
 from omnisim.plots.video_file import write_video
-from omnisim.rendering import cube_backend
+from omnisim.rendering.opengl import cube_backend
 
 ROUTE = ["--size", "32", "--step", "2", "--turn-step", "90"]
 DRIVE = ["drive", "soccer", "--robot", "superscout", "--path", "lap_clockwise", *ROUTE]
