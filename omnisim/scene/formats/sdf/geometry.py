@@ -136,7 +136,7 @@ def _submesh_names(data: bytes) -> dict[str, tuple[str, str]]:
     Source: gz-common, graphics/src/ColladaLoader.cc, `LoadNode`.
     """
     import collada  # type: ignore[import-untyped]  # slow to import
-    from collada.scene import GeometryNode, Node
+    from collada.scene import GeometryNode, Node  # type: ignore[import-untyped]
 
     unnamed = (f"unnamed_submesh_{number}" for number in itertools.count())
 
