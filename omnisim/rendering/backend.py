@@ -25,7 +25,8 @@ from omnisim.scene.labels import BODY, find_labels
 from omnisim.scene.specular_materials import has_specular
 
 if TYPE_CHECKING:  # slow to import, and seldom needed
-    from omnisim.ground_truth.hits import BeamHits, EchoLimits, HitDetails, LidarBeams, Revolution
+    from omnisim.ground_truth.hits import HitDetails
+    from omnisim.ground_truth.lidar_beams import BeamHits, EchoLimits, LidarBeams, Revolution
     from omnisim.rendering.camera.degraded_camera import DegradedCamera
     from omnisim.rendering.hit_source import HitSource
     from omnisim.rendering.rays.ray_scene import RayScene

@@ -51,7 +51,7 @@ from omnisim.rendering.sensor_tiles import sensor_tiles
 from omnisim.scene import Scene
 
 if TYPE_CHECKING:  # imported where they are made: few images need them
-    from omnisim.ground_truth.hits import EchoLimits, LidarBeams
+    from omnisim.ground_truth.lidar_beams import EchoLimits, LidarBeams
     from omnisim.rendering.opengl.batch_pipeline import BatchPipeline
     from omnisim.rendering.opengl.ground_truth.occlusion_pass import OcclusionPass
     from omnisim.rendering.opengl.hit_batches import HitBatches

@@ -13,14 +13,8 @@ from omnisim.cameras import NonCentralCamera
 from omnisim.core.errors import GraphicsError
 from omnisim.core.random_numbers import key_of
 from omnisim.core.world import ObjectPart
-from omnisim.ground_truth.hits import (
-    NO_DETAILS,
-    EchoLimits,
-    HitDetails,
-    Hits,
-    LidarBeams,
-    ThroughHits,
-)
+from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits, ThroughHits
+from omnisim.ground_truth.lidar_beams import EchoLimits, LidarBeams
 from omnisim.rendering.backend import CameraBackend, CameraSetup, SceneBackend
 from omnisim.rendering.camera.degradations.development import (
     developed,

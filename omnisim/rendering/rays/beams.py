@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.world import ObjectPart
-from omnisim.ground_truth.hits import EchoLimits
+from omnisim.ground_truth.lidar_beams import EchoLimits
 from omnisim.rendering.rays.caster import Rays
 from omnisim.rendering.rays.echoes import no_returns, replace_specular
 from omnisim.rendering.rays.embree import NO_TRIANGLE

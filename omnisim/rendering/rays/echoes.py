@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.ground_truth.hits import EchoLimits
+from omnisim.ground_truth.lidar_beams import EchoLimits
 from omnisim.rendering.rays.caster import RayHits, Rays
 from omnisim.rendering.rays.embree import NO_TRIANGLE
 from omnisim.rendering.rays.geometry import Poses

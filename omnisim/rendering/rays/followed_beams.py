@@ -16,7 +16,7 @@ from omnisim.core.world import ObjectPart
 from omnisim.rendering.backend import BeamCaster, RangeFinder
 
 if TYPE_CHECKING:
-    from omnisim.ground_truth.hits import BeamHits, Revolution
+    from omnisim.ground_truth.lidar_beams import BeamHits, Revolution
 
 CasterT = TypeVar("CasterT", bound=RangeFinder | BeamCaster)
 

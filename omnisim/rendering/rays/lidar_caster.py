@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.world import ObjectPart
-from omnisim.ground_truth.hits import BeamHits, EchoLimits, LidarBeams, Revolution, Slice
+from omnisim.ground_truth.lidar_beams import BeamHits, EchoLimits, LidarBeams, Revolution, Slice
 from omnisim.rendering.backend import BeamCaster
 from omnisim.rendering.rays.caster import RayHits, Rays
 from omnisim.rendering.rays.echoes import (

@@ -30,7 +30,7 @@ from omnisim.core.files.parameters import (
 )
 from omnisim.core.short_repr import short_repr
 from omnisim.core.world import ObjectPart, WorldState
-from omnisim.ground_truth.hits import EchoLimits
+from omnisim.ground_truth.lidar_beams import EchoLimits
 from omnisim.rendering.backend import RangeFinder
 from omnisim.rendering.sensor_renderer import Mounting, SensorRenderer
 from omnisim.rendering.shared_scene import SharedScene

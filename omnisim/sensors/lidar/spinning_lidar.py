@@ -31,7 +31,7 @@ from omnisim.core.files.parameters import (
 )
 from omnisim.core.short_repr import short_repr
 from omnisim.core.world import Motion, ObjectPart, WorldState
-from omnisim.ground_truth.hits import EchoLimits, LidarBeams, LidarPoses
+from omnisim.ground_truth.lidar_beams import EchoLimits, LidarBeams, LidarPoses
 from omnisim.rendering.backend import BeamCaster, LabelCache
 from omnisim.rendering.sensor_renderer import Mounting, SensorRenderer
 from omnisim.rendering.shared_scene import SharedScene
