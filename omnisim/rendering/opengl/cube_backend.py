@@ -37,7 +37,7 @@ from omnisim.rendering.opengl.shadows.shadow_maps import ShadowMaps
 from omnisim.scene import Scene
 
 if TYPE_CHECKING:  # imported where they are made: few images need them
-    from omnisim.ground_truth.hits import EchoLimits, LidarBeams
+    from omnisim.ground_truth.lidar_beams import EchoLimits, LidarBeams
     from omnisim.rendering.rays.ray_scene import RayScene
 
 LIDAR_NEAR_M = 0.01  # smaller in small scenes

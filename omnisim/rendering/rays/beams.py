@@ -8,7 +8,7 @@ import numpy as np
 
 from omnisim.core.array_types import Float64s, Indices
 from omnisim.core.world import ObjectPart, Poses
-from omnisim.ground_truth.hits import BeamHits, EchoLimits, LidarBeams, Revolution, Slice
+from omnisim.ground_truth.lidar_beams import BeamHits, EchoLimits, LidarBeams, Revolution, Slice
 from omnisim.rendering.contract import BeamCaster
 from omnisim.rendering.rays.caster import NO_TRIANGLE, RayHits, Rays
 from omnisim.rendering.rays.echoes import Returns, direct_intensities, no_returns, replace_specular

@@ -14,7 +14,7 @@ import numpy as np
 
 from omnisim.core.array_types import Float64s, Indices, Int32s, Mask, UInt32s
 from omnisim.core.world import Poses
-from omnisim.ground_truth.hits import EchoLimits
+from omnisim.ground_truth.lidar_beams import EchoLimits
 from omnisim.rendering.rays.caster import NO_TRIANGLE, RayHits, Rays
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
 from omnisim.rendering.rays.shading.shading import Shading, View

@@ -14,7 +14,7 @@ from omnisim.core.world import ObjectPart, Poses
 from omnisim.rendering.contract import BeamCaster, RangeFinder
 
 if TYPE_CHECKING:
-    from omnisim.ground_truth.hits import BeamHits, Revolution
+    from omnisim.ground_truth.lidar_beams import BeamHits, Revolution
 
 CasterT = TypeVar("CasterT", bound=RangeFinder | BeamCaster)
 

@@ -10,7 +10,7 @@ import scipy  # its submodules load when first used
 from numpy.typing import NDArray
 
 from omnisim.core.errors import OmnisimError
-from omnisim.ground_truth.hits import LidarPoses, Revolution, Slice
+from omnisim.ground_truth.lidar_beams import LidarPoses, Revolution, Slice
 from omnisim.rendering.truth.moving_boxes import MovingBoxes
 
 SLICES = (8, 16, 32, 64)  # candidate numbers of slices of a revolution with motion
