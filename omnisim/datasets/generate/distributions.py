@@ -39,7 +39,7 @@ MAX_SEED = 2**63 - 1
 class Distribution:
     """Distribution of a number."""
 
-    kind: Kind  # kind of the distribution
+    kind: Kind
     numbers: tuple[float, ...]  # parameters, as in the file
 
     def __repr__(self) -> str:

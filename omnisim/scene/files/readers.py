@@ -32,7 +32,7 @@ Read = tuple[ImportedScene, NDArray[np.float64]]  # contents and world_from_file
 class SourceFile:
     """Scene file with everything its reader may need; the content is read on first use."""
 
-    path: Path  # path of the file
+    path: Path
     axes: FileAxes  # overrides of the file's up axis and unit
     folders: Sequence[Path]  # folders of models and packages, see `load_scene`
     animation: AnimationChoice  # glTF animation to play
