@@ -189,11 +189,13 @@ def _lines(document: dict[str, Any]) -> list[tuple[str, str]]:
     ]
     for one in document["starts"]:
         floor = "no floor" if one["floor_m"] is None else f"floor at {one['floor_m']:z.2f} m"
-        what = one["name"] or "of the camera"
+        what, position_m = one["name"] or "of the camera", np.array(one["position_m"])
+        if np.any((position_m < low) | (position_m > np.where([True, True, False], high, np.inf))):
+            floor += ", outside of the bounds"
         lines.append(
             (
                 "start",
-                f"{what}: {_point(one['position_m'], digits)} m, yaw "
+                f"{what}: {_point(position_m, digits)} m, yaw "
                 f"{number_text(one['yaw_deg'])}°, {floor}",
             )
         )
@@ -230,11 +232,16 @@ def _row(one: dict[str, Any]) -> tuple[str, ...]:
         printable(one["name"]),
         printable(one["class_name"]),
         f"{one['triangles']:,}",
-        "×".join(number_text(size, 3) for size in high - low),
-        " ".join(number_text(value, 3) for value in 0.5 * (low + high)),
+        "×".join(_short(size) for size in high - low),
+        " ".join(_short(value) for value in 0.5 * (low + high)),
         " ".join([*sizes[:1], *([f"+{len(sizes) - 1}"] if len(sizes) > 1 else [])]),
         " ".join(one["reflections"]),
     )
+
+
+def _short(value: float) -> str:
+    """Three significant digits, but all of them before the point."""
+    return number_text(value, 3 if abs(value) < 999.5 else len(f"{value:.0f}"))
 
 
 def _point(values: Any, decimals: int) -> str:
