@@ -31,6 +31,8 @@ MAX_GROWTH = 100_000  # nodes that the aliases of a YAML text may add
 _MATLAB = "MATLAB's data: export it with OCamCalib's Export Data, or as an opencv_pinhole file"
 _BINARY = {b"MATLAB": _MATLAB, b"\x89HDF": _MATLAB}  # by the files' first bytes
 _BINARY |= dict.fromkeys((b"glTF", b"PXR-USDC", b"ply"), "a scene: pass it as the scene")
+_IMAGE = "an image: `omnisim calibration convert` writes the calibration of one by omnisim"
+_BINARY |= dict.fromkeys((b"\x89PNG", b"\xff\xd8\xff"), _IMAGE)
 _HEADER = re.compile(r"\A\s*%YAML[ :][^\n]*\n?")
 
 

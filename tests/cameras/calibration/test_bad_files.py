@@ -127,7 +127,9 @@ def test_faults_name_file_key_and_value(name, old, new, words, tmp_path):
     [
         (b"", "got an empty one"),
         (b" \n\n", "got an empty one"),
-        (b"\x89PNG\r\n\x1a\n\x00\x00", "got no text in UTF-8"),
+        (b"\x89PNG\r\n\x1a\n\x00\x00", "got an image: `omnisim calibration convert`"),
+        (b"\xff\xd8\xff\xe0\x00", "got an image: `omnisim calibration convert`"),
+        (b"\x00\xff", "got no text in UTF-8"),
         (b"hello\n", "expected a calibration in one of the formats omnisim, kalibr"),
         (b"[lens]\nmodel = 'x'\n", "this looks like a sensor file"),
         (b"a: &a [*a]\n", "expected a calibration in one of"),

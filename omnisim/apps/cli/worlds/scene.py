@@ -178,7 +178,10 @@ def _lines(document: dict[str, Any]) -> list[tuple[str, str]]:
     ]
     for start in document["starts"]:
         floor = "no floor" if start["floor_m"] is None else f"floor at {start['floor_m']:z.2f} m"
-        place = f"{_point(start['position_m'], digits)} m, yaw {number_text(start['yaw_deg'])}°"
+        at_m = np.array(start["position_m"])
+        if np.any((at_m < low) | (at_m > np.where([True, True, False], high, np.inf))):
+            floor += ", outside of the bounds"
+        place = f"{_point(at_m, digits)} m, yaw {number_text(start['yaw_deg'])}°"
         lines.append(("start", f"{start['name'] or 'of the camera'}: {place}, {floor}"))
     for camera in document["cameras"]:
         yaw, pitch = (number_text(camera[key]) for key in ("yaw_deg", "pitch_deg"))
@@ -211,11 +214,16 @@ def _row(instance: dict[str, Any]) -> tuple[str, ...]:
         printable(instance["name"]),
         printable(instance["class_name"]),
         f"{instance['triangles']:,}",
-        "×".join(number_text(size, 3) for size in high - low),
-        " ".join(number_text(value, 3) for value in 0.5 * (low + high)),
+        "×".join(_short(size) for size in high - low),
+        " ".join(_short(value) for value in 0.5 * (low + high)),
         " ".join([*sizes[:1], *([f"+{len(sizes) - 1}"] if len(sizes) > 1 else [])]),
         " ".join(instance["reflections"]),
     )
+
+
+def _short(value: float) -> str:
+    """Three significant digits, but all of them before the point."""
+    return number_text(value, 3 if abs(value) < 999.5 else len(f"{value:.0f}"))
 
 
 def _point(values: Any, decimals: int) -> str:

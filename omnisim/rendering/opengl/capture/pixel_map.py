@@ -263,7 +263,7 @@ class PixelMap:
 
     @property
     def _has_shader(self) -> bool:
-        """Whether omnisim has the model's GLSL file; a subclass elsewhere has other rays."""
+        """True if the model's GLSL file is omnisim's; a subclass elsewhere has other rays."""
         lens = self.camera.lens if isinstance(self.camera, MirroredCamera) else self.camera
         return type(lens).__module__.startswith("omnisim.")
 

@@ -77,6 +77,21 @@ def test_bounds_of_a_small_scene_have_digits(omnisim, tmp_path):
     assert "(-0.0100, -0.0050, -0.0005) to (0.0100, 0.0050, 0.0005) m" in out
 
 
+def test_starts_outside_and_large_sizes_are_legible(omnisim, tmp_path):
+    trimesh.creation.box((6000, 4000, 2500.4)).export(tmp_path / "large.stl")
+    (tmp_path / "scene.toml").write_text(
+        'file = "large.stl"\n[start]\nposition_m = [0.0, 0.0, 1.0]\n'
+    )
+    out = omnisim("scene", tmp_path / "scene.toml")[1]
+    assert "6000×4000×2500" in out
+    assert "outside of the bounds" not in out
+    (tmp_path / "scene.toml").write_text(
+        'file = "large.stl"\n[start]\nposition_m = [0.0, -2500.0, 1.0]\n'
+    )
+    out = omnisim("scene", tmp_path / "scene.toml")[1]
+    assert "no floor, outside of the bounds" in out
+
+
 def test_floors_are_where_the_flat_surfaces_are(omnisim, tmp_path):
     """Two slabs, of 16 and 4 m², whose undersides and sides are no floors."""
     import trimesh
