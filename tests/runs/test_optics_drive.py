@@ -15,13 +15,14 @@ from omnisim.core.files.image_files import read_image
 from omnisim.perception.unwarping.panorama import Panorama
 from omnisim.rendering.camera.captured_image import read_captured_image
 from omnisim.rendering.camera.degradations import preset
+from omnisim.rendering.camera.omnicamera import CALIBRATION
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.drive import Drive
 from omnisim.runs.route import Route
 from omnisim.runs.run_data import read_run
 from omnisim.runs.run_manifest import first_difference
 from omnisim.scene import load_scene
-from omnisim.sensors.calibration_file import CALIBRATION, read_mount
+from omnisim.sensors.calibration_file import read_mount
 from tests.cameras.optics.examples import EXAMPLES
 from tests.cameras.optics.test_parameters import ALL
 
