@@ -318,7 +318,7 @@ class PlannedDrive:
         for one in drive.vehicle.cameras:
             unusual = viewpoint_notes(drive.scene, one.sensor, start)
             notes += [f"{one.name}: {note}" for note in unusual]
-        if any(getattr(one.sensor, "specular", False) for one in sensors):
+        if any(one.sensor.specular for one in sensors):
             objects = [one.shape for one in drive.scene.objects]
             notes += specular_notes(drive.scene, objects, drive.backend)
         return [note for note in notes if note is not None]
