@@ -162,6 +162,7 @@ class SensorSettings(ABC):
         document_names: names of its files per run.
         has_ground_truth: True if its files include channels of ground truth.
         has_instances: True if its files use the instance IDs of the run's labels.
+        specular: True if it follows panes and mirrors.
     """
 
     noun: ClassVar[str] = "sensor"
@@ -170,6 +171,7 @@ class SensorSettings(ABC):
     document_names: ClassVar[tuple[str, ...]] = ()
     has_ground_truth: ClassVar[bool] = False
     has_instances: ClassVar[bool] = False
+    specular: bool = False
 
     def __repr__(self) -> str:
         return short_repr(self, self.summary())

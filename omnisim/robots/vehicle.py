@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import copy
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import numpy as np
 
-from omnisim.core.errors import RobotFileError, SceneError, did_you_mean
+from omnisim.core.errors import CalibrationError, RobotFileError, SceneError, did_you_mean
 from omnisim.core.files.sources import fingerprint, recorded_sources, source_digest
 from omnisim.core.files.toml_file import find_beside
-from omnisim.core.poses import pose_from_rotation
+from omnisim.core.poses import inverse, pose_from_rotation
 from omnisim.core.short_repr import point_text, short_repr
 from omnisim.core.trajectories.odometry import OdometryErrors
 from omnisim.rendering.camera.degradations import Degradation
@@ -27,8 +27,12 @@ from omnisim.scene.files.readers import is_mjcf
 from omnisim.scene.space.enclosure import enclosing_nodes
 from omnisim.scene.space.start_pose import default_start
 from omnisim.sensors.laser_scanner.laser_scanner import LaserScanner
+from omnisim.sensors.sensor_names import folder_name
 from omnisim.sensors.sensor_registry import parse_sensors, sensor_source
 from omnisim.sensors.sensor_table import SensorTable, sensor_rates
+
+if TYPE_CHECKING:  # formats of calibrations are slow to import
+    from omnisim.cameras.calibration.calibration import Rig
 
 SensorT = TypeVar("SensorT", bound=SensorSettings)
 # Keys that identify a robot, in this order; not the location of its file on this machine.
@@ -282,3 +286,42 @@ def _check_outside(body: Scene | None, mount: Mount[SensorSettings], where: str)
             f"{where}: its {sensor.origin_noun} {place} m is inside of the body's "
             f"{', '.join(around)}: move it, or name in hides what it does not see"
         )
+
+
+# Rigs as vehicles: cameras on a body that follows given poses, without a robot.
+
+
+def rig_vehicle(name: str, rig: Rig, sensors: Sequence[OmniCamera] | None = None) -> Vehicle:
+    """Build the vehicle of a rig: invisible, without wheels; its base is the rig's body.
+
+    Args:
+        name: name of the vehicle.
+        rig: cameras and their poses on the body.
+        sensors: sensor per camera; None: the rig's camera models with default settings.
+
+    Raises:
+        CalibrationError: two cameras have the same folder name.
+    """
+    if sensors is None:
+        sensors = [OmniCamera(camera.model, polygons=None) for camera in rig.cameras]
+    cameras = []
+    for camera, sensor in zip(rig.cameras, sensors, strict=True):
+        rig_from_optical = pose_from_rotation(camera.model.rig_from_optical, (0.0, 0.0, 0.0))
+        base_from_rig = camera.body_from_camera @ inverse(rig_from_optical)
+        mounted = dataclasses.replace(sensor, base_from_rig=base_from_rig)
+        cameras.append(Mount(mounted, folder_name(camera.name), "omnicamera"))
+    names = [camera.name for camera in cameras]
+    for camera, folder in zip(rig.cameras, names, strict=True):
+        if names.count(folder) > 1:
+            raise CalibrationError(
+                f"camera {camera.name!r}: expected a folder of its own, got {folder} for two"
+            )
+    return Vehicle(
+        name=name,
+        title=name,
+        body=None,
+        kinematics=None,
+        odometry=OdometryErrors(),
+        footprint=None,
+        sensors=tuple(cameras),
+    )

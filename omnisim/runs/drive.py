@@ -29,6 +29,7 @@ from omnisim.core.trajectories.body_motion import BodyMotion
 from omnisim.core.trajectories.odometry import Odometry
 from omnisim.core.trajectories.spline_motion import SplineMotion
 from omnisim.core.version import __version__
+from omnisim.core.world import Pose, WorldState
 from omnisim.ground_truth.channel_files import ChannelFormat
 from omnisim.rendering.camera.omnicamera import CAMERA_POSES
 from omnisim.rendering.contract import Pending
@@ -40,7 +41,6 @@ from omnisim.robots import Chassis, simulate_odometry, with_errors, write_odomet
 from omnisim.robots.body_boxes import BodyBoxes
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.contacts import Contact, find_contacts
-from omnisim.runs.drive_world import DriveWorld, MovingVehicle
 from omnisim.runs.physics.rover import Rover
 from omnisim.runs.physics.simulated_motion import SimulatedMotion
 from omnisim.runs.route import PlannedRoute, Route, plan_route, route_digest
@@ -60,6 +60,7 @@ from omnisim.runs.run_manifest import MANIFEST_FORMAT
 from omnisim.runs.true_states import write_states
 from omnisim.scene import Scene
 from omnisim.scene.labels import BODY, find_labels
+from omnisim.sensors.sensor_names import folder_name
 from omnisim.sensors.specular_keys import specular_notes
 
 MAX_SEED = 2**63 - 1
@@ -316,7 +317,7 @@ class PlannedDrive:
         for one in drive.vehicle.cameras:
             unusual = viewpoint_notes(drive.scene, one.sensor, start)
             notes += [f"{one.name}: {note}" for note in unusual]
-        if any(getattr(one.sensor, "specular", False) for one in sensors):
+        if any(one.sensor.specular for one in sensors):
             objects = [one.shape for one in drive.scene.objects]
             notes += specular_notes(drive.scene, objects, drive.backend)
         return [note for note in notes if note is not None]
@@ -525,3 +526,92 @@ def _file_or_name(name: str) -> str:
     path = Path(name)
     is_there = path.is_file() or (path / "scene.toml").is_file()
     return str(path.resolve()) if is_there else name
+
+
+# World of a drive: the vehicle on its trajectory, other vehicles, and the scene's objects.
+
+
+@dataclass(frozen=True, eq=False)
+class MovingVehicle:
+    """Vehicle in motion through the world.
+
+    Attributes:
+        body: body in the base frame, or None: invisible.
+        truth: poses of the base at the steps.
+        motion: continuous motion of the base, also between the steps.
+    """
+
+    body: Scene | None
+    truth: Trajectory
+    motion: BodyMotion
+
+    def pose_at(self, time_s: float) -> Pose:
+        """Pose (4, 4) of the base; at a step, bit for bit the step's pose."""
+        step = int(np.searchsorted(self.truth.times_s, time_s))
+        if step < len(self.truth) and self.truth.times_s[step] == time_s:
+            return np.array(self.truth.world_from_base[step])
+        return self.motion.pose_at(time_s)
+
+
+@dataclass(frozen=True, eq=False)
+class DriveWorld:
+    """Motion of the world in which a vehicle drives.
+
+    Attributes:
+        scene: scene with its dynamic objects.
+        ego: the vehicle and its motion.
+        vehicle: name of the vehicle in the world.
+        others: other vehicles by name.
+    """
+
+    scene: Scene
+    ego: MovingVehicle
+    vehicle: str = BODY
+    others: Mapping[str, MovingVehicle] = field(default_factory=dict)
+
+    @property
+    def bodies(self) -> dict[str, Scene]:
+        """Bodies of the visible vehicles, by name."""
+        bodies = {name: one.body for name, one in self._vehicles.items()}
+        return {name: body for name, body in bodies.items() if body is not None}
+
+    def state_at(self, time_s: float) -> WorldState:
+        """State of the world; vehicles rest before and after their trajectories."""
+        return WorldState(
+            {
+                **{name: one.pose_at(time_s) for name, one in self._vehicles.items()},
+                **{one.name: one.motion.pose_at(time_s) for one in self.scene.objects},
+            },
+            time_s,
+        )
+
+    @property
+    def _vehicles(self) -> dict[str, MovingVehicle]:
+        return {self.vehicle: self.ego, **self.others}
+
+    def manifest(self) -> dict[str, Any]:
+        """Other vehicles for a run's manifest; empty without other vehicles."""
+        if not self.others:
+            return {}
+        others = {name: fingerprint(one.body) for name, one in self.others.items()}
+        return {"world": {"vehicle": self.vehicle, "others": others}}
+
+    def write_poses(self, folder: Path) -> None:
+        """Write the missing files with poses of the other vehicles and of dynamic objects.
+
+        The poses are at the vehicle's times.
+
+        Raises:
+            OutputError: a file cannot be written.
+        """
+        times_s = self.ego.truth.times_s
+        motions = {name: one.pose_at for name, one in self.others.items()}
+        motions |= {one.name: one.motion.pose_at for one in self.scene.objects}
+        if motions:
+            folder.mkdir(exist_ok=True)
+        for name, pose_at in motions.items():
+            target = folder / f"{folder_name(name)}.tum"
+            if is_written(target):
+                continue
+            poses = np.stack([pose_at(float(time_s)) for time_s in times_s])
+            write_trajectory(target, Trajectory(times_s, poses))

@@ -26,8 +26,14 @@ from omnisim.core.trajectories.spline_motion import SplineMotion
 from omnisim.core.trajectories.trajectory import step_lengths_m
 from omnisim.robots import Kinematics, check_drivable, time_poses
 from omnisim.robots.body_boxes import BodyBoxes
-from omnisim.robots.motion_profile import Plan, plan_in_steps, plan_with_period, read_waypoints
-from omnisim.robots.planned_motion import PlannedMotion, in_sequence
+from omnisim.robots.motion_profile import (
+    Plan,
+    PlannedMotion,
+    in_sequence,
+    plan_in_steps,
+    plan_with_period,
+    read_waypoints,
+)
 from omnisim.robots.robot_file import DEFAULT_CLEARANCE_M
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.contacts import SPACING_M, Sweep

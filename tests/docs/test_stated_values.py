@@ -27,7 +27,7 @@ from omnisim.runs.physics.world_model import FRICTION, ROLLING_RESISTANCE
 from omnisim.scene.files.scene_file import ObjectTable
 from omnisim.scene.parts import BLENDED_CUTOFF
 from omnisim.sensors import DepthCamera, LaserScanner
-from omnisim.sensors.lidar.revolution import MAX_PATH_M, MAX_SKEW_M, MAX_TURN_RAD, SLICES
+from omnisim.sensors.lidar.spinning_lidar import MAX_PATH_M, MAX_SKEW_M, MAX_TURN_RAD, SLICES
 from omnisim.sensors.range_sensor.range_sensor import InfraredTable, RangeSensor
 from omnisim.validation.check_registry import CHECKS
 from tests.docs.pages import HOW_TO, ROOT, WHY, half_unit, numbers_of, text_of, words_of

@@ -14,8 +14,7 @@ from omnisim.rendering.stage import Stage, open_sensor
 from omnisim.scene import load_scene
 from omnisim.scene.model import Material, Mesh
 from omnisim.sensors.lidar.point_files import POINT
-from omnisim.sensors.lidar.revolution import MAX_SKEW_M
-from omnisim.sensors.lidar.spinning_lidar import SpinningLidar
+from omnisim.sensors.lidar.spinning_lidar import MAX_SKEW_M, SpinningLidar
 from tests.ray_casting import opaque_part
 from tests.scenes import ROOM_HALF_M, room, scene_of
 

@@ -14,7 +14,7 @@ from omnisim.scene import load_scene
 from omnisim.scene.model import Material
 from omnisim.sensors import LaserScanner, SpinningLidar
 from omnisim.sensors.lidar.point_files import PLAIN_POINT, POINT, write_points
-from omnisim.sensors.lidar.revolution import MAX_PATH_M
+from omnisim.sensors.lidar.spinning_lidar import MAX_PATH_M
 from omnisim.validation.reflective_rooms import rooms
 from tests.scenes import ROOM_HALF_M, room, room_color, scene_of, square
 

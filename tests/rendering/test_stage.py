@@ -12,8 +12,8 @@ from omnisim.core.poses import pose
 from omnisim.core.world import WorldState
 from omnisim.rendering.contract import Pending
 from omnisim.rendering.instrument import Instrument
-from omnisim.rendering.sensor import SensorSettings
-from omnisim.sensors import LaserScanner
+from omnisim.rendering.sensor import Moment, Mount, SensorSettings
+from omnisim.sensors import DepthCamera, LaserScanner, RangeSensor, SpinningLidar
 from tests.scenes import room, scene_of
 from tests.vehicles import (
     BASE_FROM_SCANNER,
@@ -228,3 +228,24 @@ def test_a_vehicles_sensors_are_opened_as_they_are_mounted():
         np.testing.assert_array_equal(scan.world_from_scanner, laser.base_from_sensor)
         eye = robot.camera()
         assert stage.open(eye).camera.base_from_rig is eye.sensor.base_from_rig
+
+
+def test_every_instrument_measures_at_moments_and_its_readings_save_themselves(tmp_path):
+    here, stem = pose((0.1, 0.2, 0.5), yaw_deg=20.0), tmp_path / "000003"
+    moment = Moment(lambda time_s: pose((0.1 * time_s, 0.2, 0.5), yaw_deg=20.0), 3, 1.0)
+    depth = DepthCamera(width_px=16, height_px=12, focal_length_px=12.0)
+    lidar = SpinningLidar(firings=60, rate_hz=1000.0, file_format="pcd")
+    with Stage(scene_of([room()]), backend="rays") as stage:
+        scanner = stage.open(LaserScanner())
+        scan = scanner.measure(moment)
+        np.testing.assert_array_equal(scan.ranges_m, scanner.scan(here, 3).ranges_m)
+        np.testing.assert_array_equal(scan.ranges_m, scanner.measure(here, 3).ranges_m)
+        for sensor in (LaserScanner(), depth, RangeSensor(), lidar, CAMERA.resized(24)):
+            with stage.open(Mount(sensor, "any")) as instrument:
+                reading = instrument.measure(moment)
+                assert reading.metadata["scene"] == stage.scene.name
+                reading.save(stem)
+                files = list(tmp_path.iterdir())
+                assert {file.suffix for file in files} <= set(sensor.suffixes)
+                assert [file.stem for file in files] == ["000003"]
+                files[0].unlink()

@@ -8,7 +8,7 @@ import pytest
 from omnisim.core.errors import TrajectoryError
 from omnisim.core.poses import pose
 from omnisim.robots.kinematics import GRADE, find_drift, find_violation
-from omnisim.robots.planned_motion import Trapezoid
+from omnisim.robots.motion_profile import Trapezoid
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.route import Route, plan_route
 from omnisim.scene import load_scene

@@ -1,7 +1,7 @@
 """Motion of a body: its pose, velocity and angular rate at any time.
 
 All sensors of a robot use the same motion: images and their shutters, lidars, IMUs, odometry and
-ground truth. If a plan made the drive, the plan is the motion (`omnisim.robots.planned_motion`);
+ground truth. If a plan made the drive, the plan is the motion (`omnisim.robots.motion_profile`);
 otherwise it is a spline through poses (`spline_motion`).
 """
 

@@ -159,7 +159,7 @@ def _read_cameras(table: PlanCameraTable, folder: Path) -> dict[str, OmniCamera]
     # only plans with a calibration need the formats and fits, which are slow to import
     from omnisim.cameras.calibration import load_calibration
     from omnisim.cameras.calibration.calibration import Rig
-    from omnisim.robots.rig_vehicle import rig_vehicle
+    from omnisim.robots.vehicle import rig_vehicle
 
     calibration = load_calibration(folder / table.calibration, mirrored=table.mirrored)
     if table.camera_name == WHOLE_RIG:

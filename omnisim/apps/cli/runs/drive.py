@@ -170,7 +170,7 @@ def _rig(camera: RigOptions, path: Path) -> tuple[Rig, Vehicle]:
     # formats and fits of calibrations take time to import
     from omnisim.apps.cli.cameras.calibration import read_calibration
     from omnisim.cameras.calibration.calibration import Rig, RigCamera
-    from omnisim.robots.rig_vehicle import rig_vehicle
+    from omnisim.robots.vehicle import rig_vehicle
 
     if camera.robot is not None:
         reason = "expected the robot's sensors with --robot"

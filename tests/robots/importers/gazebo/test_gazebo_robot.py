@@ -42,7 +42,7 @@ def test_the_example_has_its_sensors_wheels_and_body(tmp_path):
     assert camera.sensor.model.focal_length_px == pytest.approx(160 / (0.5 * math.pi), rel=1e-5)
     assert camera.origin_m == pytest.approx((0.2, 0.0, 0.4))
     assert (scanner.sensor.beams, scanner.sensor.range_max_m) == (181, 8.0)
-    assert imu.rate_hz == 100.0
+    assert imu.sensor.rate_hz == 100.0
     assert vehicle.kinematics.max_speed_mps == 0.8
     assert vehicle.body.instance_names[0] == "rover/chassis/box"
     assert imported.kinematics["track_m"] == 0.36
