@@ -15,7 +15,6 @@ from omnisim.core.cube import FACE_FROM_RIG
 from omnisim.core.errors import GraphicsError
 from omnisim.rendering.opengl.atlas.sampling_density import (
     GRID_STEP,
-    SamplingDensity,
     density_of_rays,
 )
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan, plan_densities
@@ -58,7 +57,12 @@ def parallax_tiles(
     supersampling = colors[0].supersampling
     seen = [_seen_rays(rays, near_m, max_anisotropy, _MAX_RAYS // len(colors)) for rays in colors]
     points = [part for one in seen for part in one.points]
-    densities = _densities(*(np.concatenate(parts) for parts in zip(*points, strict=True)))
+    places, densest = (np.concatenate(parts) for parts in zip(*points, strict=True))
+    densities = []
+    for on_it, tangents in _on_faces(places):
+        # away from a face's middle, tangents grow faster than angles
+        wider = np.sqrt(1.0 + np.square(tangents).sum(axis=1))
+        densities.append(density_of_rays(tangents, densest[on_it] / wider))
     bias = ONE_SAMPLE_BIAS if supersampling == 1 else SUPERSAMPLED_BIAS
 
     def plan(max_level: int) -> TilePlan:
@@ -94,16 +98,6 @@ def _seen_rays(
     for nearness in np.linspace(0.0, 1.0 / near_m, 2 + math.ceil(turn / _STEP))[1:]:
         points.append((near + nearness * origins_m, densest))
     return _SeenRays(centers, along, points)
-
-
-def _densities(places: Float64s, densest: Float64s) -> list[SamplingDensity]:
-    """Density of each face, from directions of points (n, 3) and samples per radian (n,)."""
-    densities = []
-    for on_it, tangents in _on_faces(places):
-        # away from a face's middle, tangents grow faster than angles
-        wider = np.sqrt(1.0 + np.square(tangents).sum(axis=1))
-        densities.append(density_of_rays(tangents, densest[on_it] / wider))
-    return densities
 
 
 def _on_faces(directions: Float64s) -> Iterator[tuple[Indices, Float64s]]:

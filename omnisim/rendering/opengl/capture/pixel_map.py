@@ -263,22 +263,15 @@ class PixelMap:
     def _model_array(self, emit: CaptureOutput) -> moderngl.VertexArray:
         if self._mesh is not None and isinstance(self.camera, HyperbolicCamera):
             return self._mesh_array(self.camera, self._mesh, emit)
-        defines = ("MIRRORED",) if isinstance(self.camera, MirroredCamera) else ()
-        array = self._full_screen_array("capture/lens.frag", emit, defines)
-        for name, value in self.camera.uniforms().items():
-            array.program[name] = value
-        return array
-
-    def _full_screen_array(
-        self, fragment: str, emit: CaptureOutput, defines: tuple[str, ...] = ()
-    ) -> moderngl.VertexArray:
         program = build_program(
             self.context,
             "common/full_screen.vert",
-            fragment,
-            defines,
+            "capture/lens.frag",
+            ("MIRRORED",) if isinstance(self.camera, MirroredCamera) else (),
             {"EMIT": emit, "CAMERA_MODEL": f"camera/{self.camera.model_name}.glsl"},
         )
+        for name, value in self.camera.uniforms().items():
+            program[name] = value
         array = self.context.vertex_array(program, [])
         array.vertices = 3
         return array
