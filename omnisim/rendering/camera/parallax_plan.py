@@ -16,6 +16,7 @@ from omnisim.core.errors import GraphicsError
 from omnisim.rendering.opengl.atlas.sampling_density import (
     GRID_STEP,
     density_of_rays,
+    dilate,
 )
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan, plan_densities
 from omnisim.rendering.opengl.capture.parallax_rays import MARGIN_PX, ParallaxRays
@@ -166,8 +167,8 @@ def sample_rays(
     around = pixel_grid(width + 2 * MARGIN_PX, height + 2 * MARGIN_PX) - MARGIN_PX
     directions, origins_m, valid = trace(around)
     inner = slice(MARGIN_PX, -MARGIN_PX), slice(MARGIN_PX, -MARGIN_PX)
-    smooth, near = _all_around(valid, _SMOOTH_PX)[inner], ~_all_around(~valid, 1)[inner]
-    beside = _all_around(valid, 1)[inner]  # pixels with all neighbors valid: interpolation possible
+    smooth, near = ~dilate(~valid, _SMOOTH_PX)[inner], dilate(valid)[inner]
+    beside = ~dilate(~valid)[inner]  # pixels with all neighbors valid: interpolation possible
     rays = ParallaxRays.interpolated(supersampling, directions, origins_m, smooth)
     rim = np.argwhere(near if polygons is not None else near & ~smooth)
     offsets = (pixel_grid(supersampling, supersampling).reshape(-1, 2) + 0.5) / supersampling - 0.5
@@ -217,18 +218,3 @@ def _tracer(camera: CentralCamera, polygons: int | None) -> Callable[[Float64s],
         return found[0], found[1], rays.valid
 
     return trace
-
-
-def _all_around(valid: Mask, distance_px: int) -> Mask:
-    """Mask of pixels with only valid ones within a distance; those outside of the image count."""
-    for axis in (0, 1):
-        padded = np.pad(
-            valid,
-            [(distance_px,) * 2 if axis == own else (0, 0) for own in (0, 1)],
-            constant_values=True,
-        )
-        size = valid.shape[axis]
-        valid = np.logical_and.reduce(
-            [padded.take(range(step, step + size), axis) for step in range(2 * distance_px + 1)]
-        )
-    return valid

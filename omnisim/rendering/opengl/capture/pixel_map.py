@@ -18,6 +18,7 @@ from omnisim.cameras.mirrors import MirrorMesh, tessellate
 from omnisim.cameras.mirrors.mirror_mesh_rays import mesh_rays
 from omnisim.core.array_types import Float32s, Float64s, Mask
 from omnisim.core.cube import FACE_FROM_RIG, FACE_NAMES
+from omnisim.rendering.opengl.atlas.sampling_density import dilate
 from omnisim.rendering.opengl.atlas.tile_plan import MAX_TILES, TilePlan
 from omnisim.rendering.opengl.gl.buffers import gpu_buffer
 from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer
@@ -197,7 +198,7 @@ class PixelMap:
             and 1 if valid.
         """
         height, width = drawn.shape
-        pending = _grown(drawn, False) & _grown(~drawn, True) if drawn.any() else ~drawn
+        pending = dilate(drawn) & dilate(~drawn, outside=True) if drawn.any() else ~drawn
         left, found = np.ones_like(drawn), [np.empty((0, 6), dtype=np.float32)]
         while pending.any():
             left &= ~pending
@@ -211,7 +212,7 @@ class PixelMap:
                 wrong[some[:, 1] // _BLOCK, some[:, 0] // _BLOCK] = True
                 parts = some, rays.directions[differs], rays.valid[differs, None]
                 found.append(np.concatenate(parts, axis=1).astype(np.float32))
-            around = _grown(wrong, False).repeat(_BLOCK, axis=0).repeat(_BLOCK, axis=1)
+            around = dilate(wrong).repeat(_BLOCK, axis=0).repeat(_BLOCK, axis=1)
             pending = around[:height, :width] & left
         return np.concatenate(found)
 
@@ -263,15 +264,22 @@ class PixelMap:
     def _model_array(self, emit: CaptureOutput) -> moderngl.VertexArray:
         if self._mesh is not None and isinstance(self.camera, HyperbolicCamera):
             return self._mesh_array(self.camera, self._mesh, emit)
+        defines = ("MIRRORED",) if isinstance(self.camera, MirroredCamera) else ()
+        array = self._full_screen_array("capture/lens.frag", emit, defines)
+        for name, value in self.camera.uniforms().items():
+            array.program[name] = value
+        return array
+
+    def _full_screen_array(
+        self, fragment: str, emit: CaptureOutput, defines: tuple[str, ...] = ()
+    ) -> moderngl.VertexArray:
         program = build_program(
             self.context,
             "common/full_screen.vert",
-            "capture/lens.frag",
-            ("MIRRORED",) if isinstance(self.camera, MirroredCamera) else (),
+            fragment,
+            defines,
             {"EMIT": emit, "CAMERA_MODEL": f"camera/{self.camera.model_name}.glsl"},
         )
-        for name, value in self.camera.uniforms().items():
-            program[name] = value
         array = self.context.vertex_array(program, [])
         array.vertices = 3
         return array
@@ -295,10 +303,3 @@ class PixelMap:
             gpu_buffer(self.context, mesh.triangles.astype("<u4")),
             index_element_size=4,
         )
-
-
-def _grown(mask: Mask, outside: bool) -> Mask:
-    """Mask (rows, columns) of the cells that are set, or have a neighbor that is."""
-    padded = np.pad(mask, 1, constant_values=outside)
-    padded = padded[:-2] | padded[1:-1] | padded[2:]
-    return np.asarray(padded[:, :-2] | padded[:, 1:-1] | padded[:, 2:])
