@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -93,9 +92,8 @@ def build_patches(
     edges_m = corners_m[:, 1:] - corners_m[:, :1]
     triangle_m2 = 0.5 * np.linalg.norm(np.cross(edges_m[:, 0], edges_m[:, 1]), axis=1)
     spread = _spread_samples(triangle_m2, geometry.first_of_surface, ~has_rect, width * height)
-    drawn = rasterize(corners_px, in_atlas, width)
-    columns: Iterator[tuple[NDArray[Any], NDArray[Any]]] = zip(drawn, spread, strict=True)
-    samples = Samples(*(np.concatenate(parts) for parts in columns))
+    found = [rasterize(corners_px, in_atlas, width), spread]
+    samples = Samples(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
     samples = samples.take(np.argsort(samples.texels, kind="stable"))
     places, first, counts = np.unique(samples.texels, return_index=True, return_counts=True)
     surfaces = geometry.surface_of_triangle[samples.triangles[first]]

@@ -15,8 +15,8 @@ from omnisim.core.cube import FACE_FROM_RIG
 from omnisim.core.errors import GraphicsError
 from omnisim.rendering.opengl.atlas.sampling_density import (
     GRID_STEP,
-    SamplingDensity,
     density_of_rays,
+    dilate,
 )
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan, plan_densities
 from omnisim.rendering.opengl.capture.parallax_rays import MARGIN_PX, ParallaxRays
@@ -58,7 +58,12 @@ def parallax_tiles(
     supersampling = colors[0].supersampling
     seen = [_seen_rays(rays, near_m, max_anisotropy, _MAX_RAYS // len(colors)) for rays in colors]
     points = [part for one in seen for part in one.points]
-    densities = _densities(*(np.concatenate(parts) for parts in zip(*points, strict=True)))
+    places, densest = (np.concatenate(parts) for parts in zip(*points, strict=True))
+    densities = []
+    for on_it, tangents in _on_faces(places):
+        # away from a face's middle, tangents grow faster than angles
+        wider = np.sqrt(1.0 + np.square(tangents).sum(axis=1))
+        densities.append(density_of_rays(tangents, densest[on_it] / wider))
     bias = ONE_SAMPLE_BIAS if supersampling == 1 else SUPERSAMPLED_BIAS
 
     def plan(max_level: int) -> TilePlan:
@@ -94,16 +99,6 @@ def _seen_rays(
     for nearness in np.linspace(0.0, 1.0 / near_m, 2 + math.ceil(turn / _STEP))[1:]:
         points.append((near + nearness * origins_m, densest))
     return _SeenRays(centers, along, points)
-
-
-def _densities(places: Float64s, densest: Float64s) -> list[SamplingDensity]:
-    """Density of each face, from directions of points (n, 3) and samples per radian (n,)."""
-    densities = []
-    for on_it, tangents in _on_faces(places):
-        # away from a face's middle, tangents grow faster than angles
-        wider = np.sqrt(1.0 + np.square(tangents).sum(axis=1))
-        densities.append(density_of_rays(tangents, densest[on_it] / wider))
-    return densities
 
 
 def _on_faces(directions: Float64s) -> Iterator[tuple[Indices, Float64s]]:
@@ -172,8 +167,8 @@ def sample_rays(
     around = pixel_grid(width + 2 * MARGIN_PX, height + 2 * MARGIN_PX) - MARGIN_PX
     directions, origins_m, valid = trace(around)
     inner = slice(MARGIN_PX, -MARGIN_PX), slice(MARGIN_PX, -MARGIN_PX)
-    smooth, near = _all_around(valid, _SMOOTH_PX)[inner], ~_all_around(~valid, 1)[inner]
-    beside = _all_around(valid, 1)[inner]  # pixels with all neighbors valid: interpolation possible
+    smooth, near = ~dilate(~valid, _SMOOTH_PX)[inner], dilate(valid)[inner]
+    beside = ~dilate(~valid)[inner]  # pixels with all neighbors valid: interpolation possible
     rays = ParallaxRays.interpolated(supersampling, directions, origins_m, smooth)
     rim = np.argwhere(near if polygons is not None else near & ~smooth)
     offsets = (pixel_grid(supersampling, supersampling).reshape(-1, 2) + 0.5) / supersampling - 0.5
@@ -223,18 +218,3 @@ def _tracer(camera: CentralCamera, polygons: int | None) -> Callable[[Float64s],
         return found[0], found[1], rays.valid
 
     return trace
-
-
-def _all_around(valid: Mask, distance_px: int) -> Mask:
-    """Mask of pixels with only valid ones within a distance; those outside of the image count."""
-    for axis in (0, 1):
-        padded = np.pad(
-            valid,
-            [(distance_px,) * 2 if axis == own else (0, 0) for own in (0, 1)],
-            constant_values=True,
-        )
-        size = valid.shape[axis]
-        valid = np.logical_and.reduce(
-            [padded.take(range(step, step + size), axis) for step in range(2 * distance_px + 1)]
-        )
-    return valid

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import reduce
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -184,14 +185,12 @@ def _grid() -> Float64s:
     return np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
 
 
-def dilate(values: NDArray[Any]) -> NDArray[Any]:
-    """Maximum over each value and its eight neighbors."""
-    for axis in (0, 1):
-        padded = np.pad(values, [(1, 1) if axis == own else (0, 0) for own in (0, 1)])
-        size = values.shape[axis]
-        values = np.max(
-            [np.take(padded, range(step, step + size), axis=axis) for step in (0, 1, 2)], axis=0
-        )
+def dilate(values: NDArray[Any], distance: int = 1, outside: float = 0) -> NDArray[Any]:
+    """Maximum over all values within a distance along rows and columns of each, and `outside`."""
+    for _ in range(2):
+        padded = np.pad(values, [(distance, distance), (0, 0)], constant_values=outside)
+        rows = [padded[first : first + len(values)] for first in range(2 * distance + 1)]
+        values = reduce(np.maximum, rows).T
     return values
 
 

@@ -120,7 +120,11 @@ def plan_tiles(
     Raises:
         GraphicsError: the camera sees nothing.
     """
-    seen = _image_rays(camera)
+    # edges and corners included: a small image from a long lens falls between a grid's samples
+    u = np.linspace(-0.5, camera.width_px - 0.5, min(GRID, camera.width_px + 2))
+    v = np.linspace(-0.5, camera.height_px - 0.5, min(GRID, camera.height_px + 2))
+    rays = camera.ray_from_pixel(np.stack(np.meshgrid(u, v), axis=-1))
+    seen = rays.directions[rays.valid]
     if also_seen is not None:
         seen = np.concatenate((seen, also_seen))
     directions_rig = seen @ rig_from_optical.T
@@ -169,10 +173,8 @@ def plan_densities(
         ]
         if 0 < len(parts) <= MAX_TILES:
             # a gutter is as wide as the largest mip texel: it may cost what cutting saves
-            subdivided = _plan(
-                parts, texels_per_pixel, face_size_px, level_bias, max_level, gutter_px
-            )
-            plan = min(subdivided, plan, key=lambda one: one.texels)
+            cut = _plan(parts, texels_per_pixel, face_size_px, level_bias, max_level, gutter_px)
+            plan = min(cut, plan, key=lambda one: one.texels)
     return plan
 
 
@@ -188,9 +190,8 @@ def whole_faces(plan: TilePlan) -> TilePlan:
 def cube_plan(face_size_px: int) -> TilePlan:
     """Plan with all six faces whole, without mip levels."""
     faces = range(len(FACE_NAMES))
-    return pack_tiles(
-        [_tile(face, face_size_px, WHOLE_FACE, WHOLE_FACE, 1) for face in faces], 0, 0.0
-    )
+    tiles = [_tile(face, face_size_px, WHOLE_FACE, WHOLE_FACE, 1) for face in faces]
+    return pack_tiles(tiles, 0, 0.0)
 
 
 def _plan(
@@ -236,8 +237,7 @@ def _tile(face: int, face_size_px: int, region: Float64s, seen_region: Float64s,
     texels = 0.5 * face_size_px * (np.clip(seen_region, -1.0, 1.0) + 1.0) / step
     first = step * (np.floor(texels[0]).astype(int) - 1)
     last = step * (np.ceil(texels[1]).astype(int) + 1)
-    left, top = first.tolist()
-    width, height = (last - first).tolist()
+    (left, top), (width, height) = first.tolist(), (last - first).tolist()
     (first_x, first_y), (last_x, last_y) = region.tolist()
     corners = ((first_x, first_y), (last_x, last_y))
     return Tile(face, face_size_px, (left, top), (width, height), corners)
@@ -259,17 +259,6 @@ def pack_tiles(tiles: Sequence[Tile], level: int, level_bias: float) -> TilePlan
     used_px = max(tile.left_px + tile.size_px[0] for tile in packed)
     packed.sort(key=lambda tile: (tile.face, tile.region))
     return TilePlan(tuple(packed), level, level_bias, used_px, top_px + row_px)
-
-
-def _image_rays(camera: CentralCamera) -> Float64s:
-    """Directions (n, 3), optical frame, that the image sees, edges and corners included.
-
-    A small image from a long lens falls between the samples of a face's grid.
-    """
-    u = np.linspace(-0.5, camera.width_px - 0.5, min(GRID, camera.width_px + 2))
-    v = np.linspace(-0.5, camera.height_px - 0.5, min(GRID, camera.height_px + 2))
-    rays = camera.ray_from_pixel(np.stack(np.meshgrid(u, v), axis=-1))
-    return rays.directions[rays.valid]
 
 
 # Views of the tiles from a pose: matrices and frustum planes of the virtual cameras.

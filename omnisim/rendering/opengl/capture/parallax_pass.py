@@ -10,7 +10,7 @@ import numpy as np
 
 from omnisim.core.array_types import Float32s, Indices, Mask
 from omnisim.core.cube import FACE_FROM_RIG, FACE_NAMES
-from omnisim.rendering.opengl.atlas.tile_plan import Tile, TilePlan
+from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.capture.image_pass import image_array
 from omnisim.rendering.opengl.capture.parallax_rays import MARGIN_PX, ParallaxRays, SampleRays
 from omnisim.rendering.opengl.capture.pixel_map import valid_pixels_array
@@ -410,21 +410,11 @@ def _cell_tiles(plan: TilePlan) -> Float32s:
     for tile in plan.tiles:
         half_px = 0.5 * tile.face_size_px
         left, top = tile.face_corner_px
-        columns, rows = _whole_cells(tile)
+        # whole cells inside the tile
+        begins = np.maximum(tile.region[0], tile.padded_region[0])
+        ends = np.minimum(tile.region[1], tile.padded_region[1])
+        begins = np.maximum(np.ceil(0.5 * _CELLS * (begins + 1.0) - 1e-6), 0.0)
+        ends = np.maximum(np.floor(0.5 * _CELLS * (ends + 1.0) + 1e-6), 0.0)
+        columns, rows = map(slice, begins.astype(int).tolist(), ends.astype(int).tolist())
         cell_tiles[rows, tile.face, columns] = (left + half_px, top + half_px, half_px, half_px)
     return cell_tiles.reshape(_CELLS, -1, 4)
-
-
-def _whole_cells(tile: Tile) -> tuple[slice, slice]:
-    """Columns and rows of the face's cells that lie inside a tile."""
-    (first_x, first_y), (last_x, last_y) = tile.region
-    (drawn_left, drawn_top), (drawn_right, drawn_bottom) = tile.padded_region.tolist()
-    slices = []
-    for first, last, drawn_first, drawn_last in (
-        (first_x, last_x, drawn_left, drawn_right),
-        (first_y, last_y, drawn_top, drawn_bottom),
-    ):
-        begins = np.ceil(0.5 * _CELLS * (max(first, drawn_first) + 1.0) - 1e-6)
-        ends = np.floor(0.5 * _CELLS * (min(last, drawn_last) + 1.0) + 1e-6)
-        slices.append(slice(max(0, int(begins)), max(0, int(ends))))
-    return slices[0], slices[1]

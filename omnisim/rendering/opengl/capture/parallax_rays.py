@@ -102,7 +102,7 @@ class ParallaxRays:
         )
 
     def of(self, rows: Indices, columns: Indices, parts: Indices) -> SampleRays:
-        """Rays of samples (n,) by row, column and sample number in the pixel (n,)."""  # fmt: skip
+        """Rays of samples (n,) by row, column and sample number in the pixel (n,)."""
         side = self.supersampling
         offsets = (np.stack((parts % side, parts // side), axis=1) + 0.5) / side - 0.5
         weights = _parabolas(offsets)

@@ -19,6 +19,7 @@ from omnisim.cameras.mirrors import MirrorMesh, tessellate
 from omnisim.cameras.mirrors.mirror_mesh_rays import mesh_rays
 from omnisim.core.array_types import Float32s, Float64s, Mask
 from omnisim.core.cube import FACE_FROM_RIG, FACE_NAMES
+from omnisim.rendering.opengl.atlas.sampling_density import dilate
 from omnisim.rendering.opengl.atlas.tile_plan import MAX_TILES, TilePlan
 from omnisim.rendering.opengl.gl.buffers import gpu_buffer
 from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer
@@ -198,7 +199,7 @@ class PixelMap:
             and 1 if valid.
         """
         height, width = drawn.shape
-        pending = _grown(drawn, False) & _grown(~drawn, True) if drawn.any() else ~drawn
+        pending = dilate(drawn) & dilate(~drawn, outside=True) if drawn.any() else ~drawn
         left, found = np.ones_like(drawn), [np.empty((0, 6), dtype=np.float32)]
         while pending.any():
             left &= ~pending
@@ -212,7 +213,7 @@ class PixelMap:
                 wrong[some[:, 1] // _BLOCK, some[:, 0] // _BLOCK] = True
                 parts = some, rays.directions[differs], rays.valid[differs, None]
                 found.append(np.concatenate(parts, axis=1).astype(np.float32))
-            around = _grown(wrong, False).repeat(_BLOCK, axis=0).repeat(_BLOCK, axis=1)
+            around = dilate(wrong).repeat(_BLOCK, axis=0).repeat(_BLOCK, axis=1)
             pending = around[:height, :width] & left
         return np.concatenate(found)
 
@@ -310,10 +311,3 @@ class PixelMap:
             gpu_buffer(self.context, mesh.triangles.astype("<u4")),
             index_element_size=4,
         )
-
-
-def _grown(mask: Mask, outside: bool) -> Mask:
-    """Mask (rows, columns) of the cells that are set, or have a neighbor that is."""
-    padded = np.pad(mask, 1, constant_values=outside)
-    padded = padded[:-2] | padded[1:-1] | padded[2:]
-    return np.asarray(padded[:, :-2] | padded[:, 1:-1] | padded[:, 2:])

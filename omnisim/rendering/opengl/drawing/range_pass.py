@@ -136,24 +136,19 @@ class RangePass:
         bind_triangles(self._context, buffers.vertices, buffers.indices)
         starts = np.searchsorted(np.flatnonzero(kept), self._starts)
         ranges = pairwise(starts.tolist()), pairwise(groups[starts].tolist())
-        for kind, items, (first, end) in zip(self._kinds, *ranges, strict=True):
+        for (defines, array), items, (first, end) in zip(self._kinds, *ranges, strict=True):
             if end > first:
-                self._cast_kind(kind, items, first, end - first)
+                program, groups_of_kind = self._programs[defines], end - first
+                if array is not None:
+                    array.array.use()
+                program["u_first_item"], program["u_end_item"] = items
+                program["u_first_group"] = first
+                rows = 1 + groups_of_kind // _MAX_GROUPS
+                program.run(-(-groups_of_kind // rows), rows)
         self._context.memory_barrier(self._context.BUFFER_UPDATE_BARRIER_BIT)
         ranges_m = np.empty(self._ranges.size // 4, dtype=np.float32)
         self._readback.read((self._ranges, ranges_m))
         return ranges_m.astype(np.float64)
-
-    def _cast_kind(self, kind: _Kind, items: tuple[int, int], first: int, groups: int) -> None:
-        """Cast beams at a range of the table's items, with work groups from the first on."""
-        defines, array = kind
-        program = self._programs[defines]
-        if array is not None:
-            array.array.use()
-        program["u_first_item"], program["u_end_item"] = items
-        program["u_first_group"] = first
-        rows = 1 + groups // _MAX_GROUPS
-        program.run(-(-groups // rows), rows)
 
 
 def _kind(item: DrawItem) -> _Kind:

@@ -26,7 +26,6 @@ def gpu_buffer(context: moderngl.Context, content: Content) -> moderngl.Buffer:
     """Buffer that only the GPU reads and writes.
 
     Args:
-        context: OpenGL context.
         content: array or bytes to fill it with, or its size in bytes: then it is uninitialized.
 
     Raises:

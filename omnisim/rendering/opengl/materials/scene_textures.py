@@ -227,15 +227,13 @@ class MaterialTextures:
         for textures in classes.values():
             keys = list(textures)
             for first in range(0, len(keys), limit):
-                self._upload_array({key: textures[key] for key in keys[first : first + limit]})
-
-    def _upload_array(self, textures: dict[_Key, Texture]) -> None:
-        levels = [_levels(texture, key[1]) for key, texture in textures.items()]
-        _, _, is_linear, repeats = next(iter(textures))
-        array = TextureArray(self._context, levels, repeats, is_linear)
-        self._sources |= textures
-        for layer, key in enumerate(textures):
-            self._layers[key] = MaterialTexture(array, layer, array.layers[layer])
+                some = keys[first : first + limit]
+                levels = [_levels(textures[key], key[1]) for key in some]
+                _, _, is_linear, repeats = some[0]
+                array = TextureArray(self._context, levels, repeats, is_linear)
+                for layer, key in enumerate(some):
+                    self._sources[key] = textures[key]
+                    self._layers[key] = MaterialTexture(array, layer, array.layers[layer])
 
     def _reflectance(self, material: Material, mesh: Mesh) -> Reflectance | None:
         """Reflectance of a material on a mesh, whose maps are uploaded."""
