@@ -273,8 +273,9 @@ class PixelMap:
             return self._mesh_array(self.camera, self._mesh, emit)
         defines = ("MIRRORED",) if isinstance(self.camera, MirroredCamera) else ()
         array = self._full_screen_array("capture/lens.frag", emit, defines)
-        for name, value in self.camera.uniforms().items() if self._has_shader else ():
-            array.program[name] = value
+        if self._has_shader:
+            for name, value in self.camera.uniforms().items():
+                array.program[name] = value
         return array
 
     def _full_screen_array(
