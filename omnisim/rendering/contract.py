@@ -31,7 +31,6 @@ from omnisim.scene.model import Mesh
 from omnisim.scene.planar_mirrors import has_specular
 
 if TYPE_CHECKING:
-    from omnisim.ground_truth.hits import HitDetails
     from omnisim.ground_truth.lidar_beams import BeamHits, EchoLimits, LidarBeams, Revolution
     from omnisim.rendering.rays.ray_scene import RayScene
 

@@ -1,4 +1,4 @@
-// bool ray_from_pixel(vec2 pixel_px, out vec3 ray): stands for a camera model that has no GLSL file.
+// bool ray_from_pixel(vec2 pixel_px, out vec3 ray): for a camera model that has no GLSL file.
 // No pixel has a ray, so `capture/single_rays.*` draws all of them with NumPy's rays.
 
 bool ray_from_pixel(vec2 pixel_px, out vec3 ray) {

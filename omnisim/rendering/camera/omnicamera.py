@@ -22,7 +22,6 @@ from omnisim.core.array_types import Float64s
 from omnisim.core.errors import OpticsError, RunError
 from omnisim.core.extras import missing_packages
 from omnisim.core.short_repr import short_repr
-from omnisim.core.trajectories import Trajectory
 from omnisim.rendering.camera.degradations import Degradation
 from omnisim.rendering.camera.quality import (
     DEFAULT_MIRRORS,
