@@ -26,7 +26,7 @@ WAYS: dict[str, tuple[str, ...]] = {
         "ground_truth.frame:Frame.save",
     ),
     "a hit": (
-        "rendering.contract:CameraBackend.ground_truth",
+        "rendering.truth.ground_truth:ground_truth_of",
         "rendering.opengl.opengl_camera:OpenGLCamera.hit_source",
         "rendering.truth.ground_truth:GroundTruth.channels",
         "rendering.opengl.ground_truth.drawn_hits:CubeHits.hits",

@@ -21,15 +21,12 @@ REASONS = {
     "_Grid.origin_m -> Probes",
     "_Grid.spacing_m -> Probes",
     # what every sensor on a vehicle has, whatever its parameters
-    "CalibratedCamerasMount.hides -> MountedCamera",
-    "CalibratedCamerasMount.type -> MountedCamera",
-    "OmniCameraMount.hides -> MountedCamera",
-    "OmniCameraMount.name -> MountedCamera",
-    "OmniCameraMount.type -> MountedCamera",
+    "CalibratedCamerasTable.hides -> Mount",
+    "OmniCameraTable.hides -> Mount",
     # a sensor on a trigger has those of the sensor that sets it
-    "SensorMount.jitter_s -> SensorRate",
-    "SensorMount.phase_s -> SensorRate",
-    "SensorMount.rate_hz -> SensorRate",
+    "SensorTable.jitter_s -> SensorRate",
+    "SensorTable.phase_s -> SensorRate",
+    "SensorTable.rate_hz -> SensorRate",
 }
 
 
