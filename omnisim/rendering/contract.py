@@ -10,7 +10,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Generic, NamedTuple, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from omnisim.cameras import CentralCamera
 from omnisim.core.array_types import Float32s, Float64s, Indices, Mask
 from omnisim.core.errors import OpticsError
 from omnisim.core.extras import missing_packages
+from omnisim.core.pending import Pending
 from omnisim.core.world import ObjectPart
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits, ThroughHits
 from omnisim.ground_truth.label_names import Labels
@@ -33,41 +34,6 @@ from omnisim.scene.planar_mirrors import has_specular
 if TYPE_CHECKING:
     from omnisim.ground_truth.lidar_beams import BeamHits, EchoLimits, LidarBeams, Revolution
     from omnisim.rendering.rays.ray_scene import RayScene
-
-
-T = TypeVar("T", covariant=True)
-U = TypeVar("U")
-
-
-class Pending(Generic[T]):
-    """Result in progress: it was requested, and is computed or drawn meanwhile.
-
-    Args:
-        finish: function that waits for the result.
-    """
-
-    def __init__(self, finish: Callable[[], T]):
-        self._finish: Callable[[], T] | None = finish
-
-    def result(self) -> T:
-        """Wait, and return the result; each call returns the same one.
-
-        Raises:
-            GraphicsError: the renderer was closed in the meantime, or the GPU failed.
-        """
-        if self._finish is not None:
-            self._result = self._finish()
-            self._finish = None
-        return self._result
-
-    @classmethod
-    def done(cls, result: U) -> Pending[U]:
-        """Result that is there already."""
-        return Pending(lambda: result)
-
-    def then(self, change: Callable[[T], U]) -> Pending[U]:
-        """Result of a function of this result."""
-        return Pending(lambda: change(self.result()))
 
 
 class Readback(NamedTuple):

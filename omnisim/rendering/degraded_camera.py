@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from omnisim.core.pending import Pending
 from omnisim.rendering.contract import (
     CameraSetup,
     FrameRequest,
     ImageExposure,
-    Pending,
     Readback,
     SceneBackend,
     SubFrame,

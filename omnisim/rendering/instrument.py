@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from omnisim.core.errors import GraphicsError, SceneError
+from omnisim.core.pending import Pending
 from omnisim.core.short_repr import short_repr
 from omnisim.core.version import __version__
 from omnisim.core.world import ObjectPart, WorldState
-from omnisim.rendering.contract import Passes, Pending
+from omnisim.rendering.contract import Passes
 from omnisim.rendering.scene_edits import EditableScene
 from omnisim.rendering.sensor import Moment, Mount, Reading, SensorSettings
 from omnisim.rendering.shared_scene import Closeable, SharedScene

@@ -16,6 +16,7 @@ from omnisim.core.array_types import Float64s
 from omnisim.core.errors import GraphicsError, OmnisimError, OutputError, RunError
 from omnisim.core.files.atomic_file import is_written
 from omnisim.core.files.image_files import read_image
+from omnisim.core.pending import Pending
 from omnisim.core.poses import check_pose, check_poses, inverse
 from omnisim.core.srgb import srgb8_from_linear
 from omnisim.core.world import Motion, ObjectPart, WorldState, time_of
@@ -31,7 +32,7 @@ from omnisim.rendering.camera.omnicamera import (
     OmniCamera,
 )
 from omnisim.rendering.camera.quality import scene_size_m
-from omnisim.rendering.contract import CameraBackend, CameraSetup, FrameRequest, Pending, ScenePoses
+from omnisim.rendering.contract import CameraBackend, CameraSetup, FrameRequest, ScenePoses
 from omnisim.rendering.instrument import Instrument
 from omnisim.rendering.sensor import Moment, Mount
 from omnisim.rendering.shared_scene import SharedScene

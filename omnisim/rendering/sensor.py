@@ -24,10 +24,10 @@ from omnisim.core.short_repr import short_repr
 from omnisim.core.world import Motion, WorldState
 
 if TYPE_CHECKING:  # slow to import, and not needed by cameras without a vehicle
+    from omnisim.core.pending import Pending
     from omnisim.core.rate import SensorRate
     from omnisim.core.trajectories import Trajectory
     from omnisim.core.trajectories.body_motion import BodyMotion
-    from omnisim.rendering.contract import Pending
 
 TABLE_SUFFIX = ".csv"
 SensorT = TypeVar("SensorT")

@@ -23,6 +23,7 @@ from omnisim.core.extras import is_installed, require_extra
 from omnisim.core.files.atomic_file import is_written, write_text
 from omnisim.core.files.number_files import write_table
 from omnisim.core.files.sources import fingerprint
+from omnisim.core.pending import Pending
 from omnisim.core.short_repr import counted, short_repr
 from omnisim.core.trajectories import Trajectory, read_trajectory, write_trajectory
 from omnisim.core.trajectories.body_motion import BodyMotion
@@ -32,7 +33,6 @@ from omnisim.core.version import __version__
 from omnisim.core.world import Pose, WorldState
 from omnisim.ground_truth.channel_files import ChannelFormat
 from omnisim.rendering.camera.omnicamera import CAMERA_POSES
-from omnisim.rendering.contract import Pending
 from omnisim.rendering.missed_surfaces import viewpoint_notes
 from omnisim.rendering.sensor import Moment, Mount, Reading, SensorSettings
 from omnisim.rendering.shared_scene import BackendName

@@ -8,9 +8,9 @@ import pytest
 
 from omnisim import OmniCamera, Stage, Vehicle, open_sensor
 from omnisim.core.errors import GraphicsError, OmnisimError, SceneError
+from omnisim.core.pending import Pending
 from omnisim.core.poses import pose
 from omnisim.core.world import WorldState
-from omnisim.rendering.contract import Pending
 from omnisim.rendering.instrument import Instrument
 from omnisim.rendering.sensor import Moment, Mount, SensorSettings
 from omnisim.sensors import DepthCamera, LaserScanner, RangeSensor, SpinningLidar

@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from omnisim.core.errors import OmnisimError, PlanError
+from omnisim.core.pending import Pending
 from omnisim.core.world import WorldState
 from omnisim.datasets.generate.distributions import Stream
 from omnisim.datasets.generate.draw import Draw, SampleIndices, draw, draw_indices
@@ -19,7 +20,6 @@ from omnisim.datasets.generate.plan_light import DrawnLight, draw_light
 from omnisim.datasets.generate.prepared_plan import PreparedPlan
 from omnisim.ground_truth.frame import Frame
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.contract import Pending
 from omnisim.rendering.rays.caster import DepthLimits
 from omnisim.rendering.rays.pixel_hits import whole_areas_px
 from omnisim.rendering.rays.pixel_rays import PixelRays

@@ -10,7 +10,8 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.rendering.contract import Pending, Readback, ScenePoses, SubFrames
+from omnisim.core.pending import Pending
+from omnisim.rendering.contract import Readback, ScenePoses, SubFrames
 from omnisim.rendering.opengl.atlas.image_parts import ImagePart
 from omnisim.rendering.opengl.capture.image_pass import RemapPass, image_pass
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap

@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.array_types import Float32s
+from omnisim.core.pending import Pending
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails
 from omnisim.rendering.contract import (
     CameraBackend,
     CameraSetup,
     FrameRequest,
-    Pending,
     Readback,
     SceneBackend,
     ScenePoses,

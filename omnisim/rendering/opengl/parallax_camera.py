@@ -17,17 +17,11 @@ from omnisim.cameras.optics.centrality import common_point
 from omnisim.core.array_types import Float32s, Float64s
 from omnisim.core.errors import GraphicsError
 from omnisim.core.extras import missing_packages
+from omnisim.core.pending import Pending
 from omnisim.ground_truth.hits import HitDetails
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.parallax_plan import parallax_tiles, sample_rays
-from omnisim.rendering.contract import (
-    CameraSetup,
-    FrameRequest,
-    Pending,
-    SceneBackend,
-    ScenePoses,
-    Taken,
-)
+from omnisim.rendering.contract import CameraSetup, FrameRequest, SceneBackend, ScenePoses, Taken
 from omnisim.rendering.opengl.camera_frame import CameraFrame
 from omnisim.rendering.opengl.capture.parallax_pass import ChromaticPass, DepthPyramid, ParallaxPass
 from omnisim.rendering.opengl.capture.parallax_rays import ParallaxRays, SampleRays

@@ -11,6 +11,7 @@ import numpy as np
 from omnisim.cameras import NonCentralCamera
 from omnisim.core.array_types import Float32s, Float64s, Mask
 from omnisim.core.errors import GraphicsError
+from omnisim.core.pending import Pending
 from omnisim.core.random_numbers import key_of
 from omnisim.core.world import ObjectPart
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits, ThroughHits
@@ -23,7 +24,6 @@ from omnisim.rendering.contract import (
     DeformingDraw,
     FrameRequest,
     HitSource,
-    Pending,
     Readback,
     SceneBackend,
     ScenePoses,

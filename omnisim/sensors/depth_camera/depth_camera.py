@@ -42,13 +42,14 @@ from omnisim.core.files.parameters import (
     Positive,
     overriding,
 )
+from omnisim.core.pending import Pending
 from omnisim.core.poses import pose
 from omnisim.core.random_numbers import key_of, normal, pcg4d
 from omnisim.core.short_repr import short_repr
 from omnisim.core.world import ObjectPart
 from omnisim.rendering.camera.omnicamera import CALIBRATION, OmniCamera
 from omnisim.rendering.camera.quality import MAX_IMAGE_PX, scene_size_m
-from omnisim.rendering.contract import CameraBackend, CameraSetup, Pending, ScenePoses
+from omnisim.rendering.contract import CameraBackend, CameraSetup, ScenePoses
 from omnisim.rendering.instrument import Instrument
 from omnisim.rendering.sensor import Moment, Mount, SensorSettings
 from omnisim.rendering.shared_scene import SharedScene

@@ -31,10 +31,11 @@ from omnisim.core.files.parameters import (
     Seed,
     overriding,
 )
+from omnisim.core.pending import Pending
 from omnisim.core.short_repr import short_repr
 from omnisim.core.world import ObjectPart, WorldState
 from omnisim.ground_truth.lidar_beams import EchoLimits
-from omnisim.rendering.contract import Pending, RangeFinder
+from omnisim.rendering.contract import RangeFinder
 from omnisim.rendering.instrument import Instrument
 from omnisim.rendering.sensor import TABLE_SUFFIX, Moment, Mount, SensorSettings
 from omnisim.rendering.shared_scene import SharedScene

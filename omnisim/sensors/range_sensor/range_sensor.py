@@ -30,10 +30,11 @@ from omnisim.core.files.parameters import (
     Seed,
     overriding,
 )
+from omnisim.core.pending import Pending
 from omnisim.core.poses import pose
 from omnisim.core.short_repr import short_repr
 from omnisim.core.world import ObjectPart
-from omnisim.rendering.contract import Pending, RangeFinder
+from omnisim.rendering.contract import RangeFinder
 from omnisim.rendering.instrument import Instrument
 from omnisim.rendering.sensor import TABLE_SUFFIX, Moment, Mount, SensorSettings
 from omnisim.rendering.shared_scene import SharedScene

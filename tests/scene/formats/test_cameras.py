@@ -216,7 +216,7 @@ def test_the_command_line_draws_with_the_lens_of_the_file(tmp_path):
     path = _glb(tmp_path, type="perspective", perspective={"yfov": 0.8, "aspectRatio": 0.5})
     output = tmp_path / "a.png"
     result = _command("render", path, "--at-camera", "shot", "-o", output)
-    assert "with its own lens, perspective" in result.output
+    assert "its own lens, perspective, is used" in result.output
     assert f"{output}: 240 × 480 px" in result.output
     result = _command("calibration", "show", path)
     assert "perspective" in result.output

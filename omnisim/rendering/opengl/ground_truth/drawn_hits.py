@@ -11,9 +11,10 @@ import numpy as np
 
 from omnisim.core.array_types import Float32s, Float64s, Mask
 from omnisim.core.extras import require_extra
+from omnisim.core.pending import Pending
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits, ThroughHits
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.contract import DeformingDraw, HitSource, Pending, ScenePoses
+from omnisim.rendering.contract import DeformingDraw, HitSource, ScenePoses
 from omnisim.rendering.opengl.atlas.image_parts import image_parts
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap, valid_pixels_array
 from omnisim.rendering.opengl.drawing.cube_pass import EXTENSIONS

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.rendering.contract import Pending
+from omnisim.core.pending import Pending
 from omnisim.rendering.opengl.capture.pixel_map import valid_pixels_array
 from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer, use_target
 from omnisim.rendering.opengl.gl.gpu_textures import renderbuffer

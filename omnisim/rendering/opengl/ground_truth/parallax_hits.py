@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 
 from omnisim.cameras import Rays
 from omnisim.core.array_types import Float64s, Mask
+from omnisim.core.pending import Pending
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.parallax_plan import parallax_tiles
-from omnisim.rendering.contract import Pending, ScenePoses
+from omnisim.rendering.contract import ScenePoses
 from omnisim.rendering.opengl.atlas.sampling_density import MAX_ANISOTROPY
 from omnisim.rendering.opengl.capture.parallax_pass import DepthPyramid
 from omnisim.rendering.opengl.capture.parallax_rays import MARGIN_PX, ParallaxRays

@@ -9,8 +9,8 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core.pending import Pending
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
-from omnisim.rendering.contract import Pending
 from omnisim.rendering.opengl.atlas.image_parts import ImagePart
 from omnisim.rendering.opengl.capture.pixel_map import (
     RAYS_UNIT,
