@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Bytes, Floats
 from omnisim.core.errors import GraphicsError, OmnisimError
 from omnisim.core.extras import require_opengl
 from omnisim.core.files.image_files import read_image
@@ -131,7 +131,7 @@ def _opengl(device: int | None) -> Result:
     return Result(OK, text, details=details)
 
 
-def scene_image(name: str, device: int | None = None) -> tuple[NDArray[np.uint8], str]:
+def scene_image(name: str, device: int | None = None) -> tuple[Bytes, str]:
     """Image (32, 32, 3) of a built-in scene from its start, and the renderer's name."""
     with Stage(name, device=device) as stage, stage.open(OmniCamera().resized(IMAGE_PX)) as camera:
         return camera.render(_poses(camera, 1)[0]).rgb, stage.backend.renderer
@@ -239,7 +239,7 @@ def _twice(what: str, draw: Callable[[int], bytes], count: int) -> Result:
     return Result(OK, f"{text}, at most {1e3 * slowest_s:.0f} ms", details=details)
 
 
-def _poses(camera: Renderer, count: int) -> NDArray[np.float64]:
+def _poses(camera: Renderer, count: int) -> Floats:
     """Poses (count, 4, 4) of the base, turning around the scene's start."""
     start = camera.scene.start
     turns = (start.yaw_deg + 15.0 * number for number in range(count))

@@ -6,8 +6,9 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple, Protocol, Self, runtime_checkable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from omnisim.core.arrays import Bools, Floats
 from omnisim.core.errors import OpticsError
 
 Uniforms = dict[str, float | tuple[float, ...]]
@@ -20,16 +21,16 @@ CameraParameters = dict[str, ParameterValue]
 class Rays(NamedTuple):
     """Rays in the optical frame; rays of a central camera start at the effective viewpoint."""
 
-    directions: NDArray[np.float64]  # (..., 3), unit length
-    valid: NDArray[np.bool_]  # (...,): the pixel sees something along this ray
-    origins_m: NDArray[np.float64] | None = None  # (..., 3); None: frame's origin
+    directions: Floats  # (..., 3), unit length
+    valid: Bools  # (...,): the pixel sees something along this ray
+    origins_m: Floats | None = None  # (..., 3); None: frame's origin
 
 
 class Pixels(NamedTuple):
     """Positions in the image."""
 
-    positions_px: NDArray[np.float64]  # (..., 2): u right, v down
-    valid: NDArray[np.bool_]  # (...,): the direction is seen, inside or outside the image
+    positions_px: Floats  # (..., 2): u right, v down
+    valid: Bools  # (...,): the direction is seen, inside or outside the image
 
 
 @runtime_checkable
@@ -58,7 +59,7 @@ class CentralCamera(Protocol):
     def model_name(self) -> str: ...  # noqa: D102
 
     @property
-    def rig_from_optical(self) -> NDArray[np.float64]: ...  # noqa: D102
+    def rig_from_optical(self) -> Floats: ...  # noqa: D102
 
     @property
     def domain_limit_rad(self) -> float | None: ...  # noqa: D102
@@ -103,9 +104,7 @@ class NonCentralCamera(CentralCamera, Protocol):
         ...
 
 
-def pixels_of_points(
-    camera: CentralCamera, points_m: NDArray[np.float64], is_finite: NDArray[np.bool_]
-) -> Pixels:
+def pixels_of_points(camera: CentralCamera, points_m: Floats, is_finite: Bools) -> Pixels:
     """Pixels of points (n, 3), optical frame, for any camera.
 
     Args:
@@ -160,7 +159,7 @@ class CameraSensor(Protocol):
     def model(self) -> CentralCamera: ...  # noqa: D102
 
 
-def as_pixels(pixels_px: ArrayLike) -> NDArray[np.float64]:
+def as_pixels(pixels_px: ArrayLike) -> Floats:
     """Convert pixels (..., 2) to an array; an array is not copied.
 
     Raises:
@@ -169,7 +168,7 @@ def as_pixels(pixels_px: ArrayLike) -> NDArray[np.float64]:
     return _as_vectors(pixels_px, 2, "pixels (..., 2)")
 
 
-def as_directions(directions: ArrayLike) -> NDArray[np.float64]:
+def as_directions(directions: ArrayLike) -> Floats:
     """Convert directions (..., 3) to an array; an array is not copied.
 
     Raises:
@@ -178,7 +177,7 @@ def as_directions(directions: ArrayLike) -> NDArray[np.float64]:
     return _as_vectors(directions, 3, "directions (..., 3)")
 
 
-def _as_vectors(values: ArrayLike, length: int, expected: str) -> NDArray[np.float64]:
+def _as_vectors(values: ArrayLike, length: int, expected: str) -> Floats:
     try:
         vectors = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError):
@@ -188,7 +187,7 @@ def _as_vectors(values: ArrayLike, length: int, expected: str) -> NDArray[np.flo
     return vectors
 
 
-def pixel_grid(width_px: int, height_px: int) -> NDArray[np.float64]:
+def pixel_grid(width_px: int, height_px: int) -> Floats:
     """Centers (height, width, 2) of all pixels of an image."""
     u, v = np.meshgrid(np.arange(width_px, dtype=np.float64), np.arange(height_px))
     return np.stack((u, v.astype(np.float64)), axis=-1)

@@ -6,7 +6,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+
+from omnisim.core.arrays import Bools, Floats
 
 
 class CentralError(NamedTuple):
@@ -31,9 +32,7 @@ class CentralError(NamedTuple):
         return f"{'0.00' if off_px < 0.005 else f'{off_px:.2g}'} px at {self.at}"
 
     @classmethod
-    def of(
-        cls, distance_m: float, errors_px: NDArray[np.float64], valid: NDArray[np.bool_]
-    ) -> CentralError:
+    def of(cls, distance_m: float, errors_px: Floats, valid: Bools) -> CentralError:
         """Statistics over the valid errors (n,) of points at a distance; NaN if none is valid."""
         seen = errors_px[valid]
         if len(seen) == 0:

@@ -20,13 +20,13 @@ from typing import Annotated
 
 import numpy as np
 from numpy.polynomial import polynomial
-from numpy.typing import NDArray
 from pydantic import Field
 
 from omnisim.cameras.camera import Uniforms
 from omnisim.cameras.monotone import MAX_RADIUS_PX, first_root, polyval, solve_polynomial
 from omnisim.cameras.parametric_camera import Coefficients, PrincipalPoint, WideTheta
 from omnisim.cameras.plane_camera import RadialCamera
+from omnisim.core.arrays import Floats
 
 MAX_COEFFICIENTS = 8  # u_coefficients of the GLSL twin
 MIN_SLOPE = 1e-3  # share of the slope at the axis
@@ -71,13 +71,13 @@ class FThetaInverseCamera(RadialCamera):
         """Angle from the axis where the domain ends."""
         return min(self.theta_max_rad, float(self._theta(np.array(self.radius_max_px))))
 
-    def _theta(self, radius: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _theta(self, radius: Floats) -> Floats:
         return polyval((0.0, *self.coefficients), radius)
 
-    def _theta_from_radius(self, radius: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _theta_from_radius(self, radius: Floats) -> Floats:
         return np.minimum(self._theta(radius), self.theta_edge_rad)
 
-    def _radius_from_theta(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _radius_from_theta(self, theta: Floats) -> Floats:
         return solve_polynomial((0.0, *self.coefficients), theta, 0.0, self.radius_max_px)
 
     def uniforms(self) -> Uniforms:

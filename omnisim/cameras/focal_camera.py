@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from omnisim.cameras.camera import Rays, Uniforms
 from omnisim.cameras.parametric_camera import ParametricCamera, PrincipalPoint, ThetaMax
 from omnisim.cameras.plane_camera import EDGE_RAD, PlanePoints, RadialCamera
+from omnisim.core.arrays import Floats
 from omnisim.core.files.parameters import Number, Typical
 
 # Far beyond any camera; squares of derived values still fit into a float.
@@ -101,7 +101,7 @@ def plane_limit(alpha: float) -> float:
     return min(MAX_RADIUS, 1.0 / math.sqrt(2.0 * alpha - 1.0)) if alpha > 0.5 else MAX_RADIUS
 
 
-def lift_alpha(plane: NDArray[np.float64], alpha: float) -> Rays:
+def lift_alpha(plane: Floats, alpha: float) -> Rays:
     """Unit vectors (..., 3) of points (..., 2); points beyond `plane_limit` are moved onto it."""
     radius = np.hypot(plane[..., 0], plane[..., 1])
     limit = plane_limit(alpha)
@@ -117,11 +117,7 @@ def lift_alpha(plane: NDArray[np.float64], alpha: float) -> Rays:
 
 
 def project_alpha(
-    directions: NDArray[np.float64],
-    z: NDArray[np.float64],
-    distance: NDArray[np.float64],
-    alpha: float,
-    length: NDArray[np.float64],
+    directions: Floats, z: Floats, distance: Floats, alpha: float, length: Floats
 ) -> PlanePoints:
     """Project directions (..., 3) to the normalized plane: (x, y)/(α d + (1 − α) z).
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from omnisim.cameras.camera import (
     CameraParameters,
@@ -23,6 +23,7 @@ from omnisim.cameras.camera import (
     Uniforms,
     as_directions,
 )
+from omnisim.core.arrays import Floats
 from omnisim.core.coordinate_frames import (
     BASE_FROM_OPTICAL_LOOKING_AHEAD,
     FLIP_Z,
@@ -64,7 +65,7 @@ class MirroredCamera:
         return cls(lens) if mirrored else lens
 
     @property
-    def rig_from_optical(self) -> NDArray[np.float64]:
+    def rig_from_optical(self) -> Floats:
         """Orientation (3, 3) in a level rig: looking up into the mirror."""
         return RIG_FROM_OPTICAL_LOOKING_UP
 

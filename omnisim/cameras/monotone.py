@@ -11,7 +11,9 @@ import numpy as np
 from numpy.polynomial import polynomial
 from numpy.typing import NDArray
 
-Function = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+from omnisim.core.arrays import Floats
+
+Function = Callable[[Floats], Floats]
 Coefficients = Sequence[float] | NDArray[np.floating[Any]]
 
 MAX_RADIUS_PX = 1e12  # far beyond any image
@@ -20,8 +22,8 @@ MAX_STEPS = 100  # bisection alone needs about sixty
 
 
 def solve_increasing(
-    function: Function, slope: Function, values: NDArray[np.float64], low: float, high: float
-) -> NDArray[np.float64]:
+    function: Function, slope: Function, values: Floats, low: float, high: float
+) -> Floats:
     """Arguments (...,) in [low, high] at which the increasing `function` has `values` (...,).
 
     Unreachable values give the nearest end. The search starts at the values themselves: in units of
@@ -52,9 +54,7 @@ def solve_increasing(
     return arguments.reshape(values.shape)
 
 
-def solve_polynomial(
-    coefficients: Coefficients, values: NDArray[np.float64], low: float, high: float
-) -> NDArray[np.float64]:
+def solve_polynomial(coefficients: Coefficients, values: Floats, low: float, high: float) -> Floats:
     """Arguments (...,) as of `solve_increasing`, for a polynomial with its constant term first."""
     slopes = polynomial.polyder(coefficients)
     return solve_increasing(
@@ -62,7 +62,7 @@ def solve_polynomial(
     )
 
 
-def polyval(coefficients: Coefficients, arguments: NDArray[np.float64]) -> NDArray[np.float64]:
+def polyval(coefficients: Coefficients, arguments: Floats) -> Floats:
     """Values (...,) of a polynomial, constant term first, at arguments (...,)."""
     *others, last = (float(one) for one in coefficients)
     values = np.full(np.shape(arguments), last)
@@ -98,18 +98,14 @@ def _first_root(coefficients: tuple[float, ...], highest: float) -> float:
 # Inverse of a lens distortion on the normalized plane, by Newton's method.
 
 
-Map = Callable[[NDArray[np.float64]], NDArray[np.float64]]
-Step = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
+Map = Callable[[Floats], Floats]
+Step = Callable[[Floats, Floats], Floats]
 _MAX_STEPS = 60
 
 
 def undistort(
-    distort: Map,
-    newton_step: Step,
-    start: NDArray[np.float64],
-    distorted: NDArray[np.float64],
-    limit: float,
-) -> NDArray[np.float64]:
+    distort: Map, newton_step: Step, start: Floats, distorted: Floats, limit: float
+) -> Floats:
     """Points (..., 2), within a radius, that a distortion maps to `distorted` (..., 2).
 
     Args:

@@ -10,10 +10,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydantic import Field
 
 from omnisim.cameras.camera import CameraParameters, Pixels, Rays, Uniforms
+from omnisim.core.arrays import Floats
 from omnisim.core.coordinate_frames import BASE_FROM_OPTICAL_LOOKING_AHEAD
 from omnisim.core.errors import OpticsError
 from omnisim.core.files.parameters import Number, Parameters, Typical, mapped, parse_table
@@ -50,7 +51,7 @@ class ParametricCamera(Parameters, ABC, name="camera"):
     height_px: PixelCount
     """Height of the image in pixels."""
     model_name: ClassVar[str]
-    _rig_from_optical: ClassVar[NDArray[np.float64]] = BASE_FROM_OPTICAL_LOOKING_AHEAD
+    _rig_from_optical: ClassVar[Floats] = BASE_FROM_OPTICAL_LOOKING_AHEAD
     largest_theta_rad: ClassVar[float] = math.pi
     added_later: ClassVar[frozenset[str]] = frozenset()
 
@@ -76,7 +77,7 @@ class ParametricCamera(Parameters, ABC, name="camera"):
             raise self._error("theta_max_rad", limits)
 
     @property
-    def rig_from_optical(self) -> NDArray[np.float64]:
+    def rig_from_optical(self) -> Floats:
         """Orientation (3, 3) in a level rig: looking ahead, or up into a mirror."""
         return self._rig_from_optical
 

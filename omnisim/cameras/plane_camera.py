@@ -12,10 +12,11 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from omnisim.cameras.camera import Pixels, Rays, as_directions, as_pixels
 from omnisim.cameras.parametric_camera import ParametricCamera
+from omnisim.core.arrays import Bools, Floats
 
 # The ray of a pixel on the edge of the domain is rounded; its projection must still be valid.
 EDGE_RAD = 1e-12
@@ -24,8 +25,8 @@ EDGE_RAD = 1e-12
 class PlanePoints(NamedTuple):
     """Points of the normalized plane."""
 
-    positions: NDArray[np.float64]  # (..., 2): x right, y down, in focal lengths
-    valid: NDArray[np.bool_]  # (...,)
+    positions: Floats  # (..., 2): x right, y down, in focal lengths
+    valid: Bools  # (...,)
 
 
 class PlaneCamera(ParametricCamera):
@@ -37,11 +38,11 @@ class PlaneCamera(ParametricCamera):
         """Pixels per unit of the normalized plane."""
 
     @abstractmethod
-    def _rays_from_plane(self, plane: NDArray[np.float64]) -> Rays:
+    def _rays_from_plane(self, plane: Floats) -> Rays:
         """Rays of points (..., 2) in the plane; outside the domain, those of its nearest edge."""
 
     @abstractmethod
-    def _plane_from_rays(self, directions: NDArray[np.float64]) -> PlanePoints:
+    def _plane_from_rays(self, directions: Floats) -> PlanePoints:
         """Points (..., 2) of the plane for directions (..., 3) of any length."""
 
     def ray_from_pixel(self, pixels_px: ArrayLike) -> Rays:
@@ -53,10 +54,10 @@ class PlaneCamera(ParametricCamera):
         points = self._plane_from_rays(as_directions(directions))
         return Pixels(self._pixels_from_plane(points.positions), points.valid)
 
-    def _plane_from_pixels(self, pixels: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _plane_from_pixels(self, pixels: Floats) -> Floats:
         return (pixels - self.principal_point_px) / self.pixels_per_plane
 
-    def _pixels_from_plane(self, plane: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _pixels_from_plane(self, plane: Floats) -> Floats:
         return plane * self.pixels_per_plane + self.principal_point_px
 
 
@@ -78,11 +79,11 @@ class RadialCamera(PlaneCamera):
         return math.pi if limit is None else limit
 
     @abstractmethod
-    def _radius_from_theta(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _radius_from_theta(self, theta: Floats) -> Floats:
         """Radius r (...,) on the plane at θ (...,), in the domain."""
 
     @abstractmethod
-    def _theta_from_radius(self, radius: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _theta_from_radius(self, radius: Floats) -> Floats:
         """θ (...,) at radius r (...,) on the plane, in the domain."""
 
     @cached_property
@@ -92,7 +93,7 @@ class RadialCamera(PlaneCamera):
         first, last = self._radius_from_theta(ends).tolist()
         return first, last
 
-    def _rays_from_plane(self, plane: NDArray[np.float64]) -> Rays:
+    def _rays_from_plane(self, plane: Floats) -> Rays:
         radius = np.hypot(plane[..., 0], plane[..., 1])
         first, last = self.radius_limits
         theta = self._theta_from_radius(np.clip(radius, first, last))
@@ -100,7 +101,7 @@ class RadialCamera(PlaneCamera):
         directions = np.concatenate((across, np.cos(theta)[..., None]), axis=-1)
         return Rays(directions, (radius >= first) & (radius <= last))
 
-    def _plane_from_rays(self, directions: NDArray[np.float64]) -> PlanePoints:
+    def _plane_from_rays(self, directions: Floats) -> PlanePoints:
         across = np.hypot(directions[..., 0], directions[..., 1])
         theta = np.arctan2(across, directions[..., 2])
         first, last = self.theta_min_rad, self.theta_edge_rad
@@ -109,7 +110,7 @@ class RadialCamera(PlaneCamera):
         return PlanePoints(positions, (theta >= first - EDGE_RAD) & (theta <= last + EDGE_RAD))
 
 
-def unit_vectors(vectors: NDArray[np.float64], lengths: NDArray[np.float64]) -> NDArray[np.float64]:
+def unit_vectors(vectors: Floats, lengths: Floats) -> Floats:
     """Normalize vectors (..., 2) by their lengths (...,); (1, 0) for zero vectors."""
     start = np.zeros_like(vectors)
     start[..., 0] = 1.0

@@ -1,4 +1,4 @@
-"""Types of arrays, and bounding boxes of points."""
+"""Types of arrays by their elements, and bounding boxes of points."""
 
 from __future__ import annotations
 
@@ -7,10 +7,13 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+AnyFloats = NDArray[np.floating]  # of either precision
 Floats = NDArray[np.float64]
 Floats32 = NDArray[np.float32]
 Bytes = NDArray[np.uint8]
 Ints = NDArray[np.int64]
+Ints32 = NDArray[np.int32]
+Uints32 = NDArray[np.uint32]
 Indices = NDArray[np.intp]
 Bools = NDArray[np.bool_]
 _Number = TypeVar("_Number", bound=np.generic)

@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import RunError
 from omnisim.core.random_numbers import key_of, normal, pcg4d
 
@@ -31,7 +31,7 @@ class SensorRate:
     jitter_s: float
     clock: str
 
-    def times_s(self, start_s: float, end_s: float, seed: int, sensor: str) -> NDArray[np.float64]:
+    def times_s(self, start_s: float, end_s: float, seed: int, sensor: str) -> Floats:
         """Times (n,) of the measurements, n ≥ 1, in whole nanoseconds.
 
         Args:
@@ -63,6 +63,6 @@ class SensorRate:
         return printed_s(np.clip(times_s, start_s, end_s))
 
 
-def printed_s(times_s: NDArray[np.float64]) -> NDArray[np.float64]:
+def printed_s(times_s: Floats) -> Floats:
     """Round times (n,) to the nine decimals of the files."""
     return np.array([float(f"{time_s:.9f}") for time_s in times_s.tolist()])

@@ -16,9 +16,8 @@ from pathlib import Path
 
 import numpy as np
 import scipy  # its submodules load when first used
-from numpy.typing import NDArray
 
-from omnisim.core.arrays import triangle_bounds
+from omnisim.core.arrays import Bools, Floats, Floats32, Indices, triangle_bounds
 from omnisim.core.errors import PlanError
 from omnisim.core.files.atomic_file import atomic_write
 from omnisim.core.short_repr import short_repr
@@ -38,13 +37,13 @@ class FreeSpace:
     """Free floor of a scene for a footprint."""
 
     # (2,) corner of the floor plan with the smallest x and y, world frame
-    low_m: NDArray[np.float64]
+    low_m: Floats
     cell_m: float  # side of a cell
     # (rows, columns) height of each cell's floor, rows along y, columns along x; NaN: no floor
-    floor_m: NDArray[np.float32]
+    floor_m: Floats32
     # (rows, columns) horizontal distance from each cell to the nearest obstacle
-    clearance_m: NDArray[np.float32]
-    is_free: NDArray[np.bool_]  # (rows, columns) True: the footprint can stand in the cell
+    clearance_m: Floats32
+    is_free: Bools  # (rows, columns) True: the footprint can stand in the cell
 
     def __repr__(self) -> str:
         return short_repr(self, f"{self.area_m2:.1f} m² free")
@@ -54,17 +53,17 @@ class FreeSpace:
         """Free area."""
         return float(self.is_free.sum()) * self.cell_m**2
 
-    def free_cells(self) -> NDArray[np.intp]:
+    def free_cells(self) -> Indices:
         """Row and column (n, 2) of each free cell."""
         return np.argwhere(self.is_free)
 
-    def cell_of(self, point_m: NDArray[np.float64]) -> tuple[int, int] | None:
+    def cell_of(self, point_m: Floats) -> tuple[int, int] | None:
         """Row and column of the cell that contains a point (2,); None: outside the floor plan."""
         column, row = np.floor((point_m - self.low_m) / self.cell_m).astype(int)
         rows, columns = self.is_free.shape
         return (row, column) if 0 <= row < rows and 0 <= column < columns else None
 
-    def is_free_at(self, point_m: NDArray[np.float64]) -> bool:
+    def is_free_at(self, point_m: Floats) -> bool:
         """True if the footprint can stand at a point (2,)."""
         cell = self.cell_of(point_m)
         return cell is not None and bool(self.is_free[cell])
@@ -74,7 +73,7 @@ class FreeSpace:
         has_floor = bool(np.isfinite(self.floor_m[cell]))
         return has_floor and self.clearance_m[cell] >= radius_m + MARGIN_CELLS * self.cell_m
 
-    def point_in(self, cell: NDArray[np.intp], shares: tuple[float, float]) -> NDArray[np.float64]:
+    def point_in(self, cell: Indices, shares: tuple[float, float]) -> Floats:
         """Point (3,) on a cell's floor; `shares` of the cell's sides along x and y, 0 to 1."""
         row, column = cell
         x, y = self.low_m + self.cell_m * (np.array((column, row)) + shares)
@@ -136,9 +135,7 @@ def _floor_at_start(scene: Scene) -> float:
     return float(below.max(initial=scene.bounds_m()[0][2]))
 
 
-def _region(
-    free: NDArray[np.bool_], start: NDArray[np.intp], or_largest: bool
-) -> NDArray[np.bool_]:
+def _region(free: Bools, start: Indices, or_largest: bool) -> Bools:
     """Mask (rows, columns) of the free cells connected to the start's cell.
 
     If the start is not free: the largest connected part with `or_largest`, else no cell.
@@ -158,7 +155,7 @@ def _region(
 class _Grid:
     """Cells of a floor plan."""
 
-    low_m: NDArray[np.float64]
+    low_m: Floats
     cell_m: float
     shape: tuple[int, int]
 
@@ -173,11 +170,11 @@ class _Grid:
         return cls(low, cell_m, (int(rows), int(columns)))
 
     @property
-    def high_m(self) -> NDArray[np.float64]:
+    def high_m(self) -> Floats:
         """Corner (2,) of the floor plan with the largest x and y."""
         return self.low_m + self.cell_m * np.array(self.shape[::-1])
 
-    def windows(self, point_m: NDArray[np.float64]) -> Iterator[_Grid]:
+    def windows(self, point_m: Floats) -> Iterator[_Grid]:
         """Smaller grids of the same cells around a point (2,), smallest first."""
         row_column = self.cells(point_m[None])[0]
         for half in WINDOW_CELLS:
@@ -188,7 +185,7 @@ class _Grid:
                 low_m = self.low_m + self.cell_m * first[::-1]
                 yield _Grid(low_m, self.cell_m, (rows, columns))
 
-    def edge_distance_m(self) -> NDArray[np.float32]:
+    def edge_distance_m(self) -> Floats32:
         """Distances (rows, columns) from the cells' middles to the nearest edge."""
         along = [np.minimum(np.arange(count), np.arange(count)[::-1]) for count in self.shape]
         distances = np.minimum(along[0][:, None], along[1]) + np.float32(0.5)
@@ -196,7 +193,7 @@ class _Grid:
 
     def floor_and_clearance(
         self, scene: Scene, floor_m: float, step_m: float, height_m: float
-    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    ) -> tuple[Floats32, Floats32]:
         """Heights of the floor, and clearances, (rows, columns) each, as in `FreeSpace`."""
         triangles = triangles_within(scene, self.low_m, self.high_m)
         reach_m = max(step_m, 0.5 * self.cell_m)
@@ -211,14 +208,12 @@ class _Grid:
         clearance = scipy.ndimage.distance_transform_edt(~obstacles).astype(np.float32)
         return floor, clearance * np.float32(self.cell_m)
 
-    def cells(self, points_m: NDArray[np.float64]) -> NDArray[np.intp]:
+    def cells(self, points_m: Floats) -> Indices:
         """Rows and columns (n, 2) of points (n, 2 or 3)."""
         columns_rows = np.floor((points_m[:, :2] - self.low_m) / self.cell_m).astype(np.intp)
         return columns_rows[:, ::-1]
 
-    def _floor(
-        self, corners: NDArray[np.float64], floor_m: float, reach_m: float
-    ) -> NDArray[np.float32]:
+    def _floor(self, corners: Floats, floor_m: float, reach_m: float) -> Floats32:
         """Heights (rows, columns) of the floor at the cells' middles; NaN: no floor.
 
         The floor is the highest surface at most `reach_m` above or below `floor_m`: a plate on the
@@ -240,26 +235,20 @@ class _Grid:
             np.fmax.at(heights, (rows, columns), points[numbers, 2].astype(np.float32))
         return heights
 
-    def _inside(self, points_m: NDArray[np.float64]) -> tuple[NDArray[np.intp], ...]:
+    def _inside(self, points_m: Floats) -> tuple[Indices, ...]:
         """Indices (k,) of the points (n, 2 or 3) on the floor plan, and their rows and columns."""
         cells = self.cells(points_m)
         numbers = np.flatnonzero(np.all((cells >= 0) & (cells < self.shape), axis=1))
         rows, columns = cells[numbers].T
         return numbers, rows, columns
 
-    def _cells_below(self, corners_m: NDArray[np.float64]) -> NDArray[np.intp]:
+    def _cells_below(self, corners_m: Floats) -> Indices:
         """First and end row and column (2, 2) of the cells below points (n, 3); ends exclusive."""
         cells = self.cells(corners_m)
-        bounds: NDArray[np.intp] = np.stack((cells.min(axis=0), cells.max(axis=0) + 1))
+        bounds: Indices = np.stack((cells.min(axis=0), cells.max(axis=0) + 1))
         return np.clip(bounds, 0, self.shape)
 
-    def _obstacles(
-        self,
-        corners: NDArray[np.float64],
-        floor: NDArray[np.float32],
-        step_m: float,
-        height_m: float,
-    ) -> NDArray[np.bool_]:
+    def _obstacles(self, corners: Floats, floor: Floats32, step_m: float, height_m: float) -> Bools:
         """Mask (rows, columns) of cells with a surface `step_m` to `height_m` above the floor."""
         blocked = np.zeros(self.shape, dtype=bool)
         if not np.isfinite(floor).any():
@@ -334,15 +323,13 @@ MIN_UP = 0.5  # cosine of the maximum slope of floor: 60°
 EDGE = 1e-9  # share of a triangle: a point on a common edge is in at least one triangle
 
 
-def is_flat(corners_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+def is_flat(corners_m: Floats) -> Bools:
     """Mask (n,) of triangles (n, 3, 3) with a slope below 60°, whichever side is up."""
     normals = np.cross(corners_m[:, 1] - corners_m[:, 0], corners_m[:, 2] - corners_m[:, 0])
     return np.abs(normals[:, 2]) > MIN_UP * np.linalg.norm(normals, axis=1)
 
 
-def heights_in(
-    corners_m: NDArray[np.float64], points_m: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def heights_in(corners_m: Floats, points_m: Floats) -> Floats:
     """Heights (...,) of a triangle (3, 3) at points (..., 2) of the floor plan; NaN outside it."""
     a, b, c = corners_m
     matrix = np.column_stack((a[:2] - c[:2], b[:2] - c[:2]))
@@ -353,10 +340,8 @@ def heights_in(
 
 
 def surface_points(
-    corners_m: NDArray[np.float64],
-    spacing_m: float,
-    band_m: tuple[float, float] = (-np.inf, np.inf),
-) -> Iterator[NDArray[np.float64]]:
+    corners_m: Floats, spacing_m: float, band_m: tuple[float, float] = (-np.inf, np.inf)
+) -> Iterator[Floats]:
     """Points (n, 3) on triangles (m, 3, 3) within a band of heights, in batches.
 
     Triangles are halved across their longest edge until it is at most `spacing_m` long. Each point
@@ -375,11 +360,8 @@ def surface_points(
 
 
 def columns_of(
-    corners_m: NDArray[np.float64],
-    spacing_m: float,
-    low_m: NDArray[np.float64],
-    high_m: NDArray[np.float64],
-) -> Iterator[NDArray[np.float64]]:
+    corners_m: Floats, spacing_m: float, low_m: Floats, high_m: Floats
+) -> Iterator[Floats]:
     """Parts (n, 3, 3) of triangles in a box, in batches; each is small on the floor plan.
 
     The height of a part is not limited.
@@ -396,9 +378,7 @@ def columns_of(
         yield short
 
 
-def _halved(
-    corners_m: NDArray[np.float64], spacing_m: float, axes: int = 3
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _halved(corners_m: Floats, spacing_m: float, axes: int = 3) -> tuple[Floats, Floats]:
     """Triangles with edges up to `spacing_m` along the first axes, and the halves of all others."""
     planned = corners_m[..., :axes]
     edges = planned[:, (1, 2, 0)] - planned

@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import OutputError, PlanError
 from omnisim.core.files.atomic_file import atomic_folder, check_new_folder
 from omnisim.core.poses import check_pose, inverse
@@ -141,7 +141,7 @@ def _groups(shards: Shards) -> list[_Group]:
 def _recording(shards: Shards, group: _Group, files: _Files) -> Recording:
     """Recording of a group's samples; a sample's number is its time in seconds."""
     first: dict[str, Any] = {}
-    mounts: dict[str, NDArray[np.float64]] = {}
+    mounts: dict[str, Floats] = {}
     numbers, poses = [], []
     for row, content in zip(group.rows, group.contents, strict=True):
         with shards.damage_named(row):
@@ -166,7 +166,7 @@ def _recording(shards: Shards, group: _Group, files: _Files) -> Recording:
     return Recording(run, Trajectory(np.array(numbers), np.array(poses)), None, tuple(cameras))
 
 
-def _mount(image: dict[str, Any]) -> NDArray[np.float64]:
+def _mount(image: dict[str, Any]) -> Floats:
     """Pose (4, 4) of an image's camera on its base."""
     world_from_base = check_pose(image["world_from_base"])
     return inverse(world_from_base) @ np.array(image["world_from_optical"])

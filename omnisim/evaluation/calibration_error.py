@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import EstimatorError, OutputError
 from omnisim.core.files.atomic_file import write_text
 from omnisim.core.files.parameters import Number, Point, Table
@@ -30,7 +30,6 @@ from omnisim.sensors.imu.imu import BIASES, PARAMETERS, READINGS
 from omnisim.sensors.lidar.point_files import write_points
 from omnisim.sensors.lidar.spinning_lidar import SpinningLidar
 
-Floats = NDArray[np.float64]
 _FOCAL = ("focal_length_px", "focal_lengths_px")
 _EXTRINSICS = ("offset_m", "roll_deg", "pitch_deg", "yaw_deg")
 

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera
+from omnisim.core.arrays import Floats
 from omnisim.core.trajectories import Trajectory
 from omnisim.datasets.export.recording import Recording
 from omnisim.evaluation.trajectory_errors import AlignmentKind
@@ -47,7 +47,7 @@ class Estimator(ABC):
             EstimatorError: the run lacks a sensor, or the method yields no estimate.
         """
 
-    def base_from_tracked(self, run: Recording) -> NDArray[np.float64]:
+    def base_from_tracked(self, run: Recording) -> Floats:
         """Pose (4, 4) of the tracked frame in the base frame; by default the identity.
 
         Without the scale, a method cannot transfer poses from its camera to the base: the lever arm

@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras.calibration import load_calibration
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import OmnisimError, OutputError
 from omnisim.core.extras import install_hint, is_installed
 from omnisim.core.files.atomic_file import write_text
@@ -174,7 +174,7 @@ def _camera_outcome(run: Path, name: str, path: Path, seconds: float) -> Outcome
     return Outcome(name, "ok", errors.summary, seconds, camera=errors)
 
 
-def true_trajectory(recording: Recording, times_s: NDArray[np.float64]) -> Trajectory:
+def true_trajectory(recording: Recording, times_s: Floats) -> Trajectory:
     """True poses at all recorded states, and at further times (n,) where they can be interpolated.
 
     A time that is farther than `MAX_OFFSET_S` from all recorded states, such as a stamp with an

@@ -10,16 +10,15 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 import scipy  # its submodules load on first use
-from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera
 from omnisim.cameras.camera import pixel_grid
+from omnisim.core.arrays import Floats, Indices
 from omnisim.core.errors import EstimatorError, TrajectoryError
 from omnisim.core.poses import inverse, nearest_rotation, rotation_angles
 from omnisim.core.trajectories import Trajectory
 from omnisim.core.trajectories.trajectory import step_lengths_m
 
-Floats = NDArray[np.float64]
 MIN_POSES = 3
 MAX_OFFSET_S = 0.5e-3  # between the times of a pose and of its true state
 MAX_PERIODS = 4.0  # gap between two poses, in median periods; tracking is lost in a longer gap
@@ -51,7 +50,7 @@ class TrajectoryErrors:
 
 def match_times(
     times_s: Floats, true_times_s: Floats, tolerance_s: float = MAX_OFFSET_S
-) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+) -> tuple[Indices, Indices]:
     """Indices (k,) of the poses with a true state within the tolerance, and of those states."""
     after = np.clip(np.searchsorted(true_times_s, times_s), 1, max(len(true_times_s) - 1, 1))
     before = after - 1

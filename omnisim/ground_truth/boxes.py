@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core.arrays import Bools, Floats
 from omnisim.core.files.atomic_file import write_text
 from omnisim.core.poses import inverse, quaternion_from_rotation
 from omnisim.core.short_repr import point_text, short_repr
@@ -132,13 +133,13 @@ def write_json(path: Path, content: Mapping[str, Any]) -> None:
 Loop = list[tuple[int, int]]  # corners (x, y)
 
 
-def mask_from_runs(height: int, width: int, counts: Sequence[int]) -> NDArray[np.bool_]:
+def mask_from_runs(height: int, width: int, counts: Sequence[int]) -> Bools:
     """Mask (height, width) from COCO run lengths, column-major, starting with the background."""
     flat = np.repeat(np.arange(len(counts)) % 2 == 1, counts)
     return flat.reshape(width, height).T
 
 
-def polygons_of_mask(mask: NDArray[np.bool_]) -> list[list[float]]:
+def polygons_of_mask(mask: Bools) -> list[list[float]]:
     """Polygons of a mask (height, width), one per region: x, y, x, y … in px from the top left.
 
     Pixels that share only a corner are in different regions. A polygon excludes a hole by a line to
@@ -161,7 +162,7 @@ def polygons_of_mask(mask: NDArray[np.bool_]) -> list[list[float]]:
     return polygons
 
 
-def _loops(region: NDArray[np.bool_]) -> list[Loop]:
+def _loops(region: Bools) -> list[Loop]:
     """Loops around a region and its holes, outer loop first; the region is on their right."""
     edges = _edges(region)
     loops = []
@@ -186,7 +187,7 @@ def _loops(region: NDArray[np.bool_]) -> list[Loop]:
     return loops
 
 
-def _edges(region: NDArray[np.bool_]) -> dict[tuple[int, int], list[tuple[int, int]]]:
+def _edges(region: Bools) -> dict[tuple[int, int], list[tuple[int, int]]]:
     """Directions of the edges that start at each corner, row by row."""
     padded = np.pad(region, 1)
     inside = padded[1:-1, 1:-1]
@@ -231,14 +232,12 @@ class OrientedBox:
         size_m: (3,) edge lengths along the box's axes.
     """
 
-    center_m: NDArray[np.float64]
-    rotation: NDArray[np.float64]
-    size_m: NDArray[np.float64]
+    center_m: Floats
+    rotation: Floats
+    size_m: Floats
 
     @classmethod
-    def of_points(
-        cls, points_m: NDArray[np.floating[Any]], rotation: NDArray[np.float64]
-    ) -> OrientedBox:
+    def of_points(cls, points_m: NDArray[np.floating[Any]], rotation: Floats) -> OrientedBox:
         """Bounding box of at least one point (n, 3), along the axes of a rotation (3, 3)."""
         along = points_m @ rotation
         low, high = along.min(axis=0), along.max(axis=0)
@@ -248,7 +247,7 @@ class OrientedBox:
         size = " × ".join(f"{one:.4g}" for one in self.size_m)
         return short_repr(self, f"{size} m", f"at {point_text(self.center_m, 4)} m")
 
-    def transformed(self, pose: NDArray[np.float64]) -> OrientedBox:
+    def transformed(self, pose: Floats) -> OrientedBox:
         """Box in another frame, given the pose (4, 4) other_from_frame."""
         rotation = pose[:3, :3]
         center_m = rotation @ self.center_m + pose[:3, 3]
@@ -264,7 +263,7 @@ class OrientedBox:
         return OrientedBox(center_m, self.rotation, high - low)
 
     @property
-    def corners_m(self) -> NDArray[np.float64]:
+    def corners_m(self) -> Floats:
         """Corners (8, 3); corners i and j share an edge if i ^ j is 1, 2 or 4."""
         signs = np.array(list(product((-0.5, 0.5), repeat=3)))
         return self.center_m + (signs * self.size_m) @ self.rotation.T
@@ -344,7 +343,7 @@ def boxes_json(
     }
 
 
-def _in_frames(box: OrientedBox, frames: Mapping[str, NDArray[np.float64]]) -> dict[str, Any]:
+def _in_frames(box: OrientedBox, frames: Mapping[str, Floats]) -> dict[str, Any]:
     content: dict[str, Any] = {"size_m": box.size_m.tolist()}
     for name, pose in frames.items():
         transformed = box.transformed(pose)

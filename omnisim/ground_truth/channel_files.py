@@ -38,6 +38,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core.arrays import Bools, Floats32
 from omnisim.core.errors import OutputError
 from omnisim.core.files.atomic_file import atomic_write
 from omnisim.core.files.image_files import (
@@ -86,7 +87,7 @@ def write_sidecars(
     channels: Mapping[str, NDArray[Any]],
     labels: Labels | None,
     metadata: Mapping[str, Any],
-    has_ray: NDArray[np.bool_],
+    has_ray: Bools,
     channel_format: ChannelFormat = ChannelFormat.AUTO,
 ) -> None:
     """Write the files of the channels next to the image, and a JSON file that describes them.
@@ -182,7 +183,7 @@ def range_steps_per_m(ranges_m: NDArray[Any]) -> float:
 
 
 def _write_ranges(
-    image: Path, name: str, ranges_m: NDArray[Any], has_ray: NDArray[np.bool_]
+    image: Path, name: str, ranges_m: NDArray[Any], has_ray: Bools
 ) -> tuple[list[str], dict[str, Any]]:
     """Write ranges as a PNG; return its file name, and the scale and meaning of its values."""
     steps_per_m = range_steps_per_m(ranges_m)
@@ -318,7 +319,7 @@ _FLO_UNKNOWN, _FLO_LARGEST = np.float32(1e10), 1e9
 KITTI_STEPS_PER_PX, _KITTI_ZERO = 64.0, 2**15
 
 
-def write_flo(path: Path, flow_px: NDArray[np.float32]) -> None:
+def write_flo(path: Path, flow_px: Floats32) -> None:
     """Write flow (height, width, 2) in Middlebury's format, with 1e10 in place of NaN.
 
     Source: Baker et al., "A database and evaluation methodology for optical flow", flow-code.
@@ -333,7 +334,7 @@ def write_flo(path: Path, flow_px: NDArray[np.float32]) -> None:
         )
 
 
-def read_flo(path: Path) -> NDArray[np.float32]:
+def read_flo(path: Path) -> Floats32:
     """Read flow (height, width, 2) from Middlebury's format, with NaN for unknown flow."""
     try:
         data = path.read_bytes()
@@ -348,7 +349,7 @@ def read_flo(path: Path) -> NDArray[np.float32]:
     return flow_px
 
 
-def write_kitti_flow(path: Path, flow_px: NDArray[np.float32]) -> None:
+def write_kitti_flow(path: Path, flow_px: Floats32) -> None:
     """Write flow (height, width, 2) as 16-bit RGB: 64 u + 2^15, 64 v + 2^15, and 1 if valid.
 
     Flow that is NaN or beyond ±512 px is invalid: 0, 0, 0. Occluded points are included, as in
@@ -356,7 +357,7 @@ def write_kitti_flow(path: Path, flow_px: NDArray[np.float32]) -> None:
 
     Source: KITTI, devkit of the flow benchmark 2015, readme.
     """
-    known: NDArray[np.bool_] = np.all(~np.isnan(flow_px), axis=-1)
+    known: Bools = np.all(~np.isnan(flow_px), axis=-1)
     steps = np.rint(KITTI_STEPS_PER_PX * np.where(known[..., None], flow_px, 0.0)) + _KITTI_ZERO
     known &= np.all((steps >= 0) & (steps < 2**16), axis=-1)
     pixels = np.zeros((*known.shape, 3), dtype=np.uint16)

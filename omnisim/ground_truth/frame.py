@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core.arrays import Bools, Bytes, Floats32
 from omnisim.core.errors import OutputError, did_you_mean
 from omnisim.core.files.image_files import is_float_format, png_bytes, write_image
 from omnisim.core.short_repr import short_repr
@@ -45,12 +45,12 @@ class Frame:
         boxes_3d: oriented boxes of the visible instances, if requested.
     """
 
-    rgba: NDArray[np.uint8]
-    linear: NDArray[np.float32] | None
+    rgba: Bytes
+    linear: Floats32 | None
     metadata: dict[str, Any]
     channels: Mapping[str, NDArray[Any]] = field(default_factory=dict)
     labels: Labels | None = None
-    has_ray: NDArray[np.bool_] | None = None
+    has_ray: Bools | None = None
     boxes_3d: tuple[InstanceBox, ...] | None = None
 
     def __post_init__(self) -> None:
@@ -73,12 +73,12 @@ class Frame:
         return png_bytes(self.rgb)
 
     @property
-    def rgb(self) -> NDArray[np.uint8]:
+    def rgb(self) -> Bytes:
         """Colors (height, width, 3) uint8, sRGB; black where the camera sees nothing."""
         return self.rgba[..., :3]
 
     @property
-    def valid(self) -> NDArray[np.bool_]:
+    def valid(self) -> Bools:
         """Mask (height, width), true if at least half of a pixel's samples show the scene."""
         return self.rgba[..., 3] > 0
 

@@ -8,6 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats32
+
 _MATERIALS = {"roughness", "metallic", "emissive"}
 
 
@@ -49,12 +51,12 @@ NO_DETAILS = HitDetails()
 class ThroughHits(NamedTuple):
     """Surfaces that pixels show behind glass and after mirrors, (height, width) each."""
 
-    ranges_m: NDArray[np.float32]  # lengths of the paths; +inf: no hit
+    ranges_m: Floats32  # lengths of the paths; +inf: no hit
     draw_ids: NDArray[np.uint32]  # 1 + draw item; 0: no hit
     # cosines of the angles of incidence there; NaN: neither glass nor mirror before it
-    cosines: NDArray[np.float32]
+    cosines: Floats32
     # share of light, mean of linear RGB, that panes and mirrors on the way leave
-    shares: NDArray[np.float32]
+    shares: Floats32
 
     @classmethod
     def of_first(cls, hits: Hits) -> ThroughHits:
@@ -71,37 +73,37 @@ class Hits(NamedTuple):
     are not requested have no rows.
     """
 
-    points_and_ranges_m: NDArray[np.float32]  # (height, width, 4), see below
+    points_and_ranges_m: Floats32  # (height, width, 4), see below
     draw_ids: NDArray[np.uint32]  # (height, width), 1 + draw item; 0: no hit
     triangles: NDArray[np.uint32]  # (height, width) triangle indices in the instance's mesh
-    normals: NDArray[np.float32]  # (height, width, 3), viewpoint frame, unit; 0: no hit
-    albedos: NDArray[np.float32]  # (height, width, 3) linear RGB; 0: no hit
-    materials: NDArray[np.float32]  # (height, width, 5), see below; 0: no hit
+    normals: Floats32  # (height, width, 3), viewpoint frame, unit; 0: no hit
+    albedos: Floats32  # (height, width, 3) linear RGB; 0: no hit
+    materials: Floats32  # (height, width, 5), see below; 0: no hit
 
     @property
-    def points_m(self) -> NDArray[np.float32]:
+    def points_m(self) -> Floats32:
         """Points (height, width, 3), viewpoint frame; without a hit: directions."""
         return self.points_and_ranges_m[..., :3]
 
     @property
-    def ranges_m(self) -> NDArray[np.float32]:
+    def ranges_m(self) -> Floats32:
         """Ranges (height, width); +inf: no hit."""
         return self.points_and_ranges_m[..., 3]
 
     @property
-    def roughness(self) -> NDArray[np.float32]:
+    def roughness(self) -> Floats32:
         """Roughness (height, width), 1 for matte surfaces; NaN: no hit."""
         return self._of_something(self.materials[..., 0])
 
     @property
-    def metallic(self) -> NDArray[np.float32]:
+    def metallic(self) -> Floats32:
         """Metalness (height, width); NaN: no hit."""
         return self._of_something(self.materials[..., 1])
 
     @property
-    def emissive(self) -> NDArray[np.float32]:
+    def emissive(self) -> Floats32:
         """Emitted light (height, width, 3), linear RGB; 0: no hit."""
         return self.materials[..., 2:]
 
-    def _of_something(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
+    def _of_something(self, values: Floats32) -> Floats32:
         return np.where(self.draw_ids == 0, np.float32(np.nan), values)

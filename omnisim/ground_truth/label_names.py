@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+from omnisim.core.arrays import Bytes
 from omnisim.core.short_repr import counted, short_repr
 
 if TYPE_CHECKING:  # channel and class names alone do not require NumPy
@@ -62,7 +63,7 @@ class Labels:
         return np.array([NOTHING, *(i.class_id for i in self.instances)], dtype=np.uint16)
 
     @cached_property
-    def class_colors(self) -> NDArray[np.uint8]:
+    def class_colors(self) -> Bytes:
         """Colors (largest ID + 1, 3) of the classes; black for unused IDs."""
         import numpy as np
 

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats
 from omnisim.core.world import ObjectPoses, time_of
 
 
@@ -27,14 +28,14 @@ class EchoLimits(NamedTuple):
 class LidarBeams(NamedTuple):
     """Beam directions of a lidar."""
 
-    elevations_rad: NDArray[np.float64]  # (rings,), ascending
-    azimuths_rad: NDArray[np.float64]  # (firings,), evenly descending from π over a full turn
+    elevations_rad: Floats  # (rings,), ascending
+    azimuths_rad: Floats  # (firings,), evenly descending from π over a full turn
     max_range_m: float  # range beyond which surfaces may be omitted
     # limits of echoes behind glass and mirrors; None: beams end at them
     echo_limits: EchoLimits | None = None
 
     @property
-    def directions(self) -> NDArray[np.float64]:
+    def directions(self) -> Floats:
         """Unit directions (rings, firings, 3) in the lidar's frame."""
         elevations, azimuths = self.elevations_rad[:, None], self.azimuths_rad[None]
         level = np.cos(elevations)
@@ -45,12 +46,12 @@ class LidarBeams(NamedTuple):
 class LidarPoses(NamedTuple):
     """Poses of a lidar and of all dynamic objects at one time."""
 
-    world_from_lidar: NDArray[np.float64]  # (4, 4) pose
+    world_from_lidar: Floats  # (4, 4) pose
     # (4, 4) poses, in the order of the stage's objects
-    world_from_objects: Sequence[NDArray[np.float64]] = ()
+    world_from_objects: Sequence[Floats] = ()
 
     @property
-    def origin_m(self) -> NDArray[np.float64]:
+    def origin_m(self) -> Floats:
         """Origin of the beams (3,), world frame."""
         return self.world_from_lidar[:3, 3]
 
@@ -66,7 +67,7 @@ class Slice:
     end: LidarPoses
 
     @property
-    def path_m(self) -> NDArray[np.float64]:
+    def path_m(self) -> Floats:
         """Motion (3,) of the lidar's origin from start to end, world frame."""
         return self.end.origin_m - self.start.origin_m
 
@@ -95,8 +96,8 @@ class Revolution(NamedTuple):
 
     slices: tuple[Slice, ...]  # slices with equal numbers of firings; the last may have fewer
     # (firings,) elapsed fraction, at each firing, of the slice that contains it
-    shares: NDArray[np.float64]
-    rotations: NDArray[np.float64]  # (firings, 3, 3) world_from_lidar at each firing
+    shares: Floats
+    rotations: Floats  # (firings, 3, 3) world_from_lidar at each firing
 
 
 class BeamHits(NamedTuple):

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core.arrays import Bytes, Floats
 from omnisim.core.srgb import srgb8_from_linear
 from omnisim.ground_truth.channels import CHANNELS, CLASSES, RANGES
 from omnisim.ground_truth.label_names import Labels, distinct_color
@@ -23,7 +24,7 @@ _OFF_M = 0.37  # offset of the pattern's jumps from whole meters, where floors a
 _HUES = np.array([colorsys.hsv_to_rgb(hue / 256, 1.0, 1.0) for hue in range(257)])
 
 
-def preview(name: str, values: NDArray[Any], labels: Labels | None = None) -> NDArray[np.uint8]:
+def preview(name: str, values: NDArray[Any], labels: Labels | None = None) -> Bytes:
     """False colors (height, width, 3) uint8, sRGB, of a channel; black without a value.
 
     Range: logarithmic from the 1st percentile, bright, to the 99th, dark. z: white at 0, red above
@@ -38,7 +39,7 @@ def preview(name: str, values: NDArray[Any], labels: Labels | None = None) -> ND
     return _PREVIEWS[name](values)
 
 
-def _log_limits(distances: NDArray[Any]) -> NDArray[np.float64]:
+def _log_limits(distances: NDArray[Any]) -> Floats:
     """Logarithms of the ranges with the brightest and the darkest preview color; 0 if none."""
     seen = np.isfinite(distances) & (distances > 0.0)
     if not seen.any():
@@ -55,7 +56,7 @@ def signed_limit(values: NDArray[Any]) -> float:
     return max(float(np.percentile(np.abs(values[seen]), 99.0)), 1e-6)
 
 
-def _distances(distances: NDArray[Any]) -> NDArray[np.uint8]:
+def _distances(distances: NDArray[Any]) -> Bytes:
     seen = np.isfinite(distances) & (distances > 0.0)
     colors = np.zeros((*distances.shape, 3), dtype=np.uint8)
     if seen.any():
@@ -68,7 +69,7 @@ def _distances(distances: NDArray[Any]) -> NDArray[np.uint8]:
     return colors
 
 
-def _signed(values: NDArray[Any]) -> NDArray[np.uint8]:
+def _signed(values: NDArray[Any]) -> Bytes:
     seen = np.isfinite(values)
     colors = np.zeros((*values.shape, 3), dtype=np.uint8)
     if seen.any():
@@ -78,34 +79,34 @@ def _signed(values: NDArray[Any]) -> NDArray[np.uint8]:
     return colors
 
 
-def _positions(positions: NDArray[Any]) -> NDArray[np.uint8]:
+def _positions(positions: NDArray[Any]) -> Bytes:
     seen = np.isfinite(positions).all(axis=-1)
     colors = np.zeros(positions.shape, dtype=np.uint8)
     colors[seen] = np.rint(255.0 * np.mod(positions[seen] + _OFF_M, 1.0)).astype(np.uint8)
     return colors
 
 
-def _normals(normals: NDArray[Any]) -> NDArray[np.uint8]:
+def _normals(normals: NDArray[Any]) -> Bytes:
     seen = np.any(normals != 0.0, axis=-1)
     scaled = 127.5 * (np.clip(normals, -1.0, 1.0) + 1.0)
-    colors: NDArray[np.uint8] = np.rint(scaled).astype(np.uint8)
+    colors: Bytes = np.rint(scaled).astype(np.uint8)
     colors[~seen] = _NOTHING
     return colors
 
 
-def _shares(shares: NDArray[Any]) -> NDArray[np.uint8]:
+def _shares(shares: NDArray[Any]) -> Bytes:
     # black is reserved for missing values
     gray = np.where(np.isnan(shares), 0.0, 40.0 + 215.0 * np.clip(shares, 0.0, 1.0))
     return np.repeat(np.rint(gray)[..., None], 3, axis=-1).astype(np.uint8)
 
 
-def _ids(ids: NDArray[Any]) -> NDArray[np.uint8]:
+def _ids(ids: NDArray[Any]) -> Bytes:
     present, indices = np.unique(ids, return_inverse=True)
     palette = [_NOTHING if number == 0 else distinct_color(number) for number in present.tolist()]
     return np.array(palette, dtype=np.uint8).take(indices.reshape(ids.shape), axis=0)
 
 
-def _flow(flow_px: NDArray[Any]) -> NDArray[np.uint8]:
+def _flow(flow_px: NDArray[Any]) -> Bytes:
     known = ~np.isnan(flow_px).any(axis=-1)
     colors = np.zeros((*known.shape, 3), dtype=np.uint8)
     if known.any():
@@ -118,7 +119,7 @@ def _flow(flow_px: NDArray[Any]) -> NDArray[np.uint8]:
     return colors
 
 
-def _vectors(vectors: NDArray[Any]) -> NDArray[np.uint8]:
+def _vectors(vectors: NDArray[Any]) -> Bytes:
     lengths = np.linalg.norm(vectors, axis=-1)
     known = ~np.isnan(lengths)
     colors = np.zeros(vectors.shape, dtype=np.uint8)
@@ -130,14 +131,14 @@ def _vectors(vectors: NDArray[Any]) -> NDArray[np.uint8]:
     return colors
 
 
-def _occlusion(codes: NDArray[Any]) -> NDArray[np.uint8]:
+def _occlusion(codes: NDArray[Any]) -> Bytes:
     table = np.zeros((256, 3), dtype=np.uint8)
     for code, color in OCCLUSION.items():
         table[code] = color
     return table.take(codes, axis=0)
 
 
-_PREVIEWS: dict[str, Callable[[NDArray[Any]], NDArray[np.uint8]]] = {
+_PREVIEWS: dict[str, Callable[[NDArray[Any]], Bytes]] = {
     "range": _distances, "range_through": _distances, "z": _signed, "position": _positions,
     "normals": _normals, "normals_camera": _normals, "albedo": srgb8_from_linear,
     "roughness": _shares, "metallic": _shares,

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats32
 from omnisim.core.errors import OmnisimError, OutputError
 from omnisim.core.files.image_files import is_float_format, read_channels, read_image
 from omnisim.core.srgb import linear_from_srgb8
@@ -41,7 +42,7 @@ class StoredChannels:
 
     def __init__(self, image: Path, metadata: Mapping[str, Any]):
         self._image = image
-        self._layers: dict[str, NDArray[np.float32]] = {}
+        self._layers: dict[str, Floats32] = {}
         self._described: dict[str, dict[str, Any]] = {}
         self._tables: list[Any] = []
         step = sidecar_path(image, "channels.exr")  # file name in a drive
@@ -131,7 +132,7 @@ class StoredChannels:
         return self._image.with_name(name)
 
 
-def _from_layers(name: str, layers: Mapping[str, NDArray[np.float32]]) -> NDArray[Any]:
+def _from_layers(name: str, layers: Mapping[str, Floats32]) -> NDArray[Any]:
     planes = [layers[layer] for layer in CHANNELS[name].layers]
     return planes[0] if len(planes) == 1 else np.stack(planes, axis=-1)
 

@@ -10,19 +10,19 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Bytes
 from omnisim.core.errors import OutputError
 from omnisim.core.files.image_files import write_image
 from omnisim.plots.style import DPI
 
-Tiles = Sequence[tuple[str, NDArray[np.uint8]]]  # titles and images
+Tiles = Sequence[tuple[str, Bytes]]  # titles and images
 TITLE_PX, LINE_PX, GAP_PX, POINTS = 26, 16, 8, 9.5
 PAGE_PX = 800  # a page shows wider sheets smaller: their titles are larger
 SHEET_JPEG_QUALITY = 82  # good enough to look at, and small enough for a page
 
 
-def contact_sheet(tiles: Tiles, columns: int) -> NDArray[np.uint8]:
+def contact_sheet(tiles: Tiles, columns: int) -> Bytes:
     """Sheet (height, width, 3) of images, row by row, each below its title.
 
     Images are neither scaled nor smoothed; `magnified` enlarges them. Smaller ones are centered in
@@ -72,7 +72,7 @@ def contact_sheet(tiles: Tiles, columns: int) -> NDArray[np.uint8]:
     return sheet
 
 
-def magnified(image: NDArray[np.uint8], times: int) -> NDArray[np.uint8]:
+def magnified(image: Bytes, times: int) -> Bytes:
     """Image (height, width, …) with each pixel repeated `times` times along both axes."""
     return np.repeat(np.repeat(image, times, axis=0), times, axis=1)
 

@@ -11,8 +11,8 @@ from matplotlib import colormaps
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats
 from omnisim.plots.style import DPI, GRAY, RED, label_axes
 
 _COLORS = colormaps["tab10"].colors  # type: ignore[attr-defined]  # a list of colors
@@ -21,7 +21,6 @@ _MARKS = "osD^vP"
 COLUMNS, MAX_PANELS = 3, 12
 LOWEST_SHARE = 1e-7  # smallest lower limit of a logarithmic axis, as a share of the largest value
 LOG_RATIO = 30.0  # ratio of largest to smallest value above which the axis is logarithmic
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

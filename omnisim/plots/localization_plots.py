@@ -14,8 +14,8 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse, Rectangle
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Bytes, Floats
 from omnisim.core.srgb import srgb_from_linear
 from omnisim.perception.landmarks.color_model import Roc
 from omnisim.perception.landmarks.landmark_detector import Detection
@@ -30,7 +30,7 @@ _GRASS, _INK = "#e9f2e6", "#222222"
 
 
 def detections_figure(
-    rows: Sequence[tuple[str, NDArray[np.uint8], Sequence[Detection]]], width_in: float = 13.0
+    rows: Sequence[tuple[str, Bytes, Sequence[Detection]]], width_in: float = 13.0
 ) -> Figure:
     """Panoramas above each other, each with a title and its detections."""
     ratio = rows[0][1].shape[0] / rows[0][1].shape[1]
@@ -73,9 +73,9 @@ def draw_detections(axes: Axes, width_px: int, detections: Sequence[Detection]) 
 class Rates(NamedTuple):
     """Recall and precision by distance."""
 
-    edges_m: NDArray[np.float64]  # (n + 1,)
-    recall: NDArray[np.float64]  # (n,), NaN without landmarks
-    precision: NDArray[np.float64]  # (n,), NaN without detections
+    edges_m: Floats  # (n + 1,)
+    recall: Floats  # (n,), NaN without landmarks
+    precision: Floats  # (n,), NaN without detections
 
 
 def rates_figure(rates: Mapping[str, Rates]) -> Figure:
@@ -119,7 +119,7 @@ def roc_figure(curves: Mapping[str, Sequence[tuple[str, Roc, float]]]) -> Figure
 
 
 def curves_figure(
-    panels: Mapping[str, Sequence[tuple[str, NDArray[np.float64]]]], levels: Sequence[str]
+    panels: Mapping[str, Sequence[tuple[str, Floats]]], levels: Sequence[str]
 ) -> Figure:
     """Quantities by level: one panel per quantity, and in it one line per degradation."""
     figure = Figure(figsize=(4.6 * len(panels), 4.0), dpi=DPI, layout="constrained")
@@ -141,7 +141,7 @@ class PathPanel:
 
     title: str  # heading
     track: Track  # estimates
-    true_poses: NDArray[np.float64] | None  # (n, 3) x, y, yaw; None: unknown
+    true_poses: Floats | None  # (n, 3) x, y, yaw; None: unknown
     landmarks: Sequence[Landmark]  # landmarks at their true positions
     bound_m: float | None = None  # bound of the error, drawn as a line; None: no line
 
@@ -216,9 +216,7 @@ def errors_figure(panels: Sequence[PathPanel]) -> Figure:
     return figure
 
 
-def seeds_figure(
-    errors_m: NDArray[np.float64], reckoned_m: NDArray[np.float64], title: str
-) -> Figure:
+def seeds_figure(errors_m: Floats, reckoned_m: Floats, title: str) -> Figure:
     """Errors (seeds, steps) of the estimate and of odometry alone: median and 95 % band."""
     figure = Figure(figsize=(8.0, 4.2), dpi=DPI, layout="constrained")
     axes = figure.add_subplot()
@@ -238,10 +236,7 @@ def seeds_figure(
 
 
 def consistency_figure(
-    nees: NDArray[np.float64],
-    nees_interval: Interval,
-    nis: NDArray[np.float64],
-    nis_intervals: Sequence[Interval],
+    nees: Floats, nees_interval: Interval, nis: Floats, nis_intervals: Sequence[Interval]
 ) -> Figure:
     """Mean NEES and mean NIS of all seeds by step, with 95 % bands.
 

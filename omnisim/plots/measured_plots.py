@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats
 from omnisim.measurement.comparison.comparison import Comparison, ImageComparison
 from omnisim.plots.style import BLUE, DPI, GRAY, GREEN, ORANGE, RED, label_axes, plot
 
@@ -104,9 +104,7 @@ def sharpness_figure(edges: Sequence[Mapping[str, Any]], center_px: Sequence[flo
     return figure
 
 
-def _bars(
-    axes: Axes, radii: NDArray[np.float64], values: NDArray[np.float64], color: str, name: str
-) -> None:
+def _bars(axes: Axes, radii: Floats, values: Floats, color: str, name: str) -> None:
     """Draw values (n, 2) with bars of two standard deviations."""
     bars = _SIGMAS * np.abs(values[:, 1])
     axes.errorbar(radii, values[:, 0], bars, fmt=".", color=color, linewidth=0.8, label=name)
@@ -129,10 +127,7 @@ def timing_figure(profile: Sequence[float], fitted: Sequence[float], lines: str)
 
 
 def residual_figure(
-    title: str,
-    size_px: tuple[int, int],
-    pixels_px: NDArray[np.float64],
-    errors_px: NDArray[np.float64],
+    title: str, size_px: tuple[int, int], pixels_px: Floats, errors_px: Floats
 ) -> Figure:
     """Residuals as arrows over the image, and as a cloud.
 

@@ -6,10 +6,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
-from numpy.typing import NDArray
 
 from omnisim.cameras.optics import OpticalSystem, Surface, caustic_points, ray_jacobians
 from omnisim.cameras.optics.surface import Fate
+from omnisim.core.arrays import Floats
 from omnisim.plots.style import BLUE, DPI, GRAY, GREEN, ORANGE, label_axes
 
 _RAYS = 25  # number of drawn rays
@@ -17,7 +17,6 @@ _COLUMNS = 400  # of the image, for caustic and resolution
 _MARGIN = 0.15  # share of the drawn part's size
 _SHOWN_PERCENT = (4.0, 96.0)  # percentiles of the caustic, which may extend to infinity
 _MIN_M = 2e-4  # minimum size of the drawn part of the caustic
-Floats = NDArray[np.float64]
 
 
 def optics_figure(name: str, system: OpticalSystem) -> Figure:

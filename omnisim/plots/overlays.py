@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 from scipy import ndimage
 
+from omnisim.core.arrays import Bools, Bytes
 from omnisim.ground_truth.boxes import coco_image
 from omnisim.ground_truth.label_names import NOTHING, Labels
 
@@ -31,7 +32,7 @@ class Captions:
         pixels: (height, width, 3) image to draw on.
     """
 
-    def __init__(self, pixels: NDArray[np.uint8]):
+    def __init__(self, pixels: Bytes):
         self.image = Image.fromarray(np.ascontiguousarray(pixels))
         self.draw = ImageDraw.Draw(self.image)
         self.rectangles: list[Rectangle] = []  # of the names
@@ -73,9 +74,7 @@ class Captions:
         return True
 
 
-def boxes_overlay(
-    rgb: NDArray[np.uint8], instances: NDArray[np.integer[Any]], labels: Labels
-) -> NDArray[np.uint8]:
+def boxes_overlay(rgb: Bytes, instances: NDArray[np.integer[Any]], labels: Labels) -> Bytes:
     """Image with the 2-D boxes of COCO files, in the colors of the classes, and instances' names.
 
     Names of small boxes are left out where others cover all their sides.
@@ -105,9 +104,7 @@ def boxes_overlay(
     return np.asarray(captions.image)
 
 
-def labels_overlay(
-    rgb: NDArray[np.uint8], classes: NDArray[np.integer[Any]], labels: Labels
-) -> NDArray[np.uint8]:
+def labels_overlay(rgb: Bytes, classes: NDArray[np.integer[Any]], labels: Labels) -> Bytes:
     """Image blended with the masks of its classes, with edges and names.
 
     Args:
@@ -137,7 +134,7 @@ def labels_overlay(
     return np.asarray(captions.image)
 
 
-def _magnification(rgb: NDArray[np.uint8]) -> int:
+def _magnification(rgb: Bytes) -> int:
     return math.ceil(READABLE_PX / int(min(rgb.shape[:2])))
 
 
@@ -151,7 +148,7 @@ def _color(labels: Labels, class_id: int) -> Color:
     return red, green, blue
 
 
-def _middle(mask: NDArray[np.bool_]) -> tuple[float, float]:
+def _middle(mask: Bools) -> tuple[float, float]:
     """Point (x, y) of a mask (height, width) that is farthest from its edges."""
     step = math.ceil(max(mask.shape) / _SEARCHED_PX)
     coarse = mask[::step, ::step]

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Bytes, Floats
 from omnisim.core.trajectories import Trajectory
 from omnisim.plots.scene_plot import INK, draw_landmark, draw_scene_map
 from omnisim.scene import Scene
@@ -29,8 +29,8 @@ class RunDrawing:
     """Drawn run of one robot."""
 
     truth: Trajectory  # poses of the base
-    reckoned: NDArray[np.float64] | None  # (n, 2) positions by dead reckoning; None: no odometry
-    images: Mapping[int, NDArray[np.uint8]]  # some images (height, width, 3), by step
+    reckoned: Floats | None  # (n, 2) positions by dead reckoning; None: no odometry
+    images: Mapping[int, Bytes]  # some images (height, width, 3), by step
     name: str = ""  # name of the robot, if there are several
 
 
@@ -120,9 +120,7 @@ def steps_to_show(steps: int) -> list[int]:
     return sorted({round(k) for k in np.linspace(0, steps - 1, min(STRIP, steps))})
 
 
-def _extent(
-    runs: Sequence[RunDrawing], scene: Scene | None
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _extent(runs: Sequence[RunDrawing], scene: Scene | None) -> tuple[Floats, Floats]:
     """Corners (2,) of the map: the paths with a margin, and landmarks near them."""
     places = [run.truth.positions_m[:, :2] for run in runs]
     places += [run.reckoned for run in runs if run.reckoned is not None]

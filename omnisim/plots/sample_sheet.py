@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
+from omnisim.core.arrays import Bytes
 from omnisim.ground_truth.label_names import Labels
 from omnisim.ground_truth.previews import legend, preview
 
@@ -23,12 +24,12 @@ class SampleTiles:
     """Images of a sample, from top to bottom."""
 
     title: str
-    tiles: Sequence[tuple[str, NDArray[np.uint8]]]  # captions and images (height, width, 3) uint8
+    tiles: Sequence[tuple[str, Bytes]]  # captions and images (height, width, 3) uint8
 
 
 def channel_tile(
     name: str, values: NDArray[Any], labels: Labels | None = None
-) -> tuple[str, NDArray[np.uint8]]:
+) -> tuple[str, Bytes]:
     """Caption and false-color image of a channel; the caption has the limits of a numeric scale."""
     key = legend(name, values, labels)
     caption = name
@@ -37,7 +38,7 @@ def channel_tile(
     return caption, preview(name, values, labels)
 
 
-def sample_sheet(samples: Sequence[SampleTiles]) -> NDArray[np.uint8]:
+def sample_sheet(samples: Sequence[SampleTiles]) -> Bytes:
     """Sheet (height, width, 3) of samples, approximately as many columns as rows."""
     font = ImageFont.load_default(FONT_PX)
     tiles = [tile for sample in samples for tile in sample.tiles]

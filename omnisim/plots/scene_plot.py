@@ -7,8 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats
 from omnisim.core.srgb import linear_from_srgb, srgb_from_linear
 from omnisim.plots.style import BLUE, GREEN, ORANGE, plot
 from omnisim.scene import Scene
@@ -65,11 +65,7 @@ def scene_figure(scene: Scene) -> Figure:
 
 
 def draw_scene_map(
-    axes: Axes,
-    scene: Scene,
-    low_m: NDArray[np.float64],
-    high_m: NDArray[np.float64],
-    ground_m: float = 0.0,
+    axes: Axes, scene: Scene, low_m: Floats, high_m: Floats, ground_m: float = 0.0
 ) -> None:
     """Draw the scene between two corners (2,) of the ground, x to the right and y up.
 
@@ -117,7 +113,7 @@ def draw_scene_map(
     axes.add_collection(LineCollection(list(np.concatenate(walls)), colors=_WALL, linewidths=0.8))
 
 
-def _cross_sections(triangles: NDArray[np.float64], cut_m: float) -> NDArray[np.float64]:
+def _cross_sections(triangles: Floats, cut_m: float) -> Floats:
     """Line segments (n, 2, 2) in which triangles (n, 3, 3) intersect the plane z = `cut_m`.
 
     Each triangle must have corners on both sides of the plane.

@@ -7,8 +7,8 @@ from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Bytes
 from omnisim.core.errors import OutputError
 from omnisim.core.extras import require_extra
 from omnisim.core.files.atomic_file import atomic_write, check_target
@@ -32,7 +32,7 @@ def check_video_target(path: Path) -> None:
     check_target(path)
 
 
-def write_video(path: Path, images: Iterable[NDArray[np.uint8]], rate_hz: float) -> int:
+def write_video(path: Path, images: Iterable[Bytes], rate_hz: float) -> int:
     """Write images (height, width, 3) of one size as H.264; return their number.
 
     Odd sizes lose their last row or column, which the format does not support.

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera
-from omnisim.core.array_types import Float32s, Float64s, Indices, Mask
+from omnisim.core.arrays import Bools, Bytes, Floats, Floats32, Indices
 from omnisim.core.errors import OpticsError
 from omnisim.core.extras import missing_packages
 from omnisim.core.pending import Pending
@@ -39,8 +39,8 @@ if TYPE_CHECKING:
 class Readback(NamedTuple):
     """Rendered image; top row first."""
 
-    rgba: NDArray[np.uint8]  # (height, width, 4): sRGB, alpha 255 where the camera sees something
-    linear: Float32s | None  # (height, width, 3), on request
+    rgba: Bytes  # (height, width, 4): sRGB, alpha 255 where the camera sees something
+    linear: Floats32 | None  # (height, width, 3), on request
     luminance: float | None = None  # of the light meter, if there is one
 
 
@@ -55,8 +55,8 @@ class ScenePoses(NamedTuple):
         world_from_objects: (4, 4) each, in the order of the stage's objects.
     """
 
-    world_from_rig: Float64s
-    world_from_objects: Sequence[Float64s] = ()
+    world_from_rig: Floats
+    world_from_objects: Sequence[Floats] = ()
 
 
 class SubFrame(NamedTuple):
@@ -68,7 +68,7 @@ class SubFrame(NamedTuple):
     """
 
     poses: ScenePoses
-    row_weights: Float32s | None
+    row_weights: Floats32 | None
 
 
 class ImageExposure(NamedTuple):
@@ -212,7 +212,7 @@ class CameraBackend(ABC):
         """Begin to render an image without degradation."""
 
     def begin_batch(
-        self, poses: Sequence[ScenePoses], out: NDArray[np.uint8], frame_number: int = 0
+        self, poses: Sequence[ScenePoses], out: Bytes, frame_number: int = 0
     ) -> Pending[None]:
         """Begin to render images from poses at rest; by default one after the other.
 
@@ -234,7 +234,7 @@ class CameraBackend(ABC):
         """Source of ground truth's hits, with at least these details; created on first use."""
 
     @abstractmethod
-    def faces(self, poses: ScenePoses) -> dict[str, Float32s]:
+    def faces(self, poses: ScenePoses) -> dict[str, Floats32]:
         """Linear images (size, size, 3) of the virtual cameras, by name.
 
         Raises:
@@ -253,11 +253,7 @@ class CameraBackend(ABC):
 class RangeFinder(Passes, Protocol):
     """Casts a scanner's beams."""
 
-    def cast(
-        self,
-        world_from_scanner: Float64s,
-        world_from_objects: Sequence[Float64s] = (),
-    ) -> Float64s:
+    def cast(self, world_from_scanner: Floats, world_from_objects: Sequence[Floats] = ()) -> Floats:
         """Ranges (n,) in m from a pose (4, 4), with the objects at their poses; +inf: no hit."""
 
 
@@ -329,7 +325,7 @@ class SceneBackend(ABC):
     @abstractmethod
     def range_finder(
         self,
-        angles_rad: Float64s,
+        angles_rad: Floats,
         max_range_m: float,
         hidden: frozenset[ObjectPart],
         limits: EchoLimits | None = None,
@@ -363,7 +359,7 @@ class DeformingDraw(NamedTuple):
 
     mesh: Mesh
     object_index: int | None
-    object_from_mesh: Float64s
+    object_from_mesh: Floats
 
 
 class HitSource(ABC):
@@ -380,7 +376,7 @@ class HitSource(ABC):
     camera: CentralCamera
     polygons: int | None
     draws: Sequence[ObjectPart]
-    has_ray: Mask
+    has_ray: Bools
     deforming: Mapping[int, DeformingDraw]
 
     @abstractmethod
@@ -408,8 +404,8 @@ class HitSource(ABC):
 
     @abstractmethod
     def begin_occlusion(
-        self, other: ScenePoses, other_from_current: Float64s, deformed: Hits | None
-    ) -> Pending[Mask]:
+        self, other: ScenePoses, other_from_current: Floats, deformed: Hits | None
+    ) -> Pending[Bools]:
         """Begin to find the points of the last `hits` that are occluded from another viewpoint.
 
         Args:

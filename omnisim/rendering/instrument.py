@@ -7,9 +7,9 @@ from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from typing import Any, Generic, TypeVar
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import GraphicsError, SceneError
 from omnisim.core.pending import Pending
 from omnisim.core.short_repr import short_repr
@@ -141,7 +141,7 @@ class Instrument(Closeable, EditableScene, Generic[SensorT_co, PassesT_co, Readi
             raise SceneError(f"state: expected a pose of {self.vehicle}, got {actual}")
         return given
 
-    def _world_from_sensor(self, state: WorldState) -> NDArray[np.float64]:
+    def _world_from_sensor(self, state: WorldState) -> Floats:
         return state.world_from_object[self.vehicle] @ self.mount.base_from_sensor
 
     @contextmanager

@@ -7,8 +7,7 @@ import math
 
 import numpy as np
 
-from omnisim.core.array_types import Float64s
-from omnisim.core.arrays import bounds_of, triangle_bounds
+from omnisim.core.arrays import Floats, bounds_of, triangle_bounds
 from omnisim.core.short_repr import number_text, point_text
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.quality import scene_size_m
@@ -24,7 +23,7 @@ _NAMES = 4  # in a note
 MIN_FIELD_DEG = 10.0  # narrower fields are noted
 
 
-def near_plane_note(scene: Scene, sensor: OmniCamera, world_from_base: Float64s) -> str | None:
+def near_plane_note(scene: Scene, sensor: OmniCamera, world_from_base: Floats) -> str | None:
     """Note on surfaces missing before the near plane, of a camera before `seeing`; or None."""
     seeing = sensor.seeing(scene_size_m(scene))
     names = surfaces_too_near(scene, seeing, world_from_base)
@@ -37,7 +36,7 @@ def near_plane_note(scene: Scene, sensor: OmniCamera, world_from_base: Float64s)
     )
 
 
-def viewpoint_notes(scene: Scene, sensor: OmniCamera, world_from_base: Float64s) -> list[str]:
+def viewpoint_notes(scene: Scene, sensor: OmniCamera, world_from_base: Floats) -> list[str]:
     """Notes on an unusual viewpoint or field of view, one line each.
 
     The viewpoint is outside of the scene, inside an object, or nearer to a surface than the near
@@ -83,7 +82,7 @@ def viewpoint_notes(scene: Scene, sensor: OmniCamera, world_from_base: Float64s)
     return notes if near is None else [*notes, near]
 
 
-def _bodies_around(scene: Scene, point_m: Float64s) -> list[str]:
+def _bodies_around(scene: Scene, point_m: Floats) -> list[str]:
     """Names of closed objects around a point, but for rooms: those half as wide as the scene."""
     boxes_m = instance_bounds_m(scene.meshes, scene.instances)
     low_m, high_m = scene.bounds_m()
@@ -93,9 +92,7 @@ def _bodies_around(scene: Scene, point_m: Float64s) -> list[str]:
     return list(enclosing_nodes(dataclasses.replace(scene, instances=near), point_m))
 
 
-def surfaces_too_near(
-    scene: Scene, sensor: OmniCamera, world_from_base: Float64s
-) -> tuple[str, ...]:
+def surfaces_too_near(scene: Scene, sensor: OmniCamera, world_from_base: Floats) -> tuple[str, ...]:
     """Names of instances with a surface before the camera's near plane.
 
     Some pixels' rays are cast at near geometry. Moving objects are at their positions at 0 s;
@@ -134,7 +131,7 @@ def surfaces_too_near(
     return tuple(names)
 
 
-def _probe_rays(sensor: OmniCamera) -> tuple[Float64s, Float64s]:
+def _probe_rays(sensor: OmniCamera) -> tuple[Floats, Floats]:
     """Origins and unit directions (n, 3) of some pixels' rays, in the rig."""
     model = sensor.model
     u, v = (
@@ -149,11 +146,7 @@ def _probe_rays(sensor: OmniCamera) -> tuple[Float64s, Float64s]:
 
 
 def _is_hit(
-    corners_m: Float64s,
-    origins_m: Float64s,
-    directions: Float64s,
-    ends_m: Float64s,
-    both_sides: bool,
+    corners_m: Floats, origins_m: Floats, directions: Floats, ends_m: Floats, both_sides: bool
 ) -> bool:
     """True if any ray (n) hits a triangle (k, 3 corners, xyz) before the end of the ray.
 

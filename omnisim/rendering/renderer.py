@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omnisim.core.array_types import Float64s
+from omnisim.core.arrays import Bytes, Floats
 from omnisim.core.errors import GraphicsError, OmnisimError, OutputError, RunError
 from omnisim.core.files.atomic_file import is_written
 from omnisim.core.files.image_files import read_image
@@ -234,9 +234,9 @@ class Renderer(Instrument[OmniCamera, CameraBackend, RecordedFrame]):
         states: States,
         *,
         channels: None = None,
-        out: NDArray[np.uint8] | None = None,
+        out: Bytes | None = None,
         frame_number: int = 0,
-    ) -> NDArray[np.uint8]: ...
+    ) -> Bytes: ...
 
     @overload
     def render_batch(
@@ -259,7 +259,7 @@ class Renderer(Instrument[OmniCamera, CameraBackend, RecordedFrame]):
         next_states: States | None = None,
         previous_states: States | None = None,
         frame_number: int = 0,
-    ) -> NDArray[np.uint8] | dict[str, NDArray[Any]]:
+    ) -> Bytes | dict[str, NDArray[Any]]:
         """Render images (n, height, width, 3) uint8, sRGB, of n world states in one submission.
 
         They equal n single frames byte for byte. Memory is bounded: large batches are drawn slice
@@ -336,7 +336,7 @@ class Renderer(Instrument[OmniCamera, CameraBackend, RecordedFrame]):
         """Begin to render the image at a moment; auto-exposure follows the previous image's."""
         mount, is_ideal = self.mount, self.camera.degradation.is_ideal
 
-        def motion(time_s: float) -> WorldState | NDArray[np.float64]:
+        def motion(time_s: float) -> WorldState | Floats:
             return moment.motion(time_s + mount.time_shift_s)
 
         pending = self.submit(
@@ -374,7 +374,7 @@ class Renderer(Instrument[OmniCamera, CameraBackend, RecordedFrame]):
             ) from None
         return degradation.exposure.next_ev(ev, metered_ev, moment.time_s - moment.previous_s)
 
-    def faces(self) -> dict[str, NDArray[np.uint8]]:
+    def faces(self) -> dict[str, Bytes]:
         """Images (size, size, 3) uint8 sRGB of the virtual cameras in the last frame, by name.
 
         They are rendered for this call: a frame renders only the tiles that its image samples.
@@ -461,7 +461,7 @@ class Renderer(Instrument[OmniCamera, CameraBackend, RecordedFrame]):
                 boxes[label.id] = world
         return boxes
 
-    def _frame_metadata(self, state: WorldState, world_from_rig: Float64s) -> dict[str, Any]:
+    def _frame_metadata(self, state: WorldState, world_from_rig: Floats) -> dict[str, Any]:
         world_from_optical = world_from_rig.copy()
         world_from_optical[:3, :3] = world_from_rig[:3, :3] @ self.camera.model.rig_from_optical
         backend_name = self._stage.backend_name

@@ -16,9 +16,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, Protocol, TypeGuard, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from omnisim.core import poses
+from omnisim.core.arrays import Floats
 from omnisim.core.files.parameters import Coordinate, Number, Table
 from omnisim.core.short_repr import short_repr
 from omnisim.core.world import Motion, WorldState
@@ -111,7 +112,7 @@ class Mount(Generic[SensorT_co]):
     sensor: SensorT_co
     name: str = ""
     type: str = ""
-    base_from_sensor: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
+    base_from_sensor: Floats = field(default_factory=lambda: np.eye(4))
     hides: tuple[str, ...] = ()
     rate: SensorRate | None = None
     time_shift_s: float = 0.0
@@ -125,7 +126,7 @@ class Mount(Generic[SensorT_co]):
         return short_repr(self, repr(self.name), repr(self.sensor))
 
     @property
-    def origin_m(self: Mount[SensorSettings]) -> NDArray[np.float64]:
+    def origin_m(self: Mount[SensorSettings]) -> Floats:
         """Origin (3,) of the sensor's rays in the base."""
         return self.sensor.origin_m(self.base_from_sensor)
 
@@ -133,7 +134,7 @@ class Mount(Generic[SensorT_co]):
         """Short description of the sensor."""
         return self.sensor.summary()
 
-    def times_s(self, step_times_s: NDArray[np.float64], seed: int) -> NDArray[np.float64]:
+    def times_s(self, step_times_s: Floats, seed: int) -> Floats:
         """Times (n,) of the measurements in a drive with steps at times (m,).
 
         Raises:
@@ -185,11 +186,11 @@ class SensorSettings(ABC):
         """Minimum distance of visible surfaces; `math.inf` for sensors that do not see."""
         return 0.0
 
-    def origin_m(self, base_from_sensor: NDArray[np.float64]) -> NDArray[np.float64]:
+    def origin_m(self, base_from_sensor: Floats) -> Floats:
         """Origin (3,) of the rays in the base, for a mount at a pose (4, 4)."""
         return base_from_sensor[:3, 3]
 
-    def state_times_s(self, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    def state_times_s(self, times_s: Floats) -> Floats:
         """Times (m,) of the true states required by measurements at times (n,)."""
         return times_s
 
@@ -212,12 +213,7 @@ class SensorSettings(ABC):
         return {}
 
     def write_readings(  # noqa: B027  # most sensors write a file per measurement instead
-        self,
-        folder: Path,
-        mount: Mount[object],
-        motion: BodyMotion,
-        seed: int,
-        times_s: NDArray[np.float64],
+        self, folder: Path, mount: Mount[object], motion: BodyMotion, seed: int, times_s: Floats
     ) -> None:
         """Write the missing files that hold all measurements.
 
@@ -233,7 +229,7 @@ class SensorSettings(ABC):
         """
 
     def check_trajectory(  # noqa: B027  # most sensors accept any trajectory
-        self, mount: Mount[object], truth: Trajectory, times_s: NDArray[np.float64]
+        self, mount: Mount[object], truth: Trajectory, times_s: Floats
     ) -> None:
         """Raise an error if the sensor cannot measure a trajectory at times (n,).
 
@@ -241,7 +237,7 @@ class SensorSettings(ABC):
             RunError: the trajectory is unsuitable; names sensor, step and expected value.
         """
 
-    def note(self, mount: Mount[object], times_s: NDArray[np.float64]) -> str | None:
+    def note(self, mount: Mount[object], times_s: Floats) -> str | None:
         """Notice on what measurements at times (n,) omit; None if they omit nothing."""
         return None
 
@@ -259,7 +255,7 @@ class MountingTable(Table):
     """Degrees about z, counter-clockwise seen from above."""
 
     @property
-    def base_from_mount(self) -> NDArray[np.float64]:
+    def base_from_mount(self) -> Floats:
         """Pose (4, 4) on the vehicle."""
         return poses.pose(
             self.position_m, roll_deg=self.roll_deg, pitch_deg=self.pitch_deg, yaw_deg=self.yaw_deg

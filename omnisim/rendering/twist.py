@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from omnisim.cameras import CentralCamera, pixels_of_points
+from omnisim.core.arrays import Floats
 from omnisim.core.files.parameters import Number, Parameters
 from omnisim.core.poses import pose_from_rotation
 from omnisim.core.world import Pose
@@ -68,9 +68,7 @@ class Twist(Parameters, name="twist"):
 
 
 def moved_px(
-    camera: CentralCamera,
-    poses: Sequence[ScenePoses],
-    object_corners_m: Sequence[NDArray[np.float64]] = (),
+    camera: CentralCamera, poses: Sequence[ScenePoses], object_corners_m: Sequence[Floats] = ()
 ) -> float:
     """Largest motion in the image along poses of the camera and the dynamic objects, in pixels.
 
@@ -114,10 +112,10 @@ def moved_px(
 
 def _object_px(
     camera: CentralCamera,
-    seen: NDArray[np.float64],
+    seen: Floats,
     world_from_optical: Sequence[Pose],
     world_from_object: Sequence[Pose],
-    corners_m: NDArray[np.float64],
+    corners_m: Floats,
 ) -> float:
     """Largest motion of an object in the image, in pixels, from its nearest point on.
 
@@ -146,9 +144,7 @@ def _object_px(
     return float(sum(ways_m)) / (nearest_m or ASSUMED_DISTANCE_M) * _px_per_rad(camera)
 
 
-def _may_be_seen(
-    seen: NDArray[np.float64], corners_m: NDArray[np.float64], optical_from_object: Sequence[Pose]
-) -> bool:
+def _may_be_seen(seen: Floats, corners_m: Floats, optical_from_object: Sequence[Pose]) -> bool:
     """Tell whether the sphere around an object comes near any direction (n, 3) of the image."""
     middle_m = corners_m.mean(axis=0)
     radius_m = np.linalg.norm(corners_m - middle_m, axis=-1).max()
@@ -179,8 +175,6 @@ def _px_per_rad(camera: CentralCamera) -> float:
     return float(max(densities))
 
 
-def _moved(
-    points_m: NDArray[np.float64], target_from_source: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _moved(points_m: Floats, target_from_source: Floats) -> Floats:
     """Points (n, 3) in another frame."""
     return points_m @ target_from_source[:3, :3].T + target_from_source[:3, 3]

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Bytes, Floats
 from omnisim.perception.landmarks.landmark_detector import Detection, write_detections
 from omnisim.perception.localization.filter_parameters import FilterParameters
 from omnisim.perception.localization.track import Track, mean_interval, notices, write_track
@@ -30,7 +30,7 @@ def write_localized(
     track: Track,
     parameters: FilterParameters,
     detections: Sequence[Sequence[Detection]],
-    shown: Sequence[tuple[str, NDArray[np.uint8], Sequence[Detection]]],
+    shown: Sequence[tuple[str, Bytes, Sequence[Detection]]],
     warnings: Sequence[str] = (),
 ) -> Report:
     """Write tracks, detections and the report of a localized run.
@@ -68,7 +68,7 @@ def _section(
     run: RunData,
     track: Track,
     parameters: FilterParameters,
-    shown: Sequence[tuple[str, NDArray[np.uint8], Sequence[Detection]]],
+    shown: Sequence[tuple[str, Bytes, Sequence[Detection]]],
     warnings: Sequence[str],
 ) -> Section:
     truth = run.true_poses
@@ -91,7 +91,7 @@ def _section(
     return Section(run.name, text, measures, figures=figures, notices=warnings)
 
 
-def track_measures(track: Track, truth: NDArray[np.float64] | None) -> list[Measure]:
+def track_measures(track: Track, truth: Floats | None) -> list[Measure]:
     """Measures of a single track."""
     accepted, rejected = int(track.counts(True).sum()), int(track.counts(False).sum())
     opens = track.gate_opening_step

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats
 from omnisim.core.short_repr import counted, short_repr
 from omnisim.robots.robot_file import default_clearance_m
 from omnisim.robots.vehicle import Vehicle
@@ -25,10 +25,10 @@ class BodyBoxes:
             clearance; without a body, the footprint's box.
     """
 
-    low_m: NDArray[np.float64]
-    high_m: NDArray[np.float64]
+    low_m: Floats
+    high_m: Floats
     clearance_m: float
-    parts_m: NDArray[np.float64]
+    parts_m: Floats
 
     def __repr__(self) -> str:
         return short_repr(self, counted(len(self.parts_m), "part"))
@@ -61,7 +61,7 @@ class BodyBoxes:
         return float(np.hypot(*ends))
 
 
-def _node_bounds(body: Scene) -> NDArray[np.float64]:
+def _node_bounds(body: Scene) -> Floats:
     """Corners (n, 2, 3) of the bounding boxes of a body's nodes that have triangles."""
     everywhere = np.full(3, np.inf)
     triangles = triangles_within(body, -everywhere, everywhere)

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydantic import Field
 
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import TrajectoryError
 from omnisim.core.files.parameters import Number, Parameters
 from omnisim.core.poses import rotation_angles
@@ -66,11 +67,11 @@ class Steps:
         turns_rad: (n,) turn angles in [−π, π].
     """
 
-    distances_m: NDArray[np.float64]
-    turns_rad: NDArray[np.float64]
+    distances_m: Floats
+    turns_rad: Floats
 
 
-def steps_between(world_from_base: NDArray[np.float64]) -> Steps:
+def steps_between(world_from_base: Floats) -> Steps:
     """Compute the n − 1 steps between poses (n, 4, 4)."""
     moves = np.diff(world_from_base[:, :3, 3], axis=0)
     ahead = world_from_base[:-1, :3, 0] + world_from_base[1:, :3, 0]
@@ -192,7 +193,7 @@ def check_drivable(
         raise TrajectoryError(f"{source}{line}: {violation}")
 
 
-def _exceeded(moves_m: NDArray[np.float64], allowed_m: NDArray[np.float64]) -> NDArray[np.float64]:
+def _exceeded(moves_m: Floats, allowed_m: Floats) -> Floats:
     """Larger one-sided cumulative sum (n,) of moves (n,) in excess of the allowed ones."""
     sums = np.zeros((2, len(moves_m) + 1))
     for k, (move_m, slack_m) in enumerate(zip(moves_m, allowed_m, strict=True)):
@@ -202,11 +203,7 @@ def _exceeded(moves_m: NDArray[np.float64], allowed_m: NDArray[np.float64]) -> N
 
 
 def _first(
-    amounts: NDArray[np.float64],
-    limit: float,
-    scale: NDArray[np.float64],
-    offset: int,
-    slack: NDArray[np.float64] | float = 0.0,
+    amounts: Floats, limit: float, scale: Floats, offset: int, slack: Floats | float = 0.0
 ) -> tuple[int, float] | None:
     """Step and rate of the first amount that exceeds `limit` · `scale` by more than rounding."""
     over = amounts > limit * scale * (1.0 + TOLERANCE) + slack

@@ -16,8 +16,9 @@ from pathlib import Path
 from typing import Generic, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from omnisim.core.arrays import Floats, Indices
 from omnisim.core.errors import TrajectoryError
 from omnisim.core.poses import MAX_M, pose_from_rotation, rotation_from_yaw, wrap_angle
 from omnisim.core.trajectories.body_motion import BodyMotion, MotionStates
@@ -170,7 +171,7 @@ def _sample(segments: list[Segment], counts: list[int], period_s: float | None =
     return Plan(trajectory, PlannedMotion(segments), tuple(counts), period_s)
 
 
-def time_poses(world_from_base: NDArray[np.float64], kinematics: Kinematics) -> Trajectory:
+def time_poses(world_from_base: Floats, kinematics: Kinematics) -> Trajectory:
     """Assign times to poses (n, 4, 4), from rest at 0 s to rest at the last pose.
 
     Each step first gets the duration that its speed and turn rate require. If the mean rates of two
@@ -208,16 +209,14 @@ def time_poses(world_from_base: NDArray[np.float64], kinematics: Kinematics) -> 
     return Trajectory(np.concatenate(((0.0,), np.cumsum(durations))), poses)
 
 
-def _from_rest_or_to_it(amounts: NDArray[np.float64], acceleration: float) -> NDArray[np.float64]:
+def _from_rest_or_to_it(amounts: Floats, acceleration: float) -> Floats:
     """Durations (n,) of steps that start or end at rest, or both; 0 for all others."""
     moves = np.concatenate(((False,), amounts != 0.0, (False,)))
     rests = (~moves[:-2]).astype(int) + ~moves[2:]  # number of neighbors at rest: 0, 1 or 2
     return np.sqrt(2.0 * rests * np.abs(amounts) / acceleration)
 
 
-def _lengthen(
-    durations: NDArray[np.float64], amounts: NDArray[np.float64], accelerations: list[float]
-) -> None:
+def _lengthen(durations: Floats, amounts: Floats, accelerations: list[float]) -> None:
     """Lengthen durations (n,) in place until neighbors' mean rates satisfy the accelerations.
 
     Args:
@@ -244,7 +243,7 @@ def _lengthen(
             waiting.extend(near for near in (fast - 1, fast) if 0 <= near < len(durations) - 1)
 
 
-def check_waypoints(waypoints_m: ArrayLike) -> NDArray[np.float64]:
+def check_waypoints(waypoints_m: ArrayLike) -> Floats:
     """Check waypoints and return them as float64 (n, 2).
 
     Raises:
@@ -271,7 +270,7 @@ def check_waypoints(waypoints_m: ArrayLike) -> NDArray[np.float64]:
     return points
 
 
-def read_waypoints(path: Path) -> NDArray[np.float64] | None:
+def read_waypoints(path: Path) -> Floats | None:
     """Read waypoints (n, 2) from a CSV file with exactly the columns x_m and y_m.
 
     Any other file returns None: with headings or times it is a trajectory.
@@ -296,7 +295,7 @@ def read_waypoints(path: Path) -> NDArray[np.float64] | None:
 # segment starts and ends at rest.
 
 
-FloatOrArray = TypeVar("FloatOrArray", float, NDArray[np.float64])
+FloatOrArray = TypeVar("FloatOrArray", float, Floats)
 
 
 @dataclass(frozen=True)
@@ -325,7 +324,7 @@ class Trapezoid(Generic[FloatOrArray]):
         # the two ramps together cover what one ramp's time at the top rate would
         return self.ramp_s + self.amount / (self.acceleration * self.ramp_s)
 
-    def amounts_at(self, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    def amounts_at(self, times_s: Floats) -> Floats:
         """Distances or angles (n,) at times (n,) since the start."""
         ramp, a = self.ramp_s, self.acceleration
         left = self.duration_s - times_s
@@ -334,19 +333,19 @@ class Trapezoid(Generic[FloatOrArray]):
         speeding = 0.5 * a * times_s * times_s
         return np.where(times_s < ramp, speeding, np.where(left < ramp, braking, cruising))
 
-    def rates_at(self, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    def rates_at(self, times_s: Floats) -> Floats:
         """Rates (n,) at times (n,) since the start."""
         a = self.acceleration
         left = self.duration_s - times_s
         return a * np.minimum(np.minimum(times_s, left), self.ramp_s)
 
-    def accelerations_at(self, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    def accelerations_at(self, times_s: Floats) -> Floats:
         """Accelerations (n,) at times (n,) since the start."""
         ramp, a = self.ramp_s, self.acceleration
         left = self.duration_s - times_s
         return np.where(times_s < ramp, a, np.where(left < ramp, -a, 0.0))
 
-    def times_at(self, amounts: NDArray[np.float64]) -> NDArray[np.float64]:
+    def times_at(self, amounts: Floats) -> Floats:
         """Times (n,) at distances or angles (n,): the inverse of `amounts_at`."""
         ramp, a = self.ramp_s, self.acceleration
         ramp_amount = 0.5 * a * ramp * ramp
@@ -402,7 +401,7 @@ class Segment:
         """Time from rest to rest."""
         return self.stretch * self.trapezoid.duration_s
 
-    def poses_at(self, shares: NDArray[np.float64]) -> NDArray[np.float64]:
+    def poses_at(self, shares: Floats) -> Floats:
         """x, y, yaw (n, 3) at fractions (n,) of the motion in the floor plan."""
         change = np.array((*self.move_m, self.turn_rad))
         return np.array(self.start) + shares[:, None] * change
@@ -431,7 +430,7 @@ class PlannedMotion(BodyMotion):
         """Copy of the motion with the base at another height on an even floor."""
         return PlannedMotion(self.segments, height_m)
 
-    def _states(self, times_s: NDArray[np.float64]) -> MotionStates:
+    def _states(self, times_s: Floats) -> MotionStates:
         last = len(self.segments) - 1
         index = np.clip(np.searchsorted(self._starts_s, times_s, side="right") - 1, 0, last)
         stretch = self._stretch[index]
@@ -459,12 +458,7 @@ class PlannedMotion(BodyMotion):
         return states
 
     def _even(
-        self,
-        index: NDArray[np.intp],
-        amount: NDArray[np.float64],
-        amounts: NDArray[np.float64],
-        rates: NDArray[np.float64],
-        accelerations: NDArray[np.float64],
+        self, index: Indices, amount: Floats, amounts: Floats, rates: Floats, accelerations: Floats
     ) -> MotionStates:
         """States (n,) on an even floor: straight, or about z."""
         start, change = self._planar[index, :3], self._planar[index, 3:]

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy  # its submodules load when first used
-from numpy.typing import NDArray
 
-from omnisim.core.arrays import triangle_bounds
+from omnisim.core.arrays import Bools, Floats, Indices, triangle_bounds
 from omnisim.core.errors import TrajectoryError
 from omnisim.core.poses import pose_from_rotation
 from omnisim.core.short_repr import counted, short_repr
@@ -36,10 +35,10 @@ class Sweep:
         times_s: (m,) times of the poses.
     """
 
-    world_from_base: NDArray[np.float64]
-    steps: NDArray[np.intp]
-    is_step: NDArray[np.bool_]
-    times_s: NDArray[np.float64]
+    world_from_base: Floats
+    steps: Indices
+    is_step: Bools
+    times_s: Floats
 
     def __repr__(self) -> str:
         return short_repr(self, counted(len(self.steps), "pose"))
@@ -148,7 +147,7 @@ def check_no_contact(contacts: Sequence[Contact] | None, where: str) -> None:
         raise TrajectoryError(f"{where}: {contacts[0]}{others}: expected none with --no-contact")
 
 
-def _contacts(scene: Scene, sweep: Sweep, touched: NDArray[np.intp]) -> tuple[Contact, ...]:
+def _contacts(scene: Scene, sweep: Sweep, touched: Indices) -> tuple[Contact, ...]:
     """Contacts by object, from ordered pairs (n, 2) of a pose and an instance."""
     first: dict[str, int] = {}
     steps: dict[str, set[int]] = {}
@@ -168,7 +167,7 @@ def _contacts(scene: Scene, sweep: Sweep, touched: NDArray[np.intp]) -> tuple[Co
     )
 
 
-def meet_box(corners_m: NDArray[np.float64], half_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+def meet_box(corners_m: Floats, half_m: Floats) -> Bools:
     """Mask (n,) of the triangles (n, 3, 3) that meet the box from −half (3,) to half.
 
     Tests separating axes: the box's axes, the triangle's normal, and the cross products of edges.
@@ -177,7 +176,7 @@ def meet_box(corners_m: NDArray[np.float64], half_m: NDArray[np.float64]) -> NDA
     (2001).
     """
     low, high = triangle_bounds(corners_m)
-    touching: NDArray[np.bool_] = np.all((low <= half_m) & (high >= -half_m), axis=1)
+    touching: Bools = np.all((low <= half_m) & (high >= -half_m), axis=1)
     near = np.flatnonzero(touching)
     if not len(near):
         return touching

@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import RunError, TrajectoryError
 from omnisim.core.extras import is_installed, require_extra
 from omnisim.core.files.atomic_file import is_written, write_text
@@ -141,13 +141,7 @@ class Drive:
         odometry = with_errors(motion.readings_at(times_s), errors, self.seed)
         contacts = motion.contacts_at(truth)
         return PlannedDrive(
-            self,
-            truth,
-            motion.smooth,
-            odometry,
-            planned.follows_floor,
-            contacts,
-            simulated=motion,
+            self, truth, motion.smooth, odometry, planned.follows_floor, contacts, simulated=motion
         )
 
     def along(self, truth: Trajectory, given: str | None = None) -> PlannedDrive:
@@ -240,10 +234,7 @@ class PlannedDrive:
             world = self.world
             stage = stack.enter_context(
                 Stage(
-                    world.scene,
-                    vehicles=world.bodies,
-                    device=drive.device,
-                    backend=drive.backend,
+                    world.scene, vehicles=world.bodies, device=drive.device, backend=drive.backend
                 )
             )
             stack.enter_context(stage.current())  # throughout, not image by image
@@ -303,7 +294,7 @@ class PlannedDrive:
         )
 
     @cached_property
-    def sensor_times_s(self) -> dict[str, NDArray[np.float64]]:
+    def sensor_times_s(self) -> dict[str, Floats]:
         """Times (n,) of each sensor's measurements, by the sensor's name."""
         steps_s, seed = self.truth.times_s, self.drive.seed
         return {one.name: one.times_s(steps_s, seed) for one in self.drive.vehicle.sensors}

@@ -20,11 +20,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras.calibration import load_calibration
 from omnisim.cameras.calibration.calibrated_camera import WORLD
 from omnisim.cameras.calibration.calibration import Rig
+from omnisim.core.arrays import Floats
 from omnisim.core.coordinate_frames import BASE_FROM_OPTICAL_LOOKING_AHEAD
 from omnisim.core.errors import TrajectoryError, did_you_mean
 from omnisim.core.poses import inverse, pose_from_rotation
@@ -47,9 +47,9 @@ class RigPoses(NamedTuple):
         times_s: (n,) times, or None if the file has none.
     """
 
-    world_from_body: NDArray[np.float64]
+    world_from_body: Floats
     names: tuple[str, ...] | None
-    times_s: NDArray[np.float64] | None
+    times_s: Floats | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +69,7 @@ class RigRoute:
     frame: str | None = None
     axes: Axes | None = None
     rate_hz: float | None = None
-    world_from_file: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
+    world_from_file: Floats = field(default_factory=lambda: np.eye(4))
 
     def read(self, rig: Rig, print_note: Callable[[str], None]) -> tuple[Trajectory, bool]:
         """Trajectory of the rig's body in the scene, and True if its times are known.
@@ -155,19 +155,19 @@ class _FilePoses:
     """
 
     format: str
-    times_s: NDArray[np.float64] | None
-    file_from_posed: NDArray[np.float64]
+    times_s: Floats | None
+    file_from_posed: Floats
     axes: Axes
     names: tuple[str, ...] | None
 
-    def upright(self) -> NDArray[np.float64]:
+    def upright(self) -> Floats:
         """Poses (n, 4, 4) in a world with z up."""
         if self.axes == "world":
             return self.file_from_posed
         return AHEAD @ self.file_from_posed
 
 
-def _posed_frame(rig: Rig, frame: str | None, path: Path) -> tuple[NDArray[np.float64], str]:
+def _posed_frame(rig: Rig, frame: str | None, path: Path) -> tuple[Floats, str]:
     """Pose (4, 4) of a frame on the rig's body, and a description of the frame."""
     if frame in (BODY, rig.body) and rig.has_body:
         return np.eye(4), f"the rig's {rig.body}"

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Bools, Floats
 from omnisim.core.errors import TrajectoryError, did_you_mean
 from omnisim.core.files.sources import note_file, recorded_sources, source_digest
 from omnisim.core.poses import MAX_M, pose_from_rotation, wrap_angles, yaw_from_rotation
@@ -107,10 +107,7 @@ class PlannedRoute:
 
 
 def plan_route(
-    scene: Scene,
-    vehicle: Vehicle,
-    route: Route,
-    print_note: Callable[[str], None] | None = None,
+    scene: Scene, vehicle: Vehicle, route: Route, print_note: Callable[[str], None] | None = None
 ) -> PlannedRoute:
     """Plan the trajectory of the vehicle's base along a route.
 
@@ -284,11 +281,7 @@ def _check_steps(recording: ParsedTrajectory) -> None:
 
 
 def _along(
-    waypoints_m: NDArray[np.float64],
-    start_yaw_rad: float | None,
-    vehicle: Vehicle,
-    route: Route,
-    where: str,
+    waypoints_m: Floats, start_yaw_rad: float | None, vehicle: Vehicle, route: Route, where: str
 ) -> Plan:
     kinematics = _kinematics(vehicle, where)
     try:
@@ -371,7 +364,7 @@ def follow_floor(scene: Scene, sweep: Sweep, box: BodyBoxes | None, where: str) 
     at = np.concatenate((np.zeros(len(spread), dtype=np.intp), np.arange(len(poses))))
     spread = np.concatenate((spread, np.ones(len(poses))))
     heights = np.empty((len(at), len(_PLACES)))
-    last: NDArray[np.float64] | None = None
+    last: Floats | None = None
     for begin in range(0, len(at), POSES_AT_ONCE):
         part = slice(begin, begin + POSES_AT_ONCE)
         points = _points_under(track, places[at[part]], yaw[at[part]], spread[part])
@@ -419,8 +412,8 @@ def slow_on_slopes(sweep: Sweep) -> Sweep:
 class _Track:
     """Positions of the wheels: their center in the base frame, and half their distances."""
 
-    middle_m: NDArray[np.float64]
-    half_m: NDArray[np.float64]
+    middle_m: Floats
+    half_m: Floats
     tire_m: float
 
     @classmethod
@@ -437,12 +430,7 @@ class _Track:
         return math.hypot(*self.half_m)
 
 
-def _points_under(
-    track: _Track,
-    positions_m: NDArray[np.float64],
-    yaw_rad: NDArray[np.float64],
-    spread: NDArray[np.float64],
-) -> NDArray[np.float64]:
+def _points_under(track: _Track, positions_m: Floats, yaw_rad: Floats, spread: Floats) -> Floats:
     """Points (n, 5, 5, 2) under the wheels and the middle at positions (n, 2) and headings (n,).
 
     Args:
@@ -458,9 +446,7 @@ def _points_under(
     return positions_m[:, None, None] + turned
 
 
-def _floor_heights(
-    columns: NDArray[np.float64], last_m: NDArray[np.float64], reach_m: float
-) -> NDArray[np.float64] | None:
+def _floor_heights(columns: Floats, last_m: Floats, reach_m: float) -> Floats | None:
     """Heights (5,) of the floor under the wheels and the middle; None: the robot has no support.
 
     Args:
@@ -469,7 +455,7 @@ def _floor_heights(
         reach_m: maximum change of height, up or down.
     """
     below = np.where(columns <= (last_m + reach_m)[:, None, None], columns, -np.inf)
-    heights: NDArray[np.float64] = np.sort(below.max(axis=2), axis=1)[:, len(_POINTS) // 2]
+    heights: Floats = np.sort(below.max(axis=2), axis=1)[:, len(_POINTS) // 2]
     hanging = heights < last_m - reach_m
     if not hanging.any():
         return heights
@@ -489,12 +475,7 @@ def _floor_heights(
     return heights
 
 
-def _on_wheels(
-    poses: NDArray[np.float64],
-    yaw_rad: NDArray[np.float64],
-    track: _Track,
-    heights: NDArray[np.float64],
-) -> NDArray[np.float64]:
+def _on_wheels(poses: Floats, yaw_rad: Floats, track: _Track, heights: Floats) -> Floats:
     """Poses (n, 4, 4) on least-squares planes through wheels at heights (n, 5)."""
     wheels = heights[:, :_MIDDLE]
     mean = wheels.mean(axis=1)
@@ -562,7 +543,7 @@ def on_floor(plan: Plan, sweep: Sweep) -> tuple[Sweep, PlannedMotion]:
     return dataclasses.replace(sweep, times_s=np.concatenate(times)), PlannedMotion(segments)
 
 
-def _along_chords(poses: NDArray[np.float64], is_step: NDArray[np.bool_]) -> NDArray[np.float64]:
+def _along_chords(poses: Floats, is_step: Bools) -> Floats:
     """Distances (n − 1,) in meters between poses (n, 4, 4), scaled to sum to each step's chord.
 
     A bump within a step adds nothing to them: steps are checked by the length of their chords.

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.cameras import summary
+from omnisim.core.arrays import Bytes, Floats
 from omnisim.core.errors import OpticsError, OutputError, RunError
 from omnisim.core.files.image_files import read_image
 from omnisim.core.short_repr import counted, short_repr
@@ -74,11 +75,11 @@ class RunData:
         return self.scene.landmarks
 
     @property
-    def true_poses(self) -> NDArray[np.float64] | None:
+    def true_poses(self) -> Floats | None:
         """True x, y, yaw (steps, 3), or None: unknown."""
         return None if self.truth is None else planar_poses(self.truth)[: self.steps]
 
-    def image(self, step: int) -> NDArray[np.uint8]:
+    def image(self, step: int) -> Bytes:
         """Read the image (height, width, 3) of a step, sRGB.
 
         Raises:
@@ -104,12 +105,12 @@ class RunData:
         caveat = None if self.mount.caveat is None else f"{self.camera}: {self.mount.caveat}"
         return [notice for notice in (self.folder.unfinished(), caveat) if notice is not None]
 
-    def images(self) -> Iterator[NDArray[np.uint8]]:
+    def images(self) -> Iterator[Bytes]:
         """Images (height, width, 3) of all steps in order, sRGB."""
         return (self.image(step) for step in range(self.steps))
 
 
-def planar_poses(trajectory: Trajectory) -> NDArray[np.float64]:
+def planar_poses(trajectory: Trajectory) -> Floats:
     """x, y, yaw (n, 3) of a trajectory."""
     return np.column_stack((trajectory.positions_m[:, :2], trajectory.yaw_rad))
 
@@ -197,7 +198,7 @@ class RunLabels:
         self._run = run
         self._class_of_instance = _class_of_instance(run, colors)
 
-    def __call__(self, step: int) -> NDArray[np.uint8]:
+    def __call__(self, step: int) -> Bytes:
         """Class of each pixel (height, width): 0, or 1 + the index of a color.
 
         Raises:
@@ -245,7 +246,7 @@ def train_on_run(run: RunData, costs: Costs, track: Track = iter) -> Training:
     return train_colors(colors, labels.pixels(track), costs)
 
 
-def _class_of_instance(run: RunData, colors: Sequence[str]) -> NDArray[np.uint8]:
+def _class_of_instance(run: RunData, colors: Sequence[str]) -> Bytes:
     """Classes (n,) by instance ID."""
     path = run.folder.path / LABELS
     classes: dict[str, int] = {}
@@ -279,7 +280,7 @@ class SingleImage:
     """
 
     mount: CameraMount
-    pixels: NDArray[np.uint8]
+    pixels: Bytes
     steps: ClassVar[int] = 1
 
     def __repr__(self) -> str:
@@ -290,7 +291,7 @@ class SingleImage:
         """Notices: an assumed viewpoint of a non-central camera."""
         return [] if self.mount.caveat is None else [self.mount.caveat]
 
-    def image(self, step: int) -> NDArray[np.uint8]:
+    def image(self, step: int) -> Bytes:
         """Image (height, width, 3) at step 0, the only step, sRGB."""
         return self.pixels
 

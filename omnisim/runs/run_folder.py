@@ -47,8 +47,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import RunError, did_you_mean
 from omnisim.core.files.atomic_file import is_written, write_text
 from omnisim.core.short_repr import counted, short_repr
@@ -133,7 +133,7 @@ class RunFolder:
         own = self.manifest.sensors[sensor].measurements
         return self.manifest.steps if own is None else own
 
-    def times_s(self, sensor: str) -> NDArray[np.float64]:
+    def times_s(self, sensor: str) -> Floats:
         """Times (n,) of a sensor's measurements.
 
         Raises:
@@ -170,13 +170,13 @@ class RunFolder:
         return self.indices_at(sensor, steps - 1).stop if steps > 0 else 0
 
     @cached_property
-    def _step_times_s(self) -> NDArray[np.float64]:
+    def _step_times_s(self) -> Floats:
         truth = read_trajectory(self.path / GROUND_TRUTH)
         self.check_steps(GROUND_TRUTH, len(truth))
         return truth.times_s
 
     @cached_property
-    def _times(self) -> dict[str, NDArray[np.float64]]:
+    def _times(self) -> dict[str, Floats]:
         return {}
 
     def has(self, name: str) -> bool:
@@ -273,7 +273,7 @@ class RunFolder:
         )
 
 
-def read_times(path: Path, count: int) -> NDArray[np.float64]:
+def read_times(path: Path, count: int) -> Floats:
     """Read the times (count,) of a sensor's measurements.
 
     Raises:

@@ -6,8 +6,8 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import RunError
 from omnisim.core.files.number_files import BLOCK, write_table
 from omnisim.core.poses import (
@@ -25,7 +25,7 @@ COLUMNS = (
 )
 
 
-def write_states(path: Path, motion: BodyMotion, times_s: Iterable[NDArray[np.float64]]) -> None:
+def write_states(path: Path, motion: BodyMotion, times_s: Iterable[Floats]) -> None:
     """Write the base's states at given times.
 
     A state is position, orientation, velocity and acceleration in the world, and the angular rate
@@ -46,7 +46,7 @@ def write_states(path: Path, motion: BodyMotion, times_s: Iterable[NDArray[np.fl
     write_table(path, COLUMNS, (_rows(part, motion.at(part)) for part in parts))
 
 
-def _rows(times_s: NDArray[np.float64], states: MotionStates) -> NDArray[np.float64]:
+def _rows(times_s: Floats, states: MotionStates) -> Floats:
     quaternions = quaternion_from_rotation(states.world_from_base[:, :3, :3])
     return np.column_stack((times_s, states.world_from_base[:, :3, 3], quaternions, *states[1:]))
 
@@ -60,7 +60,7 @@ def write_state(path: Path, time_s: float, state: MotionStates) -> None:
     write_table(path, COLUMNS, iter((_rows(np.array([time_s]), state),)))
 
 
-def read_states(path: Path) -> tuple[NDArray[np.float64], MotionStates]:
+def read_states(path: Path) -> tuple[Floats, MotionStates]:
     """Read times (n,) and states.
 
     Raises:

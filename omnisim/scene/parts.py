@@ -337,8 +337,8 @@ class Light:
     """Linear RGB, multiplied with the intensity or illuminance."""
     intensity: Positive
     """Illuminance of a directional lamp, lx, or luminous intensity of others, cd."""
-    position_m: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
-    direction: NDArray[np.float64] = field(default_factory=lambda: np.array([0.0, 0.0, -1.0]))
+    position_m: Floats = field(default_factory=lambda: np.zeros(3))
+    direction: Floats = field(default_factory=lambda: np.array([0.0, 0.0, -1.0]))
     range_m: Positive = math.inf
     """Distance at which the light of a point or spot lamp ends, m. Default: infinite."""
     cone_cosines: tuple[float, float] = field(default=(1.0, 0.0), metadata=NOT_IN_FILES)

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import OpticsError
 from omnisim.core.files.atomic_file import write_text
 
@@ -27,7 +27,7 @@ def check_number(name: str, number: object) -> None:
         raise OpticsError(f"{name}: expected a whole number of 32 bits, got {number!r}")
 
 
-def round_ranges(ranges_m: NDArray[np.float64], step_m: float) -> NDArray[np.float64]:
+def round_ranges(ranges_m: Floats, step_m: float) -> Floats:
     """Round ranges (...) to multiples of a step; a step of 0 leaves them unchanged."""
     if not step_m:
         return ranges_m

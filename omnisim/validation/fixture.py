@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras import HyperbolicCamera
+from omnisim.core.arrays import Floats, Floats32
 from omnisim.core.errors import OpticsError
 from omnisim.ground_truth.frame import Frame
 from omnisim.rendering.camera.omnicamera import OmniCamera
@@ -42,7 +42,7 @@ class Fixture:
         self,
         scene: Scene | Stage,
         camera: OmniCamera,
-        world_from_base: NDArray[np.float64],
+        world_from_base: Floats,
         *,
         unlit: bool = True,
         backend: BackendName = "cube",
@@ -67,17 +67,17 @@ def mirror_camera(sensor: OmniCamera) -> HyperbolicCamera:
     return sensor.model
 
 
-def linear_image(frame: Frame) -> NDArray[np.float32]:
+def linear_image(frame: Frame) -> Floats32:
     """Linear RGB (height, width, 3) of a frame rendered with linear values."""
     assert frame.linear is not None
     return frame.linear
 
 
-def max_abs(values: NDArray[np.float64]) -> float:
+def max_abs(values: Floats) -> float:
     """Maximum absolute value; NaN without values, which fails every bound."""
     return float(np.abs(values).max()) if values.size else math.nan
 
 
-def mean_abs(values: NDArray[np.float64]) -> float:
+def mean_abs(values: Floats) -> float:
     """Mean absolute value; NaN without values, which fails every bound."""
     return float(np.abs(values).mean()) if values.size else math.nan

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from omnisim.cameras import CentralCamera
+from omnisim.core.arrays import Bools, Floats
 from omnisim.core.srgb import srgb_from_linear
 from omnisim.plots.style import BLUE, Figure, plot
 
@@ -19,9 +20,7 @@ _LUMA = np.array((0.299, 0.587, 0.114))
 PATCH_PX = 24
 
 
-def psnr_db(
-    first: NDArray[np.floating], second: NDArray[np.floating], mask: NDArray[np.bool_]
-) -> float:
+def psnr_db(first: NDArray[np.floating], second: NDArray[np.floating], mask: Bools) -> float:
     """PSNR of two linear RGB images (height, width, 3), compared as 8-bit sRGB.
 
     Only pixels in the mask (height, width) count. Equal images yield infinity; rounding to 8 bits
@@ -37,9 +36,7 @@ def psnr_of_levels_db(first: NDArray[Any], second: NDArray[Any]) -> float:
     return math.inf if error == 0.0 else 10.0 * math.log10(255.0**2 / error)
 
 
-def noise_floor_db(
-    first: NDArray[np.floating], second: NDArray[np.floating], mask: NDArray[np.bool_]
-) -> float:
+def noise_floor_db(first: NDArray[np.floating], second: NDArray[np.floating], mask: Bools) -> float:
     """PSNR between a sampled image and a perfect one, limited by the noise alone.
 
     `first` and `second` are linear RGB images sampled with different seeds. They differ by the
@@ -52,7 +49,7 @@ def converged_psnr_db(
     image: NDArray[np.floating],
     first: NDArray[np.floating],
     second: NDArray[np.floating],
-    mask: NDArray[np.bool_],
+    mask: Bools,
 ) -> float:
     """PSNR to a converged image, estimated from two images with independent noise.
 
@@ -65,9 +62,7 @@ def converged_psnr_db(
     return math.inf if error <= 0.0 else -10.0 * math.log10(error)
 
 
-def ssim(
-    first: NDArray[np.floating], second: NDArray[np.floating], mask: NDArray[np.bool_]
-) -> float:
+def ssim(first: NDArray[np.floating], second: NDArray[np.floating], mask: Bools) -> float:
     """Mean structural similarity of the luma of two images (height, width, 3), linear RGB.
 
     Only pixels in the mask (height, width) count; all others are set to black.
@@ -80,7 +75,7 @@ def ssim(
         for values in (first, second)
     )
 
-    def mean(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    def mean(values: Floats) -> Floats:
         return gaussian_filter(values, _SIGMA_PX, truncate=_REACH)
 
     mean_one, mean_other = mean(one), mean(other)
@@ -94,13 +89,11 @@ def ssim(
 class Displacements(NamedTuple):
     """Displacements of an image's patches, and the patches' centers."""
 
-    middles_px: NDArray[np.float64]  # (n, 2)
-    shifts_px: NDArray[np.float64]  # (n, 2)
+    middles_px: Floats  # (n, 2)
+    shifts_px: Floats  # (n, 2)
 
 
-def displacements(
-    first: NDArray[np.float64], second: NDArray[np.float64], where: NDArray[np.bool_]
-) -> Displacements:
+def displacements(first: Floats, second: Floats, where: Bools) -> Displacements:
     """Shift of the second image in each patch inside `where` with edges in two directions.
 
     Least-squares solution of brightness constancy with the mean gradient of both images, for shifts
@@ -136,10 +129,7 @@ def displacements(
 
 
 def displacement_figure(
-    title: str,
-    camera: CentralCamera,
-    positions_px: NDArray[np.float64],
-    shifts_px: NDArray[np.float64],
+    title: str, camera: CentralCamera, positions_px: Floats, shifts_px: Floats
 ) -> Figure:
     """Figure of arrows at positions (n, 2) in an image, 300 times as long as shifts (n, 2)."""
     figure, axes = plot(title, "u in pixels", "v in pixels", 6.2, 6.2)

@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from omnisim.cameras import CentralCamera
 from omnisim.cameras.optics import OpticalSystem, ray_jacobians
+from omnisim.core.arrays import Bools, Floats
 from omnisim.scene import Scene
 from omnisim.scene.model import Mesh
 from omnisim.validation.plain_scenes import WHITE, discs, plain_scene
@@ -22,9 +23,7 @@ _MIN_M, _MAX_M = 0.4, 8.0
 _CORNERS = 96
 
 
-def marker_positions(
-    viewpoint_m: ArrayLike, axis: ArrayLike, max_rad: float, count: int
-) -> NDArray[np.float64]:
+def marker_positions(viewpoint_m: ArrayLike, axis: ArrayLike, max_rad: float, count: int) -> Floats:
     """Points (count, 3) in directions up to `max_rad` from an axis (3,), 0.6 to 12 m away.
 
     Source: a spiral by the golden angle, so that no two directions are close together.
@@ -42,13 +41,13 @@ def marker_positions(
     return np.asarray(viewpoint_m) + directions * ranges[:, None]
 
 
-def marker_scene(positions_m: NDArray[np.float64], viewpoint_m: ArrayLike) -> Scene:
+def marker_scene(positions_m: Floats, viewpoint_m: ArrayLike) -> Scene:
     """Scene of white discs on black, at points (n, 3) of the world frame, facing the viewpoint."""
     mesh = discs("markers", positions_m, viewpoint_m, MARKER_RADIUS_RAD, corners=96)
     return plain_scene("markers", (mesh, WHITE))
 
 
-def marker_rims(positions_m: NDArray[np.float64], viewpoint_m: ArrayLike) -> NDArray[np.float64]:
+def marker_rims(positions_m: Floats, viewpoint_m: ArrayLike) -> Floats:
     """Points (n, 96, 3), world, around the rim of each marker."""
     corners = 96
     mesh = discs("rims", positions_m, viewpoint_m, MARKER_RADIUS_RAD, corners=corners)
@@ -56,7 +55,7 @@ def marker_rims(positions_m: NDArray[np.float64], viewpoint_m: ArrayLike) -> NDA
     return rims.reshape(corners, len(positions_m), 3).swapaxes(0, 1)
 
 
-def rim_centroids_px(rims_px: NDArray[np.float64]) -> NDArray[np.float64]:
+def rim_centroids_px(rims_px: Floats) -> Floats:
     """Centroids (n, 2) of the areas inside closed polygons (n, corners, 2) in the image.
 
     The centroid of a disc's image is not the image of the disc's center: for markers, the two
@@ -71,8 +70,8 @@ def rim_centroids_px(rims_px: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def inside_valid_area(
-    camera: CentralCamera, positions_px: NDArray[np.float64], margin_px: float = WINDOW_PX + 2.0
-) -> NDArray[np.bool_]:
+    camera: CentralCamera, positions_px: Floats, margin_px: float = WINDOW_PX + 2.0
+) -> Bools:
     """Mask (n,) of positions (n, 2) surrounded by valid pixels only."""
     around = positions_px[:, None] + margin_px * _circle(16)
     inside = (around >= 0.0) & (around <= (camera.width_px - 1, camera.height_px - 1))
@@ -80,7 +79,7 @@ def inside_valid_area(
     return np.all(clear, axis=1)
 
 
-def centroids(brightness: NDArray[np.float64], near_px: NDArray[np.float64]) -> NDArray[np.float64]:
+def centroids(brightness: Floats, near_px: Floats) -> Floats:
     """Centroids (n, 2) of brightness in windows around positions (n, 2); NaN for a dark window.
 
     Args:
@@ -99,7 +98,7 @@ def centroids(brightness: NDArray[np.float64], near_px: NDArray[np.float64]) -> 
     return positions_px
 
 
-def marker_pixels(system: OpticalSystem, spacing_px: int) -> NDArray[np.float64]:
+def marker_pixels(system: OpticalSystem, spacing_px: int) -> Floats:
     """Evenly spaced pixels (n, 2), amid valid rays, at which a marker's stretch is small enough."""
     half = 0.5 * spacing_px
     u, v = (np.arange(half, size, spacing_px) for size in (system.width_px, system.height_px))
@@ -112,9 +111,7 @@ def marker_pixels(system: OpticalSystem, spacing_px: int) -> NDArray[np.float64]
     return kept[sizes[:, 0] < STRETCH * sizes[:, 1]]
 
 
-def markers_on_rays(
-    system: OpticalSystem, pixels_px: NDArray[np.float64], world_from_optical: NDArray[np.float64]
-) -> Scene:
+def markers_on_rays(system: OpticalSystem, pixels_px: Floats, world_from_optical: Floats) -> Scene:
     """Scene of white discs on black, perpendicular to the rays of pixels (n, 2), at 0.4 to 8 m."""
     rays = system.rays(pixels_px)
     share = np.random.default_rng(7).random(len(pixels_px))
@@ -135,9 +132,7 @@ def markers_on_rays(
     return plain_scene("markers", (mesh, WHITE))
 
 
-def _sizes(
-    system: OpticalSystem, pixels_px: NDArray[np.float64], ranges_m: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _sizes(system: OpticalSystem, pixels_px: Floats, ranges_m: Floats) -> Floats:
     """Maximum and minimum meters per pixel (n, 2), perpendicular to the rays at ranges (n,)."""
     by_pixel = ray_jacobians(system, pixels_px)
     moved = by_pixel.origins_m + ranges_m[:, None, None] * by_pixel.directions
@@ -145,12 +140,12 @@ def _sizes(
     return np.linalg.svd(np.einsum("nic,nij->ncj", frames, moved), compute_uv=False)
 
 
-def _circle(count: int) -> NDArray[np.float64]:
+def _circle(count: int) -> Floats:
     angles = 2.0 * np.pi * np.arange(count) / count
     return np.stack((np.cos(angles), np.sin(angles)), axis=1)
 
 
-def _frames(directions: NDArray[np.float64]) -> NDArray[np.float64]:
+def _frames(directions: Floats) -> Floats:
     """Orthonormal bases (n, 3, 2) of the planes perpendicular to directions (n, 3)."""
     smallest = np.eye(3)[np.abs(directions).argmin(axis=1)]
     first = np.cross(directions, smallest)

@@ -6,9 +6,9 @@ import itertools
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera, PerspectiveCamera, pixel_grid
+from omnisim.core.arrays import Floats, Ints
 from omnisim.core.poses import pose
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.scene.model import Instance, Lighting, Material, Mesh, Scene, StartPose
@@ -44,7 +44,7 @@ def sphere(radius_m: float, rows: int = 64) -> Mesh:
     )
 
 
-def centers_m() -> NDArray[np.float64]:
+def centers_m() -> Floats:
     """Centers (18, 3) of the spheres in the world frame, row by row; the camera looks along x."""
     rows, columns = len(ROUGHNESS), len(METALLIC)
     return np.array(
@@ -55,7 +55,7 @@ def centers_m() -> NDArray[np.float64]:
     )
 
 
-def sphere_of_pixels(model: CentralCamera) -> NDArray[np.int64]:
+def sphere_of_pixels(model: CentralCamera) -> Ints:
     """Index (height, width) of the sphere in each pixel; −1: none, or too close to its outline.
 
     Args:
@@ -68,7 +68,7 @@ def sphere_of_pixels(model: CentralCamera) -> NDArray[np.int64]:
     away_m = np.stack(
         [np.linalg.norm(np.cross(center_m, directions), axis=-1) for center_m in centers_m()]
     )
-    nearest: NDArray[np.int64] = away_m.argmin(axis=0).astype(np.int64)
+    nearest: Ints = away_m.argmin(axis=0).astype(np.int64)
     nearest[away_m.min(axis=0) > CLEAR * RADIUS_M] = -1
     return nearest
 

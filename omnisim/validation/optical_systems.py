@@ -13,10 +13,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras.optics import OpticalSystem
 from omnisim.cameras.optics.system_file import parse_optics
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import OpticsError
 
 SIZE_PX = 360
@@ -44,7 +44,6 @@ SYSTEMS: Mapping[str, tuple[float, tuple[Mapping[str, Any], ...]]] = {
     "flat port": (180.0, (_FLAT,)),
     "dome port": (180.0, (_DOME,)),
 }  # by name: focal length in pixels, and surfaces as in an optics file
-Floats = NDArray[np.float64]
 
 
 def validation_systems() -> dict[str, OpticalSystem]:

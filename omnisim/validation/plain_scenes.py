@@ -6,8 +6,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from omnisim.core.arrays import Bytes, Floats
 from omnisim.core.poses import rotation_from_roll_pitch_yaw
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.stage import open_sensor
@@ -40,7 +41,7 @@ def plain_scene(name: str, *colored: tuple[Mesh, tuple[float, float, float, floa
 
 def discs(
     name: str,
-    middles_m: NDArray[np.float64],
+    middles_m: Floats,
     viewpoint_m: ArrayLike,
     angular_radius_rad: float,
     material: int = 0,
@@ -75,7 +76,7 @@ def quads(name: str, corners_m: ArrayLike, material: int = 0) -> Mesh:
     return Mesh(name, corners.reshape(-1, 3).astype("f4"), triangles.astype("u4"), material)
 
 
-def board_corners_m() -> NDArray[np.float64]:
+def board_corners_m() -> Floats:
     """Inner corners (n, 3) in the board's frame: x along a row, y along a column, z = 0."""
     columns, rows = PATTERN
     y, x = np.mgrid[:rows, :columns]
@@ -84,7 +85,7 @@ def board_corners_m() -> NDArray[np.float64]:
     return np.concatenate((flat, np.zeros((len(flat), 1))), axis=1)
 
 
-def board_poses(count: int, seed: int = 11) -> list[NDArray[np.float64]]:
+def board_poses(count: int, seed: int = 11) -> list[Floats]:
     """Random poses (4, 4) rig_from_board of tilted boards, 10° to 65° below the horizon."""
     random = np.random.default_rng(seed)
     poses = []
@@ -105,7 +106,7 @@ def board_poses(count: int, seed: int = 11) -> list[NDArray[np.float64]]:
     return poses
 
 
-def board_poses_in_front(count: int, max_rad: float, seed: int = 7) -> list[NDArray[np.float64]]:
+def board_poses_in_front(count: int, max_rad: float, seed: int = 7) -> list[Floats]:
     """Random poses (4, 4) optical_from_board of tilted boards, up to `max_rad` off the axis."""
     random = np.random.default_rng(seed)
     poses = []
@@ -129,8 +130,8 @@ def board_poses_in_front(count: int, max_rad: float, seed: int = 7) -> list[NDAr
 class DetectedBoards(NamedTuple):
     """Images (height, width, 3) with a detected board, and the corners (n, 2) in each."""
 
-    images: list[NDArray[np.uint8]]
-    corners: list[NDArray[np.float64]]
+    images: list[Bytes]
+    corners: list[Floats]
 
 
 def detected_boards(fixture: Fixture, sensor: OmniCamera, count: int) -> DetectedBoards:
@@ -149,7 +150,7 @@ def detected_boards(fixture: Fixture, sensor: OmniCamera, count: int) -> Detecte
 def board_scene() -> Scene:
     """Scene of an unlit chessboard with a white border, in the board's frame, on black."""
     columns, rows = PATTERN[0] + 1, PATTERN[1] + 1
-    white, black = list[NDArray[np.float64]](), list[NDArray[np.float64]]()
+    white, black = list[Floats](), list[Floats]()
     for row in range(-1, rows + 1):
         for column in range(-1, columns + 1):
             corner = np.array([column - 0.5 * columns, row - 0.5 * rows])
@@ -157,7 +158,7 @@ def board_scene() -> Scene:
             inside = 0 <= row < rows and 0 <= column < columns
             (black if inside and (row + column) % 2 else white).append(square)
 
-    def mesh(name: str, squares: list[NDArray[np.float64]], material: int) -> Mesh:
+    def mesh(name: str, squares: list[Floats], material: int) -> Mesh:
         return quads(name, np.pad(np.stack(squares), ((0, 0), (0, 0), (0, 1))), material)
 
     return plain_scene(

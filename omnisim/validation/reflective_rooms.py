@@ -7,9 +7,10 @@ import itertools
 from functools import cache
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from omnisim.cameras import PerspectiveCamera
+from omnisim.core.arrays import Floats
 from omnisim.core.poses import pose
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.scene.model import (
@@ -81,7 +82,7 @@ def camera(width_px: int, supersampling: int) -> OmniCamera:
     return OmniCamera(model, supersampling=supersampling, near_m=0.01)
 
 
-def camera_pose() -> NDArray[np.float64]:
+def camera_pose() -> Floats:
     """Pose (4, 4) of the camera's base in the world, near the back wall and looking along x."""
     return pose((-1.5, 0.3, 0.1), pitch_deg=8.0)
 
@@ -131,14 +132,14 @@ def _box(half_m: tuple[float, float, float], color: tuple[float, float, float]) 
     return _quads("post", np.array(quads), np.broadcast_to(shades, (6, 4, 3)))
 
 
-def _facing(corners_m: NDArray[np.float64], inward: bool) -> NDArray[np.float64]:
+def _facing(corners_m: Floats, inward: bool) -> Floats:
     """Corners (4, 3) of a quad, ordered so that its front faces the origin, or away from it."""
     normal = np.cross(corners_m[1] - corners_m[0], corners_m[2] - corners_m[0])
     is_inward = float(normal @ corners_m.mean(axis=0)) < 0.0
     return corners_m if is_inward == inward else corners_m[::-1]
 
 
-def _quads(name: str, corners_m: NDArray[np.float64], colors: NDArray[np.float64]) -> Mesh:
+def _quads(name: str, corners_m: Floats, colors: Floats) -> Mesh:
     """Mesh of quads with corners (n, 4, 3) in meters and vertex colors (n, 4, 3), linear RGB."""
     first = 4 * np.arange(len(corners_m))[:, None, None]
     triangles = (first + np.array(((0, 1, 2), (0, 2, 3)))).reshape(-1, 3)
@@ -158,12 +159,12 @@ def _panel(center_m: tuple[float, float, float], yaw_deg: float) -> Mesh:
     return _moved(_plain("panel", corners), pose(center_m, yaw_deg=yaw_deg))
 
 
-def _plain(name: str, corners_m: NDArray[np.float64]) -> Mesh:
+def _plain(name: str, corners_m: Floats) -> Mesh:
     triangles = np.array(((0, 1, 2), (0, 2, 3)), dtype=np.uint32)
     return Mesh(name, corners_m.astype(np.float32), triangles, 0)
 
 
-def _moved(mesh: Mesh, by: NDArray[np.float64]) -> Mesh:
+def _moved(mesh: Mesh, by: Floats) -> Mesh:
     positions = mesh.positions @ by[:3, :3].T + by[:3, 3]
     normals = None if mesh.normals is None else (mesh.normals @ by[:3, :3].T).astype(np.float32)
     return dataclasses.replace(mesh, positions=positions.astype(np.float32), normals=normals)
@@ -245,7 +246,7 @@ def _sides(
     for number in range(4):
         angle = 0.5 * np.pi * number
         out = half_m * np.array((np.cos(angle), np.sin(angle), 0.0))
-        across: NDArray[np.float64] = np.cross((0, 0, 1), out)
+        across: Floats = np.cross((0, 0, 1), out)
         middle = out + (*center_m, 0.5 * (low + high))
         upward = (0, 0, 0.5 * (high - low))
         sides.append(_quad(f"{name} {number}", middle, across, upward, color))

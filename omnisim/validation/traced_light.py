@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from omnisim.cameras import EquidistantCamera, HyperbolicCamera, pixel_grid
 from omnisim.core import coordinate_frames as frames
+from omnisim.core.arrays import Bools, Floats, Floats32
 from omnisim.core.errors import OpticsError
 from omnisim.core.srgb import srgb_from_linear
 from omnisim.rendering.camera.omnicamera import OmniCamera
@@ -56,11 +57,11 @@ def fisheye(size_px: int) -> OmniCamera:
 def traced_light(
     scene: Scene,
     sensor: OmniCamera,
-    world_from_base: NDArray[np.float64],
+    world_from_base: Floats,
     samples: int,
     bounces: bool = False,
     seed: int = 0,
-) -> NDArray[np.float32]:
+) -> Floats32:
     """Image (height, width, 3), linear RGB, of a vehicle's camera, by Mitsuba.
 
     Args:
@@ -94,8 +95,8 @@ def traced_light(
 
 
 def traced_twice(
-    scene: Scene, sensor: OmniCamera, world_from_base: NDArray[np.float64], samples: int
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    scene: Scene, sensor: OmniCamera, world_from_base: Floats, samples: int
+) -> tuple[Floats32, Floats32]:
     """Two images of all light, see `traced_light`, with independent noise."""
     first, second = (
         traced_light(scene, sensor, world_from_base, samples, bounces=True, seed=seed)
@@ -104,7 +105,7 @@ def traced_twice(
     return first, second
 
 
-def inside_rim(sensor: OmniCamera) -> NDArray[np.bool_]:
+def inside_rim(sensor: OmniCamera) -> Bools:
     """Mask (height, width) of the pixels well inside the mirror's rim or the fisheye's circle.
 
     Raises:
@@ -122,7 +123,7 @@ def inside_rim(sensor: OmniCamera) -> NDArray[np.bool_]:
 
 
 def beside(
-    name: str, traced: NDArray[np.float32], ours: NDArray[np.float32], inside: NDArray[np.bool_]
+    name: str, traced: Floats32, ours: Floats32, inside: Bools
 ) -> dict[str, NDArray[np.generic]]:
     """Traced image, omnisim's image, and their difference × 8, by title; black outside the mask."""
     first, second = (np.where(inside[..., None], values, 0.0) for values in (traced, ours))

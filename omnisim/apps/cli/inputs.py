@@ -7,13 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from omnisim.apps.cli import option_groups as groups
 from omnisim.apps.cli.console import print_note
 from omnisim.apps.cli.images.requests import CameraViewpointOptions
 from omnisim.apps.cli.options import refuse_given
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import (
     CalibrationError,
     OpticsError,
@@ -80,11 +78,11 @@ class Viewpoint:
         return {"yaw_deg": self.yaw_deg, "pitch_deg": self.pitch_deg, "roll_deg": self.roll_deg}
 
     @property
-    def pose(self) -> NDArray[np.float64]:
+    def pose(self) -> Floats:
         """Pose (4, 4) in the world."""
         return pose(self.position_m, **self._angles_deg)
 
-    def base_of(self, camera: OmniCamera) -> NDArray[np.float64]:
+    def base_of(self, camera: OmniCamera) -> Floats:
         """Pose (4, 4) world_from_base of a vehicle whose camera is at this viewpoint."""
         return camera.base_pose(self.position_m, **self._angles_deg)
 

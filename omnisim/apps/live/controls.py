@@ -19,11 +19,7 @@ from omnisim.core.files.file_keys import Limit, keys_of, summary
 from omnisim.core.files.parameters import Table, Typical, table_of
 from omnisim.rendering.camera.degradations.degradation_file import EFFECTS
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.camera.sensor_file import (
-    CameraTable,
-    MirrorTable,
-    VirtualCamerasTable,
-)
+from omnisim.rendering.camera.sensor_file import CameraTable, MirrorTable, VirtualCamerasTable
 from omnisim.rendering.sensor import MountingTable
 from omnisim.scene import Scene
 from omnisim.scene.light.light_tables import FogTable, LightTable, SkyTable

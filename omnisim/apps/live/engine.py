@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.apps.live.camera_document import FILE_NAME, SCENE_FILE
 from omnisim.apps.live.controls import control_groups
@@ -24,6 +23,7 @@ from omnisim.apps.live.live_source import LiveSource
 from omnisim.apps.live.run_source import LiveFrame, RunSource
 from omnisim.apps.live.session import Draw, Job, Session
 from omnisim.apps.live.view_maker import UNWARPED, ViewMaker, probe
+from omnisim.core.arrays import Bytes
 from omnisim.core.errors import OmnisimError
 from omnisim.core.files.image_files import image_bytes, png_bytes
 from omnisim.ground_truth import CHANNELS
@@ -284,7 +284,7 @@ def _place(place: Any) -> dict[str, Any]:
     }
 
 
-def _jpeg(name: str, rgb: NDArray[np.uint8], quality: int) -> Part:
+def _jpeg(name: str, rgb: Bytes, quality: int) -> Part:
     return Part(name, "image/jpeg", image_bytes(Path("a.jpg"), rgb, None, quality), {})
 
 

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera, HyperbolicCamera, PerspectiveCamera
 from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.cameras.optics import OpticalSystem, Surface, caustic_points
 from omnisim.cameras.optics.surface import Fate
+from omnisim.core.arrays import Bytes, Floats
 from omnisim.core.poses import pose_from_rotation
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.stage import Stage
@@ -27,7 +27,6 @@ _WORLD_FROM_OPTICAL = np.diag([1.0, -1.0, -1.0])  # looks down; the world's y is
 DISTANCE = 30.0  # camera distance in units of the longer side: rays are nearly parallel
 RAYS = 15
 _POINTS = 81  # points per curve
-Floats = NDArray[np.float64]
 Json = dict[str, Any]
 
 
@@ -35,10 +34,10 @@ Json = dict[str, Any]
 class FloorMap:
     """Image of a scene from above, x to the right and y up."""
 
-    rgb: NDArray[np.uint8]  # (height, width, 3) uint8 sRGB
+    rgb: Bytes  # (height, width, 3) uint8 sRGB
     # (2,) minimum and maximum x and y of the image in the world
-    low_m: NDArray[np.float64]
-    high_m: NDArray[np.float64]
+    low_m: Floats
+    high_m: Floats
     ground_m: float  # height (z) of the ground in the world
 
 
@@ -77,9 +76,7 @@ def ground_height_m(scene: Scene, near_m: tuple[float, float, float]) -> float:
     return float(min(scene.bounds_m()[0, 2], near_m[2]))
 
 
-def _corners(
-    scene: Scene, near_m: tuple[float, float, float]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _corners(scene: Scene, near_m: tuple[float, float, float]) -> tuple[Floats, Floats]:
     """Minimum and maximum (x, y) of the map: around starts, landmarks, paths and the viewpoint.
 
     Around the viewpoint alone if the scene has none of these, or if they are far apart.

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.apps.live.camera_document import (
     FILE_NAME,
@@ -28,6 +27,7 @@ from omnisim.apps.live.session import Draw, PageState
 from omnisim.apps.live.view_maker import ViewMaker
 from omnisim.apps.live.viewpoint_motion import DIGITS_M, MAX_TRIANGLES, Place
 from omnisim.cameras import NonCentralCamera
+from omnisim.core.arrays import Bytes
 from omnisim.core.errors import OmnisimError, SceneError
 from omnisim.core.files.image_files import image_bytes
 from omnisim.core.poses import inverse
@@ -319,9 +319,7 @@ def record_film(path: Path, settings: LiveSettings, at: Place | None) -> int:
         source.close()
 
 
-def _images(
-    source: LiveSource, document: CameraDocument, start: Place
-) -> Iterator[NDArray[np.uint8]]:
+def _images(source: LiveSource, document: CameraDocument, start: Place) -> Iterator[Bytes]:
     """Images of a circular drive: the camera with its range beside it, and the panorama below."""
     views, count = ViewMaker(), round(RATE_HZ * SECONDS)
     x, y, z = start.position_m

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from omnisim.apps.live.session import Draw, PageState
 from omnisim.apps.live.viewpoint_motion import Place
 from omnisim.cameras import CentralCamera
+from omnisim.core.arrays import Bytes, Floats
 from omnisim.core.errors import RunError
 from omnisim.core.poses import pose_from_rotation, roll_pitch_yaw_from_rotation
 from omnisim.core.trajectories import read_trajectory
@@ -31,15 +32,15 @@ class LiveFrame:
 
     model: CentralCamera  # model of the camera
     # (4, 4) pose of the camera's optical frame on its vehicle
-    base_from_optical: NDArray[np.float64]
-    world_from_base: NDArray[np.float64]  # (4, 4) pose of the vehicle's base
-    rgb: NDArray[np.uint8]  # (height, width, 3) uint8 sRGB
+    base_from_optical: Floats
+    world_from_base: Floats  # (4, 4) pose of the vehicle's base
+    rgb: Bytes  # (height, width, 3) uint8 sRGB
     png: bytes | None  # contents of the image file; None for a coarse image
     channels: Mapping[str, NDArray[Any]]  # ground truth by name
     labels: Labels | None  # labels of the IDs in the channels; None: no labels
 
     @property
-    def world_from_optical(self) -> NDArray[np.float64]:
+    def world_from_optical(self) -> Floats:
         """Pose (4, 4) of the camera's optical frame in the world."""
         return self.world_from_base @ self.base_from_optical
 
@@ -116,7 +117,7 @@ class RunSource:
         """Title, steps and driven path of the run."""
         path: list[list[float]] = []
         if self._run.has(GROUND_TRUTH):
-            truth: NDArray[np.float64] = read_trajectory(self._run.path / GROUND_TRUTH).positions_m
+            truth: Floats = read_trajectory(self._run.path / GROUND_TRUTH).positions_m
             path = np.round(truth[:, :2], 3).tolist()
         return {
             "scene": self.scene.name,

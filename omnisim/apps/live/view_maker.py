@@ -7,11 +7,11 @@ from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.apps.live.live_messages import Gaze, Probe
 from omnisim.apps.live.run_source import LiveFrame, degrees
 from omnisim.cameras import CentralCamera, NonCentralCamera
+from omnisim.core.arrays import Bytes, Floats
 from omnisim.core.errors import OmnisimError, OpticsError
 from omnisim.perception.unwarping.unwarping import Unwarping
 from omnisim.perception.unwarping.views import (
@@ -79,7 +79,7 @@ class ViewMaker:
 
     def image(
         self, name: str, frame: LiveFrame, gaze: Gaze, height_m: float, is_fine: bool
-    ) -> NDArray[np.uint8]:
+    ) -> Bytes:
         """Unwarped image (height, width, 3) of a view; arguments as for `view`.
 
         Fine images have four samples per pixel.
@@ -103,7 +103,7 @@ class ViewMaker:
         return self._tables[key][1](frame.rgb)
 
 
-def direction_in(view: View, u: float, v: float) -> NDArray[np.float64]:
+def direction_in(view: View, u: float, v: float) -> Floats:
     """Direction (3,) of a view's ray, base frame; u and v are shares of the width and height.
 
     Raises:
@@ -116,7 +116,7 @@ def direction_in(view: View, u: float, v: float) -> NDArray[np.float64]:
     return view.base_from_view @ rays.directions
 
 
-def place_in(view: View, direction: NDArray[np.float64]) -> tuple[float, float] | None:
+def place_in(view: View, direction: Floats) -> tuple[float, float] | None:
     """Position of a direction (3,), base frame, in a view; None: outside.
 
     The position (u, v) is given as shares of the view's width and height.

@@ -12,8 +12,9 @@ from functools import cached_property
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from omnisim.core.arrays import Floats
 from omnisim.core.poses import pose, wrap_angle
 from omnisim.robots.body_boxes import BodyBoxes
 from omnisim.robots.kinematics import Kinematics
@@ -39,7 +40,7 @@ DIGITS_M, DIGITS_DEG = 4, 3
 
 class _HasPose(Protocol):
     @property
-    def pose(self) -> NDArray[np.float64]: ...
+    def pose(self) -> Floats: ...
 
 
 class Ground:
@@ -90,7 +91,7 @@ class Ground:
         new = self._touched(target.pose) - self._touched(current.pose)
         return min((self._scene.instances[index].name for index in new), default="")
 
-    def _touched(self, world_from_base: NDArray[np.float64]) -> set[int]:
+    def _touched(self, world_from_base: Floats) -> set[int]:
         assert self._boxes is not None
         touched: set[int] = set()
         for low, high in self._boxes.parts_m:
@@ -103,7 +104,7 @@ class Ground:
             touched.update(self._triangles.instances[hit[touching]].tolist())
         return touched
 
-    def nearest(self, point_m: ArrayLike, reach_m: float) -> tuple[NDArray[np.float64], int]:
+    def nearest(self, point_m: ArrayLike, reach_m: float) -> tuple[Floats, int]:
         """Offset (3,) from a point to the nearest triangle, and its index; −1: none in reach."""
         point = np.asarray(point_m, dtype=np.float64)
         if self._is_small:
@@ -170,7 +171,7 @@ class Place:
     roll_deg: float = 0.0
 
     @property
-    def pose(self) -> NDArray[np.float64]:
+    def pose(self) -> Floats:
         """Pose (4, 4) in the world."""
         angles = {"yaw_deg": self.yaw_deg, "pitch_deg": self.pitch_deg, "roll_deg": self.roll_deg}
         return pose(self.position_m, **angles)

@@ -12,10 +12,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera, MirroredCamera, check_central, summary
 from omnisim.cameras.central_error import CentralError
+from omnisim.core.arrays import Floats
 from omnisim.core.poses import inverse, rotation_angles
 from omnisim.core.short_repr import short_repr
 
@@ -31,7 +31,7 @@ class NamedPose:
 
     target: str
     source: str
-    target_from_source: NDArray[np.float64]
+    target_from_source: Floats
 
     def __repr__(self) -> str:
         return short_repr(self, f"{self.target} from {self.source}")
@@ -87,7 +87,7 @@ class CalibratedCamera:
         return isinstance(self.camera, MirroredCamera)
 
 
-def find_pose(poses: Iterable[NamedPose], target: str, source: str) -> NDArray[np.float64] | None:
+def find_pose(poses: Iterable[NamedPose], target: str, source: str) -> Floats | None:
     """Pose (4, 4) target_from_source, chained from known poses, or None."""
     links = [(pose.target, pose.source, pose.target_from_source) for pose in poses]
     links = [link for a, b, pose in links for link in ((a, b, pose), (b, a, inverse(pose)))]

@@ -8,9 +8,6 @@ import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 from omnisim.cameras import CameraSensor, CentralCamera, summary
 from omnisim.cameras.calibration.calibrated_camera import (
     WORLD,
@@ -21,6 +18,7 @@ from omnisim.cameras.calibration.calibrated_camera import (
 from omnisim.cameras.calibration.calibration_formats import format_named
 from omnisim.cameras.calibration.encode import encode_cameras
 from omnisim.cameras.calibration.read import FORMAT, CameraFile, read_cameras, read_kitti360_folder
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import CalibrationError, NoticeWarning, OutputError, did_you_mean
 from omnisim.core.files.atomic_file import atomic_write, check_target
 from omnisim.core.short_repr import short_repr
@@ -240,7 +238,7 @@ class RigCamera:
     name: str
     model: CentralCamera
     # (4, 4) pose of its optical frame (x right, y down, z forward)
-    body_from_camera: NDArray[np.float64]
+    body_from_camera: Floats
     time_shift_s: float = 0.0  # offset from camera timestamps to IMU timestamps
 
     def __repr__(self) -> str:

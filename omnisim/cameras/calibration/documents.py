@@ -18,9 +18,9 @@ from xml.etree import ElementTree
 import numpy as np
 import pydantic
 import yaml
-from numpy.typing import NDArray
 from pydantic import BeforeValidator, ConfigDict
 
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import CalibrationError, OmnisimError, did_you_mean
 from omnisim.core.files.parameters import Number, Table, parse_table
 from omnisim.core.files.sources import note_bytes
@@ -343,7 +343,7 @@ def counted(values: Sequence[float], names: str, source: str) -> list[float]:
     return [float(value) for value in values]
 
 
-def pose(matrix: Sequence[Sequence[float]], source: str) -> NDArray[np.float64]:
+def pose(matrix: Sequence[Sequence[float]], source: str) -> Floats:
     """Pose (4, 4) from rows; a fourth row is added to three."""
     rows = [list(row) for row in matrix]
     if len(rows) == 3:
@@ -357,7 +357,7 @@ def pose(matrix: Sequence[Sequence[float]], source: str) -> NDArray[np.float64]:
         raise CalibrationError(f"{source}: {message}, got {short(rows)}") from None
 
 
-def rows(matrix: NDArray[np.float64]) -> list[list[float]]:
+def rows(matrix: Floats) -> list[list[float]]:
     """Rows of a matrix as nested lists of floats, with −0 replaced by 0."""
     return (np.asarray(matrix) + 0.0).tolist()
 

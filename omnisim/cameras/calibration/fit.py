@@ -15,7 +15,6 @@ from functools import lru_cache
 from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
@@ -40,6 +39,7 @@ from omnisim.cameras.calibration.linear_fit import (
 )
 from omnisim.cameras.models.field_of_view import corner_pixels, edge_pixels, optical_axis
 from omnisim.cameras.parametric_camera import ParametricCamera
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import CalibrationError, OpticsError
 
 EXACT_PX = 1e-10  # rounding of a projection
@@ -63,7 +63,7 @@ class Fit(NamedTuple, Generic[CameraT]):
     residuals: Residuals  # residuals over the source's valid cone, at pixels not used by the fit
     covered: float  # share of the source's valid pixels that the fitted camera sees
     # (3, 3) target_from_source of the axes; the identity unless it was fitted too
-    rotation: NDArray[np.float64]
+    rotation: Floats
 
 
 def fit_camera(
@@ -133,13 +133,13 @@ def samples_of(camera: CentralCamera, mirrored: bool, phase: float = 0.0) -> Sam
     return Samples(pixels, directions, on_area).subset(rays.valid)
 
 
-def _spread_pixels(camera: CentralCamera, count: int, phase: float) -> NDArray[np.float64]:
+def _spread_pixels(camera: CentralCamera, count: int, phase: float) -> Floats:
     """Pixels (count, 2) spread evenly over an image."""
     steps = np.arange(1, count + 1)[:, None] / np.array([PLASTIC, PLASTIC**2]) + phase
     return steps % 1.0 * (camera.width_px, camera.height_px) - 0.5
 
 
-def mirrored_frame(source: CentralCamera) -> NDArray[np.float64]:
+def mirrored_frame(source: CentralCamera) -> Floats:
     """Matrix (3, 3) from a mirror's optical frame to a frame in which its image is a lens's.
 
     (x, y, −z): a reflection, like the mirror itself; (−x, −y, −z) if the image is also upside
@@ -153,7 +153,7 @@ def mirrored_frame(source: CentralCamera) -> NDArray[np.float64]:
 class _Axis(NamedTuple):
     """Optical axis of a source, about which its rays are nearly symmetric."""
 
-    rotation: NDArray[np.float64]  # (3, 3) to axes whose z is the optical axis
+    rotation: Floats  # (3, 3) to axes whose z is the optical axis
     center_px: tuple[float, float]
 
 
@@ -206,7 +206,7 @@ def _fitted(
     samples: Samples,
     fixed: Mapping[str, Any],
     axis: _Axis | None,
-) -> tuple[ParametricCamera, NDArray[np.float64]]:
+) -> tuple[ParametricCamera, Floats]:
     """Camera with the smallest residuals, and its rotation (3, 3); starts near `axis`, if given."""
     rotation = np.eye(3) if axis is None else axis.rotation
     center_px = None if axis is None else axis.center_px
@@ -235,7 +235,7 @@ def _refined(
     free: Mapping[str, Bounds],
     fixed: Mapping[str, Any],
     rotated: bool,
-) -> tuple[ParametricCamera, NDArray[np.float64]]:
+) -> tuple[ParametricCamera, Floats]:
     """Camera at the local minimum of the squared errors near `start`, and its rotation (3, 3)."""
     varied = {name: bounds for name, bounds in free.items() if name not in fixed}
     parameters = ParameterVector(start, varied)
@@ -246,17 +246,17 @@ def _refined(
     high = np.concatenate([parameters.high, *[one + math.inf for one in turns]])
     penalty = np.full(2 * len(samples.pixels_px), float(start.width_px + start.height_px))
 
-    def turn_of(vector: NDArray[np.float64]) -> NDArray[np.float64]:
+    def turn_of(vector: Floats) -> Floats:
         turn = vector[count:]
         return Rotation.from_rotvec(turn).as_matrix() if rotated else np.eye(3)
 
-    def errors_px(vector: NDArray[np.float64]) -> NDArray[np.float64]:
+    def errors_px(vector: Floats) -> Floats:
         directions = samples.directions @ turn_of(vector).T if rotated else samples.directions
         try:
             seen = parameters.camera(vector[:count]).pixel_from_ray(directions)
         except OpticsError:
             return penalty  # not a valid camera
-        errors: NDArray[np.float64] = seen.positions_px - samples.pixels_px
+        errors: Floats = seen.positions_px - samples.pixels_px
         errors[~seen.valid] = penalty[0]
         return errors.ravel()
 
@@ -274,7 +274,7 @@ def _refined(
 
 
 def _evaluate(
-    source: CentralCamera, target: CameraT, mirrored: bool, rotation: NDArray[np.float64]
+    source: CentralCamera, target: CameraT, mirrored: bool, rotation: Floats
 ) -> Fit[CameraT]:
     """Fit with residuals at pixels not used by the fit; refuses a target that sees none of them."""
     samples = samples_of(source, mirrored, phase=0.5).rotated(rotation)

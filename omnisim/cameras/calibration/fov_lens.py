@@ -11,10 +11,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras.focal_camera import TwoFocalCamera
 from omnisim.cameras.plane_camera import RadialCamera
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import OpticsError
 
 MAX_THETA_RAD = math.radians(88.9)
@@ -41,8 +41,8 @@ class FovLens(TwoFocalCamera, RadialCamera):
         """Angle from +z where the domain ends."""
         return MAX_THETA_RAD
 
-    def _radius_from_theta(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _radius_from_theta(self, theta: Floats) -> Floats:
         return np.asarray(np.arctan(2.0 * math.tan(0.5 * self.w) * np.tan(theta)) / self.w)
 
-    def _theta_from_radius(self, radius: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _theta_from_radius(self, radius: Floats) -> Floats:
         return np.asarray(np.arctan(np.tan(radius * self.w) / (2.0 * math.tan(0.5 * self.w))))

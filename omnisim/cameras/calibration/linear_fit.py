@@ -17,7 +17,6 @@ from functools import cached_property, partial
 from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras import (
     CentralCamera,
@@ -43,6 +42,7 @@ from omnisim.cameras.models.gazebo import FUNCTIONS
 from omnisim.cameras.models.radial_tangential import RadialTangential
 from omnisim.cameras.parametric_camera import ParametricCamera
 from omnisim.cameras.plane_camera import PlaneCamera
+from omnisim.core.arrays import Bools, Floats
 from omnisim.core.errors import OpticsError
 
 MIN_SAMPLES = 20
@@ -58,20 +58,20 @@ class Samples:
     """Source pixels and their rays, in the target's optical frame."""
 
     # pixels_px, directions: (n, 2) positions in the image, and (n, 3) unit directions
-    pixels_px: NDArray[np.float64]
-    directions: NDArray[np.float64]
-    on_area: NDArray[np.bool_]  # (n,) True for samples spread over the image, False on its edge
+    pixels_px: Floats
+    directions: Floats
+    on_area: Bools  # (n,) True for samples spread over the image, False on its edge
 
     @cached_property
-    def theta_rad(self) -> NDArray[np.float64]:
+    def theta_rad(self) -> Floats:
         """Angles (n,) of the rays from +z."""
         return angles_from_axis(self.directions, 1.0)
 
-    def subset(self, mask: NDArray[np.bool_]) -> Samples:
+    def subset(self, mask: Bools) -> Samples:
         """Samples selected by a mask (n,)."""
         return Samples(self.pixels_px[mask], self.directions[mask], self.on_area[mask])
 
-    def rotated(self, rotation: NDArray[np.float64]) -> Samples:
+    def rotated(self, rotation: Floats) -> Samples:
         """The same samples with rotated rays; `self` if the rotation is the identity."""
         if np.array_equal(rotation, np.eye(3)):
             return self  # keeps every bit
@@ -84,8 +84,8 @@ class Profile(NamedTuple):
     size: tuple[int, int]  # width and height of the image
     center_px: tuple[float, float]  # (u, v) of the axis
     aspect: float  # ratio of the focal length along v to that along u
-    theta_rad: NDArray[np.float64]  # (n,) angles from +z
-    radii_px: NDArray[np.float64]  # (n,) distances from the axis in pixels along u
+    theta_rad: Floats  # (n,) angles from +z
+    radii_px: Floats  # (n,) distances from the axis in pixels along u
 
     def intrinsics(
         self, focal_px: float
@@ -117,7 +117,7 @@ def linear_fit(
     return _pinhole(profile) if is_pinhole else FITTED[model].initialize(profile)
 
 
-def _solve(columns: list[NDArray[np.float64]], values: NDArray[np.float64]) -> NDArray[np.float64]:
+def _solve(columns: list[Floats], values: Floats) -> Floats:
     """Solution (columns,) of a linear least-squares problem; scales columns to equal length."""
     matrix = np.stack(columns, axis=-1)
     lengths = np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
@@ -266,7 +266,7 @@ def _fisheye(model: type[IdealFisheye], profile: Profile) -> IdealFisheye:
     return model(*profile.size, focal, profile.center_px, limit)
 
 
-def _scale(shape: NDArray[np.float64], values: NDArray[np.float64]) -> float:
+def _scale(shape: Floats, values: Floats) -> float:
     """Least-squares factor from a shape (n,) to values (n,)."""
     return float(values @ shape / (shape @ shape))
 
@@ -355,7 +355,7 @@ class ParameterVector(Generic[CameraT]):
         self.start = (self._all / self._units)[self._used]
         self.low, self.high = (low / self._units)[self._used], (high / self._units)[self._used]
 
-    def camera(self, vector: NDArray[np.float64]) -> CameraT:
+    def camera(self, vector: Floats) -> CameraT:
         """Camera with other numbers (n,)."""
         if not self._names:
             return self._camera
@@ -371,7 +371,7 @@ class ParameterVector(Generic[CameraT]):
         return dataclasses.replace(self._camera, **changes)
 
 
-def _units(name: str, values: NDArray[np.float64], camera: ParametricCamera) -> NDArray[np.float64]:
+def _units(name: str, values: Floats, camera: ParametricCamera) -> Floats:
     """Step units (n,) of a parameter's values that move the image by similar distances.
 
     The units of a polynomial of the image radius are powers of the radius.

@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera, pixel_grid
+from omnisim.core.arrays import Bools, Floats32
 from omnisim.core.errors import OutputError
 from omnisim.core.files.image_files import read_channels, write_channels
 from omnisim.core.short_repr import short_repr
@@ -43,9 +44,9 @@ UNIT_TOLERANCE = 1e-5  # a hundred times a float's rounding
 class RayTable:
     """Rays of an image's pixels, optical frame, and the camera's metadata if the file has any."""
 
-    directions: NDArray[np.float32]  # (height, width, 3) float32, unit vectors where valid
-    origins_m: NDArray[np.float32]  # (height, width, 3) float32, points on the rays
-    valid: NDArray[np.bool_]  # (height, width), True if the pixel sees something
+    directions: Floats32  # (height, width, 3) float32, unit vectors where valid
+    origins_m: Floats32  # (height, width, 3) float32, points on the rays
+    valid: Bools  # (height, width), True if the pixel sees something
     metadata: dict[str, Any]
 
     def __repr__(self) -> str:
@@ -111,7 +112,7 @@ def read_ray_table(path: str | Path) -> RayTable:
     return RayTable(directions, origins, valid, data.metadata or {})
 
 
-def _channel(path: Path, values: dict[str, NDArray[np.float32]], name: str) -> NDArray[np.float32]:
+def _channel(path: Path, values: dict[str, Floats32], name: str) -> Floats32:
     if name not in values:
         channels = ", ".join(sorted(values))
         raise OutputError(f"{path}: expected a ray table with a channel {name}, got {channels}")

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera, EucmCamera, KannalaBrandtCamera, UnifiedCamera
 from omnisim.cameras.calibration.calibrated_camera import (
@@ -29,6 +28,7 @@ from omnisim.cameras.calibration.formats.format import (
 from omnisim.cameras.calibration.fov_lens import FovLens
 from omnisim.cameras.calibration.metadata import CameraMetadata, camera_from_lens, read_metadata
 from omnisim.cameras.models.field_of_view import field_notes
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import CalibrationError
 
 GOOD_PX = 0.05  # below the accuracy of any corner detector
@@ -190,7 +190,7 @@ def read_kitti360_folder(
     return tuple(cameras)
 
 
-def _extrinsics(path: Path) -> dict[str, NDArray[np.float64]]:
+def _extrinsics(path: Path) -> dict[str, Floats]:
     """Poses (4, 4) imu_from_camera by camera name."""
     poses = {}
     for number, line in enumerate(read_text(path).splitlines(), start=1):

@@ -26,13 +26,13 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from omnisim.cameras.camera import Rays, Uniforms
 from omnisim.cameras.focal_camera import FocalCamera
 from omnisim.cameras.parametric_camera import ThetaMax
 from omnisim.cameras.plane_camera import PlanePoints, RadialCamera
+from omnisim.core.arrays import Floats
 from omnisim.core.coordinate_frames import RIG_FROM_OPTICAL_LOOKING_UP
 from omnisim.core.files.parameters import Number, Typical
 
@@ -51,7 +51,7 @@ class EllipticCamera(FocalCamera, RadialCamera):
     theta_max_rad: ThetaMax = 0.5 * math.pi
     """Angle of the rim at the viewpoint."""
     model_name = "elliptic"
-    _rig_from_optical: ClassVar[NDArray[np.float64]] = RIG_FROM_OPTICAL_LOOKING_UP @ HALF_TURN
+    _rig_from_optical: ClassVar[Floats] = RIG_FROM_OPTICAL_LOOKING_UP @ HALF_TURN
     largest_theta_rad = 0.5 * math.pi
 
     @property
@@ -59,19 +59,19 @@ class EllipticCamera(FocalCamera, RadialCamera):
         """K in tan(θ/2) = K tan(β/2)."""
         return (1.0 + self.eccentricity) / (1.0 - self.eccentricity)
 
-    def _radius_from_theta(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _radius_from_theta(self, theta: Floats) -> Floats:
         half = np.tan(0.5 * theta) / self.half_angle_ratio
         return 2.0 * half / (1.0 - half * half)
 
-    def _theta_from_radius(self, radius: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _theta_from_radius(self, radius: Floats) -> Floats:
         half = radius / (1.0 + np.sqrt(1.0 + radius * radius))
         return 2.0 * np.arctan(self.half_angle_ratio * half)
 
-    def _rays_from_plane(self, plane: NDArray[np.float64]) -> Rays:
+    def _rays_from_plane(self, plane: Floats) -> Rays:
         to_mirror = super()._rays_from_plane(plane)
         return Rays(-to_mirror.directions, to_mirror.valid)
 
-    def _plane_from_rays(self, directions: NDArray[np.float64]) -> PlanePoints:
+    def _plane_from_rays(self, directions: Floats) -> PlanePoints:
         return super()._plane_from_rays(-directions)
 
     def uniforms(self) -> Uniforms:

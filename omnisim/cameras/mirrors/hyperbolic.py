@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from omnisim.cameras.camera import (
     CameraParameters,
@@ -33,6 +33,7 @@ from omnisim.cameras.camera import (
 )
 from omnisim.cameras.focal_camera import FocalCamera
 from omnisim.cameras.mirrors import HyperbolicMirror
+from omnisim.core.arrays import Bools, Floats
 from omnisim.core.coordinate_frames import RIG_FROM_OPTICAL_LOOKING_UP
 from omnisim.core.errors import OpticsError
 from omnisim.core.files.parameters import parse_table
@@ -41,15 +42,15 @@ from omnisim.core.files.parameters import parse_table
 class ImageRadii(NamedTuple):
     """Distances from the principal point; invalid entries hold the nearest edge of the domain."""
 
-    radii_px: NDArray[np.float64]  # (...,)
-    valid: NDArray[np.bool_]  # (...,)
+    radii_px: Floats  # (...,)
+    valid: Bools  # (...,)
 
 
 class Incidences(NamedTuple):
     """Angles of incidence at the effective viewpoint."""
 
-    theta_rad: NDArray[np.float64]  # (...,)
-    valid: NDArray[np.bool_]  # (...,)
+    theta_rad: Floats  # (...,)
+    valid: Bools  # (...,)
 
 
 @dataclass(frozen=True)
@@ -59,7 +60,7 @@ class HyperbolicCamera(FocalCamera):
     mirror: HyperbolicMirror
     """Shape of the mirror; its rim bounds the domain, θ ≤ θ_max."""
     model_name = "hyperbolic"
-    _rig_from_optical: ClassVar[NDArray[np.float64]] = RIG_FROM_OPTICAL_LOOKING_UP
+    _rig_from_optical: ClassVar[Floats] = RIG_FROM_OPTICAL_LOOKING_UP
 
     @classmethod
     def framed_on_rim(
@@ -172,7 +173,7 @@ class HyperbolicCamera(FocalCamera):
         }  # fmt: skip
 
 
-def image_radius_eq2_px(theta_rad: ArrayLike, horizon_radius_px: float) -> NDArray[np.float64]:
+def image_radius_eq2_px(theta_rad: ArrayLike, horizon_radius_px: float) -> Floats:
     """Image radius (...,) by the paper's Eq. 2, r = h sin θ/(1 + cos θ).
 
     Eq. 2 is exact only for a paraboloid (ξ = 1); the error for the paper's mirror is −0.24 % at
@@ -183,8 +184,6 @@ def image_radius_eq2_px(theta_rad: ArrayLike, horizon_radius_px: float) -> NDArr
     return horizon_radius_px * np.tan(0.5 * np.asarray(theta_rad, dtype=np.float64))
 
 
-def theta_from_image_radius_eq2_rad(
-    radius_px: ArrayLike, horizon_radius_px: float
-) -> NDArray[np.float64]:
+def theta_from_image_radius_eq2_rad(radius_px: ArrayLike, horizon_radius_px: float) -> Floats:
     """Incidence θ (...,) of image radii (...,) by the inverse of Eq. 2; h is the horizon's."""
     return 2.0 * np.arctan(np.asarray(radius_px, dtype=np.float64) / horizon_radius_px)

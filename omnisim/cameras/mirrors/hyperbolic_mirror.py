@@ -15,9 +15,10 @@ from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydantic import Field
 
+from omnisim.core.arrays import Bools, Floats
 from omnisim.core.errors import OpticsError
 from omnisim.core.files.parameters import AboveZero, Number, Parameters
 
@@ -32,8 +33,8 @@ MIN_C_M, MAX_C_M = 1e-6, 1e6
 class SurfacePoints(NamedTuple):
     """Points on the mirror; valid up to the rim, NaN beyond the asymptote."""
 
-    positions_m: NDArray[np.float64]  # (..., 3), mirror frame
-    valid: NDArray[np.bool_]  # (...,)
+    positions_m: Floats  # (..., 3), mirror frame
+    valid: Bools  # (...,)
 
 
 @dataclass(frozen=True)
@@ -139,7 +140,7 @@ class HyperbolicMirror(Parameters, name="mirror"):
         """Height z of the rim; negative if the mirror sees above the horizon."""
         return float(self.rho_m(self.theta_max_rad)) * math.cos(self.theta_max_rad)
 
-    def rho_m(self, theta_rad: ArrayLike) -> NDArray[np.float64]:
+    def rho_m(self, theta_rad: ArrayLike) -> Floats:
         """Distance (...,) from the effective viewpoint to the surface; NaN beyond the asymptote.
 
         Source: polar form of Eq. 1 about the focus, ρ = c/(√(k(k−2)) + k cos θ).
@@ -166,14 +167,14 @@ class HyperbolicMirror(Parameters, name="mirror"):
         valid = (theta >= 0.0) & (theta <= self.theta_max_rad)
         return SurfacePoints(positions, valid)
 
-    def height_from_radius_m(self, radius_m: ArrayLike) -> NDArray[np.float64]:
+    def height_from_radius_m(self, radius_m: ArrayLike) -> Floats:
         """Height z (...,) of the surface at a distance (...,) from the axis, in meters."""
         radius = np.asarray(radius_m, dtype=np.float64)
         a = self.semi_major_axis_m
         # c/2 − √(a² + r²(k/2 − 1)), on the branch of the effective viewpoint
         return 0.5 * self.c_m - np.sqrt(a * a + radius * radius * (0.5 * self.k - 1.0))
 
-    def tangent_from_theta(self, theta_rad: ArrayLike) -> NDArray[np.float64]:
+    def tangent_from_theta(self, theta_rad: ArrayLike) -> Floats:
         """Tangent (...,) of the angle β at the pinhole that corresponds to incidence θ (...,).
 
         The exact image radius is this tangent times the focal length. The tangent is infinite or
@@ -187,7 +188,7 @@ class HyperbolicMirror(Parameters, name="mirror"):
         half = np.tan(0.5 * theta) / self.half_angle_ratio
         return 2.0 * half / (1.0 - half * half)
 
-    def theta_from_tangent(self, tangent: ArrayLike) -> NDArray[np.float64]:
+    def theta_from_tangent(self, tangent: ArrayLike) -> Floats:
         """Incidence θ (...,) of the pinhole ray whose angle to the axis has this tangent (...,).
 
         Source: the inverse of `tangent_from_theta`.
@@ -196,14 +197,14 @@ class HyperbolicMirror(Parameters, name="mirror"):
         half = t / (1.0 + np.sqrt(1.0 + t * t))
         return 2.0 * np.arctan(self.half_angle_ratio * half)
 
-    def equation_residual(self, positions_m: ArrayLike) -> NDArray[np.float64]:
+    def equation_residual(self, positions_m: ArrayLike) -> Floats:
         """Left side minus right side of Eq. 1, relative to c²; (..., 3) → (...,)."""
         positions = np.asarray(positions_m, dtype=np.float64) / self.c_m
         radius_squared = positions[..., 0] ** 2 + positions[..., 1] ** 2
         left = (positions[..., 2] - 0.5) ** 2 - radius_squared * (0.5 * self.k - 1.0)
         return left - 0.25 * (self.k - 2.0) / self.k
 
-    def normals(self, positions_m: ArrayLike) -> NDArray[np.float64]:
+    def normals(self, positions_m: ArrayLike) -> Floats:
         """Unit normals (..., 3) on the reflecting side, at points (..., 3) of the surface.
 
         Source: the gradient of Eq. 1, oriented toward the pinhole. The gradient of the plane

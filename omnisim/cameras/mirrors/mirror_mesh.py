@@ -10,9 +10,9 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras.mirrors.hyperbolic_mirror import HyperbolicMirror
+from omnisim.core.arrays import Floats, Ints
 from omnisim.core.coordinate_frames import MIRROR_FROM_OPTICAL, RIG_FROM_OPTICAL_LOOKING_UP
 from omnisim.core.cube import (
     CELL_TANGENT,
@@ -35,9 +35,9 @@ class MirrorMesh:
     cell of two triangles in the other rings.
     """
 
-    vertices_m: NDArray[np.float64]  # (n, 3)
-    normals: NDArray[np.float64]  # (n, 3) unit vectors on the reflecting side
-    triangles: NDArray[np.int64]  # (m, 3) counter-clockwise seen from the pinhole
+    vertices_m: Floats  # (n, 3)
+    normals: Floats  # (n, 3) unit vectors on the reflecting side
+    triangles: Ints  # (m, 3) counter-clockwise seen from the pinhole
     polygons: int
     sectors: int  # polygons around the axis
     rings: int  # polygons from the apex to the rim
@@ -47,13 +47,13 @@ class MirrorMesh:
         return short_repr(self, f"{self.polygons:,} polygons", shape)
 
     @property
-    def edge_middles_m(self) -> NDArray[np.float64]:
+    def edge_middles_m(self) -> Floats:
         """Midpoints (n, 3) of all edges; some are beyond the rim, seen from the viewpoint."""
         corners = self.vertices_m[self.triangles]
         return (0.5 * (corners + np.roll(corners, 1, axis=1))).reshape(-1, 3)
 
     @property
-    def rim_middles_m(self) -> NDArray[np.float64]:
+    def rim_middles_m(self) -> Floats:
         """Midpoints (sectors, 3) of the rim edges."""
         rim = self.vertices_m[-self.sectors :]
         return 0.5 * (rim + np.roll(rim, 1, axis=0))
@@ -63,11 +63,11 @@ class MirrorMesh:
 class UnfoldedMirrorMesh:
     """Mirror mesh clipped along the cube edges, with one copy of each vertex per face."""
 
-    vertices_m: NDArray[np.float64]  # (n, 3) mirror frame
-    normals: NDArray[np.float64]  # (n, 3) unit vectors
+    vertices_m: Floats  # (n, 3) mirror frame
+    normals: Floats  # (n, 3) unit vectors
     # (n, 2) in [0, 1] on the unfolded cube (`omnisim.core.cube`), origin at the image's top left
-    texture_coordinates: NDArray[np.float64]
-    triangles: NDArray[np.int64]  # (m, 3) counter-clockwise seen from the pinhole
+    texture_coordinates: Floats
+    triangles: Ints  # (m, 3) counter-clockwise seen from the pinhole
 
 
 # Tessellation of a mirror into polygons, as in the paper's Fig. 3.
@@ -134,7 +134,7 @@ def tessellate(mirror: HyperbolicMirror, polygons: int) -> MirrorMesh:
     return MirrorMesh(vertices, normals, triangles, polygons, sectors, rings)
 
 
-def sector_triangles_m(mirror: HyperbolicMirror, sectors: int, rings: int) -> NDArray[np.float64]:
+def sector_triangles_m(mirror: HyperbolicMirror, sectors: int, rings: int) -> Floats:
     """Corners (2 rings − 1, 3, 3) of the triangles in the mesh's first sector, mirror frame.
 
     All sectors are equal up to a rotation about the axis.
@@ -148,7 +148,7 @@ def sector_triangles_m(mirror: HyperbolicMirror, sectors: int, rings: int) -> ND
     return np.concatenate((lower, upper[1:]))  # the cell at the vertex has no upper triangle
 
 
-def _ring_angles_rad(mirror: HyperbolicMirror, rings: int) -> NDArray[np.float64]:
+def _ring_angles_rad(mirror: HyperbolicMirror, rings: int) -> Floats:
     """Angles of incidence (rings,) of the rings; the last one is the rim's."""
     share = (np.arange(1, rings + 1) / rings) ** RING_EXPONENT
     theta = mirror.theta_from_tangent(share * mirror.tangent_from_theta(mirror.theta_max_rad))
@@ -176,7 +176,7 @@ def _best_split(polygons: int) -> tuple[int, int] | None:
 # share the new vertex, so the mesh has no cracks.
 
 
-RIG_FROM_MIRROR: NDArray[np.float64] = RIG_FROM_OPTICAL_LOOKING_UP @ MIRROR_FROM_OPTICAL.T
+RIG_FROM_MIRROR: Floats = RIG_FROM_OPTICAL_LOOKING_UP @ MIRROR_FROM_OPTICAL.T
 # A vertex this close to a cube edge, relative to its distance, lies on it: the meridians at 45° do,
 # up to rounding.
 _ON_EDGE = 1e-12
@@ -204,7 +204,7 @@ def unfold(mirror: HyperbolicMirror, mesh: MirrorMesh) -> UnfoldedMirrorMesh:
 class _Clipper:
     """Clips triangles to the cells of the cube faces, and shares new vertices."""
 
-    def __init__(self, mirror: HyperbolicMirror, positions: NDArray[np.float64]):
+    def __init__(self, mirror: HyperbolicMirror, positions: Floats):
         self._mirror = mirror
         self.positions = list(positions)  # (3,) of each vertex in m, mirror frame, new ones last
         self._crossings: dict[tuple[int, int, tuple[float, ...]], int] = {}
@@ -214,7 +214,7 @@ class _Clipper:
         near = np.abs(distances) <= _ON_EDGE * np.linalg.norm(positions, axis=1)[:, None]
         self._fixed = np.where(near, 0.0, distances)
 
-    def clip_to_face(self, face: int, triangles: NDArray[np.int64]) -> NDArray[np.int64]:
+    def clip_to_face(self, face: int, triangles: Ints) -> Ints:
         """Parts of triangles (n, 3) inside the cell of one face, as triangles (m, 3)."""
         limits = _edge_planes(face)
         distances = self._fixed[face][triangles]  # (n, 3 corners, 4 planes)
@@ -228,7 +228,7 @@ class _Clipper:
             result += [[polygon[0], polygon[i], polygon[i + 1]] for i in range(1, len(polygon) - 1)]
         return np.array(result, dtype=np.int64).reshape(-1, 3)
 
-    def _clip(self, polygon: list[int], plane: NDArray[np.float64]) -> list[int]:
+    def _clip(self, polygon: list[int], plane: Floats) -> list[int]:
         """Part of a polygon in front of a plane through the effective viewpoint.
 
         Source: Sutherland & Hodgman 1974.
@@ -243,12 +243,12 @@ class _Clipper:
                 kept.append(vertex)
         return kept
 
-    def _side(self, vertex: int, plane: NDArray[np.float64]) -> float:
+    def _side(self, vertex: int, plane: Floats) -> float:
         position = self.positions[vertex]
         distance = float(plane @ position)
         return 0.0 if abs(distance) <= _ON_EDGE * float(np.linalg.norm(position)) else distance
 
-    def _crossing(self, one: int, other: int, plane: NDArray[np.float64]) -> int:
+    def _crossing(self, one: int, other: int, plane: Floats) -> int:
         """Index of the vertex where an edge crosses a plane; adds the vertex if it is new."""
         low, high = min(one, other), max(one, other)
         # the two faces at a cube edge see its plane from opposite sides
@@ -265,7 +265,7 @@ class _Clipper:
         return self._crossings[key]
 
 
-def _edge_planes(face: int) -> NDArray[np.float64]:
+def _edge_planes(face: int) -> Floats:
     """Normals (4, 3) in the mirror frame of the planes that bound a face, pointing inwards."""
     right, down, forward = FACE_FROM_RIG[face]
     return np.array([forward - right, forward + right, forward - down, forward + down]) @ (
@@ -380,15 +380,15 @@ def fewest_polygons(suffices: Callable[[int], bool], largest_rings: int) -> int 
 class _Samples(NamedTuple):
     """Samples of triangles, in tangents at the pinhole."""
 
-    errors: NDArray[np.float64]  # (triangles, samples)
-    radii: NDArray[np.float64]  # (triangles, samples) distances from the axis in the image
+    errors: Floats  # (triangles, samples)
+    radii: Floats  # (triangles, samples) distances from the axis in the image
 
 
 class _Lattice(NamedTuple):
     """Sample points across a triangle, edges included; weights of a mean."""
 
-    coordinates: NDArray[np.float64]  # (samples, 3), barycentric
-    weights: NDArray[np.float64]  # (samples,) by the lattice triangles that meet at a sample
+    coordinates: Floats  # (samples, 3), barycentric
+    weights: Floats  # (samples,) by the lattice triangles that meet at a sample
 
 
 @lru_cache
@@ -400,14 +400,12 @@ def _lattice(steps: int) -> _Lattice:
     return _Lattice(counts / steps, meeting / meeting.sum())
 
 
-def _sector(mirror: HyperbolicMirror, sectors: int, rings: int) -> NDArray[np.float64]:
+def _sector(mirror: HyperbolicMirror, sectors: int, rings: int) -> Floats:
     """Corners (triangles, 3, 3) of one sector, in units of c: the pinhole is at z = 1."""
     return sector_triangles_m(mirror, sectors, rings) / mirror.c_m
 
 
-def _sample(
-    mirror: HyperbolicMirror, corners: NDArray[np.float64], coordinates: NDArray[np.float64]
-) -> _Samples:
+def _sample(mirror: HyperbolicMirror, corners: Floats, coordinates: Floats) -> _Samples:
     """Sample triangles at barycentric coordinates (samples, 3) or (triangles, samples, 3)."""
     # evenly spaced in the image: perspective interpolation, as in a rasterizer
     weights = coordinates / (1.0 - corners[:, None, :, 2])

@@ -5,15 +5,15 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras.camera import Rays
 from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
 from omnisim.cameras.mirrors.mirror_mesh import MirrorMesh
+from omnisim.core.arrays import Bools, Floats, Indices
 from omnisim.core.coordinate_frames import MIRROR_FROM_OPTICAL
 
 
-def mesh_rays(camera: HyperbolicCamera, mesh: MirrorMesh, pixels_px: NDArray[np.float64]) -> Rays:
+def mesh_rays(camera: HyperbolicCamera, mesh: MirrorMesh, pixels_px: Floats) -> Rays:
     """Rays of pixels (..., 2) of a camera through the points of the flat polygons that they see.
 
     Beyond the rim of the mirror's mesh, pixels see the planes of its outermost polygons, and are
@@ -46,16 +46,12 @@ def mesh_rays(camera: HyperbolicCamera, mesh: MirrorMesh, pixels_px: NDArray[np.
     return Rays(points * np.diag(MIRROR_FROM_OPTICAL), inside_rim(camera, mesh.sectors, pixels_px))
 
 
-def inside_rim(
-    camera: HyperbolicCamera, sectors: int, pixels_px: NDArray[np.float64]
-) -> NDArray[np.bool_]:
+def inside_rim(camera: HyperbolicCamera, sectors: int, pixels_px: Floats) -> Bools:
     """Mask (...,) of the pixels (..., 2) that see a mesh of so many sectors."""
     return _sectors(camera, sectors, pixels_px)[1] <= camera.rim_radius_px
 
 
-def _sectors(
-    camera: HyperbolicCamera, sectors: int, pixels_px: NDArray[np.float64]
-) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+def _sectors(camera: HyperbolicCamera, sectors: int, pixels_px: Floats) -> tuple[Indices, Floats]:
     """Sector (...,) of pixels (..., 2), and the radius of the ring's polygon through each."""
     x, y = np.moveaxis(pixels_px - camera.principal_point_px, -1, 0)
     half = math.pi / sectors

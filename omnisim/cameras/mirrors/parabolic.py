@@ -21,12 +21,12 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from omnisim.cameras.camera import Rays, Uniforms
 from omnisim.cameras.parametric_camera import PrincipalPoint, WideTheta
 from omnisim.cameras.plane_camera import PlanePoints, RadialCamera
+from omnisim.core.arrays import Floats
 from omnisim.core.coordinate_frames import FLIP_Z, RIG_FROM_OPTICAL_LOOKING_UP
 from omnisim.core.files.parameters import Number, Typical
 
@@ -44,7 +44,7 @@ class ParabolicCamera(RadialCamera):
     theta_max_rad: WideTheta = DEFAULT_RIM_RAD
     """Angle of incidence of the rim."""
     model_name = "parabolic"
-    _rig_from_optical: ClassVar[NDArray[np.float64]] = RIG_FROM_OPTICAL_LOOKING_UP
+    _rig_from_optical: ClassVar[Floats] = RIG_FROM_OPTICAL_LOOKING_UP
     largest_theta_rad = math.radians(179.0)
 
     @property
@@ -52,17 +52,17 @@ class ParabolicCamera(RadialCamera):
         """Pixels per unit of the normalized plane, h."""
         return self.horizon_radius_px
 
-    def _radius_from_theta(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _radius_from_theta(self, theta: Floats) -> Floats:
         return np.tan(0.5 * theta)
 
-    def _theta_from_radius(self, radius: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _theta_from_radius(self, radius: Floats) -> Floats:
         return 2.0 * np.arctan(radius)
 
-    def _rays_from_plane(self, plane: NDArray[np.float64]) -> Rays:
+    def _rays_from_plane(self, plane: Floats) -> Rays:
         rays = super()._rays_from_plane(plane)
         return Rays(rays.directions * FLIP_Z, rays.valid)
 
-    def _plane_from_rays(self, directions: NDArray[np.float64]) -> PlanePoints:
+    def _plane_from_rays(self, directions: Floats) -> PlanePoints:
         return super()._plane_from_rays(directions * FLIP_Z)
 
     def uniforms(self) -> Uniforms:

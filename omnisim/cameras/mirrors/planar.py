@@ -15,11 +15,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from omnisim.cameras.camera import Pixels, Rays, as_directions
 from omnisim.cameras.models.perspective import PerspectiveCamera
+from omnisim.core.arrays import Floats
 from omnisim.core.coordinate_frames import FLIP_Z, RIG_FROM_OPTICAL_LOOKING_UP
 
 
@@ -28,7 +28,7 @@ class PlanarCamera(PerspectiveCamera):
     """Camera that looks at a plane mirror."""
 
     model_name = "planar"
-    _rig_from_optical: ClassVar[NDArray[np.float64]] = RIG_FROM_OPTICAL_LOOKING_UP
+    _rig_from_optical: ClassVar[Floats] = RIG_FROM_OPTICAL_LOOKING_UP
 
     def ray_from_pixel(self, pixels_px: ArrayLike) -> Rays:
         """Rays of pixels (..., 2); all are valid."""

@@ -21,7 +21,6 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from omnisim.cameras.camera import Rays, Uniforms
@@ -33,6 +32,7 @@ from omnisim.cameras.focal_camera import (
     project_alpha,
 )
 from omnisim.cameras.plane_camera import PlaneCamera, PlanePoints
+from omnisim.core.arrays import Floats
 from omnisim.core.files.parameters import Fraction, Number
 
 
@@ -53,7 +53,7 @@ class DoubleSphereCamera(TwoFocalCamera, PlaneCamera):
         t = math.sqrt(1.0 - xi * xi * (1.0 - w * w)) - w * xi
         return math.acos(max(-1.0, -(w * t + xi)))
 
-    def _rays_from_plane(self, plane: NDArray[np.float64]) -> Rays:
+    def _rays_from_plane(self, plane: Floats) -> Rays:
         second = lift_alpha(plane, self.alpha)
         across = np.sum(second.directions[..., :2] ** 2, axis=-1)
         z = second.directions[..., 2]
@@ -62,7 +62,7 @@ class DoubleSphereCamera(TwoFocalCamera, PlaneCamera):
         directions[..., 2] -= self.xi
         return Rays(directions, second.valid)
 
-    def _plane_from_rays(self, directions: NDArray[np.float64]) -> PlanePoints:
+    def _plane_from_rays(self, directions: Floats) -> PlanePoints:
         d1 = np.linalg.norm(directions, axis=-1)
         z = self.xi * d1 + directions[..., 2]
         d2 = np.sqrt(directions[..., 0] ** 2 + directions[..., 1] ** 2 + z * z)

@@ -10,11 +10,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from omnisim.cameras.focal_camera import FisheyeCamera
 from omnisim.cameras.parametric_camera import WideTheta
+from omnisim.core.arrays import Floats
 
 
 @dataclass(frozen=True)
@@ -26,8 +24,8 @@ class EquidistantCamera(FisheyeCamera):
     model_name = "equidistant"
     largest_theta_rad = math.pi
 
-    def _radius_from_theta(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _radius_from_theta(self, theta: Floats) -> Floats:
         return theta
 
-    def _theta_from_radius(self, radius: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _theta_from_radius(self, radius: Floats) -> Floats:
         return radius

@@ -11,10 +11,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras.focal_camera import FisheyeCamera
 from omnisim.cameras.parametric_camera import WideTheta
+from omnisim.core.arrays import Floats
 
 
 @dataclass(frozen=True)
@@ -26,8 +26,8 @@ class EquisolidCamera(FisheyeCamera):
     model_name = "equisolid"
     largest_theta_rad = math.pi
 
-    def _radius_from_theta(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _radius_from_theta(self, theta: Floats) -> Floats:
         return 2.0 * np.sin(0.5 * theta)
 
-    def _theta_from_radius(self, radius: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _theta_from_radius(self, radius: Floats) -> Floats:
         return 2.0 * np.arcsin(np.minimum(0.5 * radius, 1.0))

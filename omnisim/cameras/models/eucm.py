@@ -16,11 +16,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras.camera import Rays, Uniforms
 from omnisim.cameras.focal_camera import TwoFocalCamera, lift_alpha, plane_limit, project_alpha
 from omnisim.cameras.plane_camera import PlaneCamera, PlanePoints
+from omnisim.core.arrays import Floats
 from omnisim.core.files.parameters import AboveZero, Fraction
 
 
@@ -34,13 +34,13 @@ class EucmCamera(TwoFocalCamera, PlaneCamera):
     """Shape β; typically 1.1; 1 is the unified model."""
     model_name = "eucm"
 
-    def _rays_from_plane(self, plane: NDArray[np.float64]) -> Rays:
+    def _rays_from_plane(self, plane: Floats) -> Rays:
         lifted = lift_alpha(plane * np.sqrt(self.beta), self.alpha)
         directions = lifted.directions / (np.sqrt(self.beta), np.sqrt(self.beta), 1.0)
         directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
         return Rays(directions, lifted.valid)
 
-    def _plane_from_rays(self, directions: NDArray[np.float64]) -> PlanePoints:
+    def _plane_from_rays(self, directions: Floats) -> PlanePoints:
         x, y, z = np.moveaxis(directions, -1, 0)
         distance = np.sqrt(self.beta * (x * x + y * y) + z * z)
         return project_alpha(directions, z, distance, self.alpha, distance)

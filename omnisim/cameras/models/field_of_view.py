@@ -9,9 +9,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras.camera import CentralCamera
+from omnisim.core.arrays import Floats
 
 SAMPLES = 129  # per line from the image center
 HALVINGS = 60  # from the distance between samples to the last bit of a pixel
@@ -97,12 +97,12 @@ def largest_theta_rad(camera: CentralCamera) -> float:
     return float(angles_from_axis(rays.directions[rays.valid], optical_axis(camera)).max(initial=0))
 
 
-def angles_from_axis(directions: NDArray[np.float64], axis: float) -> NDArray[np.float64]:
+def angles_from_axis(directions: Floats, axis: float) -> Floats:
     """Angles (...,) of directions (..., 3) from +z for an `axis` of 1, from −z for −1."""
     return np.arctan2(np.hypot(directions[..., 0], directions[..., 1]), axis * directions[..., 2])
 
 
-def edge_pixels(camera: CentralCamera, count: int, phase: float = 0.0) -> NDArray[np.float64]:
+def edge_pixels(camera: CentralCamera, count: int, phase: float = 0.0) -> Floats:
     """Positions (n, 2) on the edge of the valid pixels, on `count` lines from the center.
 
     Positions are exact to the last bit where the domain ends in the image. Elsewhere they lie on
@@ -119,9 +119,7 @@ def edge_pixels(camera: CentralCamera, count: int, phase: float = 0.0) -> NDArra
     return _last_seen(camera, start, start + outwards * length[:, None])
 
 
-def _last_seen(
-    camera: CentralCamera, start: NDArray[np.float64], ends: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _last_seen(camera: CentralCamera, start: Floats, ends: Floats) -> Floats:
     """Last valid positions (m, 2) on lines from `start` (2,) to `ends` (n, 2)."""
     share = np.linspace(0.0, 1.0, SAMPLES)[:, None, None]
     valid = camera.ray_from_pixel(start + share * (ends - start)).valid
@@ -137,16 +135,16 @@ def _last_seen(
     return start + seen[:, None] * (ends - start)
 
 
-def _start(camera: CentralCamera) -> NDArray[np.float64]:
+def _start(camera: CentralCamera) -> Floats:
     """Principal point (2,), or the nearest point in the image."""
     return np.clip(np.asarray(camera.principal_point_px, dtype=np.float64), -0.5, _last(camera))
 
 
-def _last(camera: CentralCamera) -> NDArray[np.float64]:
+def _last(camera: CentralCamera) -> Floats:
     return np.array([camera.width_px - 0.5, camera.height_px - 0.5])
 
 
-def corner_pixels(camera: CentralCamera) -> NDArray[np.float64]:
+def corner_pixels(camera: CentralCamera) -> Floats:
     """Corners (4, 2) of the image, half a pixel outside its corner pixels."""
     u, v = _last(camera)
     return np.array([[-0.5, -0.5], [u, -0.5], [-0.5, v], [u, v]])

@@ -18,17 +18,17 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from omnisim.cameras.camera import Uniforms
 from omnisim.cameras.focal_camera import FocalCamera
 from omnisim.cameras.parametric_camera import WideTheta
 from omnisim.cameras.plane_camera import RadialCamera
+from omnisim.core.arrays import Floats
 from omnisim.core.files.parameters import Number, Positive
 
 _MAX_ARGUMENT = {"sin": 0.5 * math.pi, "tan": math.radians(89.9), "id": math.inf}
-FUNCTIONS: Mapping[str, Callable[[NDArray[np.float64]], NDArray[np.float64]]] = {
+FUNCTIONS: Mapping[str, Callable[[Floats], Floats]] = {
     "sin": np.sin, "tan": np.tan, "id": np.positive,
 }  # fmt: skip
 _INVERSES = {"sin": np.arcsin, "tan": np.arctan, "id": np.positive}
@@ -67,10 +67,10 @@ class GazeboCamera(FocalCamera, RadialCamera):
         """Angle from the axis where the domain ends."""
         return min(self.theta_max_rad, self.c2 * (_MAX_ARGUMENT[self.function] - self.c3))
 
-    def _radius_from_theta(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _radius_from_theta(self, theta: Floats) -> Floats:
         return self.c1 * FUNCTIONS[self.function](theta / self.c2 + self.c3)
 
-    def _theta_from_radius(self, radius: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _theta_from_radius(self, radius: Floats) -> Floats:
         value = radius / self.c1
         value = np.minimum(value, 1.0) if self.function == "sin" else value
         theta = self.c2 * (_INVERSES[self.function](value) - self.c3)

@@ -27,13 +27,13 @@ from typing import Annotated
 
 import numpy as np
 from numpy.polynomial import polynomial
-from numpy.typing import NDArray
 from pydantic import Field
 
 from omnisim.cameras.camera import Uniforms
 from omnisim.cameras.monotone import MAX_RADIUS_PX, first_root, polyval, solve_increasing
 from omnisim.cameras.parametric_camera import Coefficients, PrincipalPoint, WideTheta
 from omnisim.cameras.plane_camera import RadialCamera
+from omnisim.core.arrays import Floats
 from omnisim.core.files.parameters import Signed, described
 
 MAX_COEFFICIENTS = 8  # u_polynomial of the GLSL twin
@@ -88,30 +88,30 @@ class OcamcalibCamera(RadialCamera):
         """Angle from the axis where the domain ends."""
         return min(self.theta_max_rad, float(self._theta(np.array(self.radius_max_px))))
 
-    def _theta(self, radius: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _theta(self, radius: Floats) -> Floats:
         return np.arctan2(radius, -polyval(self.polynomial, radius))
 
-    def _slope(self, radius: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _slope(self, radius: Floats) -> Floats:
         height = polyval(self.polynomial, radius)
         rise = polyval(polynomial.polyder(self.polynomial), radius)
         return (radius * rise - height) / (radius * radius + height * height)
 
-    def _theta_from_radius(self, radius: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _theta_from_radius(self, radius: Floats) -> Floats:
         return np.minimum(self._theta(radius), self.theta_edge_rad)
 
-    def _radius_from_theta(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _radius_from_theta(self, theta: Floats) -> Floats:
         return solve_increasing(self._theta, self._slope, theta, 0.0, self.radius_max_px)
 
     @property
-    def _pixels_from_axes(self) -> NDArray[np.float64]:
+    def _pixels_from_axes(self) -> Floats:
         """Matrix (2, 2) from (y', x') to (column, row)."""
         c, d, e = self.affine
         return np.array([[1.0, e], [d, c]])
 
-    def _plane_from_pixels(self, pixels: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _plane_from_pixels(self, pixels: Floats) -> Floats:
         return (pixels - self.principal_point_px) @ np.linalg.inv(self._pixels_from_axes).T
 
-    def _pixels_from_plane(self, plane: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _pixels_from_plane(self, plane: Floats) -> Floats:
         return plane @ self._pixels_from_axes.T + self.principal_point_px
 
     def uniforms(self) -> Uniforms:

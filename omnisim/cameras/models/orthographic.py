@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras.focal_camera import FisheyeCamera
 from omnisim.cameras.parametric_camera import ThetaMax
+from omnisim.core.arrays import Floats
 from omnisim.core.files.parameters import Typical
 
 
@@ -30,8 +30,8 @@ class OrthographicCamera(FisheyeCamera):
     model_name = "orthographic"
     largest_theta_rad = 0.5 * math.pi
 
-    def _radius_from_theta(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _radius_from_theta(self, theta: Floats) -> Floats:
         return np.sin(theta)
 
-    def _theta_from_radius(self, radius: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _theta_from_radius(self, radius: Floats) -> Floats:
         return np.arcsin(np.minimum(radius, 1.0))

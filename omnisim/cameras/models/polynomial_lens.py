@@ -6,12 +6,11 @@ import math
 from abc import abstractmethod
 from functools import cached_property
 
-import numpy as np
 from numpy.polynomial import polynomial
-from numpy.typing import NDArray
 
 from omnisim.cameras.monotone import first_root, polyval, solve_polynomial
 from omnisim.cameras.plane_camera import RadialCamera
+from omnisim.core.arrays import Floats
 
 
 class PolynomialLens(RadialCamera):
@@ -37,8 +36,8 @@ class PolynomialLens(RadialCamera):
         """Angle from the axis where the domain ends: θ_max, or the fold before it."""
         return min(self.theta_max_rad, self.fold_rad)
 
-    def _radius_from_theta(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _radius_from_theta(self, theta: Floats) -> Floats:
         return polyval(self.theta_polynomial, theta)
 
-    def _theta_from_radius(self, radius: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _theta_from_radius(self, radius: Floats) -> Floats:
         return solve_polynomial(self.theta_polynomial, radius, 0.0, self.theta_edge_rad)

@@ -17,13 +17,13 @@ from functools import cached_property
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from omnisim.cameras.camera import Uniforms
 from omnisim.cameras.monotone import solve_increasing
 from omnisim.cameras.parametric_camera import Coefficients, PrincipalPoint
 from omnisim.cameras.plane_camera import RadialCamera
+from omnisim.core.arrays import Floats
 
 MAX_NODES = 64  # array size in the GLSL twin
 Nodes = Annotated[Coefficients, Field(min_length=2, max_length=MAX_NODES)]
@@ -59,7 +59,7 @@ class RadialTableCamera(RadialCamera):
         return self.thetas_rad[-1]
 
     @cached_property
-    def slopes_px(self) -> NDArray[np.float64]:
+    def slopes_px(self) -> Floats:
         """Slopes dr/dθ (n,) at the table's angles.
 
         Source: weighted harmonic means inside; at the ends, the parabola through three points, kept
@@ -75,7 +75,7 @@ class RadialTableCamera(RadialCamera):
         last = _end_slope(steps[-1], steps[-2], chords[-1], chords[-2])
         return np.array([first, *inner, last])
 
-    def _local(self, theta: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+    def _local(self, theta: Floats) -> tuple[Floats, ...]:
         """Position t (...,) in an interval; its width, end radii, and end slopes times width."""
         nodes, radii = np.array(self.thetas_rad), np.array(self.radii_px)
         left = np.clip(np.searchsorted(nodes, theta, side="right") - 1, 0, len(nodes) - 2)
@@ -84,18 +84,18 @@ class RadialTableCamera(RadialCamera):
         first, last = self.slopes_px[left] * width, self.slopes_px[left + 1] * width
         return t, width, radii[left], radii[left + 1], first, last
 
-    def _radius_from_theta(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _radius_from_theta(self, theta: Floats) -> Floats:
         t, _, r0, r1, m0, m1 = self._local(theta)
         rise = r1 - r0
         return r0 + t * (m0 + t * (3.0 * rise - 2.0 * m0 - m1 + t * (m0 + m1 - 2.0 * rise)))
 
-    def _slope(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _slope(self, theta: Floats) -> Floats:
         t, width, r0, r1, m0, m1 = self._local(theta)
         rise = r1 - r0
         bend = 3.0 * rise - 2.0 * m0 - m1
         return (m0 + t * (2.0 * bend + 3.0 * t * (m0 + m1 - 2.0 * rise))) / width
 
-    def _theta_from_radius(self, radius: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _theta_from_radius(self, radius: Floats) -> Floats:
         return solve_increasing(
             self._radius_from_theta, self._slope, radius, 0.0, self.theta_edge_rad
         )

@@ -19,10 +19,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras.monotone import first_root, solve_polynomial, undistort
 from omnisim.cameras.plane_camera import PlanePoints, unit_vectors
+from omnisim.core.arrays import Floats
 
 ROUNDING = 1e-14  # tolerance between a distorted point and the distortion of its inverse
 
@@ -44,7 +44,7 @@ class RadialTangential(NamedTuple):
         along = first_root(np.array(slopes), highest)
         return min(across, along)
 
-    def distort(self, plane: NDArray[np.float64]) -> NDArray[np.float64]:
+    def distort(self, plane: Floats) -> Floats:
         """Distorted points (..., 2) of points (..., 2)."""
         x, y = plane[..., :1], plane[..., 1:]
         squared = x * x + y * y
@@ -53,7 +53,7 @@ class RadialTangential(NamedTuple):
         slant = self.p2 * x + self.p1 * y
         return plane * (growth + 2.0 * slant) + squared * tangential
 
-    def undistort(self, distorted: NDArray[np.float64], limit: float) -> PlanePoints:
+    def undistort(self, distorted: Floats, limit: float) -> PlanePoints:
         """Points (..., 2) within `limit` that `distort` maps to `distorted` (..., 2).
 
         Valid where such a point exists; elsewhere, the result is another point within `limit`.
@@ -67,9 +67,7 @@ class RadialTangential(NamedTuple):
         miss = np.abs(self.distort(plane) - distorted).max(axis=-1)
         return PlanePoints(plane, miss <= ROUNDING * np.maximum(1.0, radius))
 
-    def _newton_step(
-        self, plane: NDArray[np.float64], error: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def _newton_step(self, plane: Floats, error: Floats) -> Floats:
         """Inverse Jacobian times an error (..., 2)."""
         # with very large coefficients, far points are not finite: no pixel sees those
         with np.errstate(over="ignore", invalid="ignore"):

@@ -25,13 +25,13 @@ from functools import cached_property
 
 import numpy as np
 from numpy.polynomial import polynomial
-from numpy.typing import NDArray
 
 from omnisim.cameras.camera import Rays, Uniforms
 from omnisim.cameras.focal_camera import TwoFocalCamera
 from omnisim.cameras.monotone import first_root, solve_increasing, undistort
 from omnisim.cameras.parametric_camera import Coefficients
 from omnisim.cameras.plane_camera import PlaneCamera, PlanePoints, unit_vectors
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import OpticsError
 
 MAX_RADIUS = 50.0
@@ -59,7 +59,7 @@ class RationalPolynomialCamera(TwoFocalCamera, PlaneCamera):
                 raise OpticsError(f"camera: distortion: {name}: expected {limits}, got {tilt:g}")
 
     @property
-    def prism(self) -> NDArray[np.float64]:
+    def prism(self) -> Floats:
         """Thin prism (2, 2): s1, s2 along x and s3, s4 along y."""
         return np.array((*self.distortion[8:12], 0.0, 0.0, 0.0, 0.0)[:4]).reshape(2, 2)
 
@@ -70,7 +70,7 @@ class RationalPolynomialCamera(TwoFocalCamera, PlaneCamera):
         return x, y
 
     @cached_property
-    def sensor_from_plane(self) -> NDArray[np.float64]:
+    def sensor_from_plane(self) -> Floats:
         """Homography (3, 3) T onto the tilted sensor."""
         (cx, cy), (sx, sy) = np.cos(self.tilt_rad), np.sin(self.tilt_rad)
         about_x = np.array([[1.0, 0.0, 0.0], [0.0, cx, sx], [0.0, -sx, cx]])
@@ -81,12 +81,12 @@ class RationalPolynomialCamera(TwoFocalCamera, PlaneCamera):
         return np.asarray(projection @ turned)
 
     @cached_property
-    def plane_from_sensor(self) -> NDArray[np.float64]:
+    def plane_from_sensor(self) -> Floats:
         """Inverse (3, 3) of `sensor_from_plane`."""
         return np.asarray(np.linalg.inv(self.sensor_from_plane), dtype=np.float64)
 
     @cached_property
-    def _ratio(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _ratio(self) -> tuple[Floats, Floats]:
         """Coefficients (7,) of the numerator and the denominator of g, by powers of r from 0."""
         k1, k2, _, _, k3, k4, k5, k6 = self.distortion[:8]
         above = np.array([1.0, 0.0, k1, 0.0, k2, 0.0, k3])
@@ -110,7 +110,7 @@ class RationalPolynomialCamera(TwoFocalCamera, PlaneCamera):
         along = polynomial.polysub(along, bends)
         return min(pole * (1.0 - 1e-9), first_root(across, pole), first_root(along, pole))
 
-    def _growth(self, radius: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+    def _growth(self, radius: Floats) -> tuple[Floats, ...]:
         """Ratio g (...,) at a radius (...,) and dg/dr (...,)."""
         k1, k2, _, _, k3, k4, k5, k6 = self.distortion[:8]
         squared = radius * radius
@@ -119,7 +119,7 @@ class RationalPolynomialCamera(TwoFocalCamera, PlaneCamera):
         d = np.maximum(d, 1e-12)  # beyond the pole, outside the domain
         return n / d, 2.0 * radius * (slope_n * d - n * slope_d) / (d * d)
 
-    def distort(self, plane: NDArray[np.float64]) -> NDArray[np.float64]:
+    def distort(self, plane: Floats) -> Floats:
         """Distorted points (..., 2) of points (..., 2) within the domain, before the tilt."""
         x, y = plane[..., :1], plane[..., 1:]
         squared = x * x + y * y
@@ -130,14 +130,14 @@ class RationalPolynomialCamera(TwoFocalCamera, PlaneCamera):
         offset = squared * (tangential + first + squared * second)
         return np.asarray(plane * (growth + 2.0 * along) + offset)
 
-    def _undistort(self, distorted: NDArray[np.float64]) -> PlanePoints:
+    def _undistort(self, distorted: Floats) -> PlanePoints:
         """Points (..., 2) of the domain that `distort` maps to `distorted` (..., 2)."""
         radius = np.hypot(distorted[..., 0], distorted[..., 1])
 
-        def grown(radii: NDArray[np.float64]) -> NDArray[np.float64]:
+        def grown(radii: Floats) -> Floats:
             return np.asarray(radii * self._growth(radii)[0])
 
-        def slope(radii: NDArray[np.float64]) -> NDArray[np.float64]:
+        def slope(radii: Floats) -> Floats:
             growth, rise = self._growth(radii)
             return np.asarray(growth + radii * rise)
 
@@ -149,9 +149,7 @@ class RationalPolynomialCamera(TwoFocalCamera, PlaneCamera):
         miss = np.abs(self.distort(plane) - distorted).max(axis=-1)
         return PlanePoints(plane, miss <= ROUNDING * np.maximum(1.0, radius))
 
-    def _newton_step(
-        self, plane: NDArray[np.float64], error: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def _newton_step(self, plane: Floats, error: Floats) -> Floats:
         """Inverse Jacobian times an error (n, 2)."""
         x, y = plane.T
         squared = x * x + y * y
@@ -169,7 +167,7 @@ class RationalPolynomialCamera(TwoFocalCamera, PlaneCamera):
         step = np.stack((yy * ex - xy * ey, xx * ey - yx * ex), axis=-1)
         return np.asarray(step / (xx * yy - xy * yx)[:, None])
 
-    def _rays_from_plane(self, plane: NDArray[np.float64]) -> Rays:
+    def _rays_from_plane(self, plane: Floats) -> Rays:
         distorted = _mapped(self.plane_from_sensor, plane)
         points = self._undistort(distorted.positions)
         depth = np.ones_like(points.positions[..., :1])
@@ -177,7 +175,7 @@ class RationalPolynomialCamera(TwoFocalCamera, PlaneCamera):
         directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
         return Rays(directions, points.valid & distorted.valid)
 
-    def _plane_from_rays(self, directions: NDArray[np.float64]) -> PlanePoints:
+    def _plane_from_rays(self, directions: Floats) -> PlanePoints:
         across = np.hypot(directions[..., 0], directions[..., 1])
         valid = across <= self.radius_limit * (1.0 + 1e-12) * directions[..., 2]
         valid &= directions[..., 2] > 0.0
@@ -200,14 +198,14 @@ class RationalPolynomialCamera(TwoFocalCamera, PlaneCamera):
 
 
 def _even_polynomial(
-    first: float, second: float, third: float, squared: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    first: float, second: float, third: float, squared: Floats
+) -> tuple[Floats, Floats]:
     """Values 1 + k1 s + k2 s² + k3 s³ and slopes with respect to s, at s (...,)."""
     value = 1.0 + squared * (first + squared * (second + squared * third))
     return value, first + squared * (2.0 * second + squared * (3.0 * third))
 
 
-def _mapped(matrix: NDArray[np.float64], plane: NDArray[np.float64]) -> PlanePoints:
+def _mapped(matrix: Floats, plane: Floats) -> PlanePoints:
     """Map points (..., 2) by a homography (3, 3); valid where the third coordinate is positive."""
     homogeneous = plane @ matrix[:, :2].T + matrix[:, 2]
     valid = homogeneous[..., 2] > 1e-9

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras.focal_camera import FisheyeCamera
 from omnisim.cameras.parametric_camera import ThetaMax
+from omnisim.core.arrays import Floats
 from omnisim.core.files.parameters import Typical
 
 LIMIT_RAD = math.radians(150.0)
@@ -31,8 +31,8 @@ class StereographicCamera(FisheyeCamera):
     model_name = "stereographic"
     largest_theta_rad = math.radians(179.0)
 
-    def _radius_from_theta(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _radius_from_theta(self, theta: Floats) -> Floats:
         return 2.0 * np.tan(0.5 * theta)
 
-    def _theta_from_radius(self, radius: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _theta_from_radius(self, radius: Floats) -> Floats:
         return 2.0 * np.arctan(0.5 * radius)

@@ -20,13 +20,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras.camera import Rays, Uniforms
 from omnisim.cameras.focal_camera import TwoFocalCamera
 from omnisim.cameras.models.radial_tangential import RadialTangential
 from omnisim.cameras.parametric_camera import Coefficients
 from omnisim.cameras.plane_camera import EDGE_RAD, PlaneCamera, PlanePoints
+from omnisim.core.arrays import Floats
 from omnisim.core.files.parameters import Level, Number
 
 MAX_RADIUS = 1000.0
@@ -60,17 +60,17 @@ class UnifiedCamera(TwoFocalCamera, PlaneCamera):
         fold = 1.0 / math.sqrt(self.xi * self.xi - 1.0) if self.xi > 1.0 else MAX_RADIUS
         return RadialTangential(*self.distortion).radius_limit(min(fold, MAX_RADIUS))
 
-    def _plane_from_pixels(self, pixels: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _plane_from_pixels(self, pixels: Floats) -> Floats:
         plane = super()._plane_from_pixels(pixels)
         plane[..., 0] -= self.skew_px / self.focal_lengths_px[0] * plane[..., 1]
         return plane
 
-    def _pixels_from_plane(self, plane: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _pixels_from_plane(self, plane: Floats) -> Floats:
         pixels = super()._pixels_from_plane(plane)
         pixels[..., 0] += self.skew_px * plane[..., 1]
         return pixels
 
-    def _rays_from_plane(self, plane: NDArray[np.float64]) -> Rays:
+    def _rays_from_plane(self, plane: Floats) -> Rays:
         points = RadialTangential(*self.distortion).undistort(plane, self.radius_limit)
         squared = np.sum(points.positions**2, axis=-1, keepdims=True)
         root = np.sqrt(np.maximum(1.0 + (1.0 - self.xi * self.xi) * squared, 0.0))
@@ -79,7 +79,7 @@ class UnifiedCamera(TwoFocalCamera, PlaneCamera):
         directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
         return Rays(directions, points.valid)
 
-    def _plane_from_rays(self, directions: NDArray[np.float64]) -> PlanePoints:
+    def _plane_from_rays(self, directions: Floats) -> PlanePoints:
         distance = np.linalg.norm(directions, axis=-1)
         w = self.xi if self.xi <= 1.0 else 1.0 / self.xi
         valid = directions[..., 2] > (-w - EDGE_RAD) * distance

@@ -10,7 +10,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from omnisim.cameras import CentralCamera, MirroredCamera, NonCentralCamera, Pixels, Rays
 from omnisim.cameras.calibration import CalibratedCamera, Calibration, NamedPose
@@ -30,8 +30,8 @@ from omnisim.cameras.optics.centrality import (
     ray_jacobians,
     seen_rays,
 )
-from omnisim.cameras.optics.shapes.shape import Floats
 from omnisim.cameras.optics.system import OpticalSystem
+from omnisim.core.arrays import Floats
 from omnisim.core.coordinate_frames import FLIP_Z
 from omnisim.core.errors import OpticsError
 from omnisim.core.short_repr import short_repr
@@ -54,7 +54,7 @@ class CentralView:
     # distance at which the view is exact; infinite: only directions count
     distance_m: float = math.inf
     # (3, 3) orthogonal view_from_optical; a reflection if files store a mirrored image
-    axes: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
+    axes: Floats = field(default_factory=lambda: np.eye(3))
 
     model_name = "central view of optics"
     domain_limit_rad = None
@@ -83,7 +83,7 @@ class CentralView:
         return self.system.principal_point_px
 
     @property
-    def rig_from_optical(self) -> NDArray[np.float64]:
+    def rig_from_optical(self) -> Floats:
         """Orientation (3, 3) in a level rig."""
         return self.system.rig_from_optical @ self.axes.T
 
@@ -97,7 +97,7 @@ class CentralView:
         """Point (3,) nearest to all rays, in the sensor's optical frame."""
         return common_point(self.seen_rays.origins_m, self.seen_rays.directions)
 
-    def frame_from_view(self, frame_from_optical: NDArray[np.float64]) -> NDArray[np.float64]:
+    def frame_from_view(self, frame_from_optical: Floats) -> Floats:
         """Pose (4, 4) of the view, from the pose of the sensor's optical frame."""
         pose = frame_from_optical.copy()
         pose[:3, 3] += frame_from_optical[:3, :3] @ self.viewpoint_m

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from omnisim.cameras import NonCentralCamera, Pixels
 from omnisim.cameras.camera import as_directions, as_pixels
 from omnisim.cameras.central_error import CentralError
-from omnisim.cameras.optics.shapes.shape import Floats
 from omnisim.cameras.optics.system import OpticalSystem
+from omnisim.core.arrays import Bools, Floats
 from omnisim.core.errors import OpticsError
 
 _SAMPLES = 10_000  # approximate number of rays per image
@@ -120,7 +120,7 @@ def central_errors(
 
 def directions_at(
     origins_m: Floats, directions: Floats, viewpoint_m: Floats, distance_m: float
-) -> tuple[Floats, NDArray[np.bool_]]:
+) -> tuple[Floats, Bools]:
     """Directions (..., 3) from a viewpoint to the points on rays at a given distance from it.
 
     Also returns a mask (...) of the rays that have such a point.

@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy  # its submodules load on first use
 
-from omnisim.cameras.optics.shapes.shape import Floats
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import OpticsError
 from omnisim.core.files.toml_file import toml_text
 

@@ -14,15 +14,15 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from omnisim.cameras import CentralCamera, Rays
 from omnisim.cameras.camera import as_pixels
 from omnisim.cameras.optics.centrality import common_point
-from omnisim.cameras.optics.shapes.shape import Floats
 from omnisim.cameras.optics.surface import Fate, Paths, Surface, deflected, trace
 from omnisim.cameras.optics.surface_mesh import heights_m, rim_of_mesh, tessellate_surface
 from omnisim.cameras.optics.system import OpticalSystem
+from omnisim.core.arrays import Floats, Ints
 from omnisim.core.errors import OpticsError
 
 _STEPS = 200  # maximum number of polygons from the exact point's to the one in front of it
@@ -65,7 +65,7 @@ class MeshRays:
         self._is_whole = np.asarray(np.isfinite(corners).all(axis=(1, 2)))
 
     @cached_property
-    def _neighbors(self) -> NDArray[np.int64]:
+    def _neighbors(self) -> Ints:
         """Triangles (m, 3) across the edge opposite each corner; −1: none."""
         corners = self._mesh.connectivity
         edges = np.stack((corners[:, [1, 2]], corners[:, [2, 0]], corners[:, [0, 1]]), axis=1)
@@ -171,7 +171,7 @@ class MeshRays:
         away = self._vertices_m - self.system.system_from_camera[:3, 3]
         return away / np.linalg.norm(away, axis=1, keepdims=True)
 
-    def _found(self, begin_m: Floats, end_m: Floats) -> tuple[NDArray[np.int64], Floats]:
+    def _found(self, begin_m: Floats, end_m: Floats) -> tuple[Ints, Floats]:
         """Triangles (n,) met by rays, −1: none, and the weights (n, 3) of their corners.
 
         The search starts at the exact point's cell. It continues across the edge that the ray
@@ -205,7 +205,7 @@ class MeshRays:
         sums = weights.sum(axis=1, keepdims=True)
         return triangles, weights / np.where(sums > 0.0, sums, 1.0)
 
-    def _volumes(self, triangles: NDArray[np.int64], origins_m: Floats, along: Floats) -> Floats:
+    def _volumes(self, triangles: Ints, origins_m: Floats, along: Floats) -> Floats:
         """Volumes (n, 3) spanned by rays and edges; none is negative for a ray that hits."""
         corners = self._mesh.vertices_m[self._mesh.triangles[triangles]] - origins_m[:, None]
         edges = [
@@ -214,7 +214,7 @@ class MeshRays:
         ]
         return np.einsum("nj,cnj->nc", along, np.stack(edges))
 
-    def _cells(self, at_m: Floats) -> NDArray[np.int64]:
+    def _cells(self, at_m: Floats) -> Ints:
         """First triangles (n,) of the cells of surface points, in the surface's frame."""
         mesh, center = self._mesh, self._surface.rim_center_m
         rings_m = np.linalg.norm(mesh.vertices_m[:: mesh.sectors, :2] - center, axis=1)

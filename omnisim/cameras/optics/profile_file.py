@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from omnisim.cameras.optics.shapes import Shape, TabulatedProfile
-from omnisim.cameras.optics.shapes.shape import Floats
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import OpticsError, SensorFileError, TrajectoryError
 from omnisim.core.files.atomic_file import write_text
 from omnisim.core.trajectories.formats.parsed_trajectory import read_text_table

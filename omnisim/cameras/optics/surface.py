@@ -10,13 +10,12 @@ from functools import cached_property
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from omnisim.cameras.camera import CameraParameters
 from omnisim.cameras.optics.media import Medium, medium_parameter
 from omnisim.cameras.optics.shapes import Shape
-from omnisim.cameras.optics.shapes.shape import Floats
+from omnisim.core.arrays import Bools, Bytes, Floats
 from omnisim.core.errors import OpticsError
 from omnisim.core.files.parameters import NOT_IN_FILES, Coordinate, Length, Number, Parameters
 from omnisim.core.poses import check_pose
@@ -29,7 +28,7 @@ class Hits(NamedTuple):
     """First hits of rays on a surface."""
 
     lengths_m: Floats  # (n,), NaN without a hit
-    beyond_rim: NDArray[np.bool_]  # (n,): the ray hits the shape, but beyond the surface's rim
+    beyond_rim: Bools  # (n,): the ray hits the shape, but beyond the surface's rim
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,9 +45,7 @@ class Surface:
     """
 
     shape: Shape
-    system_from_surface: NDArray[np.float64] = field(
-        default_factory=lambda: np.eye(4), metadata=NOT_IN_FILES
-    )
+    system_from_surface: Floats = field(default_factory=lambda: np.eye(4), metadata=NOT_IN_FILES)
     rim_radius_m: Length = math.inf
     """Radius of its rim in meters; default: the extent of its shape."""
     rim_center_m: tuple[Coordinate, Coordinate] = (0.0, 0.0)
@@ -81,7 +78,7 @@ class Surface:
         reach_m = self.rim_radius_m + math.hypot(*self.rim_center_m)
         return min(reach_m, self.shape.domain_m)
 
-    def may_return(self, origins_m: Floats, directions: Floats) -> NDArray[np.bool_]:
+    def may_return(self, origins_m: Floats, directions: Floats) -> Bools:
         """Mask (n,) of rays from surface points (n, 3) that may hit it again, system frame."""
         if self._is_convex:  # only rays that leave it backwards
             normals = self.normals(origins_m)
@@ -155,12 +152,10 @@ class Surface:
         first_m = np.where(inside[rows, first], lengths[rows, first], np.nan)
         return Hits(first_m, np.isnan(first_m) & ahead.any(axis=1))
 
-    def _is_inside(self, points_m: Floats) -> NDArray[np.bool_]:
+    def _is_inside(self, points_m: Floats) -> Bools:
         """Mask (n,) of points on the shape, in its own frame, that belong to the surface."""
         x, y = self.rim_center_m
-        inside: NDArray[np.bool_] = (
-            np.hypot(points_m[:, 0] - x, points_m[:, 1] - y) <= self.rim_radius_m
-        )
+        inside: Bools = np.hypot(points_m[:, 0] - x, points_m[:, 1] - y) <= self.rim_radius_m
         hole_m = max(self.hole_radius_m, self.shape.tip_radius_m)
         if hole_m > 0.0:
             inside &= np.hypot(points_m[:, 0], points_m[:, 1]) >= hole_m
@@ -174,7 +169,7 @@ class Surface:
         return self.directions_to_system(unit)
 
 
-def pose_parameters(pose: NDArray[np.float64]) -> CameraParameters:
+def pose_parameters(pose: Floats) -> CameraParameters:
     """Key and value of a pose (4, 4) in an optics file; only its position if it is not rotated."""
     if np.array_equal(pose[:3, :3], np.eye(3)):
         return {"position_m": pose[:3, 3].tolist()}
@@ -245,8 +240,8 @@ class TracedRays(NamedTuple):
 
     origins_m: Floats  # (..., 3): on the last surface
     directions: Floats  # (..., 3), unit
-    valid: NDArray[np.bool_]  # (...,)
-    fates: NDArray[np.uint8]  # (...,) values of `Fate`
+    valid: Bools  # (...,)
+    fates: Bytes  # (...,) values of `Fate`
 
 
 class Paths(NamedTuple):
@@ -254,7 +249,7 @@ class Paths(NamedTuple):
 
     points_m: Floats  # (surfaces + 1, n, 3): the camera, and the hit on each surface
     directions: Floats  # (n, 3), unit: beyond the last surface
-    fates: NDArray[np.uint8]  # (n,) values of `Fate`
+    fates: Bytes  # (n,) values of `Fate`
 
 
 def trace(
@@ -263,7 +258,7 @@ def trace(
     obstacles: Sequence[Rod],
     origins_m: Floats,
     directions: Floats,
-    fates: NDArray[np.uint8],
+    fates: Bytes,
     can_block: bool = True,
 ) -> Paths:
     """Trace rays (n, 3) from a camera; rays with a fate other than SEEN get NaN points.
@@ -334,7 +329,7 @@ def _blocked(
     origins_m: Floats,
     directions: Floats,
     lengths_m: Floats,
-) -> NDArray[np.bool_]:
+) -> Bools:
     """Mask (n,) of path segments to surface `number` that are blocked."""
     blocked = np.zeros(len(origins_m), dtype=np.bool_)
     ends_m = np.where(np.isfinite(lengths_m), (1.0 - 1e-9) * lengths_m, np.inf)

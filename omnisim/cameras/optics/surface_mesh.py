@@ -7,12 +7,11 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras.mirrors.mirror_mesh import RING_EXPONENT, UnfoldedMirrorMesh, sectors_and_rings
 from omnisim.cameras.optics.profile_file import profile_lengths_m
-from omnisim.cameras.optics.shapes.shape import Floats
 from omnisim.cameras.optics.surface import Surface
+from omnisim.core.arrays import Floats, Ints
 from omnisim.core.coordinate_frames import MIRROR_FROM_OPTICAL
 from omnisim.core.errors import OpticsError
 
@@ -32,11 +31,11 @@ class SurfaceMesh(NamedTuple):
 
     vertices_m: Floats  # (n, 3)
     normals: Floats  # (n, 3), unit, z ≤ 0; at a tip the normal at the middle of the sector
-    triangles: NDArray[np.int64]  # (m, 3)
+    triangles: Ints  # (m, 3)
     sectors: int
 
     @property
-    def connectivity(self) -> NDArray[np.int64]:
+    def connectivity(self) -> Ints:
         """Triangles (m, 3) over vertex indices that are equal where positions are."""
         is_point = bool(np.ptp(self.vertices_m[: self.sectors], axis=0).max() == 0.0)
         return np.maximum(self.triangles, self.sectors - 1) if is_point else self.triangles

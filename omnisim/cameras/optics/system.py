@@ -14,7 +14,7 @@ from typing import Annotated, NamedTuple, Self
 
 import numpy as np
 import scipy  # its submodules load on first use
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydantic import Field
 
 from omnisim.cameras import CentralCamera, NonCentralCamera, Pixels, Rays, pixel_grid, summary
@@ -32,7 +32,6 @@ from omnisim.cameras.optics.media import (
     medium_parameter,
     refractive_index,
 )
-from omnisim.cameras.optics.shapes.shape import Floats
 from omnisim.cameras.optics.surface import (
     Fate,
     Paths,
@@ -43,6 +42,7 @@ from omnisim.cameras.optics.surface import (
     pose_parameters,
     trace,
 )
+from omnisim.core.arrays import Floats, Ints
 from omnisim.core.coordinate_frames import (
     BASE_FROM_OPTICAL_LOOKING_AHEAD,
     BASE_FROM_OPTICAL_LOOKING_DOWN,
@@ -82,14 +82,12 @@ class OpticalSystem:
     obstacles: Annotated[tuple[Rod, ...], Field(max_length=64)] = ()
     medium: Medium = "air"
     """Medium around the camera: a name, a refractive index, or three indices for R, G and B."""
-    system_from_camera: NDArray[np.float64] = field(
-        default_factory=lambda: np.eye(4), metadata=NOT_IN_FILES
-    )
+    system_from_camera: Floats = field(default_factory=lambda: np.eye(4), metadata=NOT_IN_FILES)
     origin_m: Place = (0.0, 0.0, 0.0)
     """Origin of the sensor's frame, meters in the system's frame; default: the camera's pinhole."""
     color: Primary | None = None
     """Primary whose wavelength is refracted; default: helium's d line."""
-    orientation: NDArray[np.float64] | None = field(default=None, metadata=NOT_IN_FILES)
+    orientation: Floats | None = field(default=None, metadata=NOT_IN_FILES)
     chromatic: Flag = False
     """Render red, green and blue along rays of their own wavelengths, at three times the cost.
     Ground truth uses green."""
@@ -136,7 +134,7 @@ class OpticalSystem:
         return self.camera.principal_point_px
 
     @property
-    def rig_from_optical(self) -> NDArray[np.float64]:
+    def rig_from_optical(self) -> Floats:
         """Orientation (3, 3) in a level rig; default: up with a mirror, otherwise the camera's."""
         if self.orientation is not None:
             return self.orientation
@@ -276,7 +274,7 @@ class OpticalSystem:
         return parameters
 
 
-def _looking(orientation: NDArray[np.float64]) -> ParameterValue:
+def _looking(orientation: Floats) -> ParameterValue:
     """Orientation as a name, or as the rows of a matrix."""
     names = (name for name, one in ORIENTATIONS.items() if np.array_equal(one, orientation))
     return next(names, None) or orientation.tolist()
@@ -316,7 +314,7 @@ class Targets(NamedTuple):
     points: Floats  # (n, 3), system frame: positions in meters, or directions
     weight: float  # 1: positions; 0: directions to infinity
 
-    def take(self, rows: NDArray[np.int64] | slice) -> Targets:
+    def take(self, rows: Ints | slice) -> Targets:
         """Selected targets."""
         return Targets(self.points[rows], self.weight)
 
@@ -404,7 +402,7 @@ class Inverse:
                 positions_px[rest[again[good]]], valid[rest[again[good]]] = pixels[good], True
         return Pixels(positions_px, valid)
 
-    def _miss(self, targets: Targets, rays: NDArray[np.int64]) -> Floats:
+    def _miss(self, targets: Targets, rays: Ints) -> Floats:
         """Squared chord (n,) between each ray's direction and the direction to its target."""
         toward = targets.points - targets.weight * self._origins_m[rays]
         toward = toward / np.maximum(np.linalg.norm(toward, axis=1, keepdims=True), 1e-300)
@@ -422,7 +420,7 @@ class Inverse:
             ]
         )
 
-    def _from_starts(self, targets: Targets, starts: NDArray[np.int64]) -> Pixels:
+    def _from_starts(self, targets: Targets, starts: Ints) -> Pixels:
         """Pixels by Newton's method from rays (n,); valid if their traced rays agree."""
         points = self._stationary(targets, self._points_m[:, starts])
         directions = self._system.camera_directions(

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import ConfigDict, Field, model_validator
 
 from omnisim.cameras import CAMERA_MODELS, CentralCamera
@@ -27,6 +26,7 @@ from omnisim.cameras.optics.shapes import (
 from omnisim.cameras.optics.surface import Place, Surface
 from omnisim.cameras.optics.system import ORIENTATIONS, OpticalSystem
 from omnisim.core import poses
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import OmnisimError, OpticsError, SensorFileError, did_you_mean
 from omnisim.core.files.parameters import (
     Coordinate,
@@ -80,7 +80,7 @@ class AlignmentTable(Table):
         """True if a position or pose is given."""
         return self.position_m is not None or self.pose is not None
 
-    def system_from_part(self, position_m: Place) -> NDArray[np.float64]:
+    def system_from_part(self, position_m: Place) -> Floats:
         """Pose (4, 4) in the system frame; `position_m` is the default position."""
         if self.pose is not None:
             return np.array(self.pose)
@@ -275,7 +275,7 @@ class SurfaceTable(AlignmentTable):
         media = window.wall, medium
         return [self._surface(*part) for part in zip(shapes, placed, media, strict=True)]
 
-    def _surface(self, shape: Shape, pose: NDArray[np.float64], medium: Medium | None) -> Surface:
+    def _surface(self, shape: Shape, pose: Floats, medium: Medium | None) -> Surface:
         name = self.name or self.shape
         return self.build(Surface, shape=shape, system_from_surface=pose, medium=medium, name=name)
 
@@ -343,7 +343,7 @@ class OpticsFile(Table):
     camera: CameraTable
     surfaces: Annotated[tuple[SurfaceTable, ...], Field(min_length=1, max_length=16)]
 
-    def orientation(self, where: str) -> NDArray[np.float64] | None:
+    def orientation(self, where: str) -> Floats | None:
         """Rotation (3, 3) of `looking`, or None; `where` names the key in messages.
 
         Raises:

@@ -21,6 +21,7 @@ import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
+from omnisim.core.arrays import Bytes, Floats32
 from omnisim.core.errors import OutputError
 from omnisim.core.files.atomic_file import atomic_write, check_suffix, check_target
 from omnisim.core.files.sources import note_file
@@ -117,7 +118,7 @@ def image_bytes(
     return _encode(path, pixels, attributes)
 
 
-def png_bytes(pixels: NDArray[np.uint8]) -> bytes:
+def png_bytes(pixels: Bytes) -> bytes:
     """Encode an image (height, width, 3 or 4) uint8 sRGB as PNG.
 
     Raises:
@@ -160,7 +161,7 @@ def write_numbers(
 class ExrData(NamedTuple):
     """Contents of an EXR file of data."""
 
-    values: dict[str, NDArray[np.float32]]  # (height, width) float32 arrays by channel name
+    values: dict[str, Floats32]  # (height, width) float32 arrays by channel name
     metadata: dict[str, Any] | None  # omnisim's metadata; None if the file has none
     # other attributes of the file that are strings or numbers
     attributes: dict[str, str | int | float]
@@ -236,7 +237,7 @@ def read_image(path: Path) -> tuple[NDArray[Any], dict[str, Any] | None]:
         return pixels, _parse_metadata(spec.getattribute(METADATA_KEY))
 
 
-def read_radiance(path: Path) -> NDArray[np.float32]:
+def read_radiance(path: Path) -> Floats32:
     """Read the linear RGB (height, width, 3) of a float image, such as .hdr and .exr.
 
     Raises:
@@ -269,7 +270,7 @@ def write_radiance(path: Path, pixels: NDArray[np.float16]) -> None:
     _write(path, pixels, attributes, None)
 
 
-def through_jpeg(pixels: NDArray[np.uint8], quality: int, subsampling: str) -> NDArray[np.uint8]:
+def through_jpeg(pixels: Bytes, quality: int, subsampling: str) -> Bytes:
     """Encode an image (height, width, 3) sRGB as JPEG, and decode it again.
 
     Args:

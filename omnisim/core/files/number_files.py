@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import OmnisimError
 from omnisim.core.files.atomic_file import atomic_write
 from omnisim.core.files.sources import note_file
@@ -58,7 +59,7 @@ def read_arrays(
 BLOCK = 10_000  # rows per block, which bounds memory
 
 
-def write_table(path: Path, columns: str, blocks: Iterable[NDArray[np.float64]]) -> None:
+def write_table(path: Path, columns: str, blocks: Iterable[Floats]) -> None:
     """Write blocks (n, columns) one below the other, atomically.
 
     Raises:

@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import OutputError
 from omnisim.datasets.export.recording import RecordedCamera, Recording
 from omnisim.rendering.sensor import SensorSettings
@@ -31,7 +32,7 @@ class ExportSettings:
     # True: also points from each camera's ranges, if the format has point clouds
     with_points: bool = False
 
-    def stamps_ns(self, times_s: NDArray[np.float64], source: Path) -> list[int]:
+    def stamps_ns(self, times_s: Floats, source: Path) -> list[int]:
         """Stamps of times, whole nanoseconds since 1970; messages name the file `source`.
 
         Raises:

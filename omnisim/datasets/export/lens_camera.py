@@ -33,6 +33,7 @@ from omnisim.cameras.calibration.formats.format import Format, LensT
 from omnisim.cameras.calibration.metadata import is_catadioptric, lens_of
 from omnisim.cameras.camera import pixel_grid
 from omnisim.cameras.parametric_camera import ParametricCamera
+from omnisim.core.arrays import Bools, Bytes, Floats, Floats32, Indices
 from omnisim.core.errors import CalibrationError
 from omnisim.core.files.image_files import write_image, write_numbers
 from omnisim.core.poses import inverse
@@ -77,7 +78,7 @@ class LensCamera:
         return is_catadioptric(self.model)
 
     @property
-    def base_from_lens(self) -> NDArray[np.float64]:
+    def base_from_lens(self) -> Floats:
         """Pose (4, 4) of the lens's frame: x right, y down, z forward."""
         return self.recorded.mount.base_from_optical @ self.optical_from_lens
 
@@ -143,7 +144,7 @@ class LensCamera:
         """True for an image of all directions."""
         return isinstance(self.model, EquirectangularCamera)
 
-    def depths_m(self, step: int) -> NDArray[np.float32]:
+    def depths_m(self, step: int) -> Floats32:
         """Depths (height, width) along the lens's axis, from the channel range; +inf: no hit."""
         ranges_m = self.recorded.channel(step, "range")
         along = self.recorded.directions @ self.axis
@@ -153,13 +154,13 @@ class LensCamera:
         return self.flip(depths)
 
     @property
-    def optical_from_lens(self) -> NDArray[np.float64]:
+    def optical_from_lens(self) -> Floats:
         """Rotation (4, 4) from the lens's to the optical frame: the identity, or a half turn."""
         if not self.is_flipped:
             return np.eye(4)
         return _ABOUT_X if isinstance(self.model, EllipticCamera) else _ABOUT_Y
 
-    def mask(self, front_only: bool = False) -> NDArray[np.bool_] | None:
+    def mask(self, front_only: bool = False) -> Bools | None:
         """Mask (height, width) of the pixels that show the scene; None: all pixels.
 
         `front_only` leaves out rays at and past 90° from the axis.
@@ -172,7 +173,7 @@ class LensCamera:
         return None if shown.all() else self.flip(shown)
 
     @property
-    def axis(self) -> NDArray[np.float64]:
+    def axis(self) -> Floats:
         """Unit vector (3,) along the lens's axis, in the optical frame."""
         return self.optical_from_lens[:3, 2]
 
@@ -262,17 +263,17 @@ AGREEMENT = 0.01  # share of the range
 class Observations(NamedTuple):
     """Points visible in an image."""
 
-    points: NDArray[np.intp]  # (n,) indices of the points, ascending
+    points: Indices  # (n,) indices of the points, ascending
     # (n, 2) projections into the exported image, px from the center of the first pixel
-    pixels: NDArray[np.float64]
+    pixels: Floats
 
 
 @dataclass(frozen=True, eq=False)
 class ScenePoints:
     """Points of the scene: positions (n, 3) in the world, and colors (n, 3), sRGB."""
 
-    positions_m: NDArray[np.float64]
-    colors: NDArray[np.uint8]
+    positions_m: Floats
+    colors: Bytes
 
     def __len__(self) -> int:
         return len(self.positions_m)

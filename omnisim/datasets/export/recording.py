@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from omnisim.cameras import CentralCamera, NonCentralCamera
 from omnisim.cameras.calibration.documents import parse_yaml, read_text
 from omnisim.cameras.camera import pixel_grid
+from omnisim.core.arrays import Bools, Bytes, Floats, Floats32, Indices
 from omnisim.core.errors import OmnisimError, RunError
 from omnisim.core.files.image_files import read_image
 from omnisim.core.poses import check_pose, inverse
@@ -48,10 +49,10 @@ NOTED_S = 1e-3
 class ImuReadings:
     """Readings of an IMU."""
 
-    times_s: NDArray[np.float64]  # (n,)
+    times_s: Floats  # (n,)
     # (n, 6) angular rate in rad/s and specific force in m/s², IMU's frame
-    values: NDArray[np.float64]
-    biases: NDArray[np.float64] | None  # (n, 6) in the same units; None: not recorded
+    values: Floats
+    biases: Floats | None  # (n, 6) in the same units; None: not recorded
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +70,7 @@ class Recording:
     odometry: Odometry | None  # readings of the wheels; None: there are none
     cameras: tuple[RecordedCamera, ...]  # exported cameras
     # by sensor name, number of its measurement at each frame; empty: frames are steps
-    frames: Mapping[str, NDArray[np.intp]] = field(default_factory=dict)
+    frames: Mapping[str, Indices] = field(default_factory=dict)
 
     @classmethod
     def read(cls, path: Path, camera_name: str | None = None) -> Recording:
@@ -98,7 +99,7 @@ class Recording:
         """Number of steps or frames."""
         return len(self.truth)
 
-    def times_s(self, name: str) -> NDArray[np.float64]:
+    def times_s(self, name: str) -> Floats:
         """Times (n,) of a sensor's measurements; with frames, of its measurement at each frame."""
         times_s = self.run.times_s(name)
         return times_s[self.frames[name]] if name in self.frames else times_s
@@ -112,12 +113,12 @@ class Recording:
         return int(self.frames[name][frame]) if name in self.frames else frame
 
     @cached_property
-    def _states(self) -> tuple[NDArray[np.float64], MotionStates] | None:
+    def _states(self) -> tuple[Floats, MotionStates] | None:
         path = self.run.path / STATES
         return read_states(path) if self.run.has(STATES) else None
 
     @property
-    def state_times_s(self) -> NDArray[np.float64]:
+    def state_times_s(self) -> Floats:
         """Times (n,) of the base's recorded states: at all measurements; older runs: at steps."""
         return self.truth.times_s if self._states is None else self._states[0]
 
@@ -126,7 +127,7 @@ class Recording:
         """Poses of the base at all times of recorded states."""
         return Trajectory(self.state_times_s, self.states(self.state_times_s).world_from_base)
 
-    def states(self, times_s: NDArray[np.float64]) -> MotionStates:
+    def states(self, times_s: Floats) -> MotionStates:
         """True states of the base at times (n,); from a spline if one of them was not recorded."""
         if self._states is None:
             return SplineMotion(self.truth).at(times_s)
@@ -167,7 +168,7 @@ class Recording:
         truth = Trajectory(self.truth.times_s[::stride], self.truth.world_from_base[::stride])
         return self._framed(truth, frames)
 
-    def _framed(self, truth: Trajectory, frames: dict[str, NDArray[np.intp]]) -> Recording:
+    def _framed(self, truth: Trajectory, frames: dict[str, Indices]) -> Recording:
         cameras = tuple(
             dataclasses.replace(camera, indices=frames.get(camera.name)) for camera in self.cameras
         )
@@ -207,9 +208,7 @@ class Recording:
         files = sorted((self.run.path / OBJECTS).glob("*.tum"))
         return {file.stem: read_trajectory(file) for file in files}
 
-    def mount(
-        self, world_from_sensor: NDArray[np.float64], time_s: float | None = None
-    ) -> NDArray[np.float64]:
+    def mount(self, world_from_sensor: Floats, time_s: float | None = None) -> Floats:
         """Pose (4, 4) of a sensor on the base, from its world pose at a time (None: first step)."""
         world_from_base = self.truth.world_from_base[0]
         if time_s is not None and time_s != self.truth.times_s[0]:
@@ -227,12 +226,12 @@ class Recording:
         camera = RecordedCamera.read(self.run, name)
         return dataclasses.replace(camera, indices=self.frames.get(name))
 
-    def base_from_lidar(self, name: str) -> NDArray[np.float64]:
+    def base_from_lidar(self, name: str) -> Floats:
         """Pose (4, 4) of a lidar on the base."""
         pose = self.cloud(name, 0).header.pose("world_from_lidar")
         return self.mount(pose, self.times_s(name)[0])
 
-    def base_from_imu(self, name: str) -> NDArray[np.float64]:
+    def base_from_imu(self, name: str) -> Floats:
         """Pose (4, 4) of an IMU on the base."""
         path = self.run.path / name / PARAMETERS
         try:
@@ -246,7 +245,7 @@ class Recording:
         return read_text(self.run.path / name / PARAMETERS)
 
 
-def _nearest(times_s: NDArray[np.float64], wanted_s: NDArray[np.float64]) -> NDArray[np.intp]:
+def _nearest(times_s: Floats, wanted_s: Floats) -> Indices:
     """Indices (n,) of the times among `times_s` (m,) nearest to the times `wanted_s` (n,)."""
     after = np.clip(np.searchsorted(times_s, wanted_s), 1, max(len(times_s) - 1, 1))
     after = np.minimum(after, len(times_s) - 1)
@@ -269,7 +268,7 @@ class RecordedCamera:
     name: str
     mount: CameraMount  # model, pose on the base, and mask of pixels that show the scene
     # (n,) number of the camera's image at each frame; None: the frame's own number
-    indices: NDArray[np.intp] | None = field(default=None, kw_only=True)
+    indices: Indices | None = field(default=None, kw_only=True)
 
     @classmethod
     def read(cls, run: RunFolder, name: str) -> RecordedCamera:
@@ -305,7 +304,7 @@ class RecordedCamera:
         index = step if self.indices is None else int(self.indices[step])
         return self.run.file(self.name, index, IMAGE)
 
-    def image(self, step: int) -> NDArray[np.uint8]:
+    def image(self, step: int) -> Bytes:
         """Image (height, width, 3) of a step, sRGB."""
         path = self.image_file(step)
         pixels, _ = read_image(path)
@@ -317,7 +316,7 @@ class RecordedCamera:
             )
         return np.ascontiguousarray(pixels[..., :3])
 
-    def depths_m(self, step: int) -> NDArray[np.float32]:
+    def depths_m(self, step: int) -> Floats32:
         """Depths (height, width) of a depth camera along its axis; +inf: none."""
         path = self.image_file(step)
         depths = read_image(path)[0][..., 0]
@@ -344,26 +343,26 @@ class RecordedCamera:
         return StoredChannels(self.image_file(step), {}).labels
 
     @cached_property
-    def _rays(self) -> tuple[NDArray[np.float64], NDArray[np.float64] | None, NDArray[np.bool_]]:
+    def _rays(self) -> tuple[Floats, Floats | None, Bools]:
         rays = self.mount.camera.ray_from_pixel(pixel_grid(*self.size_px))
         return rays.directions, rays.origins_m, rays.valid
 
     @property
-    def directions(self) -> NDArray[np.float64]:
+    def directions(self) -> Floats:
         """Unit vectors (height, width, 3) along the pixels' rays, optical frame."""
         return self._rays[0]
 
     @property
-    def valid(self) -> NDArray[np.bool_]:
+    def valid(self) -> Bools:
         """Mask (height, width) of the pixels with a ray."""
         return self._rays[2]
 
-    def points_m(self, ranges_m: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    def points_m(self, ranges_m: NDArray[Any]) -> tuple[Floats, Bools]:
         """Points (n, 3) in the optical frame of rays with ranges (height, width), and their mask.
 
         A range of +inf is no hit.
         """
         directions, origins_m, valid = self._rays
         hit = np.isfinite(ranges_m) & valid
-        points: NDArray[np.float64] = directions[hit] * ranges_m[hit, None]
+        points: Floats = directions[hit] * ranges_m[hit, None]
         return points if origins_m is None else points + origins_m[hit], hit

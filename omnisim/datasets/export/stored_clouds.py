@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats, Floats32
 from omnisim.core.errors import OmnisimError, RunError
 from omnisim.core.poses import check_pose
 from omnisim.sensors.lidar.point_files import PLAIN_POINT, POINT
@@ -42,7 +43,7 @@ class FileHeader:
             raise RunError(f"{self._path}: {key}: expected a number, got {value!r}")
         return float(value)
 
-    def pose(self, key: str) -> NDArray[np.float64]:
+    def pose(self, key: str) -> Floats:
         """Pose (4, 4) of a key."""
         try:
             return check_pose(self.value(key))
@@ -72,12 +73,12 @@ class StoredCloud:
     points: NDArray[np.void]
 
     @property
-    def points_m(self) -> NDArray[np.float64]:
+    def points_m(self) -> Floats:
         """Points (n, 3) in the lidar's frame at each point's own time."""
         return np.stack([self.points[axis] for axis in "xyz"], axis=-1).astype(np.float64)
 
     @property
-    def reflectances(self) -> NDArray[np.float32]:
+    def reflectances(self) -> Floats32:
         """Intensities (n,), at most 1; 0 without intensities."""
         if self.points.dtype != POINT:
             return np.zeros(len(self.points), dtype=np.float32)
@@ -114,7 +115,7 @@ class StoredTable:
     """Table of a sensor: parameters and pose of the sensor, and values (n,) by column."""
 
     header: FileHeader
-    columns: dict[str, NDArray[np.float64]]
+    columns: dict[str, Floats]
 
 
 def read_table(path: Path, *names: str) -> StoredTable:

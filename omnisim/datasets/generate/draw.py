@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.core import poses
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import PlanError
 from omnisim.core.poses import roll_pitch_yaw_from_rotation
 from omnisim.core.srgb import linear_from_srgb
@@ -41,7 +41,7 @@ class ObjectPlacement:
 
     name: str  # name of its instance
     object: int  # index of the object's table in the plan
-    world_from_object: NDArray[np.float64]  # (4, 4) pose
+    world_from_object: Floats  # (4, 4) pose
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +51,7 @@ class Draw:
     number: int  # number of the sample
     attempt: int  # number of the attempt, from 0
     indices: SampleIndices  # indices of scene, rig and setups
-    position_m: NDArray[np.float64]  # (3,) viewpoint, before the shift
+    position_m: Floats  # (3,) viewpoint, before the shift
     # yaw_deg, pitch_deg, roll_deg: attitude of the vehicle
     yaw_deg: float
     pitch_deg: float
@@ -115,7 +115,7 @@ def draw(prepared: PreparedPlan, number: int, attempt: int) -> Draw:
 class _Viewpoint:
     """Viewpoint and its base attitude; drawn angles are added to it."""
 
-    position_m: NDArray[np.float64]  # (3,) position in the world
+    position_m: Floats  # (3,) position in the world
     # yaw_deg, pitch_deg, roll_deg: attitude
     yaw_deg: float = 0.0
     pitch_deg: float = 0.0
@@ -167,9 +167,7 @@ def _around(prepared: PreparedPlan, scene: int, stream: Stream) -> _Viewpoint:
     return _Viewpoint(position_m, math.degrees(angle) - 180.0, turns_along=True)
 
 
-def _above(
-    prepared: PreparedPlan, scene: int, point_m: NDArray[np.float64], stream: Stream
-) -> NDArray[np.float64]:
+def _above(prepared: PreparedPlan, scene: int, point_m: Floats, stream: Stream) -> Floats:
     """Viewpoint (3,) above the floor at a point (2,).
 
     Without floor at the point, above the scene's lowest floor.
@@ -219,7 +217,7 @@ def _objects(prepared: PreparedPlan, drawn: Draw, stream: Stream) -> tuple[Objec
             centered = np.eye(4)
             centered[:3, 3] = -shape.middle_m[0], -shape.middle_m[1], -shape.low_m[2]
             turn = poses.pose((0.0, 0.0, 0.0), yaw_deg=table.yaw_deg.draw(stream))
-            world_from_object: NDArray[np.float64] = turn @ centered
+            world_from_object: Floats = turn @ centered
             world_from_object[:3, 3] += point
             placed.append(ObjectPlacement(f"{shape.title}_{number}", index, world_from_object))
     return tuple(placed)
@@ -227,12 +225,12 @@ def _objects(prepared: PreparedPlan, drawn: Draw, stream: Stream) -> tuple[Objec
 
 def _apart(
     free: FreeSpace,
-    occupied: Sequence[tuple[NDArray[np.float64], float]],
+    occupied: Sequence[tuple[Floats, float]],
     shape: PlanObject,
-    viewpoint_m: NDArray[np.float64],
+    viewpoint_m: Floats,
     distance_m: Distribution,
     stream: Stream,
-) -> NDArray[np.float64]:
+) -> Floats:
     """Draw a point (3,) on the floor, apart from occupied ones.
 
     Args:

@@ -26,12 +26,7 @@ from omnisim.datasets.generate.shard import (
     Statistics,
     find_shard,
 )
-from omnisim.datasets.generate.workers import (
-    Job,
-    ShardProgress,
-    make_shards,
-    threads_shared,
-)
+from omnisim.datasets.generate.workers import Job, ShardProgress, make_shards, threads_shared
 
 PLAN, SHARDS = "plan.json", "shard-*.tar"
 PROBED_SAMPLES = 12  # per worker, for an estimate

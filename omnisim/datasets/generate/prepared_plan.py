@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import PlanError, did_you_mean
 from omnisim.core.extras import require_extra
 from omnisim.core.files.sources import fingerprint, note_file, note_sources, recorded_sources
@@ -44,9 +44,9 @@ class PlanObject:
 
     title: str  # name of its instances
     scene: Scene  # shape of the object
-    low_m: NDArray[np.float64]  # (3,) lowest coordinates of its bounds
+    low_m: Floats  # (3,) lowest coordinates of its bounds
     radius_m: float  # radius of its footprint about the middle of its bounds
-    middle_m: NDArray[np.float64]  # (2,) middle of its bounds on the floor plan
+    middle_m: Floats  # (2,) middle of its bounds on the floor plan
     height_m: float  # height of its bounds
 
 
@@ -173,7 +173,7 @@ class PreparedPlan:
             free_cells.where == "free" and free_cells.region == "start",
         )
 
-    def paths(self, number: int) -> tuple[NDArray[np.float64], ...]:
+    def paths(self, number: int) -> tuple[Floats, ...]:
         """Waypoints (n, 2) in meters of each path of a scene that has viewpoints.
 
         Raises:
@@ -192,7 +192,7 @@ class PreparedPlan:
             raise PlanError(f"{self.path}: viewpoints.where: {scene.name} has no paths")
         return paths
 
-    def middles(self, number: int) -> tuple[NDArray[np.float64], ...]:
+    def middles(self, number: int) -> tuple[Floats, ...]:
         """Centers (3,) of the bounding boxes of objects that viewpoints surround."""
         scene = self.scene(number)
         names = self.instances(number, self.plan.viewpoints.nodes, "viewpoints.nodes")
@@ -264,7 +264,7 @@ class PreparedPlan:
         )
 
     @cached_property
-    def poses(self) -> NDArray[np.float64]:
+    def poses(self) -> Floats:
         """Poses (n, 4, 4) of the plan's pose file; empty without one."""
         if self.plan.viewpoints.file is None:
             return np.zeros((0, 4, 4))

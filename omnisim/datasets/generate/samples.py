@@ -13,9 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from omnisim.core.arrays import Bytes
 from omnisim.core.errors import OutputError, PlanError
 from omnisim.core.files.image_files import read_image
 from omnisim.datasets.dataset_manifest import Manifest, read_manifest
@@ -69,7 +67,7 @@ class Shards:
             return {**parts["camera"], "metadata": content}
         return {**parts, "metadata": content}
 
-    def image(self, row: int) -> NDArray[np.uint8]:
+    def image(self, row: int) -> Bytes:
         """Image (height, width, 3) of a sample's first camera."""
         with self.damage_named(row), self.files(row) as folder:
             return read_image(self.images(folder)[0])[0]

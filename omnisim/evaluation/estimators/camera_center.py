@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats
 from omnisim.core.poses import inverse
 from omnisim.datasets.export.recording import Recording
 from omnisim.evaluation.estimator import Estimator
@@ -18,11 +18,11 @@ class CameraTracker(Estimator):
 
     alignment: ClassVar[AlignmentKind] = "sim3"
 
-    def base_from_tracked(self, run: Recording) -> NDArray[np.float64]:
+    def base_from_tracked(self, run: Recording) -> Floats:
         """Frame at the first camera's center, with the base's axes; if the scale is known: base."""
         return inverse(self.tracked_from_base(run))
 
-    def tracked_from_base(self, run: Recording) -> NDArray[np.float64]:
+    def tracked_from_base(self, run: Recording) -> Floats:
         """Pose (4, 4) of the base in the tracked frame."""
         tracked_from_base = np.eye(4)
         if self.alignment == "sim3" and run.cameras:

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import EstimatorError
 from omnisim.core.poses import inverse
 from omnisim.core.trajectories import Trajectory
@@ -123,9 +123,7 @@ def _apply_rig(given: pycolmap.Reconstruction, database: Path, names: list[str])
 
 
 def _trajectory(
-    models: dict[int, pycolmap.Reconstruction],
-    taken: Recording,
-    tracked_from_base: NDArray[np.float64],
+    models: dict[int, pycolmap.Reconstruction], taken: Recording, tracked_from_base: Floats
 ) -> Trajectory:
     """Poses of the tracked frame at the images of the first camera, in the largest model."""
     camera = taken.cameras[0]

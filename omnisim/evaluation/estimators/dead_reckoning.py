@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import EstimatorError
 from omnisim.core.poses import inverse, pose_from_rotation
 from omnisim.core.trajectories import Trajectory
@@ -31,9 +31,6 @@ class WheelOdometry(Estimator):
 
 
 # Integration of an IMU's readings, from the true state at the first of them.
-
-
-Floats = NDArray[np.float64]
 
 
 class ImuIntegration(Estimator):

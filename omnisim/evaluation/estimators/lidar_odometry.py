@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import EstimatorError
 from omnisim.core.poses import inverse, nearest_rotation, pose_from_rotation
 from omnisim.core.trajectories import Trajectory
@@ -67,7 +67,6 @@ class SkewedKissIcpOdometry(KissIcpOdometry):
 SAMPLING_M = 0.2
 MAX_DISTANCE_M = 1.0  # between corresponding points
 NEIGHBORS = 10  # nearest points for a covariance
-Floats = NDArray[np.float64]
 
 
 class SmallGicpOdometry(Estimator):

@@ -18,11 +18,11 @@ from pathlib import Path
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from omnisim.cameras import KannalaBrandtCamera
 from omnisim.cameras.calibration.documents import parse_yaml
 from omnisim.cameras.calibration.formats.opencv import OpencvFisheye
+from omnisim.core.arrays import Bools, Bytes, Floats, Indices
 from omnisim.core.errors import EstimatorError
 from omnisim.core.poses import inverse, pose_from_rotation
 from omnisim.core.trajectories import Trajectory
@@ -42,7 +42,6 @@ NOISE = {
     "NoiseGyro": "gyroscope_noise_density", "NoiseAcc": "accelerometer_noise_density",
     "GyroWalk": "gyroscope_random_walk", "AccWalk": "accelerometer_random_walk",
 }  # fmt: skip
-Floats = NDArray[np.float64]
 
 
 class OrbSlam3(CameraTracker):
@@ -157,7 +156,7 @@ def _frames(run: Recording, cameras: list[LensCamera]) -> Iterator[bytes]:
             yield (levels if source is None else levels[source]).tobytes()
 
 
-def _nearest_shown(mask: NDArray[np.bool_] | None) -> tuple[NDArray[np.intp], ...] | None:
+def _nearest_shown(mask: Bools | None) -> tuple[Indices, ...] | None:
     """Rows and columns (height, width) of the nearest pixels in a mask; None: no mask."""
     if mask is None:
         return None
@@ -302,6 +301,6 @@ def _real(value: float) -> str:
 LUMA = np.array((0.299, 0.587, 0.114), dtype=np.float32)  # ITU-R BT.601, as in OpenCV
 
 
-def gray(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def gray(image: Bytes) -> Bytes:
     """Gray image (height, width) of an sRGB image (height, width, 3)."""
     return np.rint(image.astype(np.float32) @ LUMA).astype(np.uint8)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import convolve2d
 
+from omnisim.core.arrays import Bytes, Floats, Indices
 from omnisim.core.errors import MeasurementError
 from omnisim.measurement.comparison.twin_board import (
     PrintedPattern,
@@ -29,7 +30,6 @@ from omnisim.measurement.geometry.boards import Board, BoardView
 from omnisim.measurement.geometry.placed_board import BoardSurface, locate_board
 from omnisim.rendering.camera.omnicamera import OmniCamera
 
-Floats = NDArray[np.float64]
 RINGS = 5
 MAX_OFFSET_PX = 1.0  # beyond it, another edge was found: the corner counts as lost
 
@@ -39,8 +39,8 @@ class ImageComparison:
     """Image of a board compared with the twin's rendered image; not found or seen: NaN."""
 
     name: str  # image file
-    image: NDArray[np.uint8]  # (height, width) gray levels
-    twin: NDArray[np.uint8]  # (height, width) gray levels
+    image: Bytes  # (height, width) gray levels
+    twin: Bytes  # (height, width) gray levels
     corners_px: Floats  # (n, 2) corners in the image
     offsets_px: Floats  # (n, 2) corners in the twin minus those in the image
     rises_px: Floats  # (edges, 2) 10-90 % rise of each edge in the image and in the twin
@@ -88,7 +88,7 @@ def compare_image(
     sensor: OmniCamera,
     board: Board,
     view: BoardView,
-    image: NDArray[np.uint8],
+    image: Bytes,
     board_m: Floats | None = None,
     mirrored: bool = False,
 ) -> ImageComparison:
@@ -239,9 +239,7 @@ class NoiseLevel(NamedTuple):
     twin_noise: float
 
 
-def even_blocks(
-    image: NDArray[np.uint8], twin: NDArray[np.uint8], field: NDArray[np.uint8]
-) -> Floats:
+def even_blocks(image: Bytes, twin: Bytes, field: Bytes) -> Floats:
     """Mean level and noise of blocks that are even in both images: (blocks, 2, 2).
 
     The second axis is image and twin (height, width), the third mean and standard deviation. Blocks
@@ -291,7 +289,7 @@ def _blocks(values: NDArray[_T]) -> NDArray[_T]:
 
 def pose_indices(
     files: Sequence[Path], names: Sequence[str] | None, count: int, source: Path
-) -> NDArray[np.intp]:
+) -> Indices:
     """Index of the pose of each image (files,), from the names of the poses' images.
 
     Names are compared without their folders and suffixes. Without names, there must be as many
@@ -331,12 +329,7 @@ MIN_CONTRAST = 20.0  # of 255
 _REACH_PX = 8.0
 
 
-def edge_rise_px(
-    image: NDArray[np.uint8],
-    start_px: NDArray[np.float64],
-    end_px: NDArray[np.float64],
-    clear: float = 0.4,
-) -> float:
+def edge_rise_px(image: Bytes, start_px: Floats, end_px: Floats, clear: float = 0.4) -> float:
     """Distance over which an edge rises from 10 % to 90 %, px; NaN: too short, faint or blurred.
 
     Uses the middle half of the edge between two corners (2,) of the board; a share `clear` of its
@@ -362,7 +355,7 @@ def edge_rise_px(
     return _rise_px((offsets @ across)[inside], part[inside], reach)
 
 
-def _rise_px(distances: NDArray[np.float64], levels: NDArray[np.float64], reach: float) -> float:
+def _rise_px(distances: Floats, levels: Floats, reach: float) -> float:
     """Rise, px, of gray levels (n,) by distances (n,) up to `reach`; NaN: no clear one."""
     sides = levels[distances < -0.5 * reach], levels[distances > 0.5 * reach]
     if min(map(len, sides)) < 3:

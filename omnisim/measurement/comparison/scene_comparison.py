@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras.camera import CentralCamera
+from omnisim.core.arrays import Bytes, Floats
 from omnisim.core.errors import MeasurementError
 from omnisim.measurement.comparison.comparison import (
     RINGS,
@@ -27,18 +27,13 @@ from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.stage import open_sensor
 from omnisim.scene.model import Scene
 
-Floats = NDArray[np.float64]
 MIN_CORNERS = 10 * RINGS
 _MIN_EDGES = 3  # of a ring: single edges of a scene may be no steps
 _MIN_FOUND = 0.2  # share of the corners; of unrelated images, fewer are found by chance
 
 
 def compare_scene(
-    sensor: OmniCamera,
-    scene: Scene,
-    photos: Iterable[tuple[Path, NDArray[np.float64]]],
-    *,
-    unlit: bool = False,
+    sensor: OmniCamera, scene: Scene, photos: Iterable[tuple[Path, Floats]], *, unlit: bool = False
 ) -> Iterator[ImageComparison]:
     """Render a scene, at 0 s, from each image's pose, and compare both; yields one image at a time.
 
@@ -58,7 +53,7 @@ def compare_scene(
             yield compare_scene_image(path.name, image, twin, field)
 
 
-def check_size(path: Path, image: NDArray[np.uint8], sensor: OmniCamera) -> None:
+def check_size(path: Path, image: Bytes, sensor: OmniCamera) -> None:
     """Check that an image (height, width) has the size of a sensor's.
 
     Raises:
@@ -72,9 +67,7 @@ def check_size(path: Path, image: NDArray[np.uint8], sensor: OmniCamera) -> None
         )
 
 
-def compare_scene_image(
-    name: str, image: NDArray[np.uint8], twin: NDArray[np.uint8], field: NDArray[np.uint8]
-) -> ImageComparison:
+def compare_scene_image(name: str, image: Bytes, twin: Bytes, field: Bytes) -> ImageComparison:
     """Compare a gray image (height, width) with the twin's, within a mask of `seen_field`."""
     corners, offsets = track_corners(image, twin, field)
     light = image / 255.0
@@ -136,7 +129,7 @@ def brighter_ev(sensor: OmniCamera, images: list[ImageComparison]) -> float:
 # 2010), for the rejection of wrong ones.
 
 
-Gray = NDArray[np.uint8]
+Gray = Bytes
 MAX_OFFSET_PX = 12.0  # of a corner; the pyramid's reach
 _MAX_CORNERS = 500  # per image
 _QUALITY, _DISTANCE_PX = 0.02, 8.0  # of the corners: share of the best one, and spacing

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
+from omnisim.core.arrays import Bools, Bytes, Floats, Floats32
 from omnisim.core.errors import MeasurementError
 from omnisim.measurement.geometry.board_detection import (
     LUMA,
@@ -30,18 +30,13 @@ from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.stage import open_sensor
 from omnisim.scene.model import Instance, Lighting, Material, Mesh, Scene, StartPose
 
-Floats = NDArray[np.float64]
 _CLIPPED = 254.0
 _MIN_FALLOFF = 0.05  # share of the light; less of it is not divided out
 
 
 def render_twin(
-    sensor: OmniCamera,
-    board: PlacedBoard,
-    pattern: PrintedPattern,
-    patches: Patches,
-    image: NDArray[np.uint8],
-) -> NDArray[np.uint8]:
+    sensor: OmniCamera, board: PlacedBoard, pattern: PrintedPattern, patches: Patches, image: Bytes
+) -> Bytes:
     """Gray image (height, width) of a printed board by the twin, in light fitted to patches."""
     encoding = sensor.degradation.encoding or Encoding()  # sRGB if it has none
     # the twin's own vignetting is divided out, since it is rendered again
@@ -114,13 +109,13 @@ class BoardLight(NamedTuple):
     paper: Floats
     ink: Floats
 
-    def at(self, positions_m: Floats, is_black: NDArray[np.bool_]) -> Floats:
+    def at(self, positions_m: Floats, is_black: Bools) -> Floats:
         """Light (...) at positions (..., 2) of ink or paper (...)."""
         terms = _terms(positions_m, self.low_m, self.high_m)
         return np.maximum(np.where(is_black, terms @ self.ink, terms @ self.paper), 0.0)
 
 
-def fit_light(patches: Patches, light: Floats, is_used: NDArray[np.bool_]) -> BoardLight:
+def fit_light(patches: Patches, light: Floats, is_used: Bools) -> BoardLight:
     """Fit smooth light to the linear light (patches,) of those patches of a board that are used.
 
     Of boards with few patches, the light of ink is taken as a constant share of that of paper.
@@ -165,7 +160,7 @@ def visible_patches(pattern: PrintedPattern, view: BoardView) -> Patches:
     return patches
 
 
-def patch_levels(image: NDArray[np.uint8] | NDArray[np.float32], pixels_px: Floats) -> Floats:
+def patch_levels(image: Bytes | Floats32, pixels_px: Floats) -> Floats:
     """Median levels (patches,) of an image at samples (patches, samples, 2) of patches."""
     levels = map_coordinates(
         image.astype(np.float64), np.moveaxis(pixels_px[..., ::-1], -1, 0), order=1, mode="nearest"
@@ -183,7 +178,7 @@ def patch_samples_px(patches: Patches, board: PlacedBoard) -> Floats:
 
 
 def matching_pattern(
-    image: NDArray[np.uint8], patterns: list[PrintedPattern], board: PlacedBoard, view: BoardView
+    image: Bytes, patterns: list[PrintedPattern], board: PlacedBoard, view: BoardView
 ) -> PrintedPattern:
     """Pattern of the same cells whose ink is darkest in an image (height, width), beside its paper.
 
@@ -218,7 +213,6 @@ def _terms(positions_m: Floats, low_m: Floats, high_m: Floats) -> Floats:
 # Sources: OpenCV's module `aruco`, for the bits of markers; Kalibr's wiki, "Calibration targets".
 
 
-Bools = NDArray[np.bool_]
 _PAPER = 1  # squares of white paper around the squares of a board
 
 

@@ -14,9 +14,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
+from omnisim.core.arrays import Bools, Bytes, Floats, Floats32
 from omnisim.core.errors import MeasurementError
 from omnisim.measurement.geometry.boards import (
     AprilGrid,
@@ -43,7 +43,7 @@ _MIN_WINDOW_PX = 2
 
 
 def find_board(
-    image: NDArray[np.uint8], board: Board, name: str = "image", mirrored: bool = False
+    image: Bytes, board: Board, name: str = "image", mirrored: bool = False
 ) -> BoardView:
     """Find a board's corners in a gray image (height, width), named in the result.
 
@@ -62,10 +62,10 @@ def find_board(
     return BoardView(name, points, pixels)
 
 
-Corners = tuple[NDArray[np.float64], NDArray[np.float64]]  # points (n, 2) in m, pixels (n, 2)
+Corners = tuple[Floats, Floats]  # points (n, 2) in m, pixels (n, 2)
 
 
-def _chessboard(image: NDArray[np.uint8], board: Chessboard) -> Corners:
+def _chessboard(image: Bytes, board: Chessboard) -> Corners:
     """Corners of a chessboard; in large images, it is searched for at half the size first."""
     import cv2
 
@@ -80,9 +80,7 @@ def _chessboard(image: NDArray[np.uint8], board: Chessboard) -> Corners:
     return _chessboard_corners(image, board, _larger_grid(image, (board.columns, board.rows)))
 
 
-def _chessboard_corners(
-    image: NDArray[np.uint8], board: Chessboard, grid: NDArray[np.float64] | None
-) -> Corners:
+def _chessboard_corners(image: Bytes, board: Chessboard, grid: Floats | None) -> Corners:
     """Corners of a chessboard, located from a rough grid (rows, columns, 2) or None."""
     import cv2
 
@@ -113,7 +111,7 @@ def _chessboard_corners(
     return points, grid.reshape(-1, 2)
 
 
-def _by_quadrangles(image: NDArray[np.uint8], size: tuple[int, int]) -> tuple[bool, Any]:
+def _by_quadrangles(image: Bytes, size: tuple[int, int]) -> tuple[bool, Any]:
     """OpenCV's search for black quadrangles: True if all corners are found, and the corners.
 
     Large images are searched at half their size: the search takes seconds without a board.
@@ -128,7 +126,7 @@ def _by_quadrangles(image: NDArray[np.uint8], size: tuple[int, int]) -> tuple[bo
     return is_found, 2.0 * corners if is_found else corners
 
 
-def _larger_grid(image: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.float64] | None:
+def _larger_grid(image: Bytes, size: tuple[int, int]) -> Floats | None:
     """Corners (rows, columns, 2) of a chessboard of at least `size` inner corners, or None."""
     import cv2
 
@@ -136,14 +134,14 @@ def _larger_grid(image: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.
     is_found, corners, meta = cv2.findChessboardCornersSBWithMeta(image, size, flags)
     if not is_found:
         return None
-    grid: NDArray[np.float64] = corners.reshape(*meta.shape, 2).astype(np.float64)
+    grid: Floats = corners.reshape(*meta.shape, 2).astype(np.float64)
     is_turned = (
         meta.shape[0] > meta.shape[1] if size[0] >= size[1] else meta.shape[0] < meta.shape[1]
     )
     return grid.swapaxes(0, 1) if is_turned else grid
 
 
-def _refined(image: NDArray[np.uint8], grid: NDArray[np.float64]) -> NDArray[np.float64]:
+def _refined(image: Bytes, grid: Floats) -> Floats:
     """Corners (rows, columns, 2) at sub-pixel accuracy, each from a third of the spacing."""
     spacing = np.full(grid.shape[:2], np.inf)
     for axis in (0, 1):
@@ -159,9 +157,7 @@ def _refined(image: NDArray[np.uint8], grid: NDArray[np.float64]) -> NDArray[np.
     return refined
 
 
-def _located(
-    image: NDArray[np.uint8], corners: NDArray[np.float64], window: int
-) -> NDArray[np.float64]:
+def _located(image: Bytes, corners: Floats, window: int) -> Floats:
     """Saddle points (n, 2) near corners (n, 2), from windows of 2 `window` + 1 px."""
     import cv2
 
@@ -171,7 +167,7 @@ def _located(
     return fine.reshape(-1, 2).astype(np.float64)
 
 
-def _charuco(image: NDArray[np.uint8], board: CharucoBoard) -> Corners:
+def _charuco(image: Bytes, board: CharucoBoard) -> Corners:
     pixels, ids, _, tags = charuco_detector(board).detectBoard(image)
     if ids is None or len(ids) < MIN_CORNERS:
         seen = 0 if ids is None else len(ids)
@@ -192,7 +188,7 @@ def _charuco(image: NDArray[np.uint8], board: CharucoBoard) -> Corners:
     return _checked(points, *_kept(rough, _located(image, rough, window), window))
 
 
-def _april_grid(image: NDArray[np.uint8], board: AprilGrid) -> Corners:
+def _april_grid(image: Bytes, board: AprilGrid) -> Corners:
     tags, ids, _ = tag_detector().detectMarkers(image)
     numbers = np.zeros(0, dtype=np.int64) if ids is None else ids.ravel()
     known = numbers < board.columns * board.rows
@@ -225,16 +221,12 @@ def _window(reach_px: float) -> int:
     return int(np.clip(reach_px, _MIN_WINDOW_PX, _MAX_WINDOW_PX))
 
 
-def _kept(
-    rough: NDArray[np.float64], fine: NDArray[np.float64], window: int
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+def _kept(rough: Floats, fine: Floats, window: int) -> tuple[Floats, Bools]:
     """Located corners (n, 2), and a mask (n,): False if far from the corner's rough position."""
     return fine, np.linalg.norm(fine - rough, axis=1) <= max(0.5 * window, 1.0)
 
 
-def _checked(
-    points: NDArray[np.float64], pixels: NDArray[np.float64], is_kept: NDArray[np.bool_]
-) -> Corners:
+def _checked(points: Floats, pixels: Floats, is_kept: Bools) -> Corners:
     """Kept corners (m, 2) of (n, 2), if they are arranged as on a board seen from its front."""
     points, pixels = points[is_kept], pixels[is_kept]
     if len(points) < MIN_CORNERS:
@@ -260,14 +252,14 @@ def _checked(
     return points, pixels
 
 
-def _plane_residual(points: NDArray[np.float64], pixels: NDArray[np.float64]) -> float:
+def _plane_residual(points: Floats, pixels: Floats) -> float:
     """Norm of the residuals of the best affine map from points to pixels, px."""
     affine = np.column_stack((points, np.ones(len(points))))
     residuals = pixels - affine @ np.linalg.lstsq(affine, pixels, rcond=None)[0]
     return float(np.linalg.norm(residuals))
 
 
-def _mirror_hint(image: NDArray[np.uint8], detect: Any, index: int) -> str:
+def _mirror_hint(image: Bytes, detect: Any, index: int) -> str:
     """Hint that the image is mirrored, if its reflection shows tags; else "".
 
     `detect` is OpenCV's function, whose result has the tags' ids at `index`.
@@ -283,7 +275,6 @@ def _mirror_hint(image: NDArray[np.uint8], detect: Any, index: int) -> str:
 
 TAG_BORDER_BITS = 2  # width of the black border of Kalibr's tags
 _MARKER_BORDER_BITS = 1
-Bools = NDArray[np.bool_]
 
 
 @lru_cache(maxsize=1)
@@ -344,10 +335,10 @@ def _tags() -> Any:
 MAX_STRETCH = 3.0  # of neighboring distances along a line of corners; a fisheye's edge has 1.6
 MAX_BEND_COSINE = 0.6  # of neighboring steps along a line: 53°
 MAX_WRONG_SQUARES = 0.05  # share; a hand, a shadow or a reflection hides some
-Grid = NDArray[np.float64]  # (rows, columns, 2) positions in the image
+Grid = Floats  # (rows, columns, 2) positions in the image
 
 
-def cell_areas_px2(grid: Grid) -> NDArray[np.float64]:
+def cell_areas_px2(grid: Grid) -> Floats:
     """Signed areas (rows - 1, columns - 1) of a grid's cells, px²; positive: front side seen."""
     first, second = grid[1:, 1:] - grid[:-1, :-1], grid[1:, :-1] - grid[:-1, 1:]
     return 0.5 * (first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0])
@@ -372,7 +363,7 @@ def grid_fault(grid: Grid) -> str | None:
     return None
 
 
-def squares_fault(image: NDArray[np.uint8], grid: Grid) -> str | None:
+def squares_fault(image: Bytes, grid: Grid) -> str | None:
     """Fault in the colors of the squares between a chessboard's corners, or None."""
     levels = _square_levels(image, grid)
     signs = _signs(levels.shape)
@@ -387,7 +378,7 @@ def squares_fault(image: NDArray[np.uint8], grid: Grid) -> str | None:
     return None
 
 
-def size_fault(image: NDArray[np.uint8], grid: Grid) -> str | None:
+def size_fault(image: Bytes, grid: Grid) -> str | None:
     """Fault if squares continue beyond a chessboard's outermost corners, or None."""
     inner = _square_levels(image, grid)
     contrast = abs(float((inner * _signs(inner.shape)).mean()))
@@ -398,7 +389,7 @@ def size_fault(image: NDArray[np.uint8], grid: Grid) -> str | None:
         wider = np.concatenate((first, wider, last), axis)
     levels = _square_levels(image, wider)
     height, width = image.shape
-    is_in: NDArray[np.bool_] = np.all((wider >= 0.0) & (wider < (width, height)), axis=2)
+    is_in: Bools = np.all((wider >= 0.0) & (wider < (width, height)), axis=2)
     inside = is_in[1:, 1:] & is_in[:-1, :-1] & is_in[1:, :-1] & is_in[:-1, 1:]
     for side in (np.s_[0, 2:-2], np.s_[-1, 2:-2], np.s_[2:-2, 0], np.s_[2:-2, -1]):
         steps = np.diff(levels[side]) * _signs((levels[side].size - 1,))
@@ -407,21 +398,21 @@ def size_fault(image: NDArray[np.uint8], grid: Grid) -> str | None:
     return None
 
 
-def is_first_square_white(image: NDArray[np.uint8], grid: Grid) -> bool:
+def is_first_square_white(image: Bytes, grid: Grid) -> bool:
     """True if the square between a grid's first corners is white."""
     levels = _square_levels(image, grid)
     signs = _signs(levels.shape)
     return bool((levels * signs).sum() / signs.size > np.mean(levels) * signs.mean())
 
 
-def _square_levels(image: NDArray[np.uint8], grid: Grid) -> NDArray[np.float32]:
+def _square_levels(image: Bytes, grid: Grid) -> Floats32:
     """Gray levels (rows - 1, columns - 1) in the middle of a grid's squares."""
     centers = 0.25 * (grid[1:, 1:] + grid[:-1, :-1] + grid[1:, :-1] + grid[:-1, 1:])
     positions = np.moveaxis(centers[..., ::-1], -1, 0)
     return map_coordinates(image.astype(np.float32), positions, order=1, mode="nearest")
 
 
-def _signs(shape: tuple[int, ...]) -> NDArray[np.float64]:
+def _signs(shape: tuple[int, ...]) -> Floats:
     """1 and -1 alternately, as the squares of a chessboard of shape (rows, columns)."""
     return 1.0 - 2.0 * (np.indices(shape).sum(axis=0) % 2)
 
@@ -489,7 +480,7 @@ def find_boards(
             yield result
 
 
-def read_gray(path: Path) -> NDArray[np.uint8]:
+def read_gray(path: Path) -> Bytes:
     """Gray image (height, width), with 16 bits stretched to 8.
 
     Raises:

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras.calibration.documents import parse_yaml, read_text
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import CalibrationError, MeasurementError, NoticeWarning
 
 _UNITS_M = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
@@ -187,11 +187,11 @@ class BoardView:
 
     name: str  # image file, or another name of the image
     # (n, 2) positions on the flat board: x along the rows, y along the columns
-    points_m: NDArray[np.float64]
-    pixels_px: NDArray[np.float64]  # (n, 2) positions in the image
+    points_m: Floats
+    pixels_px: Floats  # (n, 2) positions in the image
 
     @property
-    def points_3d_m(self) -> NDArray[np.float64]:
+    def points_3d_m(self) -> Floats:
         """Corners (n, 3) in the board's frame, z = 0."""
         return np.column_stack((self.points_m, np.zeros(len(self.points_m))))
 

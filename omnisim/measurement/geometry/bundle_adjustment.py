@@ -15,16 +15,15 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy  # its submodules load on first use
-from numpy.typing import NDArray
 
 from omnisim.cameras import KannalaBrandtCamera
 from omnisim.cameras.calibration.linear_fit import FITTED, ParameterVector
 from omnisim.cameras.optics.boards.board_corners import move_jacobians, pose_from_directions
 from omnisim.cameras.parametric_camera import ParametricCamera
+from omnisim.core.arrays import Floats, Ints
 from omnisim.core.errors import MeasurementError, OpticsError
 from omnisim.measurement.geometry.boards import BoardView
 
-Floats = NDArray[np.float64]
 _STEP = 1e-6  # step of numerical derivatives: rad, or relative
 _MAX_STEPS = 60
 CONVERGED = 1e-9  # relative decrease of the cost
@@ -62,10 +61,10 @@ class Corners:
     """Corners of a board in several images, in the order of the images."""
 
     nominal_m: Floats  # (corners, 3) nominal positions of the corners in the board's frame
-    label: NDArray[np.int64]  # (n,) index into `nominal_m`
+    label: Ints  # (n,) index into `nominal_m`
     pixels_px: Floats  # (n, 2) positions in the image
-    image: NDArray[np.int64]  # (n,) index of the image, ascending
-    starts: NDArray[np.int64]  # (images + 1,) index of the first corner of each image, then n
+    image: Ints  # (n,) index of the image, ascending
+    starts: Ints  # (images + 1,) index of the first corner of each image, then n
 
     @classmethod
     def of(cls, views: Sequence[BoardView], nominal_m: Floats | None = None) -> Corners:
@@ -368,7 +367,7 @@ def initial_adjustment(views: Sequence[BoardView], size_px: tuple[int, int]) -> 
     return fitted
 
 
-def _directions(camera: KannalaBrandtCamera, view: BoardView) -> NDArray[np.float64]:
+def _directions(camera: KannalaBrandtCamera, view: BoardView) -> Floats:
     """Directions (n, 3) of a view's corners through an equidistant lens, optical frame."""
     offsets = (view.pixels_px - camera.principal_point_px) / camera.focal_lengths_px
     theta = np.linalg.norm(offsets, axis=1, keepdims=True)

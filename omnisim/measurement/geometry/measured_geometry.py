@@ -8,19 +8,18 @@ from dataclasses import dataclass
 from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras import MirroredCamera
 from omnisim.cameras.camera import CentralCamera
 from omnisim.cameras.optics.boards.board_corners import BoardCorners
 from omnisim.cameras.optics.boards.calibrate import SystemCalibration, calibrate_system
+from omnisim.core.arrays import Bools, Floats
 from omnisim.core.errors import CalibrationError, MeasurementError, OpticsError
 from omnisim.measurement.geometry.board_detection import MIN_CORNERS
 from omnisim.measurement.geometry.boards import BoardView, RejectedImage
 from omnisim.measurement.geometry.bundle_adjustment import (
     Adjustment,
     Corners,
-    Floats,
     initial_adjustment,
     rms_px,
 )
@@ -330,7 +329,7 @@ def fit_lens(views: list[BoardView], size_px: tuple[int, int]) -> FittedViews[Ad
     return FittedViews(preliminary_lens(first, Corners.of(views)).fit.errors_px, first)
 
 
-def _check_board(is_outlier: NDArray[np.bool_], corners: Corners) -> None:
+def _check_board(is_outlier: Bools, corners: Corners) -> None:
     """Reject a board with a corner that is an outlier (n,) in more than half of its images."""
     seen = np.bincount(corners.label, minlength=len(corners.nominal_m))
     off = np.bincount(corners.label[is_outlier], minlength=len(corners.nominal_m))

@@ -9,12 +9,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras import FThetaInverseCamera, KannalaBrandtCamera, OcamcalibCamera, UnifiedCamera
 from omnisim.cameras.calibration.fit import FITTED_MODELS, fit_camera
 from omnisim.cameras.calibration.linear_fit import FITTED, Bounds, ParameterVector
 from omnisim.cameras.parametric_camera import ParametricCamera
+from omnisim.core.arrays import Bools, Floats
 from omnisim.core.errors import CalibrationError, MeasurementError, OpticsError
 from omnisim.measurement.geometry.bundle_adjustment import Adjustment, Corners, adjust, rms_px
 from omnisim.measurement.quantity import Quantity, Unobservable
@@ -171,7 +171,6 @@ _MARGIN_RAD = 0.01  # field of a model's initial camera beyond the outermost cor
 _FOLDS = 5
 _HELD_OUT_CONVERGED = 1e-6  # relative decrease of the cost; changes the RMS error by 5e-7
 
-Floats = NDArray[np.float64]
 Parameters = ParameterVector[ParametricCamera]
 
 
@@ -229,7 +228,7 @@ def held_out_errors(
     return errors
 
 
-def select_images(corners: Corners, chosen: NDArray[np.bool_]) -> Corners:
+def select_images(corners: Corners, chosen: Bools) -> Corners:
     """Corners in the images selected by a mask (images,)."""
     rows = chosen[corners.image]
     counts = np.diff(corners.starts)[chosen]

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import scipy  # its submodules load on first use
-from numpy.typing import NDArray
 
 from omnisim.cameras import NonCentralCamera
 from omnisim.cameras.calibration.linear_fit import ParameterVector
 from omnisim.cameras.camera import CentralCamera, Pixels
 from omnisim.cameras.optics.boards.board_corners import pose_from_directions
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import MeasurementError, OpticsError
 from omnisim.measurement.geometry.boards import BoardView
 from omnisim.measurement.geometry.bundle_adjustment import Corners, adjust
@@ -20,7 +20,6 @@ from omnisim.measurement.geometry.bundle_adjustment import Corners, adjust
 if TYPE_CHECKING:
     from omnisim.cameras.parametric_camera import ParametricCamera
 
-Floats = NDArray[np.float64]
 _MIN_CURVED = 6  # corners that determine a curved board
 
 

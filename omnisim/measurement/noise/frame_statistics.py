@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import MeasurementError
 from omnisim.measurement.inputs import RAW_SUFFIXES, is_lossy, read_mosaic
 
@@ -30,7 +31,7 @@ class FrameStatistics:
     name: str
     exposure_s: float
     count: int
-    mean_image_dn: NDArray[np.float64]  # (height, width) mean of the frames
+    mean_image_dn: Floats  # (height, width) mean of the frames
     variance_dn2: float  # temporal variance, mean over the pixels, without the drift of the light
     # maximum_dn, clipped: largest value in any frame, and share of the values that equal it
     maximum_dn: float

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Bools, Floats, Floats32, Ints
 from omnisim.core.errors import MeasurementError
 from omnisim.measurement.noise.frame_statistics import FrameStatistics
 from omnisim.measurement.quantity import Quantity, Unobservable
@@ -37,8 +37,8 @@ class MeasuredNoise:
     curve: PhotonTransfer  # photon transfer curve
     # (height, width, 2) float32: deviation of each pixel's gain as a share, and of its dark signal
     # in electrons; None: too few frames
-    pattern: NDArray[np.float32] | None
-    defects: NDArray[np.int64]  # (n, 2) row and column of defective pixels
+    pattern: Floats32 | None
+    defects: Ints  # (n, 2) row and column of defective pixels
     exposure_s: float  # exposure time of the frames used to measure the pattern
 
 
@@ -152,7 +152,7 @@ class _Collector:
         self.parameters: dict[str, Any] = {}
         self.quantities: list[Quantity] = []
         self.unobservable: list[Unobservable] = []
-        self.map: NDArray[np.float32] | None = None
+        self.map: Floats32 | None = None
         self.defects = np.zeros((0, 2), dtype=np.int64)
 
     def gain(self) -> None:
@@ -322,9 +322,9 @@ class PhotonTransfer:
     """Photon transfer curve."""
 
     # means_dn, variances_dn2: (levels,) means and variances, minus those of the dark frames
-    means_dn: NDArray[np.float64]
-    variances_dn2: NDArray[np.float64]
-    used: NDArray[np.bool_]  # (levels,) True: the level is part of the fit
+    means_dn: Floats
+    variances_dn2: Floats
+    used: Bools  # (levels,) True: the level is part of the fit
     # gain_dn_per_e, gain_sigma_dn_per_e: slope of the curve, and its standard deviation
     gain_dn_per_e: float
     gain_sigma_dn_per_e: float
@@ -381,7 +381,7 @@ def photon_transfer(flats: Sequence[FrameStatistics], dark: DarkSignal) -> Photo
     return PhotonTransfer(means, variances, used, gain, gain_sigma, end_dn)
 
 
-def _check_linear(times: NDArray[np.float64], means: NDArray[np.float64]) -> None:
+def _check_linear(times: Floats, means: Floats) -> None:
     """Reject means that are not proportional to the exposure time, if there are three times."""
     if len(np.unique(times)) < MIN_LEVELS:
         return
@@ -393,12 +393,7 @@ def _check_linear(times: NDArray[np.float64], means: NDArray[np.float64]) -> Non
         )
 
 
-def _check_curvature(
-    means: NDArray[np.float64],
-    variances: NDArray[np.float64],
-    sigmas: NDArray[np.float64],
-    gain: float,
-) -> None:
+def _check_curvature(means: Floats, variances: Floats, sigmas: Floats, gain: float) -> None:
     """Refuse a variance that is not proportional to the mean."""
     if len(means) <= MIN_LEVELS:
         return
@@ -412,9 +407,7 @@ def _check_curvature(
         )
 
 
-def _slope(
-    means: NDArray[np.float64], variances: NDArray[np.float64], sigmas: NDArray[np.float64]
-) -> tuple[float, float]:
+def _slope(means: Floats, variances: Floats, sigmas: Floats) -> tuple[float, float]:
     """Slope of a line through the origin, and its standard deviation."""
     weights = sigmas**-2
     slope = float((weights * means * variances).sum() / (weights * means * means).sum())
@@ -424,13 +417,11 @@ def _slope(
     return slope, float(sigma)
 
 
-def _line(
-    x: NDArray[np.float64], y: NDArray[np.float64], sigmas: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _line(x: Floats, y: Floats, sigmas: Floats) -> tuple[Floats, Floats]:
     """Intercept and slope (2,) of a weighted line, and their covariance (2, 2)."""
     design = np.stack((np.ones_like(x), x), axis=1) / sigmas[:, None]
     covariance = np.linalg.inv(design.T @ design)
-    line: NDArray[np.float64] = covariance @ design.T @ (y / sigmas)
+    line: Floats = covariance @ design.T @ (y / sigmas)
     residual = y / sigmas - design @ line
     excess = max(1.0, float(residual @ residual) / max(len(x) - 2, 1))
     return line, np.asarray(covariance * excess, dtype=np.float64)
@@ -456,8 +447,8 @@ class Nonuniformity:
     column: float  # of the column means
     pixel: float  # of the rest
     sigma: float  # uncertainty of `total` (standard deviation)
-    defects: NDArray[np.int64]  # (n, 2) row and column of pixels more than 8 sigmas off the median
-    pattern: NDArray[np.float64]  # (height, width) deviations from the mean
+    defects: Ints  # (n, 2) row and column of pixels more than 8 sigmas off the median
+    pattern: Floats  # (height, width) deviations from the mean
 
 
 def photo_response_nonuniformity(
@@ -481,7 +472,7 @@ def photo_response_nonuniformity(
     return _nonuniformity(response, temporal * float(np.mean(trend**-2)))
 
 
-def _nonuniformity(deviations: NDArray[np.float64], temporal: float) -> Nonuniformity:
+def _nonuniformity(deviations: Floats, temporal: float) -> Nonuniformity:
     """Nonuniformity of a mean image's deviations; `temporal` is the variance of its noise."""
     rows, columns = deviations.shape
     measured = float(deviations.var(ddof=1))
@@ -506,7 +497,7 @@ def _nonuniformity(deviations: NDArray[np.float64], temporal: float) -> Nonunifo
     return Nonuniformity(spread, row, column, pixel, float(sigma), np.argwhere(is_defect), pattern)
 
 
-def _trend(signal: NDArray[np.float64]) -> NDArray[np.float64]:
+def _trend(signal: Floats) -> Floats:
     """Polynomial of the image coordinates that best fits an image (height, width)."""
     x, y = (
         np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, size), _TREND_DEGREE)

@@ -12,16 +12,15 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import binary_erosion, median_filter
 
+from omnisim.core.arrays import Bools, Floats
 from omnisim.core.errors import MeasurementError
 from omnisim.measurement.inputs import read_photo
 from omnisim.measurement.quantity import Quantity
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
 from omnisim.rendering.camera.degradations.vignetting import MAX_TERMS, Vignetting
 
-Floats = NDArray[np.float64]
 BLOCKS = 60  # along the image's shorter side
 MIN_BLOCK_PX, MAX_BLOCK_PX = 4, 16
 MAX_RESIDUAL = 0.02  # share of the light: more is no evenly lit surface
@@ -168,7 +167,7 @@ class RadialProfile(NamedTuple):
     solution: Floats  # (terms,) coefficients a, b, c and so on
     rate: float  # k, the squared tangent of the field angle at r = 1; 0: a polynomial
     gradient: Floats  # (2,) relative change of the light over the image's width and height
-    is_kept: NDArray[np.bool_]  # (blocks,) False: outliers
+    is_kept: Bools  # (blocks,) False: outliers
     residuals: Floats  # (blocks,) measured minus fitted light
 
     @property
@@ -239,7 +238,7 @@ def _fit(
     see `fit_profile`.
     """
     terms = _terms(squared, count, rate)
-    is_kept: NDArray[np.bool_] = np.ones(len(light), dtype=bool)
+    is_kept: Bools = np.ones(len(light), dtype=bool)
     gradient: Floats = np.zeros(2)
     solution: Floats = np.zeros(count)
     for number in range(_ROUNDS):
@@ -269,7 +268,7 @@ def _fit(
 MAX_CLIPPED = 0.01  # share of a flat field's values
 
 
-def mean_image(files: Sequence[Path], channel: int) -> tuple[NDArray[np.float64], float]:
+def mean_image(files: Sequence[Path], channel: int) -> tuple[Floats, float]:
     """Mean (height, width) of a channel of images of one size, and the largest possible value.
 
     The channel is ignored for gray images.
@@ -280,7 +279,7 @@ def mean_image(files: Sequence[Path], channel: int) -> tuple[NDArray[np.float64]
     """
     if not files:
         raise MeasurementError("expected images, got none")
-    total: NDArray[np.float64] | None = None
+    total: Floats | None = None
     largest = 0.0
     for path in files:
         pixels = read_photo(path)
@@ -299,7 +298,7 @@ def mean_image(files: Sequence[Path], channel: int) -> tuple[NDArray[np.float64]
     return total / len(files), largest
 
 
-def check_unclipped(flat: NDArray[np.float64], largest: float, name: str) -> None:
+def check_unclipped(flat: Floats, largest: float, name: str) -> None:
     """Reject a flat field (height, width), the mean of images, with too many white pixels.
 
     Raises:

@@ -18,12 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
+from omnisim.core.arrays import Bools, Floats
 from omnisim.core.errors import MeasurementError
 from omnisim.core.srgb import linear_from_srgb
 from omnisim.measurement.quantity import Quantity
 from omnisim.rendering.camera.degradations.encoding import Encoding
 
-Floats = NDArray[np.float64]
 MIN_EXPOSURES = 3
 LOW, HIGH = 0.03, 0.97  # levels that count, as shares of the largest one
 MIN_BRIGHTEST, MAX_BRIGHTEST = 0.5, 1.001  # share of the largest level
@@ -131,7 +131,7 @@ def measure_response(
 
 
 def _error(
-    inverse: Callable[[Floats], Floats], levels: Floats, times: Floats, used: NDArray[np.bool_]
+    inverse: Callable[[Floats], Floats], levels: Floats, times: Floats, used: Bools
 ) -> float:
     """Root mean square error of levels (images, pixels) predicted with an inverse response.
 
@@ -147,7 +147,7 @@ def _error(
     return float(np.sqrt(np.mean(np.square((expected - levels)[used]))))
 
 
-def _best_gamma(levels: Floats, times: Floats, used: NDArray[np.bool_]) -> float:
+def _best_gamma(levels: Floats, times: Floats, used: Bools) -> float:
     """Exponent of the power that explains the levels best."""
 
     def error(gamma: float) -> float:
@@ -167,7 +167,7 @@ def _simplest(errors: dict[str, float]) -> str:
     return name if errors[name] <= limit else "curve"
 
 
-def _solved_curve(levels: Floats, times: Floats, used: NDArray[np.bool_]) -> tuple[Floats, Floats]:
+def _solved_curve(levels: Floats, times: Floats, used: Bools) -> tuple[Floats, Floats]:
     """Levels (n,) of the knots, from 0 to 1, and their light (n,), 1 at the last knot.
 
     The logarithm of the light is the logarithm of the level plus a function that is linear between

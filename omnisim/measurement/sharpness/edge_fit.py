@@ -14,6 +14,7 @@ from scipy.spatial import cKDTree
 from scipy.special import ndtr
 
 from omnisim.cameras.optics.boards.board_corners import BoardCorners
+from omnisim.core.arrays import Bools, Floats, Ints
 from omnisim.core.errors import MeasurementError
 from omnisim.measurement.inputs import (
     RAW_SUFFIXES,
@@ -23,8 +24,6 @@ from omnisim.measurement.inputs import (
     recorded_frames,
 )
 from omnisim.rendering.camera.degradations.encoding import Encoding
-
-Floats = NDArray[np.float64]
 
 MIN_LENGTH_PX = 20.0
 MIN_SLANT_DEG = 2.0  # below it, an edge of usual length crosses too few pixel phases
@@ -78,14 +77,14 @@ class FittedEdge:
     slant_deg: float  # angle to the pixel rows or columns, whichever is smaller
     distances_px: Floats  # (n,) signed distance of each pixel's center, positive on the bright side
     # rows, columns: (n,) indices of the pixels
-    rows: NDArray[np.int64]
-    columns: NDArray[np.int64]
+    rows: Ints
+    columns: Ints
     # contrast, noise: difference between the two sides, and sigma of a pixel's value; 1: white
     contrast: float
     noise: float
 
 
-def fit_edge(light: Floats, clipped: NDArray[np.bool_], line: EdgeLine) -> FittedEdge:
+def fit_edge(light: Floats, clipped: Bools, line: EdgeLine) -> FittedEdge:
     """Fit a parabola along the edge near a line, and a normal distribution across it.
 
     Of linear values (height, width), 1: white; clipped pixels are at a limit of their values. A
@@ -247,7 +246,7 @@ def read_edge_image(path: Path, encoding: Encoding | None) -> NDArray[Any]:
 
 def linear_light(
     pixels: NDArray[Any], encoding: Encoding | None, name: str
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+) -> tuple[Floats, Bools]:
     """Linear light (height, width, 1 or 3) of stored values, and a mask of clipped pixels.
 
     White is 1 for floats, and the largest value of the converter's bits for integers. Encoding
@@ -324,7 +323,7 @@ def find_edges(light: Floats) -> list[EdgeLine]:
     return edges[:MAX_EDGES]
 
 
-def _between(start_px: NDArray[np.float64], end_px: NDArray[np.float64]) -> EdgeLine | None:
+def _between(start_px: Floats, end_px: Floats) -> EdgeLine | None:
     """Edge between two corners, shortened at both ends, where the corners blur; None: too short."""
     length = float(np.hypot(*(end_px - start_px)))
     cut = max(_CORNER, _CORNER_PX / max(length, 1e-9))

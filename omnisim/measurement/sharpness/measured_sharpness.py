@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.cameras.optics.boards.board_corners import BoardCorners
+from omnisim.core.arrays import Bools, Floats
 from omnisim.core.errors import MeasurementError
 from omnisim.measurement.quantity import Quantity, Unobservable
 from omnisim.measurement.sharpness.edge_fit import (
     Flaw,
-    Floats,
     UnusableEdge,
     board_edges,
     find_edges,
@@ -318,7 +318,7 @@ class Curve:
     coefficients: Floats  # (terms,) coefficients of the least-squares fit
     # (terms, terms) covariance of the coefficients, with the scatter of the edges
     covariance: Floats
-    used: NDArray[np.bool_]  # (n,) False: an outlier
+    used: Bools  # (n,) False: an outlier
 
     def at(self, design: Floats) -> tuple[Floats, Floats]:
         """Values (n,) and standard deviations (n,) of the curve for basis functions (n, terms)."""
@@ -349,7 +349,7 @@ def fit_curve(design: Design, values: Floats, sigmas: Floats, degrees: Sequence[
 
 
 def _least_squares(
-    degree: int, rows: Floats, values: Floats, sigmas: Floats, used: NDArray[np.bool_]
+    degree: int, rows: Floats, values: Floats, sigmas: Floats, used: Bools
 ) -> tuple[float, Curve]:
     """Akaike's information criterion and the fitted curve of one degree."""
     coefficients = _solve(rows, values, sigmas, used)
@@ -362,7 +362,7 @@ def _least_squares(
     return score, Curve(degree, coefficients, covariance, used)
 
 
-def _solve(rows: Floats, values: Floats, sigmas: Floats, used: NDArray[np.bool_]) -> Floats:
+def _solve(rows: Floats, values: Floats, sigmas: Floats, used: Bools) -> Floats:
     weights = used / sigmas
     solution = np.linalg.lstsq(rows * weights[:, None], values * weights, rcond=None)[0]
     return np.asarray(solution, dtype=np.float64)

@@ -6,14 +6,13 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
+from omnisim.core.arrays import Bools, Floats
 from omnisim.measurement.sharpness.edge_fit import (
     EdgeLine,
     FittedEdge,
     Flaw,
-    Floats,
     UnusableEdge,
     fit_edge,
 )
@@ -62,9 +61,7 @@ class EdgeSharpness:
         return float(np.log(2.0 * pixel) / (2.0 * np.pi**2 * mtf50**2))
 
 
-def measure_edge(
-    light: NDArray[np.float64], clipped: NDArray[np.bool_], line: EdgeLine, image: int = 0
-) -> EdgeSharpness:
+def measure_edge(light: Floats, clipped: Bools, line: EdgeLine, image: int = 0) -> EdgeSharpness:
     """Measure an edge near a line, in linear values (height, width, 1 or 3) of which 1 is white.
 
     Clipped pixels are at a limit of their values; `image` is the image's number.
@@ -249,7 +246,7 @@ def shifts(spread: EdgeSpread, other: EdgeSpread, rise_px: float) -> Floats:
     return result
 
 
-def deviation(estimates: NDArray[np.float64]) -> float:
+def deviation(estimates: Floats) -> float:
     """Standard deviation of an estimate, by the jackknife over its values (1 + GROUPS,)."""
     left_out = estimates[1:]
     return float(np.sqrt((GROUPS - 1) * np.mean((left_out - left_out.mean()) ** 2)))

@@ -18,10 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq, least_squares
 
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import MeasurementError
 from omnisim.measurement.quantity import Quantity, Unobservable
 
-Floats = NDArray[np.float64]
 MIN_FRAMES = 5
 MIN_PERIODS = 0.75  # of the flicker in a frame
 MIN_SAMPLES = 4.0  # rows per period

@@ -18,16 +18,15 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy  # its submodules load on first use
-from numpy.typing import NDArray
 
 from omnisim.cameras.camera import CentralCamera
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import MeasurementError
 from omnisim.measurement.geometry.boards import BoardView
 from omnisim.measurement.geometry.placed_board import BoardSurface, locate_board, pixels_of_points
 from omnisim.measurement.quantity import Quantity, Unobservable
 from omnisim.measurement.timing.flicker import MIN_FRAMES
 
-Floats = NDArray[np.float64]
 MAX_TURN_DEG = 25.0  # between neighboring frames: the interpolation is then right to 1e-3
 MAX_SIGMA = 0.02  # of a frame: images with a larger deviation do not determine the readout
 MAX_SEEN_FRAMES = 40

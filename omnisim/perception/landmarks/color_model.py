@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from omnisim.core.arrays import Bytes, Floats
 from omnisim.core.errors import LocalizationError
 from omnisim.core.files.atomic_file import atomic_write, check_suffix
 from omnisim.core.files.number_files import read_arrays
@@ -33,23 +34,21 @@ _SHIFT = 3  # 256 values in 32 bins
 NEG = 0  # class of everything else; the colors of a model are 1, 2, ...
 
 
-def bin_of(pixels: NDArray[np.uint8]) -> NDArray[np.uint16]:
+def bin_of(pixels: Bytes) -> NDArray[np.uint16]:
     """Indices (...) into a flat histogram, of sRGB pixels (..., 3)."""
     binned = pixels.astype(np.uint16) >> _SHIFT
     index = (binned[..., 0] << 10) | (binned[..., 1] << 5) | binned[..., 2]
     return index.astype(np.uint16, copy=False)
 
 
-def count_colors(
-    pixels: NDArray[np.uint8], labels: NDArray[np.integer[Any]], classes: int
-) -> NDArray[np.float64]:
+def count_colors(pixels: Bytes, labels: NDArray[np.integer[Any]], classes: int) -> Floats:
     """Counts (classes, BINS³) of sRGB pixels (n, 3) of classes (n,), `NEG` or a color from 1."""
     size = BINS**3
     joint = labels.astype(np.int64) * size + bin_of(pixels)
     return np.bincount(joint, minlength=classes * size).reshape(classes, size).astype(np.float64)
 
 
-def likelihood_ratios(counts: NDArray[np.float64], smoothing: float) -> NDArray[np.float64]:
+def likelihood_ratios(counts: Floats, smoothing: float) -> Floats:
     """Ratios (classes − 1, BINS³) of each landmark color and bin, by Eq. 3.
 
     Of the counts (classes, BINS³), `NEG` is first. `smoothing` counts are spread evenly over the
@@ -73,7 +72,7 @@ class ColorModel:
 
     # colors, thresholds: names of the landmark colors, and Θ for each
     colors: tuple[str, ...]
-    counts: NDArray[np.float64]  # (1 + colors, BINS³) numbers of pixels, neg first
+    counts: Floats  # (1 + colors, BINS³) numbers of pixels, neg first
     thresholds: tuple[float, ...]
     smoothing: float = 1.0  # see `likelihood_ratios`
 
@@ -104,12 +103,12 @@ class ColorModel:
             )
 
     @cached_property
-    def ratios(self) -> NDArray[np.float64]:
+    def ratios(self) -> Floats:
         """Ratios (colors, BINS³) by Eq. 3."""
         return likelihood_ratios(self.counts, self.smoothing)
 
     @cached_property
-    def table(self) -> NDArray[np.uint8]:
+    def table(self) -> Bytes:
         """Class of each bin (BINS³,): `NEG`, or 1 + the index of a color.
 
         If several colors pass their thresholds, the class is that of the color that exceeds its
@@ -120,7 +119,7 @@ class ColorModel:
         passed = excess[best, np.arange(BINS**3)] >= 1.0
         return np.where(passed, best + 1, NEG).astype(np.uint8)
 
-    def classify(self, pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    def classify(self, pixels: Bytes) -> Bytes:
         """Class (...) of sRGB pixels (..., 3)."""
         return self.table[bin_of(pixels)]
 
@@ -133,9 +132,9 @@ class ColorModel:
 class Roc:
     """Receiver operating characteristic: both rates at every Θ at which one of them changes."""
 
-    thresholds: NDArray[np.float64]  # (n,) descending
-    true_positives: NDArray[np.float64]  # (n,) share of the landmark's pixels above Θ
-    false_positives: NDArray[np.float64]  # (n,) share of neg's pixels above Θ
+    thresholds: Floats  # (n,) descending
+    true_positives: Floats  # (n,) share of the landmark's pixels above Θ
+    false_positives: Floats  # (n,) share of neg's pixels above Θ
 
     @property
     def area(self) -> float:
@@ -145,9 +144,7 @@ class Roc:
         return float(np.sum(np.diff(x) * 0.5 * (y[1:] + y[:-1])))
 
 
-def roc(
-    ratios: NDArray[np.float64], positives: NDArray[np.float64], negatives: NDArray[np.float64]
-) -> Roc:
+def roc(ratios: Floats, positives: Floats, negatives: Floats) -> Roc:
     """Receiver operating characteristic of one color.
 
     `ratios` (BINS³,) are those of Eq. 3 from training images; counts (BINS³,) of the color and of
@@ -188,10 +185,7 @@ def choose_threshold(curve: Roc, positives: float, negatives: float, costs: Cost
 
 
 def train(
-    colors: Sequence[str],
-    train_counts: NDArray[np.float64],
-    validation_counts: NDArray[np.float64],
-    costs: Costs,
+    colors: Sequence[str], train_counts: Floats, validation_counts: Floats, costs: Costs
 ) -> tuple[ColorModel, tuple[Roc, ...]]:
     """Train a model on counts, and choose its thresholds on the counts of other images.
 
@@ -287,7 +281,7 @@ def load_model(path: Path) -> tuple[ColorModel, tuple[Landmark, ...]]:
 # Every fourth image is for the thresholds Θ; the others fill the histograms.
 VALIDATE_EVERY = 4
 # Pixels (n, 3) of an image, sRGB, and their classes (n,): `NEG`, or a landmark color from 1.
-LabeledPixels = tuple[NDArray[np.uint8], NDArray[np.uint8]]
+LabeledPixels = tuple[Bytes, Bytes]
 
 
 @dataclass(frozen=True, eq=False)

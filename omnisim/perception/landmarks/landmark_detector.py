@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from omnisim.core.arrays import Bools, Bytes, Floats, Indices
 from omnisim.core.errors import LocalizationError
 from omnisim.core.files.atomic_file import write_text
 from omnisim.core.poses import wrap_angle
@@ -90,15 +91,15 @@ class LandmarkDetector:
                 f"or wide ones whose only band, are of {', '.join(model.colors)}"
             )
 
-    def classes(self, panorama: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    def classes(self, panorama: Bytes) -> Bytes:
         """Classify the pixels (height, width) of a panorama."""
         return self.model.classify(panorama)
 
-    def __call__(self, image: NDArray[np.uint8]) -> list[Detection]:
+    def __call__(self, image: Bytes) -> list[Detection]:
         """Detect landmarks in an image (height, width, 3), sRGB; each at most once."""
         return self.find(self.panorama(image))
 
-    def find(self, panorama: NDArray[np.uint8]) -> list[Detection]:
+    def find(self, panorama: Bytes) -> list[Detection]:
         """Detect landmarks in a panorama (height, width, 3), sRGB, made by `self.panorama`."""
         classes = self.classes(panorama)
         regions = find_regions(classes, len(self.model.colors), MIN_PX)
@@ -228,7 +229,7 @@ class LandmarkMeasurement:
 
 
 def measure_pillar(
-    panorama: Panorama, pixels: NDArray[np.uint8], lower: Region, upper: Region, landmark: Landmark
+    panorama: Panorama, pixels: Bytes, lower: Region, upper: Region, landmark: Landmark
 ) -> LandmarkMeasurement | None:
     """Measure a pillar from regions of its two upper bands; None: it has another size.
 
@@ -281,7 +282,7 @@ def _inner(region: Region, first: int) -> slice:
     return slice(region.top + edge - first, region.bottom - edge - first)
 
 
-def _edge_between(profile: NDArray[np.float64], one: slice, other: slice) -> float:
+def _edge_between(profile: Floats, one: slice, other: slice) -> float:
     """Row, with a fraction, at which a profile (n, 3), linear, changes from one color to another.
 
     The rows `one` have the first color, the lower rows `other` the second. NaN if the colors are
@@ -332,7 +333,7 @@ def _fit_range(
 
 
 def measure_wide(
-    panorama: Panorama, pixels: NDArray[np.uint8], region: Region, landmark: Landmark
+    panorama: Panorama, pixels: Bytes, region: Region, landmark: Landmark
 ) -> LandmarkMeasurement | None:
     """Measure a wide landmark of one color on the ground; None: the region cannot be the landmark.
 
@@ -382,9 +383,7 @@ def measure_wide(
     )  # fmt: skip
 
 
-def _lower_edges(
-    pixels: NDArray[np.uint8], bottom: NDArray[np.intp], columns: NDArray[np.intp]
-) -> NDArray[np.float64]:
+def _lower_edges(pixels: Bytes, bottom: Indices, columns: Indices) -> Floats:
     """Rows (n,), with fractions, of a region's lower edge in columns (n,) of the panorama.
 
     `bottom` (n,) is the lowest whole row of the region in each column.
@@ -414,7 +413,7 @@ class Region:
     # top, left: position of the mask in the panorama; columns may exceed its right edge
     top: int
     left: int
-    mask: NDArray[np.bool_]  # (height, width) mask of the region's pixels in its bounding box
+    mask: Bools  # (height, width) mask of the region's pixels in its bounding box
 
     @property
     def bottom(self) -> int:
@@ -437,7 +436,7 @@ def wrapped_around(panorama: NDArray[Scalar]) -> NDArray[Scalar]:
     return np.concatenate((panorama, panorama[:, : panorama.shape[1] // 2]), axis=1)
 
 
-def find_regions(classes: NDArray[np.uint8], colors: int, min_area_px: int) -> list[Region]:
+def find_regions(classes: Bytes, colors: int, min_area_px: int) -> list[Region]:
     """Regions of a panorama's classes (0: none) of at least `min_area_px` pixels, each once.
 
     A region may cross the panorama's left and right edge.

@@ -16,8 +16,9 @@ from operator import attrgetter
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import LocalizationError
 from omnisim.core.poses import wrap_angle
 from omnisim.perception.localization.filter_parameters import FilterParameters
@@ -51,8 +52,8 @@ class Estimate:
     """Belief after a step."""
 
     time_s: float
-    pose: NDArray[np.float64]  # (3,) x and y in meters, yaw in radians within ±π
-    covariance: NDArray[np.float64]  # (3, 3) of the pose
+    pose: Floats  # (3,) x and y in meters, yaw in radians within ±π
+    covariance: Floats  # (3, 3) of the pose
     associations: tuple[Association, ...] = ()  # in the order of the observations
     nis: float = math.nan  # normalized innovation squared of all accepted observations; NaN: none
     nis_degrees: int = 0  # its degrees of freedom
@@ -160,11 +161,7 @@ class LocalizationFilter:
         return self.estimate
 
     def _update(
-        self,
-        time_s: float,
-        pose: NDArray[np.float64],
-        covariance: NDArray[np.float64],
-        observations: Sequence[Observation],
+        self, time_s: float, pose: Floats, covariance: Floats, observations: Sequence[Observation]
     ) -> Estimate:
         """Correct a prediction by observations."""
         rejected = self.estimate.steps_rejected
@@ -194,10 +191,7 @@ class LocalizationFilter:
         return _estimate(time_s, pose + gain @ nu, corrected, associations, 0, nis, len(nu))
 
     def _associate(
-        self,
-        pose: NDArray[np.float64],
-        covariance: NDArray[np.float64],
-        observations: Sequence[Observation],
+        self, pose: Floats, covariance: Floats, observations: Sequence[Observation]
     ) -> tuple[list[_Hypothesis], list[Verdict]]:
         """Gate each observation, and assign the nearest one to each landmark."""
         for observation in observations:
@@ -278,8 +272,8 @@ class LocalizationFilter:
 
 def _estimate(
     time_s: float,
-    pose: NDArray[np.float64],
-    covariance: NDArray[np.float64],
+    pose: Floats,
+    covariance: Floats,
     associations: tuple[Association, ...] = (),
     steps_rejected: int = 0,
     nis: float = math.nan,
@@ -412,9 +406,7 @@ def predict_measurement(
 _STRAIGHT_RAD = 1e-8
 
 
-def move(
-    pose: NDArray[np.float64], distance_m: float, turn_rad: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def move(pose: Floats, distance_m: float, turn_rad: float) -> tuple[Floats, Floats, Floats]:
     """Follow an arc from a pose (x, y, yaw); the paper's v times the step's duration, and δφ.
 
     Gives the new pose (3,), yaw not wrapped, and its Jacobians (3, 3) by the pose and (3, 2) by

@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.stats import chi2
 
+from omnisim.core.arrays import Floats, Indices
 from omnisim.core.files.atomic_file import write_text
 from omnisim.core.poses import wrap_angles
 from omnisim.core.short_repr import counted, short_repr
@@ -73,27 +74,27 @@ class Track:
     """Estimates of a run, one per step from the start, and x, y, yaw (n, 3) by dead reckoning."""
 
     estimates: tuple[Estimate, ...]
-    reckoned: NDArray[np.float64]
+    reckoned: Floats
 
     def __repr__(self) -> str:
         return short_repr(self, counted(len(self.estimates), "estimate"))
 
     @property
-    def times_s(self) -> NDArray[np.float64]:
+    def times_s(self) -> Floats:
         """Times (n,) of the steps."""
         return np.array([estimate.time_s for estimate in self.estimates])
 
     @property
-    def poses(self) -> NDArray[np.float64]:
+    def poses(self) -> Floats:
         """Poses x, y, yaw (n, 3)."""
         return np.array([estimate.pose for estimate in self.estimates])
 
     @property
-    def covariances(self) -> NDArray[np.float64]:
+    def covariances(self) -> Floats:
         """Covariances (n, 3, 3) of the poses."""
         return np.array([estimate.covariance for estimate in self.estimates])
 
-    def counts(self, accepted: bool) -> NDArray[np.intp]:
+    def counts(self, accepted: bool) -> Indices:
         """Numbers (n,) of accepted, or of rejected, observations."""
         return np.array([
             sum((each.verdict == "accepted") == accepted for each in estimate.associations)
@@ -107,15 +108,15 @@ class Track:
         steps = np.flatnonzero((accepted > 0) & (accepted >= rejected))
         return int(steps[0]) if len(steps) else None
 
-    def errors_m(self, true_poses: NDArray[np.float64]) -> NDArray[np.float64]:
+    def errors_m(self, true_poses: Floats) -> Floats:
         """Distances (n,) of the estimates from the true positions."""
         return np.linalg.norm(self.poses[:, :2] - true_poses[:, :2], axis=1)
 
-    def reckoned_errors_m(self, true_poses: NDArray[np.float64]) -> NDArray[np.float64]:
+    def reckoned_errors_m(self, true_poses: Floats) -> Floats:
         """Distances (n,) of dead reckoning from the true positions."""
         return np.linalg.norm(self.reckoned[:, :2] - true_poses[:, :2], axis=1)
 
-    def nees(self, true_poses: NDArray[np.float64]) -> NDArray[np.float64]:
+    def nees(self, true_poses: Floats) -> Floats:
         """Normalized estimation error squared (n,); NaN where the covariance is singular."""
         return nees(pose_errors(self.poses, true_poses), self.covariances)
 
@@ -164,14 +165,14 @@ def mean_interval(degrees: int, count: int, share: float = 0.95) -> Interval:
     return Interval(low / count, high / count)
 
 
-def pose_errors(estimated: ArrayLike, true: ArrayLike) -> NDArray[np.float64]:
+def pose_errors(estimated: ArrayLike, true: ArrayLike) -> Floats:
     """Estimated minus true poses (..., 3): x and y in m, yaw in rad within ±π."""
     errors = np.asarray(estimated, dtype=np.float64) - np.asarray(true, dtype=np.float64)
     errors[..., 2] = wrap_angles(errors[..., 2])
     return errors
 
 
-def nees(errors: NDArray[np.float64], covariances: NDArray[np.float64]) -> NDArray[np.float64]:
+def nees(errors: Floats, covariances: Floats) -> Floats:
     """Normalized estimation errors squared (n,) of errors (n, 3) by covariances (n, 3, 3).
 
     NaN where a covariance is singular, as that of an exactly known start.

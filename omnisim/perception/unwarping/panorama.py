@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from omnisim.cameras import CentralCamera, CylindricalCamera, HyperbolicCamera, NonCentralCamera
 from omnisim.cameras.mirrors.hyperbolic import theta_from_image_radius_eq2_rad
+from omnisim.core.arrays import Bools, Floats
 from omnisim.core.coordinate_frames import RIG_FROM_OPTICAL_LOOKING_UP
 from omnisim.core.errors import LocalizationError
 from omnisim.perception.unwarping.unwarping import Unwarping
@@ -28,9 +29,9 @@ class CameraMount:
     """
 
     camera: CentralCamera
-    base_from_optical: NDArray[np.float64]  # (4, 4) pose on the vehicle
+    base_from_optical: Floats  # (4, 4) pose on the vehicle
     # (height, width) pixels that show the scene; None: all valid
-    covered: NDArray[np.bool_] | None = None
+    covered: Bools | None = None
     caveat: str | None = None  # None: a central camera, or no assumption
 
     def assuming_viewpoint(self) -> CameraMount:
@@ -91,16 +92,16 @@ class Panorama:
         return self._unwarp(image)
 
     @property
-    def valid(self) -> NDArray[np.bool_]:
+    def valid(self) -> Bools:
         """Mask (height, width) of pixels that show the scene."""
         return self._unwarp.valid
 
-    def bearings_rad(self, columns: ArrayLike) -> NDArray[np.float64]:
+    def bearings_rad(self, columns: ArrayLike) -> Floats:
         """Bearings (...) of columns (...), counter-clockwise from the front; unwrapped."""
         u = np.asarray(columns, dtype=np.float64)
         return (self.camera.principal_point_px[0] - u) / self.camera.focal_length_px
 
-    def ranges_m(self, rows: ArrayLike, height_m: float = 0.0) -> NDArray[np.float64]:
+    def ranges_m(self, rows: ArrayLike, height_m: float = 0.0) -> Floats:
         """Ranges (...) along the ground at rows (...), for a known height: r = (H − z) tan θ.
 
         H is the camera's height, z = `height_m` the height of the points, and θ the angle of the
@@ -110,12 +111,12 @@ class Panorama:
         drop_m = self.mount.height_m - height_m
         return np.where(down > 0.0, drop_m / np.where(down > 0.0, down, 1.0), np.inf)
 
-    def rows(self, ranges_m: ArrayLike, height_m: float = 0.0) -> NDArray[np.float64]:
+    def rows(self, ranges_m: ArrayLike, height_m: float = 0.0) -> Floats:
         """Rows (...) of points with known ranges (...) and height."""
         tangents = (self.mount.height_m - height_m) / np.asarray(ranges_m, dtype=np.float64)
         return self.camera.principal_point_px[1] + self.camera.focal_length_px * tangents
 
-    def ranges_eq2_m(self, rows: ArrayLike, height_m: float = 0.0) -> NDArray[np.float64]:
+    def ranges_eq2_m(self, rows: ArrayLike, height_m: float = 0.0) -> Floats:
         """Ranges (...) of points of known height from the image radius, by the inverse of Eq. 2.
 
         NaN if Eq. 2 does not apply: the camera has no hyperbolic mirror, or is not upright.
@@ -135,9 +136,7 @@ class Panorama:
         drop_m = self.mount.height_m - height_m
         return np.where(near, drop_m * np.tan(np.where(near, paper, 0.0)), np.inf)
 
-    def range_sigmas_m(
-        self, ranges_m: ArrayLike, height_m: float, row_sigma_px: float
-    ) -> NDArray[np.float64]:
+    def range_sigmas_m(self, ranges_m: ArrayLike, height_m: float, row_sigma_px: float) -> Floats:
         """Standard deviations of ranges, given that of the row: dr/dv = r²/((H − z) f).
 
         H and z are as in `ranges_m`; f is the panorama's focal length.
@@ -146,17 +145,17 @@ class Panorama:
         squared = np.square(np.asarray(ranges_m, dtype=np.float64))
         return squared * row_sigma_px / (abs(drop_m) * self.camera.focal_length_px)
 
-    def heights_m(self, rows: ArrayLike, ranges_m: ArrayLike) -> NDArray[np.float64]:
+    def heights_m(self, rows: ArrayLike, ranges_m: ArrayLike) -> Floats:
         """Heights (...) above the ground of points at rows (...) with known ranges (...)."""
         return self.mount.height_m - np.asarray(ranges_m) * self._tangents(rows)
 
-    def _tangents(self, rows: ArrayLike) -> NDArray[np.float64]:
+    def _tangents(self, rows: ArrayLike) -> Floats:
         """Tangents (...) of the angles of rows (...) below the horizon."""
         v = np.asarray(rows, dtype=np.float64)
         return (v - self.camera.principal_point_px[1]) / self.camera.focal_length_px
 
 
-def _horizon_px(camera: CentralCamera, base_from_optical: NDArray[np.float64]) -> int:
+def _horizon_px(camera: CentralCamera, base_from_optical: Floats) -> int:
     """Length of the horizon in the image, pixels."""
     step_rad = 1e-3
     headings = np.linspace(-math.pi, math.pi, 72, endpoint=False)

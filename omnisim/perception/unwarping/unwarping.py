@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from omnisim.cameras import CentralCamera, check_central, period_px, pixel_grid
+from omnisim.core.arrays import Bools, Floats, Floats32, Indices
 from omnisim.core.bilinear import corner_and_weights
 from omnisim.core.errors import OpticsError, OutputError
 from omnisim.core.poses import check_pose
@@ -32,8 +33,8 @@ class _RowBlock(NamedTuple):
     """Rows of a view, with the lookups of their pixels in the image."""
 
     rows: slice
-    valid: NDArray[np.bool_]  # (rows, width)
-    lookups: list[tuple[NDArray[np.intp], NDArray[np.float32]]]  # per sample: corner, weights
+    valid: Bools  # (rows, width)
+    lookups: list[tuple[Indices, Floats32]]  # per sample: corner, weights
 
 
 class Unwarping:
@@ -62,7 +63,7 @@ class Unwarping:
         camera: CentralCamera,
         view: CentralCamera,
         camera_from_view: ArrayLike,
-        covered: NDArray[np.bool_] | None = None,
+        covered: Bools | None = None,
         samples: int | None = None,
     ):
         check_central(camera, "unwarping")
@@ -133,9 +134,7 @@ class Unwarping:
                     lookups.append((corner, weights))
             yield _RowBlock(rows, valid, lookups)
 
-    def _look_up(
-        self, positions_px: NDArray[np.float64]
-    ) -> tuple[NDArray[np.intp], NDArray[np.float32], NDArray[np.bool_]]:
+    def _look_up(self, positions_px: Floats) -> tuple[Indices, Floats32, Bools]:
         """Bilinear lookups in the image for positions (h, w, 2) in the view.
 
         Indices (h, w) of the top left pixels, weights (4, h, w) of the four pixels, and a mask
@@ -149,9 +148,7 @@ class Unwarping:
         return corner, weights, inside & pixels.valid & rays.valid
 
 
-def _samples_needed(
-    camera: CentralCamera, view: CentralCamera, camera_from_view: NDArray[np.float64]
-) -> int:
+def _samples_needed(camera: CentralCamera, view: CentralCamera, camera_from_view: Floats) -> int:
     """Samples per side of a view's pixel that skip no pixel of the image, up to `MAX_SAMPLES`."""
     u = np.linspace(0.0, view.width_px - 1.0, min(view.width_px, 65))
     v = np.linspace(0.0, view.height_px - 1.0, min(view.height_px, 65))
@@ -207,7 +204,7 @@ class ChannelUnwarping:
         camera: CentralCamera,
         view: CentralCamera,
         camera_from_view: ArrayLike,
-        covered: NDArray[np.bool_] | None = None,
+        covered: Bools | None = None,
     ):
         check_central(camera, "unwarping")
         self._camera, self._view = camera, view
@@ -221,7 +218,7 @@ class ChannelUnwarping:
         inside = (column >= 0) & (column < camera.width_px) & (row >= 0) & (row < camera.height_px)
         self._nearest = np.where(inside, row * camera.width_px + column, 0).astype(np.intp)
         has_ray = own_rays.valid if covered is None else covered & own_rays.valid
-        self.valid: NDArray[np.bool_] = rays.valid & pixels.valid & inside
+        self.valid: Bools = rays.valid & pixels.valid & inside
         self.valid &= has_ray.take(self._nearest)
         if not self.valid.any():
             raise OpticsError("the image shows nothing of this view")
@@ -301,9 +298,7 @@ class ChannelUnwarping:
             result[occlusion] = np.where(inside, self._take(occluded), np.uint8(_OUTSIDE))
         return result
 
-    def _seen(
-        self, positions_px: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    def _seen(self, positions_px: Floats) -> tuple[Floats, Bools]:
         """Positions (..., 2) in the view of positions in the image, px; a mask of the visible."""
         rays = self._camera.ray_from_pixel(positions_px)
         pixels = self._view.pixel_from_ray(rays.directions @ self._camera_from_view)

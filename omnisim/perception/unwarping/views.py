@@ -10,9 +10,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera, CylindricalCamera, PerspectiveCamera
+from omnisim.core.arrays import Floats
 from omnisim.core.coordinate_frames import (
     BASE_FROM_OPTICAL_LOOKING_AHEAD,
     BASE_FROM_OPTICAL_LOOKING_DOWN,
@@ -28,7 +28,7 @@ class View:
     """Camera at the effective viewpoint, and its (3, 3) rotation to the vehicle's base."""
 
     camera: CentralCamera
-    base_from_view: NDArray[np.float64]
+    base_from_view: Floats
 
 
 def cylinder_view(
@@ -95,7 +95,7 @@ def birdseye_view(
     return View(camera, _turned(yaw_rad) @ BASE_FROM_OPTICAL_LOOKING_DOWN)
 
 
-def highest_elevation_deg(camera: CentralCamera, base_from_optical: NDArray[np.float64]) -> float:
+def highest_elevation_deg(camera: CentralCamera, base_from_optical: Floats) -> float:
     """Highest whole degree of elevation, up to 60, visible at all azimuths.
 
     If there is none, as of a lens that looks ahead, the highest one visible anywhere; else 0.
@@ -119,7 +119,7 @@ def highest_elevation_deg(camera: CentralCamera, base_from_optical: NDArray[np.f
     return highest_deg
 
 
-def _turned(yaw_rad: float, pitch_rad: float = 0.0) -> NDArray[np.float64]:
+def _turned(yaw_rad: float, pitch_rad: float = 0.0) -> Floats:
     if not (math.isfinite(yaw_rad) and math.isfinite(pitch_rad)):
         yaw_deg, pitch_deg = math.degrees(yaw_rad), math.degrees(pitch_rad)
         raise OpticsError(

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from omnisim.core.array_types import Float32s, Float64s, Indices, Mask
+from omnisim.core.arrays import Bools, Floats, Floats32, Indices
 from omnisim.core.errors import OutputError
 from omnisim.core.files.atomic_file import atomic_write, write_text
 from omnisim.core.files.number_files import read_arrays
@@ -60,11 +60,11 @@ class BakedPatches(NamedTuple):
     """Light on the patches of a scene."""
 
     patches: Patches  # patches of the scene
-    lamps: Float32s  # (p, 3) light of lamps
-    gathered: Float32s  # (p, 3) all other light
-    halves: Float32s  # (p, 2, 3) the same from the even and the odd rays, separately
-    radiosity: Float32s  # (p, 3) reflected light
-    is_valid: Mask  # (p,) the patch has light
+    lamps: Floats32  # (p, 3) light of lamps
+    gathered: Floats32  # (p, 3) all other light
+    halves: Floats32  # (p, 2, 3) the same from the even and the odd rays, separately
+    radiosity: Floats32  # (p, 3) reflected light
+    is_valid: Bools  # (p,) the patch has light
 
 
 class Bake:
@@ -106,7 +106,7 @@ class Bake:
         # rays are aimed at patches that emit, or reflect far more light than the mean
         luminance, areas_m2 = radiosity @ LUMINANCE, self.patches.areas_m2
         mean = np.sum(luminance * areas_m2) / max(float(areas_m2.sum()), 1e-30)
-        bright: Mask = luminance > _BRIGHT * mean
+        bright: Bools = luminance > _BRIGHT * mean
         bright |= np.any(self.patches.emission > 0.0, axis=1)
         lights = np.where(bright[:, None], radiosity + self.patches.emission, np.float32(0.0))
         samples = self.settings.samples
@@ -129,7 +129,7 @@ class Bake:
         self._direct(tile)
         self._gather(tile, np.zeros_like(self.patches.emission), self._coarse_emitters)
 
-    def light(self, baked: BakedPatches) -> Float32s:
+    def light(self, baked: BakedPatches) -> Floats32:
         """Denoised light (p, 3) of patches.
 
         On frosted glass it is the light on an opaque surface of the same color and brightness.
@@ -154,11 +154,11 @@ class Bake:
         shape = baker.grid.shape
         return baker.grid, {key: one.reshape(*shape, *one.shape[1:]) for key, one in tiles.items()}
 
-    def prober(self, seen: Float32s) -> ProbeBaker:
+    def prober(self, seen: Floats32) -> ProbeBaker:
         """Baker of the probes, from the light (p, 3) that leaves the patches."""
         return ProbeBaker(self.scene, self.transport, self.gatherer, seen, self.settings.seed)
 
-    def surfaces(self, is_valid: Mask) -> TexelSurfaces:
+    def surfaces(self, is_valid: Bools) -> TexelSurfaces:
         """Surfaces at the patches, at the first sample of each."""
         positions, normals = np.zeros((2, self.patches.count, 3), dtype=np.float32)
         for tile in range(self.tiles):
@@ -169,7 +169,7 @@ class Bake:
                 normals[first + some] = places[0].normals
         return TexelSurfaces(positions, normals, is_valid)
 
-    def _emitters(self, emission: Float32s, aimed: int, gathered: int) -> Emitters:
+    def _emitters(self, emission: Floats32, aimed: int, gathered: int) -> Emitters:
         return Emitters(self.patches, self._points, emission, aimed, gathered)
 
     def _range(self, tile: int) -> tuple[int, int]:
@@ -221,13 +221,13 @@ class Bake:
         tile_light = {"lamps": lamps, "other": other, "links": links}
         return tile_light if shares is None else tile_light | {"shares": shares}
 
-    def _focused(self, emitters: Emitters, places: list[Points], shifts: Float32s) -> Emitters:
+    def _focused(self, emitters: Emitters, places: list[Points], shifts: Floats32) -> Emitters:
         """Emitters chosen by their light at these points."""
         tried = slice(None, None, _TRIED_PATCHES)
         at = Points(*(values[tried] for values in places[0]))
         return emitters.focused(self.transport, at, shifts[tried])
 
-    def _aimed(self, emitters: Emitters, places: list[Points], shifts: Float32s) -> Float32s:
+    def _aimed(self, emitters: Emitters, places: list[Points], shifts: Floats32) -> Floats32:
         """Light (n, 2, 3) of two halves of the rays aimed at emitters, divided among the places."""
         total = np.zeros((len(shifts), 2, 3), dtype=np.float32)
         points = spread_points(emitters.aimed)
@@ -238,7 +238,7 @@ class Bake:
                     total[:, half] += emitters.light(self.transport, at, part, shifts)
         return total
 
-    def _solve(self, direct: Arrays) -> Float32s:
+    def _solve(self, direct: Arrays) -> Floats32:
         """Radiosity (p, 3) after all bounces but the last, along the links."""
         links, shares = direct["links"], direct.get("shares")
         first = direct["lamps"] + direct["other"]
@@ -255,15 +255,15 @@ class Bake:
             radiosity = self._scattered(first + bounced / numbers)
         return radiosity
 
-    def _scattered(self, light: Float32s) -> Float32s:
+    def _scattered(self, light: Floats32) -> Floats32:
         """Radiosity (p, 3) of patches in light (p, 3), also through frosted glass."""
         patches = self.patches
-        radiosity: Float32s = patches.albedo * light
+        radiosity: Floats32 = patches.albedo * light
         some = np.flatnonzero(patches.transmitted.any(axis=1) & (patches.opposite != NO_PATCH))
         radiosity[some] += patches.transmitted[some] * light[patches.opposite[some]]
         return radiosity
 
-    def _gather(self, tile: int, radiosity: Float32s, emitters: Emitters) -> Arrays:
+    def _gather(self, tile: int, radiosity: Floats32, emitters: Emitters) -> Arrays:
         first, last = self._range(tile)
         count = last - first
         light = np.zeros((count, 3), dtype=np.float32)
@@ -287,7 +287,7 @@ def _joined(tiles: Iterator[Arrays]) -> Arrays:
     return {key: np.concatenate([one[key] for one in arrays]) for key in arrays[0]}
 
 
-def hollow_triangles(scene: Scene) -> Mask:
+def hollow_triangles(scene: Scene) -> Bools:
     """Mask (m,) of triangles with a visible back: double-sided, and not part of a solid.
 
     A solid is a closed part of a mesh without a start position of a camera inside. Frosted glass is
@@ -318,7 +318,7 @@ def hollow_triangles(scene: Scene) -> Mask:
     return np.concatenate(hollow)
 
 
-def instances_of(scene: Scene, is_chosen: Mask) -> Mask:
+def instances_of(scene: Scene, is_chosen: Bools) -> Bools:
     """Mask (n,) of instances with at least one chosen triangle of (m,)."""
     counts = [len(scene.meshes[instance.mesh].triangles) for instance in scene.instances]
     ends = np.cumsum([0, *counts])
@@ -326,7 +326,7 @@ def instances_of(scene: Scene, is_chosen: Mask) -> Mask:
     return before[ends[1:]] > before[ends[:-1]]
 
 
-def _closed_parts(mesh: Mesh) -> tuple[Indices, Mask]:
+def _closed_parts(mesh: Mesh) -> tuple[Indices, Bools]:
     """Connected part (m,) of each triangle, and mask of closed parts: two triangles per edge."""
     _, welded = np.unique(mesh.positions, axis=0, return_inverse=True)
     corners = welded.reshape(-1)[mesh.triangles]
@@ -390,8 +390,8 @@ class ProbeGrid(NamedTuple):
     """Grid of probes in the world."""
 
     # (3,) first probe, and spacing of neighbors
-    origin_m: Float64s
-    spacing_m: Float64s
+    origin_m: Floats
+    spacing_m: Floats
     shape: tuple[int, int, int]  # number of probes along x, y and z
 
     @property
@@ -399,7 +399,7 @@ class ProbeGrid(NamedTuple):
         """Number of probes."""
         return int(np.prod(self.shape))
 
-    def positions_m(self, first: int, last: int) -> Float64s:
+    def positions_m(self, first: int, last: int) -> Floats:
         """Positions (n, 3) of the probes from index `first` up to `last`, z fastest."""
         indices = np.stack(np.unravel_index(np.arange(first, last), self.shape), axis=1)
         return self.origin_m + indices * self.spacing_m
@@ -424,7 +424,7 @@ def probe_grid(scene: Scene) -> ProbeGrid:
     return ProbeGrid(first + 0.5 * steps, steps, (nx, ny, nz))
 
 
-def _spacing(size_m: Float64s) -> tuple[float, Indices]:
+def _spacing(size_m: Floats) -> tuple[float, Indices]:
     """Spacing of a grid within the budget, and its number of probes per axis."""
     spacing_m = _MIN_SPACING_M
     while True:
@@ -438,7 +438,7 @@ class ProbeBaker:
     """Bakes probes with rays in all directions; `seen`: (p, 3) light leaving the patches."""
 
     def __init__(
-        self, scene: Scene, transport: Transport, gatherer: Gatherer, seen: Float32s, seed: int
+        self, scene: Scene, transport: Transport, gatherer: Gatherer, seen: Floats32, seed: int
     ):
         self.grid = probe_grid(scene)
         self.tiles = -(-self.grid.size // PROBE_TILE)
@@ -470,7 +470,7 @@ class ProbeBaker:
             "valid": inside <= _MAX_INSIDE * _RAYS,
         }
 
-    def _light(self, hits: PatchHits) -> Float32s:
+    def _light(self, hits: PatchHits) -> Floats32:
         light = self._seen[np.maximum(hits.patches, 0)]
         light[hits.patches < 0] = 0.0
         free = np.flatnonzero(hits.patches == SKY)

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.core.array_types import Float32s, Floats, Int32s, Mask
+from omnisim.core.arrays import AnyFloats, Bools, Floats32, Ints32
 from omnisim.core.errors import OutputError
 from omnisim.core.extras import require_extra
 from omnisim.core.files.atomic_file import atomic_folder, check_new_folder
@@ -143,7 +143,7 @@ def _joined(unwrappings: dict[int, Unwrapping]) -> Arrays:
     }
 
 
-def _short(indices: Int32s) -> NDArray[np.unsignedinteger[Any]]:
+def _short(indices: Ints32) -> NDArray[np.unsignedinteger[Any]]:
     """Indices in the smallest integer type that holds them."""
     return indices.astype(np.uint16 if indices.max(initial=0) <= 0xFFFF else np.uint32)
 
@@ -208,7 +208,7 @@ def _document(output: Path) -> Mapping[str, Any]:
 _MAX_STEPS = 24  # in texels; deeper texels are inside of something and invisible
 
 
-def lightmap(patches: Patches, light: Float32s, is_valid: Mask) -> Float32s:
+def lightmap(patches: Patches, light: Floats32, is_valid: Bools) -> Floats32:
     """Pixels (height, width, 3): light (p, 3) of the patches in the atlas.
 
     Texels without light, and those around a chart in its rectangle, take the light of their
@@ -230,7 +230,7 @@ def lightmap(patches: Patches, light: Float32s, is_valid: Mask) -> Float32s:
     return _spread(pixels.reshape(height, width, 3), known, patches.charts)
 
 
-def _spread(pixels: Float32s, known: Mask, charts: Int32s) -> Float32s:
+def _spread(pixels: Floats32, known: Bools, charts: Ints32) -> Floats32:
     """Pixels (height, width, 3), unknown ones filled stepwise with means of known neighbors."""
     for _ in range(_MAX_STEPS):
         sums, counts = np.zeros_like(pixels), np.zeros(known.shape, dtype=np.float32)
@@ -255,7 +255,7 @@ _BITS = 7
 _MIN_HALF, _MAX_HALF = 1e-6, 65504.0
 
 
-def rounded_halves(values: Floats, axes: int | tuple[int, ...]) -> NDArray[np.float16]:
+def rounded_halves(values: AnyFloats, axes: int | tuple[int, ...]) -> NDArray[np.float16]:
     """Round light to steps set by the largest value along axes, as in shared-exponent colors."""
     largest = np.abs(values).max(axis=axes, keepdims=True)
     steps = 2.0 ** (np.floor(np.log2(np.maximum(largest, _MIN_HALF))) - _BITS)

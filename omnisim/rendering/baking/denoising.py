@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from omnisim.core.array_types import Float32s, Mask
+from omnisim.core.arrays import Bools, Floats32
 from omnisim.rendering.baking.patches import Patches
 
 _STEPS = (1, 2, 4)  # texels between the samples of the filter
@@ -30,23 +30,23 @@ class TexelSurfaces(NamedTuple):
     """Surfaces at patches."""
 
     # (p, 3) position and normal
-    positions_m: Float32s
-    normals: Float32s
-    is_valid: Mask  # (p,) the patch has light
+    positions_m: Floats32
+    normals: Floats32
+    is_valid: Bools  # (p,) the patch has light
 
 
 class _Maps(NamedTuple):
     """Surfaces in the layout of the atlas, with a margin."""
 
-    positions_m: Float32s
-    normals: Float32s
-    spacing_m: Float32s
-    known: Mask
+    positions_m: Floats32
+    normals: Floats32
+    spacing_m: Floats32
+    known: Bools
 
 
 def denoised(
-    patches: Patches, surfaces: TexelSurfaces, light: Float32s, halves: Float32s
-) -> Float32s:
+    patches: Patches, surfaces: TexelSurfaces, light: Floats32, halves: Floats32
+) -> Floats32:
     """Light (p, 3) of patches with most noise removed, by `halves` (p, 2, 3) of the rays."""
     width, height = patches.size_px
     margin = 2 * max(_STEPS)
@@ -55,7 +55,7 @@ def denoised(
     at = rows + margin, columns + margin
     shape = height + 2 * margin, width + 2 * margin
 
-    def spread(values: Float32s) -> Float32s:
+    def spread(values: Floats32) -> Floats32:
         pixels = np.zeros((*shape, *values.shape[1:]), dtype=np.float32)
         pixels[at] = values[some]
         return pixels
@@ -76,8 +76,8 @@ def denoised(
 
 
 def _filtered(
-    maps: _Maps, pixels: Float32s, variances: Float32s | None, step: int, margin: int
-) -> tuple[Float32s, Float32s]:
+    maps: _Maps, pixels: Floats32, variances: Floats32 | None, step: int, margin: int
+) -> tuple[Floats32, Floats32]:
     """Means of pixels and their variances; without variances, light does not affect the weights."""
     means, new_variances = np.zeros_like(pixels), np.zeros(pixels.shape[:2], dtype=np.float32)
     height = len(pixels)
@@ -104,7 +104,7 @@ def _filtered(
 Place = tuple[slice, slice]
 
 
-def _neighbors(maps: _Maps, inner: Place, step: int) -> Iterator[tuple[Place, Float32s]]:
+def _neighbors(maps: _Maps, inner: Place, step: int) -> Iterator[tuple[Place, Floats32]]:
     """Shifted places of 5 × 5 neighbors, and their weights by surface."""
     normals, positions = maps.normals[inner], maps.positions_m[inner]
     spacing = maps.spacing_m[inner]

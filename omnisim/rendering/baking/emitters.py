@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from omnisim.core.array_types import Float32s, Float64s, Indices, Mask
+from omnisim.core.arrays import Bools, Floats, Floats32, Indices
 from omnisim.rendering.baking.patches import BACK, Patches
 from omnisim.rendering.baking.transport import INSIDE, SKY, PatchHits, Transport
 from omnisim.rendering.rays.caster import RayHits
@@ -30,19 +30,19 @@ def generator(seed: int, stage: int, tile: int) -> np.random.Generator:
     return np.random.Generator(np.random.Philox(key=seed, counter=(0, 0, stage, tile)))
 
 
-def spread_points(count: int) -> Float32s:
+def spread_points(count: int) -> Floats32:
     """Points (n, 2) of the R2 sequence in the unit square."""
     return ((0.5 + np.arange(1, count + 1)[:, None] * _STEPS) % 1.0).astype(np.float32)
 
 
-def turned(points: Float32s, shifts: Float32s) -> Float32s:
+def turned(points: Floats32, shifts: Floats32) -> Floats32:
     """Points (n, k, 2) in the unit square: points (k, 2) with wrap-around shifts (n, 2)."""
     places = shifts[:, None] + points
     places -= np.floor(places)
     return places
 
 
-def cosine_directions(points: Float32s, normals: Float32s) -> tuple[Float32s, Float32s]:
+def cosine_directions(points: Floats32, normals: Floats32) -> tuple[Floats32, Floats32]:
     """Directions (n, k, 3) about unit normals (n, 3) from points (n, k, 2); cosines (n, k).
 
     Their probability density is the cosine over pi.
@@ -63,7 +63,7 @@ def cosine_directions(points: Float32s, normals: Float32s) -> tuple[Float32s, Fl
     return directions, cosines
 
 
-def sphere_directions(points: Float32s) -> Float32s:
+def sphere_directions(points: Floats32) -> Floats32:
     """Unit directions (n, 3), uniform over the sphere, from points (n, 2)."""
     z = 1.0 - 2.0 * points[:, 0]
     side = np.sqrt(np.maximum(1.0 - z * z, 0.0))
@@ -87,7 +87,7 @@ class _AimedRays(NamedTuple):
 
     numbers: Indices  # (r,) ray numbers, place after place
     picked: Indices  # (r,) chosen emitters
-    light: Float32s  # (r, 3) along the rays, on white surfaces, weighted against gathering rays
+    light: Floats32  # (r, 3) along the rays, on white surfaces, weighted against gathering rays
 
 
 class Emitters:
@@ -101,7 +101,7 @@ class Emitters:
     """
 
     def __init__(
-        self, patches: Patches, points: Points, emission: Float32s, aimed: int, gathered: int
+        self, patches: Patches, points: Points, emission: Floats32, aimed: int, gathered: int
     ):
         power = (emission @ LUMINANCE) * patches.areas_m2
         power[np.diff(patches.first) == 0] = 0.0
@@ -123,14 +123,14 @@ class Emitters:
         evenly = powers / of_sides[self._side_of] / max(len(of_sides), 1)
         self._choose_by(0.5 * (powers / max(total, 1e-300) + evenly))
 
-    def _choose_by(self, shares: Float64s) -> None:
+    def _choose_by(self, shares: Floats) -> None:
         """Set the shares of rays that the emitters get."""
         self._shares, self._ends = shares, np.cumsum(shares)
         density = np.zeros(len(self._emission))
         density[self._by_power] = shares / np.maximum(self._areas_m2[self._by_power], 1e-12)
         self._density = density.astype(np.float32)  # per square meter
 
-    def focused(self, transport: Transport, at: Points, shifts: Float32s) -> Emitters:
+    def focused(self, transport: Transport, at: Points, shifts: Floats32) -> Emitters:
         """Emitters chosen by the light that reaches places (n,), with shifts (n, 2)."""
         if not self.aimed:
             return self
@@ -150,8 +150,8 @@ class Emitters:
         return focused
 
     def light(
-        self, transport: Transport, at: Points, points: Float32s, shifts: Float32s
-    ) -> Float32s:
+        self, transport: Transport, at: Points, points: Floats32, shifts: Floats32
+    ) -> Floats32:
         """Light (n, 3) on white surfaces, by rays to emitters.
 
         Args:
@@ -171,7 +171,7 @@ class Emitters:
         return total
 
     def _aim(
-        self, transport: Transport, at: Points, points: Float32s, shifts: Float32s
+        self, transport: Transport, at: Points, points: Floats32, shifts: Floats32
     ) -> _AimedRays:
         chosen, rays = turned(points, shifts), len(points)
         picked = np.searchsorted(self._ends, chosen[..., 0].ravel() * self._ends[-1], side="right")
@@ -197,7 +197,7 @@ class Emitters:
         light = self._emission[patches[some]] * weights[:, None] * passed
         return _AimedRays(some, picked[some], light)
 
-    def seen(self, hits: PatchHits, cosines: Float32s) -> Float32s:
+    def seen(self, hits: PatchHits, cosines: Floats32) -> Floats32:
         """Emission (n, 3) of patches hit by gathering rays, weighted against `light`.
 
         Rays aimed at emitters pass glass, but do not find them by mirrors.
@@ -217,7 +217,7 @@ class Emitters:
 
 
 def lamps_on(
-    lighting: Lighting, transport: Transport, origins_m: Float32s, at: Points | None = None
+    lighting: Lighting, transport: Transport, origins_m: Floats32, at: Points | None = None
 ) -> list[LampLight]:
     """Light of each lamp, straight or through glass, at points (n, 3).
 
@@ -235,7 +235,7 @@ def lamps_on(
     ]
 
 
-def lamp_light(lamps: list[LampLight], points: Points) -> Float32s:
+def lamp_light(lamps: list[LampLight], points: Points) -> Floats32:
     """Light (n, 3) of lamps on white surfaces at points."""
     total = np.zeros_like(points.origins_m)
     for lamp in lamps:
@@ -244,12 +244,12 @@ def lamp_light(lamps: list[LampLight], points: Points) -> Float32s:
     return total
 
 
-def _all(lamp: LampLight, points: Float32s) -> Float32s:
+def _all(lamp: LampLight, points: Floats32) -> Floats32:
     return np.broadcast_to(lamp.directions, points.shape)
 
 
 def _shadowed(
-    light: Light, lamp: LampLight, transport: Transport, origins_m: Float32s, at: Points | None
+    light: Light, lamp: LampLight, transport: Transport, origins_m: Floats32, at: Points | None
 ) -> LampLight:
     directions, levels = _all(lamp, origins_m), lamp.levels.copy()
     for sides in () if at is None else (at.normals, at.planes):
@@ -285,9 +285,9 @@ class Points(NamedTuple):
     """Points on patches."""
 
     # (n, 3) relative to `Transport.center_m`, beside the surface, on the patch's side
-    origins_m: Float32s
-    normals: Float32s  # (n, 3) unit, interpolated, on the patch's side
-    planes: Float32s  # (n, 3) unit, triangle normals, on the patch's side
+    origins_m: Floats32
+    normals: Floats32  # (n, 3) unit, interpolated, on the patch's side
+    planes: Floats32  # (n, 3) unit, triangle normals, on the patch's side
 
 
 def points_at(
@@ -342,9 +342,9 @@ _RAYS_AT_ONCE = 1 << 17
 class GatheredLight(NamedTuple):
     """Gathered light at points, on white surfaces."""
 
-    light: Float32s  # (n, 3) mean of rays: light of emissive patches and sky, and `radiosity`
-    halves: Float32s  # (n, 2, 3) the same from the even and the odd rays, separately
-    is_valid: Mask  # (n,) at least one ray did not hit the inside of a solid
+    light: Floats32  # (n, 3) mean of rays: light of emissive patches and sky, and `radiosity`
+    halves: Floats32  # (n, 2, 3) the same from the even and the odd rays, separately
+    is_valid: Bools  # (n,) at least one ray did not hit the inside of a solid
 
 
 class Gatherer:
@@ -356,15 +356,15 @@ class Gatherer:
         self._environment = lighting.environment
         self._points = spread_points(samples)
 
-    def sky(self, directions: Float32s) -> Float32s:
+    def sky(self, directions: Floats32) -> Floats32:
         """Sky light (n, 3) along directions (n, 3)."""
         if self._environment is None:
             return np.broadcast_to(self._ambient, directions.shape)
         return self._ambient + self._environment.seen(directions)
 
     def hits(
-        self, places: list[Points], shifts: Float32s, first: int, last: int
-    ) -> tuple[PatchHits, Float32s]:
+        self, places: list[Points], shifts: Floats32, first: int, last: int
+    ) -> tuple[PatchHits, Floats32]:
         """Hits and cosines of rays `first` to `last` of places (n,), shifted by (n, 2)."""
         count = last - first
         origins = np.empty((len(shifts), count, 3), dtype=np.float32)
@@ -382,7 +382,7 @@ class Gatherer:
         return self._transport.cast(origins.reshape(-1, 3), aims), cosines.ravel()
 
     def gather(
-        self, places: list[Points], shifts: Float32s, radiosity: Float32s, emitters: Emitters
+        self, places: list[Points], shifts: Floats32, radiosity: Floats32, emitters: Emitters
     ) -> GatheredLight:
         """Light at places (n,) from patches of radiosity (p, 3), emitters and sky."""
         count = len(shifts)
@@ -403,8 +403,8 @@ class Gatherer:
         return GatheredLight(light, halves, numbers.sum(axis=1) > 0.0)
 
     def seen(
-        self, hits: PatchHits, cosines: Float32s, radiosity: Float32s, emitters: Emitters
-    ) -> Float32s:
+        self, hits: PatchHits, cosines: Floats32, radiosity: Floats32, emitters: Emitters
+    ) -> Floats32:
         """Light (n, 3) along rays."""
         light = np.zeros((len(cosines), 3), dtype=np.float32)
         free = np.flatnonzero(hits.patches == SKY)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from omnisim.core.array_types import Float32s, Float64s, Indices, Int32s, Mask
+from omnisim.core.arrays import Bools, Floats, Floats32, Indices, Ints32
 from omnisim.core.errors import SceneError
 from omnisim.scene.model import Mesh, Scene
 
@@ -33,7 +33,7 @@ class Atlas(NamedTuple):
     # (n, 4) int rectangles of the instances: left, top, width, height; zeros: none
     rects_px: Indices
     back_rects_px: Indices  # (n, 4) rectangles of the backs, for instances with a visible back
-    texels_m: Float64s  # (n,) texel width of each instance
+    texels_m: Floats  # (n,) texel width of each instance
     size_px: tuple[int, int]  # width and height
 
     def shares(self, rects_px: Indices) -> dict[int, list[float]]:
@@ -44,7 +44,7 @@ class Atlas(NamedTuple):
             for index in np.flatnonzero(rects_px[:, 2])
         }
 
-    def charts(self, mesh_of: Sequence[int]) -> Int32s:
+    def charts(self, mesh_of: Sequence[int]) -> Ints32:
         """Chart (height, width) of each texel, −1: none, by the mesh (n,) of each instance."""
         charts = np.full(self.size_px[::-1], -1, dtype=np.int32)
         number = 0
@@ -57,7 +57,7 @@ class Atlas(NamedTuple):
         return charts
 
 
-def automatic_atlas(scene: Scene, has_back: Mask, texels: int) -> tuple[float, Atlas]:
+def automatic_atlas(scene: Scene, has_back: Bools, texels: int) -> tuple[float, Atlas]:
     """Finest texel width, of two digits, with at most `texels` texels; and its atlas."""
     texel_m, attempts = first_texel_m(scene, has_back, texels), 0
     while True:
@@ -71,7 +71,7 @@ def automatic_atlas(scene: Scene, has_back: Mask, texels: int) -> tuple[float, A
 
 
 def build_atlas(
-    scene: Scene, texel_m: float, has_back: Mask, limit: int = MAX_GIVEN_TEXELS
+    scene: Scene, texel_m: float, has_back: Bools, limit: int = MAX_GIVEN_TEXELS
 ) -> Atlas:
     """Unwrap the meshes of static instances, and pack a rectangle for each instance.
 
@@ -113,7 +113,7 @@ def build_atlas(
     return Atlas(unwrappings, rects_px, back_rects_px, texels_m, size_px)
 
 
-def _scale(matrix: Float64s) -> float:
+def _scale(matrix: Floats) -> float:
     """Mean scale factor of lengths."""
     return float(np.abs(np.linalg.det(matrix[:3, :3])) ** (1.0 / 3.0))
 
@@ -126,7 +126,7 @@ def _too_fine(texel_m: float, scene: Scene, texels: float) -> SceneError:
     )
 
 
-def corner_pixels(scene: Scene, atlas: Atlas, swapped: Sequence[bool]) -> Float32s:
+def corner_pixels(scene: Scene, atlas: Atlas, swapped: Sequence[bool]) -> Floats32:
     """Corners (m, 3, 2) of all triangles, in texels; 0 outside; `swapped`: second with third."""
     corners = [np.empty((0, 3, 2), np.float32)]
     for index, instance in enumerate(scene.instances):
@@ -148,7 +148,7 @@ MAX_LENGTH = 4096  # of an instance, in texels; a needle has few texels and a lo
 _FINEST_M = 0.01
 
 
-def areas_m2(scene: Scene) -> Float64s:
+def areas_m2(scene: Scene) -> Floats:
     """Areas (n,) of the instances."""
     areas = []
     for instance in scene.instances:
@@ -159,7 +159,7 @@ def areas_m2(scene: Scene) -> Float64s:
     return np.array(areas)
 
 
-def lengths_m(scene: Scene) -> Float64s:
+def lengths_m(scene: Scene) -> Floats:
     """Diagonals (n,) of the instances' bounding boxes."""
     lengths = []
     for instance in scene.instances:
@@ -169,7 +169,7 @@ def lengths_m(scene: Scene) -> Float64s:
     return np.array(lengths)
 
 
-def coarseness(scene: Scene) -> Float64s:
+def coarseness(scene: Scene) -> Floats:
     """Factors (n,) of the texel size, by the distance of the instance's triangles from cameras."""
     places = camera_places_m(scene)
     nearest_m = []
@@ -188,7 +188,7 @@ def max_texels(texels: int) -> int:
     return texels // 16
 
 
-def first_texel_m(scene: Scene, has_back: Mask, texels: int) -> float:
+def first_texel_m(scene: Scene, has_back: Bools, texels: int) -> float:
     """Texel size whose charts fill an atlas of `texels` texels without gaps."""
     areas, factors = areas_m2(scene) * (1 + has_back), coarseness(scene)
     lengths, most = lengths_m(scene), max_texels(texels)
@@ -201,18 +201,18 @@ def first_texel_m(scene: Scene, has_back: Mask, texels: int) -> float:
     return texel_m
 
 
-def texel_sizes_m(scene: Scene, texel_m: float, has_back: Mask, limit: int) -> Float64s:
+def texel_sizes_m(scene: Scene, texel_m: float, has_back: Bools, limit: int) -> Floats:
     """Texel sizes (n,) of the instances; instances with a back have twice as many texels."""
     areas = areas_m2(scene) * (1 + has_back)
     return _limited(areas, lengths_m(scene), coarseness(scene) * texel_m, limit)
 
 
-def _limited(areas: Float64s, lengths: Float64s, texels_m: Float64s, limit: int) -> Float64s:
-    sizes: Float64s = np.maximum(texels_m, np.sqrt(areas / limit))
+def _limited(areas: Floats, lengths: Floats, texels_m: Floats, limit: int) -> Floats:
+    sizes: Floats = np.maximum(texels_m, np.sqrt(areas / limit))
     return np.maximum(sizes, lengths / MAX_LENGTH)
 
 
-def camera_places_m(scene: Scene) -> Float64s:
+def camera_places_m(scene: Scene) -> Floats:
     """Positions (n, 3) of cameras and vehicles."""
     height_m = scene.start.position_m[2]
     places = [scene.start.position_m, *(start.position_m for start in scene.starts)]
@@ -229,14 +229,14 @@ def camera_places_m(scene: Scene) -> Float64s:
 class Unwrapping(NamedTuple):
     """Mesh with one texture coordinate per vertex; vertices on seams are split."""
 
-    vertex_of: Int32s  # (v,) int32 original vertex of each split vertex
-    triangles: Int32s  # (t, 3) int32 split vertices, in the mesh's order
-    uv: Float32s  # (v, 2) float32 on the page, from 0 to 1
+    vertex_of: Ints32  # (v,) int32 original vertex of each split vertex
+    triangles: Ints32  # (t, 3) int32 split vertices, in the mesh's order
+    uv: Floats32  # (v, 2) float32 on the page, from 0 to 1
     charts_px: Indices  # (c, 4) chart rectangles: left, top, width, height
     size_px: tuple[int, int]  # width and height of the page, in texels
 
 
-def unwrap(mesh: Mesh, texels_from_mesh: Float64s) -> Unwrapping | None:
+def unwrap(mesh: Mesh, texels_from_mesh: Floats) -> Unwrapping | None:
     """Unwrap a mesh, mapped by (3, 3) to lengths in texels, into charts; None: it has no area."""
     import xatlas
 
@@ -261,7 +261,7 @@ def unwrap(mesh: Mesh, texels_from_mesh: Float64s) -> Unwrapping | None:
     )
 
 
-def _pack_charts(places_px: Float64s, chart_of: Indices) -> tuple[Indices, tuple[int, int]]:
+def _pack_charts(places_px: Floats, chart_of: Indices) -> tuple[Indices, tuple[int, int]]:
     """Rectangles (c, 4) of charts and the page size; moves the vertices into the rectangles."""
     count = int(chart_of.max(initial=-1)) + 1
     low, high = (np.full((count, 2), sign * np.inf) for sign in (1, -1))

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.core.array_types import Float32s, Float64s, Indices, Int32s, Mask
+from omnisim.core.arrays import Bools, Floats, Floats32, Indices, Ints32
 from omnisim.rendering.baking.lightmap_atlas import Atlas, corner_pixels
 from omnisim.rendering.baking.specular import SpecularSurfaces
 from omnisim.rendering.rays.caster import RayHits, Rays
@@ -35,20 +35,20 @@ class Patches:
     of_sample: Indices  # (k,) indices of the samples, patch after patch
     first: Indices  # (p + 1,) first entry of each patch in `of_sample`
     sides: NDArray[np.int8]  # (p,) `FRONT` or `BACK`
-    surfaces: Int32s  # (p,) instance of each patch
+    surfaces: Ints32  # (p,) instance of each patch
     places: Indices  # (p,) texel; outside of the atlas: atlas size + instance
-    areas_m2: Float32s  # (p,) areas
-    albedo: Float32s  # (p, 3) diffuse reflectance, linear RGB
-    transmitted: Float32s  # (p, 3) diffuse transmittance of frosted glass, from the opposite patch
-    emission: Float32s  # (p, 3) emitted light, as seen
-    spacing_m: Float32s  # (p,) texel width
-    of_place: Int32s  # (2, places) int32 patch on each side of each place; `NO_PATCH`: none
-    corners_px: Float32s  # (m, 3, 2) triangle corners in the atlas
-    is_hollow: Mask  # (m,) the back of the triangle faces open space, not the inside of a solid
-    has_rect: Mask  # (surfaces,) instances with a rectangle in the atlas
+    areas_m2: Floats32  # (p,) areas
+    albedo: Floats32  # (p, 3) diffuse reflectance, linear RGB
+    transmitted: Floats32  # (p, 3) diffuse transmittance of frosted glass, from the opposite patch
+    emission: Floats32  # (p, 3) emitted light, as seen
+    spacing_m: Floats32  # (p,) texel width
+    of_place: Ints32  # (2, places) int32 patch on each side of each place; `NO_PATCH`: none
+    corners_px: Floats32  # (m, 3, 2) triangle corners in the atlas
+    is_hollow: Bools  # (m,) the back of the triangle faces open space, not the inside of a solid
+    has_rect: Bools  # (surfaces,) instances with a rectangle in the atlas
     # (surfaces,) texels from the place of a front to that of its back; 0: no back
     back_shift: Indices
-    charts: Int32s  # (height, width) chart of each texel of the atlas; -1: none
+    charts: Ints32  # (height, width) chart of each texel of the atlas; -1: none
 
     @property
     def size_px(self) -> tuple[int, int]:
@@ -68,18 +68,18 @@ class Patches:
         return self.places + shifts
 
     @property
-    def opposite(self) -> Int32s:
+    def opposite(self) -> Ints32:
         """Patches (p,) on the other side of each; `NO_PATCH`: none."""
         return self.of_place[1 - self.sides, self.places]
 
-    def kept(self, is_kept: Mask) -> Patches:
+    def kept(self, is_kept: Bools) -> Patches:
         """The same patches with only the selected entries of `of_sample`."""
         counts = np.concatenate(([0], np.cumsum(is_kept)))
         return replace(self, of_sample=self.of_sample[is_kept], first=counts[self.first])
 
 
 def build_patches(
-    rays: RayScene, specular: SpecularSurfaces, atlas: Atlas, is_hollow: Mask
+    rays: RayScene, specular: SpecularSurfaces, atlas: Atlas, is_hollow: Bools
 ) -> Patches:
     """Patches of all static instances, ordered by place, fronts first; see `Patches`."""
     geometry, scene = rays.caster.geometry, rays.scene
@@ -102,7 +102,7 @@ def build_patches(
     areas = triangle_m2[samples.triangles] / of_triangle[samples.triangles]
     areas[samples.texels >= width * height] = 0.0
 
-    def means(values: Float32s) -> Float32s:
+    def means(values: Floats32) -> Floats32:
         sums = np.add.reduceat(values, first, axis=0) if len(first) else values[:0]
         return (sums / counts[:, None]).astype(np.float32)
 
@@ -144,7 +144,7 @@ def build_patches(
 
 
 def _spread_samples(
-    triangle_m2: Float64s, first_of_surface: Indices, is_taken: Mask, first_place: int
+    triangle_m2: Floats, first_of_surface: Indices, is_taken: Bools, first_place: int
 ) -> Samples:
     """Samples of surfaces without texels, spread evenly by area."""
     count = _SAMPLES_WITHOUT_TEXELS
@@ -168,7 +168,7 @@ def _spread_samples(
 
 def _appearance(
     rays: RayScene, specular: SpecularSurfaces, samples: Samples
-) -> tuple[Float32s, Float32s, Float32s]:
+) -> tuple[Floats32, Floats32, Floats32]:
     """Diffuse reflectance, diffuse transmittance and emission (n, 3) at samples."""
     count = len(samples.triangles)
     nowhere = np.zeros((count, 3))
@@ -183,7 +183,7 @@ def _appearance(
     return diffuse.reflected, diffuse.transmitted, emission
 
 
-def _spread_to_empty(of_texel: Int32s, charts: Int32s) -> Int32s:
+def _spread_to_empty(of_texel: Ints32, charts: Ints32) -> Ints32:
     """Patches (2, texels), empty ones filled from neighbors, of their own chart if any are near."""
     from scipy.ndimage import distance_transform_edt
 
@@ -210,15 +210,15 @@ class Samples(NamedTuple):
     """Points of surfaces, each in a texel."""
 
     texels: Indices  # (n,) row · width + column in the atlas
-    triangles: Int32s  # (n,) int32 triangle indices
-    weights: Float32s  # (n, 3) float32 barycentric weights
+    triangles: Ints32  # (n,) int32 triangle indices
+    weights: Floats32  # (n, 3) float32 barycentric weights
 
     def take(self, indices: Indices) -> Samples:
         """The selected samples."""
         return Samples(self.texels[indices], self.triangles[indices], self.weights[indices])
 
 
-def rasterize(corners_px: Float32s, triangles: Indices, width_px: int) -> Samples:
+def rasterize(corners_px: Floats32, triangles: Indices, width_px: int) -> Samples:
     """Samples of triangles on a grid of `GRID` × `GRID` in each texel.
 
     A slim triangle also has samples along its middle line, so that its whole length is covered.
@@ -258,7 +258,7 @@ def rasterize(corners_px: Float32s, triangles: Indices, width_px: int) -> Sample
 
 
 def _slim_samples(
-    corners_px: Float32s, triangles: Indices, has_sample: Mask, width_px: int
+    corners_px: Floats32, triangles: Indices, has_sample: Bools, width_px: int
 ) -> Samples:
     """Samples of slim triangles, from a corner to the middle of the shortest edge."""
     corners = corners_px[triangles].astype(np.float64)
@@ -291,7 +291,7 @@ def _candidates(low: Indices, spans: Indices) -> tuple[Indices, Indices]:
     return owner, low[owner] + np.stack((within % wide, within // wide), axis=1)
 
 
-def _weights(corners: Float64s, points: Indices) -> tuple[Indices, Float64s]:
+def _weights(corners: Floats, points: Indices) -> tuple[Indices, Floats]:
     """Indices of the points (n, 2) inside their triangles (n, 3, 2), and barycentric weights."""
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
     area = _cross(b - a, c - a)
@@ -303,5 +303,5 @@ def _weights(corners: Float64s, points: Indices) -> tuple[Indices, Float64s]:
     return inside, np.column_stack((first[inside], weights[inside]))
 
 
-def _cross(one: Float64s, other: Float64s) -> Float64s:
+def _cross(one: Floats, other: Floats) -> Floats:
     return one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]

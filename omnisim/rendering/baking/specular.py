@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.core.array_types import Float32s, Float64s, Indices, Mask
+from omnisim.core.arrays import Bools, Floats, Floats32, Indices
 from omnisim.core.random_numbers import pcg4d, uniform
 from omnisim.rendering.rays.caster import EmbreeHits, RayHits, Rays
 from omnisim.rendering.rays.ray_scene import RayScene
@@ -33,19 +33,19 @@ class Ways(NamedTuple):
     """Ways on for rays (n,) from specular surfaces."""
 
     # (n, 3) shares of the light from each way, linear RGB
-    reflected: Float32s
-    passed: Float32s
-    is_invisible: Mask  # (n,) mask of the backs of single-sided panes, which only pass light
+    reflected: Floats32
+    passed: Floats32
+    is_invisible: Bools  # (n,) mask of the backs of single-sided panes, which only pass light
     # (n, 3) unit normals, interpolated and of the triangle, facing the rays
-    normals: Float32s
-    planes: Float32s
+    normals: Floats32
+    planes: Floats32
 
     def take(self, indices: Indices) -> Ways:
         """The selected rays."""
         return Ways._make(values[indices] for values in self)
 
 
-def chosen(ways: Ways, own: Float32s, numbers: Float32s) -> tuple[NDArray[np.int8], Float32s]:
+def chosen(ways: Ways, own: Floats32, numbers: Floats32) -> tuple[NDArray[np.int8], Floats32]:
     """Ways (n,) by numbers in (0, 1), `own` shares that end, and factors (n, 3) of their light."""
     own = np.where(ways.is_invisible, np.float32(0.0), own)
     mirrored, passed = ways.reflected.mean(axis=1), ways.passed.mean(axis=1)
@@ -69,8 +69,8 @@ def chosen(ways: Ways, own: Float32s, numbers: Float32s) -> tuple[NDArray[np.int
 
 
 def onward(
-    points_m: Float32s, directions: Float32s, ways: Ways, is_mirrored: Mask, start_m: float
-) -> tuple[Float32s, Float32s]:
+    points_m: Floats32, directions: Floats32, ways: Ways, is_mirrored: Bools, start_m: float
+) -> tuple[Floats32, Floats32]:
     """Origins and directions (n, 3) of rays from surfaces hit at points (n, 3): mirrored, or on."""
     along = np.einsum("nc,nc->n", directions, ways.normals)
     turned = directions - 2.0 * along[:, None] * ways.normals
@@ -83,7 +83,7 @@ def onward(
     return origins_m.astype(np.float32), aims.astype(np.float32)
 
 
-def random_numbers(origins_m: Float32s, directions: Float32s, number: int) -> Float32s:
+def random_numbers(origins_m: Floats32, directions: Floats32, number: int) -> Floats32:
     """Random numbers (n,) in (0, 1) for rays (n, 3), hashes of their bits and a number."""
     (x, y, z), (u, v, w) = (
         np.ascontiguousarray(values, dtype=np.float32).view(np.uint32).reshape(-1, 3).T
@@ -109,8 +109,8 @@ _ANGLES = 64  # at which a pane's reflectance is averaged
 class DiffuseShares(NamedTuple):
     """Shares (n, 3) of Lambertian light that surfaces scatter, linear RGB."""
 
-    reflected: Float32s
-    transmitted: Float32s
+    reflected: Floats32
+    transmitted: Floats32
 
 
 class SpecularSurfaces:
@@ -137,7 +137,7 @@ class SpecularSurfaces:
         self.frosted = np.array(frosted, dtype=np.float32)
         self._continues = continues
 
-    def ways(self, hits: EmbreeHits, directions: Float32s) -> Ways:
+    def ways(self, hits: EmbreeHits, directions: Floats32) -> Ways:
         """Ways on from specular surfaces hit by rays (n,) with unit directions (n, 3)."""
         weights = np.stack((1.0 - hits.u - hits.v, hits.u, hits.v), axis=1)
         is_back = np.einsum("nc,nc->n", hits.normals, directions) > 0.0
@@ -164,7 +164,7 @@ class SpecularSurfaces:
         passed = straight_shares(shading, view, colors)
         return Ways(reflected.astype(np.float32), passed, is_invisible, normals, planes)
 
-    def diffuse(self, hits: RayHits, colors: Float32s) -> DiffuseShares:
+    def diffuse(self, hits: RayHits, colors: Floats32) -> DiffuseShares:
         """Diffuse shares of surfaces (n,) with base colors (n, 3), besides the specular ones."""
         shading, surfaces = self._shading, self._shading.surfaces(hits)
         reflected, transmitted = colors.copy(), np.zeros_like(colors)
@@ -193,7 +193,7 @@ class SpecularSurfaces:
         return DiffuseShares(reflected, transmitted)
 
 
-def _mean_reflectance(ior: Float64s) -> Float64s:
+def _mean_reflectance(ior: Floats) -> Floats:
     """Reflectance (n,) of panes for Lambertian light."""
     squares = (np.arange(_ANGLES) + 0.5) / _ANGLES
     means = {

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from omnisim.core.array_types import Float32s, Indices, Int32s, Mask
+from omnisim.core.arrays import Bools, Floats32, Indices, Ints32
 from omnisim.rendering.baking.patches import BACK, FRONT, Patches
 from omnisim.rendering.baking.specular import SpecularSurfaces, Way, chosen, onward, random_numbers
 from omnisim.rendering.rays.caster import NO_TRIANGLE, EmbreeHits, RayHits, Rays, put_rows
@@ -25,12 +25,12 @@ _EMISSIVE_SHARE = 0.5  # minimum share of the rays that end on an emissive, spec
 class PatchHits(NamedTuple):
     """Patches hit by rays."""
 
-    patches: Int32s  # (n,) patch, or `SKY`; `INSIDE`: the ray hit the inside of a solid
-    ranges_m: Float32s  # (n,) lengths of the rays
-    cosines: Float32s  # (n,) between the rays and the planes' normals
-    directions: Float32s  # (n, 3) directions at the hits
-    shares: Float32s  # (n, 3) factors of the light, or (n, 1) ones
-    is_straight: Mask  # (n,) mask of the rays that no mirror has deflected
+    patches: Ints32  # (n,) patch, or `SKY`; `INSIDE`: the ray hit the inside of a solid
+    ranges_m: Floats32  # (n,) lengths of the rays
+    cosines: Floats32  # (n,) between the rays and the planes' normals
+    directions: Floats32  # (n, 3) directions at the hits
+    shares: Floats32  # (n, 3) factors of the light, or (n, 1) ones
+    is_straight: Bools  # (n,) mask of the rays that no mirror has deflected
 
     def take(self, indices: Indices) -> PatchHits:
         """The selected hits."""
@@ -62,7 +62,7 @@ class Transport:
         self._has_holes = cutoffs > 0.0
         self._has_any_holes = bool(self._has_holes.any())
 
-    def cast(self, origins_m: Float32s, directions: Float32s) -> PatchHits:
+    def cast(self, origins_m: Floats32, directions: Floats32) -> PatchHits:
         """Patches hit by rays (n, 3) with unit directions, also by mirrors and through glass."""
         hits = self._hits(origins_m, directions, None)
         found = self._on_patches(hits, directions)
@@ -104,7 +104,7 @@ class Transport:
                 break
         return found
 
-    def _continues(self, hits: EmbreeHits, patches: Int32s) -> Mask:
+    def _continues(self, hits: EmbreeHits, patches: Ints32) -> Bools:
         """Mask (n,) of hits on patches (n,) where rays continue: not inside of opaque solids."""
         if not self.specular.any:
             return np.zeros(len(hits.triangles), dtype=np.bool_)
@@ -112,15 +112,15 @@ class Transport:
         on &= (patches != INSIDE) | self.specular.see_through[hits.triangles]
         return on
 
-    def _own(self, patches: Int32s) -> Float32s:
+    def _own(self, patches: Ints32) -> Floats32:
         """Diffuse shares (n,) of patches, and more of emissive ones; 0: no patch."""
-        own: Float32s = self._patches.albedo[patches].mean(axis=1)
+        own: Floats32 = self._patches.albedo[patches].mean(axis=1)
         shining = self._patches.emission[patches].any(axis=1)
         own = np.where(shining, np.maximum(own, np.float32(_EMISSIVE_SHARE)), own)
         own[patches < 0] = 0.0
         return own
 
-    def _on_patches(self, hits: EmbreeHits, directions: Float32s) -> PatchHits:
+    def _on_patches(self, hits: EmbreeHits, directions: Floats32) -> PatchHits:
         """Patches at hits of rays (n,)."""
         count = len(directions)
         is_hit = np.flatnonzero(hits.triangles != NO_TRIANGLE)
@@ -137,17 +137,17 @@ class Transport:
         ones, straight = np.ones((count, 1), dtype=np.float32), np.ones(count, dtype=np.bool_)
         return PatchHits(patches, hits.ranges_m, cosines, directions, ones, straight)
 
-    def is_back(self, hits: PatchHits) -> Mask:
+    def is_back(self, hits: PatchHits) -> Bools:
         """Mask (n,) of rays that hit the back of a patch."""
         on_patch = hits.patches >= 0
         return on_patch & (self._patches.sides[hits.patches] == BACK)
 
-    def is_frosted(self, hits: PatchHits) -> Mask:
+    def is_frosted(self, hits: PatchHits) -> Bools:
         """Mask (n,) of rays that hit frosted glass, from either side."""
         surfaces = self._patches.surfaces[hits.patches]
         return (hits.patches >= 0) & (self.specular.frosted[surfaces] > 0.0)
 
-    def passing(self, origins_m: Float32s, directions: Float32s, far: Float32s | None) -> Float32s:
+    def passing(self, origins_m: Floats32, directions: Floats32, far: Floats32 | None) -> Floats32:
         """Shares (n, 1 or 3) of light that arrives along rays: 0 behind opaque surfaces.
 
         Args:
@@ -181,7 +181,7 @@ class Transport:
             origins_m, ends = origins_m[on], None if ends is None else ends[on]
         return shares
 
-    def _hits(self, origins_m: Float32s, directions: Float32s, far: Float32s | None) -> EmbreeHits:
+    def _hits(self, origins_m: Floats32, directions: Floats32, far: Floats32 | None) -> EmbreeHits:
         """Nearest triangles along rays, ignoring holes of masked surfaces."""
         hits = self._caster.static_hits(origins_m, directions, far)
         if not self._has_any_holes:
@@ -203,7 +203,7 @@ class Transport:
             active = active[(triangles != NO_TRIANGLE) & self._has_holes[triangles]]
         return hits
 
-    def _is_hole(self, hits: EmbreeHits) -> Mask:
+    def _is_hole(self, hits: EmbreeHits) -> Bools:
         """Mask (n,) of hits in a hole of a masked surface, or on a mostly clear blended one."""
         weights = np.stack((1.0 - hits.u - hits.v, hits.u, hits.v), axis=1)
         nowhere = np.zeros((len(hits.u), 3))
@@ -213,7 +213,7 @@ class Transport:
         cutoffs = self._shading.hit_cutoff[self._surface_of_triangle[hits.triangles]]
         return colors[:, 3] < cutoffs
 
-    def _patch_of(self, triangles: Int32s, u: Float32s, v: Float32s, is_back: Mask) -> Int32s:
+    def _patch_of(self, triangles: Ints32, u: Floats32, v: Floats32, is_back: Bools) -> Ints32:
         patches = self._patches
         width, height = patches.size_px
         corners = patches.corners_px[triangles]

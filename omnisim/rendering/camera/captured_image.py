@@ -22,7 +22,7 @@ from omnisim.cameras import (
 )
 from omnisim.cameras.mirrors.mirror_mesh import sectors_and_rings
 from omnisim.cameras.mirrors.mirror_mesh_rays import inside_rim
-from omnisim.core.array_types import Float64s, Mask
+from omnisim.core.arrays import Bools, Floats
 from omnisim.core.errors import OmnisimError, OpticsError, OutputError, SensorFileError
 from omnisim.core.files.image_files import read_image
 from omnisim.core.poses import check_pose
@@ -61,7 +61,7 @@ def _check_whole(parameters: Mapping[str, Any]) -> None:
 BLOCK_PIXELS = 1 << 20  # pixels per step, to bound the memory of intermediate arrays
 
 
-def valid_mask(camera: CentralCamera, polygons: int | None) -> Mask:
+def valid_mask(camera: CentralCamera, polygons: int | None) -> Bools:
     """Mask (height, width) of the pixels whose center shows the scene.
 
     Args:
@@ -95,13 +95,13 @@ class CapturedImage:
     """Image with its camera and poses."""
 
     pixels: NDArray[Any]  # (height, width, 3) uint8 sRGB, or float32 linear
-    covered: Mask  # (height, width) mask of pixels that show the scene
+    covered: Bools  # (height, width) mask of pixels that show the scene
     camera: CentralCamera  # camera of the image
     # (3, 3) rotation from the camera's optical frame to the vehicle's base
-    base_from_optical: Float64s
+    base_from_optical: Floats
     # (4, 4) poses, if the image has them
-    world_from_base: Float64s | None
-    world_from_optical: Float64s | None
+    world_from_base: Floats | None
+    world_from_optical: Floats | None
     metadata: dict[str, Any]  # metadata of the image file; empty if there is none
 
     def __repr__(self) -> str:
@@ -201,7 +201,7 @@ def read_captured_image(path: Path, sensor: OmniCamera | None = None) -> Capture
     )
 
 
-def _pose(metadata: dict[str, Any], key: str, path: Path) -> Float64s | None:
+def _pose(metadata: dict[str, Any], key: str, path: Path) -> Floats | None:
     if key not in metadata:
         return None
     try:

@@ -12,13 +12,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol, TypeAlias, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from omnisim.cameras import CentralCamera, HyperbolicCamera, NonCentralCamera, summary
 from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.cameras.mirrors.mirror_mesh import sectors_and_rings
 from omnisim.core import poses
-from omnisim.core.array_types import Float64s
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import OpticsError, RunError
 from omnisim.core.extras import missing_packages
 from omnisim.core.short_repr import short_repr
@@ -101,7 +101,7 @@ class OmniCamera(SensorSettings):
     model: CentralCamera = field(default_factory=_paper_camera)
     _: KW_ONLY
     polygons: Polygons = "default"
-    base_from_rig: Float64s = field(default_factory=lambda: np.eye(4))
+    base_from_rig: Floats = field(default_factory=lambda: np.eye(4))
     face_size_px: int | None = None
     near_m: float = DEFAULT_NEAR_M
     far_m: float = math.inf
@@ -290,7 +290,7 @@ class OmniCamera(SensorSettings):
         return self.model.scaled(self.supersampling)
 
     @property
-    def base_from_optical(self) -> Float64s:
+    def base_from_optical(self) -> Floats:
         """Pose (4, 4) of the camera's optical frame on its vehicle."""
         pose = self.base_from_rig.copy()
         pose[:3, :3] = pose[:3, :3] @ self.model.rig_from_optical
@@ -340,7 +340,7 @@ class OmniCamera(SensorSettings):
         yaw_deg: float = 0.0,
         pitch_deg: float = 0.0,
         roll_deg: float = 0.0,
-    ) -> Float64s:
+    ) -> Floats:
         """Pose (4, 4) world_from_base that puts the effective viewpoint at a position.
 
         Args:
@@ -418,7 +418,7 @@ class OmniCamera(SensorSettings):
         """Open a renderer on a stage."""
         return stage.open_camera(self, mount)
 
-    def origin_m(self, base_from_sensor: NDArray[np.float64]) -> NDArray[np.float64]:
+    def origin_m(self, base_from_sensor: Floats) -> Floats:
         """Effective viewpoint (3,), base; for non-central optics, the point nearest the rays."""
         base_from_optical = base_from_sensor @ self.base_from_optical
         if not isinstance(self.model, NonCentralCamera):
@@ -431,7 +431,7 @@ class OmniCamera(SensorSettings):
         if rays.origins_m is None or not rays.valid.any():
             return base_from_optical[:3, 3]
         nearest_m = common_point(rays.origins_m[rays.valid], rays.directions[rays.valid])
-        nearest_from_origin_m: NDArray[np.float64] = base_from_optical[:3, :3] @ nearest_m
+        nearest_from_origin_m: Floats = base_from_optical[:3, :3] @ nearest_m
         return nearest_from_origin_m + base_from_optical[:3, 3]
 
     @classmethod
@@ -473,9 +473,7 @@ class OmniCamera(SensorSettings):
         """Texts of the sensor file and the calibration file, by file name."""
         return {SENSOR_FILE: self.to_toml(), CALIBRATION: self.calibration_json()}
 
-    def check_trajectory(
-        self, mount: Mount[object], truth: Trajectory, times_s: NDArray[np.float64]
-    ) -> None:
+    def check_trajectory(self, mount: Mount[object], truth: Trajectory, times_s: Floats) -> None:
         """Raise an error if an exposure lasts longer than the time to the next image.
 
         Raises:

@@ -10,14 +10,10 @@ from typing import NamedTuple
 import numpy as np
 
 from omnisim.cameras import CentralCamera, NonCentralCamera, Rays, pixel_grid
-from omnisim.core.array_types import Float32s, Float64s, Indices, Mask
+from omnisim.core.arrays import Bools, Floats, Floats32, Indices
 from omnisim.core.cube import FACE_FROM_RIG
 from omnisim.core.errors import GraphicsError
-from omnisim.rendering.opengl.atlas.sampling_density import (
-    GRID_STEP,
-    density_of_rays,
-    dilate,
-)
+from omnisim.rendering.opengl.atlas.sampling_density import GRID_STEP, density_of_rays, dilate
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan, plan_densities
 from omnisim.rendering.opengl.capture.parallax_rays import MARGIN_PX, ParallaxRays
 from omnisim.rendering.sensor_tiles import ONE_SAMPLE_BIAS, SUPERSAMPLED_BIAS
@@ -33,9 +29,9 @@ _STEP = 2.0 * GRID_STEP  # tangents between points: neighborhoods of points coun
 class _SeenRays(NamedTuple):
     """Rays of pixels with valid neighbors, and directions of the points on them."""
 
-    directions: Float64s  # (n, 3)
-    along: Float64s  # (n,) radians between samples, in the longer direction
-    points: list[tuple[Float64s, Float64s]]  # (m, 3), samples per radian (m,)
+    directions: Floats  # (n, 3)
+    along: Floats  # (n,) radians between samples, in the longer direction
+    points: list[tuple[Floats, Floats]]  # (m, 3), samples per radian (m,)
 
 
 def parallax_tiles(
@@ -101,7 +97,7 @@ def _seen_rays(
     return _SeenRays(centers, along, points)
 
 
-def _on_faces(directions: Float64s) -> Iterator[tuple[Indices, Float64s]]:
+def _on_faces(directions: Floats) -> Iterator[tuple[Indices, Floats]]:
     """Indices of the directions (n, 3) on each face, and their tangents (m, 2).
 
     Equivalent to `face_index` and `face_tangents`, but faster: a face's axes are the rig's.
@@ -117,7 +113,7 @@ def _on_faces(directions: Float64s) -> Iterator[tuple[Indices, Float64s]]:
         yield on_it, local[:, :2] / local[:, 2:]
 
 
-def _mip_level(plan: TilePlan, directions: Float64s, along: Float64s) -> float:
+def _mip_level(plan: TilePlan, directions: Floats, along: Floats) -> float:
     """Level at which texels are as wide as the spacing of samples at directions (n, 3), radians.
 
     A percentile: beyond a rim's last pixels, and at poles, the spacing is unbounded.
@@ -134,7 +130,7 @@ def _mip_level(plan: TilePlan, directions: Float64s, along: Float64s) -> float:
     return float(np.log2(np.percentile(np.concatenate(texels), _PERCENTILE)))
 
 
-def _singular_values(steps: Float64s) -> tuple[Float64s, Float64s]:
+def _singular_values(steps: Floats) -> tuple[Floats, Floats]:
     """Larger and smaller singular values (n,) of matrices (n, 3, 2), in closed form."""
     gram = np.einsum("nji,njk->nik", steps, steps)
     mean = 0.5 * (gram[:, 0, 0] + gram[:, 1, 1])
@@ -183,7 +179,7 @@ def sample_rays(
     )
 
 
-def _bent(rays: ParallaxRays, pixels: Indices, own: Float32s) -> Mask:
+def _bent(rays: ParallaxRays, pixels: Indices, own: Floats32) -> Bools:
     """Mask of pixels (n, 2), row and column, whose sample directions cannot be interpolated.
 
     The directions (n, samples, 3) differ from those interpolated between neighboring pixels.
@@ -196,18 +192,18 @@ def _bent(rays: ParallaxRays, pixels: Indices, own: Float32s) -> Mask:
     return np.asarray(misses > _MISS_PX * steps.reshape(len(pixels), 2 * count).min(axis=1))
 
 
-_Traced = tuple[Float32s, Float32s, Mask]
+_Traced = tuple[Floats32, Floats32, Bools]
 
 
-def _tracer(camera: CentralCamera, polygons: int | None) -> Callable[[Float64s], _Traced]:
+def _tracer(camera: CentralCamera, polygons: int | None) -> Callable[[Floats], _Traced]:
     """Function from pixels to directions and origins (..., 3), rig, and validity; 0 if invalid."""
-    ray_from_pixel: Callable[[Float64s], Rays] = camera.ray_from_pixel
+    ray_from_pixel: Callable[[Floats], Rays] = camera.ray_from_pixel
     if polygons is not None and isinstance(camera, NonCentralCamera):
         from omnisim.cameras.optics.mesh_rays import MeshRays
 
         ray_from_pixel = MeshRays(camera, polygons).ray_from_pixel
 
-    def trace(pixels: Float64s) -> _Traced:
+    def trace(pixels: Floats) -> _Traced:
         rays = ray_from_pixel(pixels)
         assert rays.origins_m is not None
         found = []

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import moderngl
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Bytes
 from omnisim.core.pending import Pending
 from omnisim.rendering.contract import Readback, ScenePoses, SubFrames
 from omnisim.rendering.opengl.atlas.image_parts import ImagePart
@@ -18,11 +18,7 @@ from omnisim.rendering.opengl.capture.pixel_map import PixelMap
 from omnisim.rendering.opengl.drawing.atlas_levels import AtlasLevels
 from omnisim.rendering.opengl.drawing.cube_pass import CubePass
 from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer
-from omnisim.rendering.opengl.gl.gpu_textures import (
-    renderbuffer,
-    texture_2d,
-    texture_array,
-)
+from omnisim.rendering.opengl.gl.gpu_textures import renderbuffer, texture_2d, texture_array
 from omnisim.rendering.opengl.gl.memory import gpu_allocation, slice_length
 from omnisim.rendering.opengl.gl.pixel_readback import PixelReadback, Pixels, Read, Reading
 
@@ -133,7 +129,7 @@ class CameraFrame:
         """True if `begin_batch` can draw its images."""
         return self._degradation is None and isinstance(self.image_pass, RemapPass)
 
-    def begin_batch(self, poses: Sequence[ScenePoses], out: NDArray[np.uint8]) -> Pending[None]:
+    def begin_batch(self, poses: Sequence[ScenePoses], out: Bytes) -> Pending[None]:
         """Begin to render ideal images slice by slice, one layer of an atlas array per pose.
 
         Args:

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from omnisim.cameras import NonCentralCamera
-from omnisim.core.array_types import Float64s
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import GraphicsError
 from omnisim.core.world import ObjectPart
 from omnisim.rendering.camera.quality import near_plane_m, scene_size_m
@@ -123,7 +123,7 @@ class CubeBackend(SceneBackend):
 
     def range_finder(
         self,
-        angles_rad: Float64s,
+        angles_rad: Floats,
         max_range_m: float,
         hidden: frozenset[ObjectPart],
         limits: EchoLimits | None = None,

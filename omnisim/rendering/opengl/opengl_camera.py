@@ -7,10 +7,7 @@ from collections.abc import Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
 
-import numpy as np
-from numpy.typing import NDArray
-
-from omnisim.core.array_types import Float32s
+from omnisim.core.arrays import Bytes, Floats32
 from omnisim.core.pending import Pending
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails
 from omnisim.rendering.contract import (
@@ -168,7 +165,7 @@ class CubeCamera(OpenGLCamera["CubeHits"]):
             self.whole_cube.refresh()
 
     def begin_batch(
-        self, poses: Sequence[ScenePoses], out: NDArray[np.uint8], frame_number: int = 0
+        self, poses: Sequence[ScenePoses], out: Bytes, frame_number: int = 0
     ) -> Pending[None]:
         """Begin to render images; those of an ideal camera are drawn together."""
         if not self.frame.draws_together:
@@ -180,7 +177,7 @@ class CubeCamera(OpenGLCamera["CubeHits"]):
 
         return CubeHits(self._drawn.buffers, self._sensor, self._cameras, details)
 
-    def faces(self, poses: ScenePoses) -> dict[str, Float32s]:
+    def faces(self, poses: ScenePoses) -> dict[str, Floats32]:
         """Linear images (size, size, 3) of the virtual cameras by name, rendered for this call."""
         cube = self.whole_cube
         cube.render(*poses)

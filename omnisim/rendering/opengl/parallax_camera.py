@@ -14,7 +14,7 @@ import numpy as np
 
 from omnisim.cameras import NonCentralCamera
 from omnisim.cameras.optics.centrality import common_point
-from omnisim.core.array_types import Float32s, Float64s
+from omnisim.core.arrays import Floats, Floats32
 from omnisim.core.errors import GraphicsError
 from omnisim.core.extras import missing_packages
 from omnisim.core.pending import Pending
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from omnisim.rendering.opengl.ground_truth.parallax_hits import ParallaxHits
 
 # Linear RGB (n, 3) along rays (n,), with the scene at some poses.
-CastAt = Callable[[ScenePoses, SampleRays], Float32s]
+CastAt = Callable[[ScenePoses, SampleRays], Floats32]
 _RAYS_PER_BATCH = 1 << 12
 # Longer side of the image by which the atlas of a larger one is estimated, and how much larger.
 _ESTIMATE_PX, _MIN_SCALE = 256, 6.0
@@ -109,7 +109,7 @@ class ParallaxCamera(OpenGLCamera["ParallaxHits"]):
             self.world.ray_scene if casts else None,
         )
 
-    def faces(self, poses: ScenePoses) -> dict[str, Float32s]:
+    def faces(self, poses: ScenePoses) -> dict[str, Floats32]:
         """Refuse: the virtual cameras are parts of faces.
 
         Raises:
@@ -117,7 +117,7 @@ class ParallaxCamera(OpenGLCamera["ParallaxHits"]):
         """
         raise GraphicsError("faces: expected a central camera, got an optical system")
 
-    def _cast(self, poses: ScenePoses, rays: SampleRays) -> Float32s:
+    def _cast(self, poses: ScenePoses, rays: SampleRays) -> Floats32:
         """Linear RGB (n, 3) along rays (n,) with their own origins, rig frame."""
         from omnisim.rendering.rays.caster import DepthLimits
         from omnisim.rendering.rays.ray_scene import ObjectState
@@ -131,7 +131,7 @@ class ParallaxCamera(OpenGLCamera["ParallaxHits"]):
         footprints = np.einsum("nsj,ij->nsi", rays.footprints, rotation.astype(np.float32))
         objects = ObjectState(poses.world_from_objects, self.setup.hidden)
 
-        def of_batch(first: int) -> Float32s:
+        def of_batch(first: int) -> Floats32:
             batch = np.arange(first, min(first + _RAYS_PER_BATCH, len(footprints)))
             return scene.radiance(aimed.take(batch), footprints[batch], objects, self.setup.unlit)
 
@@ -160,7 +160,7 @@ class ParallaxFrame(CameraFrame):
         cube: CubePass,
         samples: PixelMap,
         parallax: ParallaxPass | ChromaticPass,
-        viewpoint_m: Float64s,
+        viewpoint_m: Floats,
         cast: CastAt | None,
         supersampling: int,
         degradation: DegradationPass | None,
@@ -209,7 +209,7 @@ def _check_atlas(context: Context, sensor: OmniCamera) -> None:
         )
 
 
-def _rays_by_color(sensor: OmniCamera) -> tuple[list[ParallaxRays], Float64s]:
+def _rays_by_color(sensor: OmniCamera) -> tuple[list[ParallaxRays], Floats]:
     """Sample rays from the viewpoint, one set or one each for R, G and B; and the viewpoint (3,).
 
     Raises:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from omnisim.core.array_types import Float64s, Indices
+from omnisim.core.arrays import Floats, Indices
 from omnisim.core.world import ObjectPart, Poses
 from omnisim.ground_truth.lidar_beams import BeamHits, EchoLimits, LidarBeams, Revolution, Slice
 from omnisim.rendering.contract import BeamCaster
@@ -32,7 +32,7 @@ class Beams:
     def __init__(
         self,
         scene: Callable[[], RayScene],
-        angles_rad: Float64s,
+        angles_rad: Floats,
         max_range_m: float,
         hidden: frozenset[ObjectPart],
         limits: EchoLimits | None = None,
@@ -45,7 +45,7 @@ class Beams:
     def refresh(self) -> None:
         """Do nothing: each cast uses the current scene."""
 
-    def cast(self, world_from_scanner: Float64s, world_from_objects: Poses = ()) -> Float64s:
+    def cast(self, world_from_scanner: Floats, world_from_objects: Poses = ()) -> Floats:
         """Ranges (n,) in meters from a pose (4, 4), with objects at their poses; +inf: no hit."""
         scene, count = self._scene(), len(self._directions)
         rays = Rays(
@@ -134,7 +134,7 @@ class LidarCaster:
         scene.in_threads(cast_part, parts)
         return hits
 
-    def _rays(self, revolution: Revolution, one: Slice, firings: slice) -> tuple[Rays, Float64s]:
+    def _rays(self, revolution: Revolution, one: Slice, firings: slice) -> tuple[Rays, Floats]:
         """Rays (n,) of some firings of a slice, ring by ring, and their times as shares of it."""
         directions = np.einsum(
             "fij,rfj->rfi", revolution.rotations[firings], self._directions[:, firings]
@@ -185,7 +185,7 @@ class LidarCaster:
         return parts
 
     def _cast_slice(
-        self, scene: RayScene, one: Slice, rays: Rays, shares: Float64s, limits: EchoLimits | None
+        self, scene: RayScene, one: Slice, rays: Rays, shares: Floats, limits: EchoLimits | None
     ) -> Returns:
         """Returns of rays (n,) in a slice; without limits, rays end at the first surface."""
         poses = one.middle.world_from_objects
@@ -223,7 +223,7 @@ def _no_hits(size: tuple[int, int]) -> BeamHits:
     return BeamHits(np.full(size, np.inf), np.zeros(size, dtype=np.uint32), np.zeros(size))
 
 
-def _follow_objects(rays: Rays, one: Slice, parts: Indices, shares: Float64s) -> None:
+def _follow_objects(rays: Rays, one: Slice, parts: Indices, shares: Floats) -> None:
     """Move rays (n,) at the moving ones of the parts (n,) into the frames of their middle poses."""
     poses = (state.world_from_objects for state in (one.start, one.middle, one.end))
     for part, (start, middle, end) in enumerate(zip(*poses, strict=True), start=1):

@@ -10,8 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.core.array_types import Float32s, Float64s, Floats, Indices, Int32s, Mask
-from omnisim.core.arrays import bounds_of
+from omnisim.core.arrays import AnyFloats, Bools, Floats, Floats32, Indices, Ints32, bounds_of
 from omnisim.core.extras import require_extra
 from omnisim.core.world import ObjectPart, ObjectPoses, Poses, time_of
 from omnisim.rendering.rays.geometry import build_geometry
@@ -23,16 +22,16 @@ _BEYOND = 1e-6
 _MIN_STEP_M = 1e-7
 _MESHES_KEPT = 8
 
-Sides = bool | Mask  # of all surfaces, or of each (surfaces,)
+Sides = bool | Bools  # of all surfaces, or of each (surfaces,)
 
 
 class Rays(NamedTuple):
     """Rays in the world, each with its own origin."""
 
-    origins_m: Float64s  # (n, 3)
-    directions: Float64s  # (n, 3), unit
-    near_m: Float64s  # (n,): nearer surfaces are ignored
-    far_m: Float64s  # (n,): farther surfaces are ignored; may be infinite
+    origins_m: Floats  # (n, 3)
+    directions: Floats  # (n, 3), unit
+    near_m: Floats  # (n,): nearer surfaces are ignored
+    far_m: Floats  # (n,): farther surfaces are ignored; may be infinite
 
     def take(self, indices: Indices) -> Rays:
         """The selected rays."""
@@ -42,10 +41,10 @@ class Rays(NamedTuple):
 class RayHits(NamedTuple):
     """Nearest triangles along rays, on their visible side."""
 
-    triangles: Int32s  # (n,) indices into the geometry; `NO_TRIANGLE`: none
-    ranges_m: Float64s  # (n,); +inf: none
-    weights: Float32s  # (n, 3) barycentric
-    planes: Float32s  # (n, 3) normals of the visible side, world, not of unit length
+    triangles: Ints32  # (n,) indices into the geometry; `NO_TRIANGLE`: none
+    ranges_m: Floats  # (n,); +inf: none
+    weights: Floats32  # (n, 3) barycentric
+    planes: Floats32  # (n, 3) normals of the visible side, world, not of unit length
 
     def take(self, indices: Indices) -> RayHits:
         """The selected hits."""
@@ -61,7 +60,7 @@ class _PartMesh(NamedTuple):
 
     mesh: EmbreeMesh
     triangles: Indices  # indices into the geometry
-    center_m: Float64s
+    center_m: Floats
     radius_m: float
 
 
@@ -98,7 +97,7 @@ class RayCaster:
         rays: Rays,
         world_from_objects: Poses = (),
         hidden: frozenset[ObjectPart] = frozenset(),
-        behind: Int32s | None = None,
+        behind: Ints32 | None = None,
         both_sides: Sides = False,
     ) -> RayHits:
         """Find the nearest triangles that face the rays or are double-sided.
@@ -144,12 +143,12 @@ class RayCaster:
         return max(paths_m)
 
     @property
-    def static_center_m(self) -> Float64s:
+    def static_center_m(self) -> Floats:
         """Middle (3,) of the static surfaces' bounds, world."""
         return self._part_mesh(0, frozenset()).center_m
 
     def static_hits(
-        self, origins_m: Float32s, directions: Float32s, far: Float32s | None = None
+        self, origins_m: Floats32, directions: Floats32, far: Floats32 | None = None
     ) -> EmbreeHits:
         """Nearest static triangles along rays (n, 3), either side, as Embree finds them.
 
@@ -164,7 +163,7 @@ class RayCaster:
         triangles = part.triangles.take(hits.triangles, mode="clip").astype(np.int32)
         return hits._replace(triangles=np.where(is_hit, triangles, np.int32(NO_TRIANGLE)))
 
-    def behind(self, rays: Rays, ranges_m: Float64s) -> Rays:
+    def behind(self, rays: Rays, ranges_m: Floats) -> Rays:
         """Rays (n,) continued just behind surfaces at ranges (n,).
 
         The step exceeds the rounding of a triangle's position, so that a ray along an edge does not
@@ -179,7 +178,7 @@ class RayCaster:
         return self.exact_at(corners_m, rays, hits)
 
     @staticmethod
-    def exact_at(corners_m: Float64s, rays: Rays, hits: RayHits) -> RayHits:
+    def exact_at(corners_m: Floats, rays: Rays, hits: RayHits) -> RayHits:
         """The same hits (n,) of triangles with corners (n, 3, 3), world; see `exact`."""
         a, b, c = np.moveaxis(corners_m - rays.origins_m[:, None], 1, 0)
         planes = np.cross(b - a, c - a)
@@ -203,8 +202,8 @@ class RayCaster:
         self,
         part: _PartMesh,
         rays: Rays,
-        world_from_part: Float64s,
-        behind: Int32s | None,
+        world_from_part: Floats,
+        behind: Ints32 | None,
         both_sides: Sides,
     ) -> RayHits:
         """Cast rays (n,) at one part, and continue them behind triangles that are not hit."""
@@ -270,7 +269,7 @@ class RayCaster:
         return _part_mesh_of(corners_m.reshape(-1, 3), np.arange(3 * len(triangles)), triangles)
 
 
-def _part_mesh_of(positions_m: Float64s, corners: Indices, triangles: Indices) -> _PartMesh:
+def _part_mesh_of(positions_m: Floats, corners: Indices, triangles: Indices) -> _PartMesh:
     """BVH of triangles with corners (3 n,) that index vertices (k, 3)."""
     bounds = bounds_of(positions_m) if len(positions_m) else np.zeros((2, 3))
     center_m = bounds.mean(axis=0)
@@ -280,13 +279,13 @@ def _part_mesh_of(positions_m: Float64s, corners: Indices, triangles: Indices) -
     return _PartMesh(mesh, triangles, center_m, radius_m)
 
 
-def _beyond_m(origins_m: Float64s, ranges_m: Float64s) -> Float64s:
+def _beyond_m(origins_m: Floats, ranges_m: Floats) -> Floats:
     """Ranges (n,) just behind surfaces at ranges (n,) along rays from origins (n, 3)."""
-    size_m: Float64s = np.abs(origins_m).max(axis=1) + ranges_m
+    size_m: Floats = np.abs(origins_m).max(axis=1) + ranges_m
     return ranges_m + _BEYOND * size_m + _MIN_STEP_M
 
 
-def _near_sphere(rays: Rays, part: _PartMesh, world_from_part: Float64s) -> Indices:
+def _near_sphere(rays: Rays, part: _PartMesh, world_from_part: Floats) -> Indices:
     """Indices of the rays that pass the bounding sphere of a part within its radius."""
     center_m = world_from_part[:3, :3] @ part.center_m + world_from_part[:3, 3]
     to_center = center_m - rays.origins_m
@@ -295,12 +294,12 @@ def _near_sphere(rays: Rays, part: _PartMesh, world_from_part: Float64s) -> Indi
     return np.flatnonzero(_dot(away, away) <= part.radius_m**2)
 
 
-def _dot(one: Floats, other: Floats) -> Float64s:
+def _dot(one: AnyFloats, other: AnyFloats) -> Floats:
     """Dot products (n,) of vectors (n, 3) each."""
     return np.einsum("nc,nc->n", one, other)
 
 
-def _rotated(vectors: Floats, rotation: Float64s) -> Float64s:
+def _rotated(vectors: AnyFloats, rotation: Floats) -> Floats:
     """Vectors (n, 3) rotated by a matrix (3, 3); without BLAS, whose threads would keep running."""
     return np.einsum("nj,ij->ni", vectors, rotation)
 
@@ -321,11 +320,11 @@ def put_rows(
 class EmbreeHits(NamedTuple):
     """Nearest triangles along rays."""
 
-    triangles: Int32s  # (n,) indices; `NO_TRIANGLE`: none
-    ranges_m: Float32s  # (n,) in lengths of the direction
-    u: Float32s  # (n,) weight of the second corner
-    v: Float32s  # (n,) weight of the third corner
-    normals: Float32s  # (n, 3) plane normals on the front side, not of unit length
+    triangles: Ints32  # (n,) indices; `NO_TRIANGLE`: none
+    ranges_m: Floats32  # (n,) in lengths of the direction
+    u: Floats32  # (n,) weight of the second corner
+    v: Floats32  # (n,) weight of the third corner
+    normals: Floats32  # (n, 3) plane normals on the front side, not of unit length
 
     def take(self, indices: Indices) -> EmbreeHits:
         """The selected hits."""
@@ -347,7 +346,7 @@ class EmbreeMesh:
         OmnisimError: embreex is not installed.
     """
 
-    def __init__(self, positions_m: Float32s, triangles: Int32s):
+    def __init__(self, positions_m: Floats32, triangles: Ints32):
         check_embree()
         from embreex.mesh_construction import TriangleMesh
         from embreex.rtcore_scene import EmbreeScene
@@ -361,19 +360,19 @@ class EmbreeMesh:
             self._mesh = TriangleMesh(self._scene, positions_m, triangles)  # owns the vertices
 
     @classmethod
-    def of_corners(cls, corners_m: Floats) -> EmbreeMesh:
+    def of_corners(cls, corners_m: AnyFloats) -> EmbreeMesh:
         """Mesh of triangles (m, 3, 3) without shared vertices."""
         positions = corners_m.reshape(-1, 3).astype(np.float32)
         return cls(positions, np.arange(len(positions), dtype=np.int32).reshape(-1, 3))
 
-    def triangles_hit(self, origins_m: Float32s, directions: Float32s) -> Int32s:
+    def triangles_hit(self, origins_m: Floats32, directions: Floats32) -> Ints32:
         """Indices (n,) of the nearest triangles along rays (n, 3); `NO_TRIANGLE`: none."""
         if self._is_empty:
             return np.full(len(origins_m), NO_TRIANGLE, dtype=np.int32)
         return self._scene.run(origins_m, directions)
 
     def hits(
-        self, origins_m: Float32s, directions: Float32s, far: Float32s | None = None
+        self, origins_m: Floats32, directions: Floats32, far: Floats32 | None = None
     ) -> EmbreeHits:
         """Nearest triangles, of either side, along rays (n, 3) up to `far` (n,) directions."""
         if self._is_empty:
@@ -404,7 +403,7 @@ class DepthLimits:
     near_m: float
     far_m: float
 
-    def aim(self, rig: Float64s, world_from_rig: Float64s) -> Rays:
+    def aim(self, rig: Floats, world_from_rig: Floats) -> Rays:
         """Rays in the world along unit directions (n, 3), rig frame, from a pose (4, 4)."""
         depths = np.abs(rig).max(axis=1)
         return Rays(

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from omnisim.core.array_types import Float64s, Indices, Int32s, Mask, UInt32s
+from omnisim.core.arrays import Bools, Floats, Indices, Ints32, Uints32
 from omnisim.core.world import Poses
 from omnisim.ground_truth.lidar_beams import EchoLimits
 from omnisim.rendering.rays.caster import NO_TRIANGLE, RayHits, Rays
@@ -31,12 +31,12 @@ class Echoes(NamedTuple):
     """Echoes (m,) of beams."""
 
     beams: Indices  # (m,) indices of the beams
-    ranges_m: Float64s  # (m,) half of the lengths of the paths
+    ranges_m: Floats  # (m,) half of the lengths of the paths
     # (m,) relative to a white Lambertian surface that is met perpendicularly at the same range
     # without panes and mirrors
-    intensities: Float64s
-    surfaces: Int32s  # (m,) indices into the geometry's surfaces
-    is_certain: Mask  # (m,) mask of echoes of surfaces that are not specular and directly hit
+    intensities: Floats
+    surfaces: Ints32  # (m,) indices into the geometry's surfaces
+    is_certain: Bools  # (m,) mask of echoes of surfaces that are not specular and directly hit
 
     def take(self, indices: Indices) -> Echoes:
         """The selected echoes."""
@@ -46,9 +46,9 @@ class Echoes(NamedTuple):
 class Returns(NamedTuple):
     """Measured returns of beams (returns, n), the strongest first."""
 
-    ranges_m: Float64s  # +inf: no return
-    intensities: Float64s  # see `Echoes`; 0: no return
-    surfaces_plus_one: UInt32s  # 1 + index into the geometry's surfaces; 0: no return
+    ranges_m: Floats  # +inf: no return
+    intensities: Floats  # see `Echoes`; 0: no return
+    surfaces_plus_one: Uints32  # 1 + index into the geometry's surfaces; 0: no return
 
 
 def no_returns(returns: int, beams: int) -> Returns:
@@ -62,7 +62,7 @@ def no_returns(returns: int, beams: int) -> Returns:
 
 def direct_intensities(
     shading: Shading, rays: Rays, hits: RayHits, world_from_objects: Poses
-) -> Float64s:
+) -> Floats:
     """Intensities (n,) of the surfaces that beams hit first; all must hit."""
     return surface_light(shading, View(rays, hits, world_from_objects, None)).returned[:, LASER]
 
@@ -122,8 +122,8 @@ class _Front(NamedTuple):
 
     beams: Indices  # (n,) indices of the beams
     rays: Rays  # rays from the mirrored origins
-    behind: Int32s  # (n,) triangles at which they start
-    shares: Float64s  # (n,) light left, out and back
+    behind: Ints32  # (n,) triangles at which they start
+    shares: Floats  # (n,) light left, out and back
 
     def take(self, indices: Indices) -> _Front:
         """The selected beams."""

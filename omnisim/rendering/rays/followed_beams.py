@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Generic, TypeVar
 
-from omnisim.core.array_types import Float64s
+from omnisim.core.arrays import Floats
 from omnisim.core.world import ObjectPart, Poses
 from omnisim.rendering.contract import BeamCaster, RangeFinder
 
@@ -42,7 +42,7 @@ class _Followed(Generic[CasterT]):
 class FollowedRanges(_Followed[RangeFinder]):
     """Beams of a scanner."""
 
-    def cast(self, world_from_scanner: Float64s, world_from_objects: Poses = ()) -> Float64s:
+    def cast(self, world_from_scanner: Floats, world_from_objects: Poses = ()) -> Floats:
         """Ranges (n,) in m from a pose (4, 4), with the objects at their poses; +inf: no hit."""
         return self._caster.cast(world_from_scanner, world_from_objects)
 

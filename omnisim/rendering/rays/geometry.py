@@ -9,11 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from omnisim.core.array_types import Float32s, Float64s, Floats, Indices, Int32s, Mask
+from omnisim.core.arrays import AnyFloats, Bools, Floats, Floats32, Indices, Ints32
 from omnisim.core.world import ObjectPart, time_of
 from omnisim.scene.model import Instance, Material, Mesh, Scene, Texture
 
-Poses = Sequence[Float64s]  # (4, 4) each, world_from_object
+Poses = Sequence[Floats]  # (4, 4) each, world_from_object
 
 
 class Surface(NamedTuple):
@@ -26,7 +26,7 @@ class Surface(NamedTuple):
     has_second_coordinates: bool = False  # the mesh has a second set of texture coordinates
     is_lightmapped: bool = False  # the instance has a region in the lightmap
     # (4, 4) pose of the instance, in the world or the dynamic object's frame
-    object_from_mesh: Float64s = np.eye(4)
+    object_from_mesh: Floats = np.eye(4)
 
     def is_placed(self, texture: Texture) -> bool:
         """True if the mesh has the texture coordinates that a texture uses."""
@@ -48,8 +48,8 @@ _TIMES_KEPT = 8  # deformed vertices: an image, its neighbors, and several slice
 class _DeformedVertices(NamedTuple):
     """Vertices of a surface at a time, in the frame of its part."""
 
-    positions_m: Float64s
-    normals: Float32s | None
+    positions_m: Floats
+    normals: Floats32 | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,18 +84,18 @@ class Geometry:
     """Triangles of a scene and its dynamic objects, each object in its own frame, at 0 s."""
 
     surfaces: tuple[Surface, ...]  # all instances, first the scene's, then each object's
-    corners: Int32s  # (m, 3) int32 vertex indices, counter-clockwise seen from the front
-    surface_of_triangle: Int32s  # (m,) int32 surface index
+    corners: Ints32  # (m, 3) int32 vertex indices, counter-clockwise seen from the front
+    surface_of_triangle: Ints32  # (m,) int32 surface index
     first_of_surface: Indices  # (surfaces + 1,) first triangle of each surface
-    positions_m: Float64s  # (n, 3) float64 vertices
-    normals: Float32s  # (n, 3) float32, not of unit length; zero: flat
-    texture_coordinates: Float32s  # (n, 2) float32
-    second_coordinates: Float32s | None  # (n, 2) float32; None: no mesh has a second set
+    positions_m: Floats  # (n, 3) float64 vertices
+    normals: Floats32  # (n, 3) float32, not of unit length; zero: flat
+    texture_coordinates: Floats32  # (n, 2) float32
+    second_coordinates: Floats32 | None  # (n, 2) float32; None: no mesh has a second set
     # (n, 4) float32 lightmap coordinates of front and back; None: no lightmap
-    light_coordinates: Float32s | None
-    colors: Float32s | None  # (n, 4) float32 linear RGBA; None: all are white
+    light_coordinates: Floats32 | None
+    colors: Floats32 | None  # (n, 4) float32 linear RGBA; None: all are white
     part_of_surface: Indices  # (surfaces,) 0: the scene; 1 + index of the dynamic object
-    is_double_sided: Mask  # (surfaces,) True for double-sided materials
+    is_double_sided: Bools  # (surfaces,) True for double-sided materials
     deforming: tuple[DeformingSurface, ...] = ()  # surfaces whose vertices change over time
 
     @property
@@ -121,7 +121,7 @@ class Geometry:
         )
         return np.flatnonzero(np.repeat(shown, np.diff(self.first_of_surface)))
 
-    def first_triangles(self, placed: Iterable[PlacedMesh]) -> Int32s:
+    def first_triangles(self, placed: Iterable[PlacedMesh]) -> Ints32:
         """First triangle of each of some instances; 0 for those that are not in the geometry."""
         numbers = {
             PlacedMesh(
@@ -133,11 +133,11 @@ class Geometry:
         }
         return np.array([numbers.get(one, 0) for one in placed], dtype=np.int32)
 
-    def part_of_triangles(self, triangles: Int32s) -> Indices:
+    def part_of_triangles(self, triangles: Ints32) -> Indices:
         """Parts (n,) of triangles (n,)."""
         return self.part_of_surface[self.surface_of_triangle[triangles]]
 
-    def corners_m(self, triangles: Int32s, world_from_objects: Poses = ()) -> Float64s:
+    def corners_m(self, triangles: Ints32, world_from_objects: Poses = ()) -> Floats:
         """Corners (n, 3, 3) of triangles (n,), world, with the dynamic objects at poses (4, 4)."""
         corners_m = self.positions_m[self.corners[triangles]]
         for selected, one in self.deformed(triangles):
@@ -148,9 +148,9 @@ class Geometry:
             corners_m[selected] = rotated + pose[:3, 3]
         return corners_m
 
-    def corner_normals(self, triangles: Int32s, world_from_objects: Poses = ()) -> Float32s:
+    def corner_normals(self, triangles: Ints32, world_from_objects: Poses = ()) -> Floats32:
         """Normals (n, 3, 3) at the corners of triangles (n,), each in the frame of its part."""
-        normals: Float32s = self.normals[self.corners[triangles]]
+        normals: Floats32 = self.normals[self.corners[triangles]]
         for selected, one in self.deformed(triangles):
             deformed_normals = one.at(time_of(world_from_objects)).normals
             if deformed_normals is not None:
@@ -159,7 +159,7 @@ class Geometry:
                 ]
         return normals
 
-    def deformed(self, triangles: Int32s) -> Iterator[tuple[Indices, DeformingSurface]]:
+    def deformed(self, triangles: Ints32) -> Iterator[tuple[Indices, DeformingSurface]]:
         """Indices of the deforming ones among triangles (n,), with their surface."""
         if not self.deforming:
             return
@@ -170,8 +170,8 @@ class Geometry:
                 yield selected, one
 
     def moved(
-        self, triangles: Int32s, world_from_objects: Poses
-    ) -> Iterator[tuple[Indices, Float64s]]:
+        self, triangles: Ints32, world_from_objects: Poses
+    ) -> Iterator[tuple[Indices, Floats]]:
         """Indices of the triangles (n,) of each dynamic object, with its pose (4, 4)."""
         if not world_from_objects:
             return
@@ -238,7 +238,7 @@ def build_geometry(scene: Scene, dynamic_objects: Sequence[Scene] = ()) -> Geome
     )
 
 
-def _light_coordinates(scene: Scene, dynamic_objects: Sequence[Scene]) -> Float32s | None:
+def _light_coordinates(scene: Scene, dynamic_objects: Sequence[Scene]) -> Floats32 | None:
     """Lightmap coordinates (n, 4) of all vertices; None: the scene has no lightmap."""
     if scene.lighting.baked is None:
         return None
@@ -262,14 +262,14 @@ def _light_coordinates(scene: Scene, dynamic_objects: Sequence[Scene]) -> Float3
 class _Vertices(NamedTuple):
     """Triangles and vertices of one instance, in the frame of its scene."""
 
-    corners: Int32s
-    positions_m: Float64s
-    normals: Float32s
-    texture_coordinates: Float32s
-    colors: Float32s
+    corners: Ints32
+    positions_m: Floats
+    normals: Floats32
+    texture_coordinates: Floats32
+    colors: Floats32
 
 
-def _floats(rows: int, columns: int, value: float = 0.0) -> Float32s:
+def _floats(rows: int, columns: int, value: float = 0.0) -> Floats32:
     return np.full((rows, columns), value, dtype=np.float32)
 
 
@@ -296,7 +296,7 @@ def _vertices(instance: Instance, mesh: Mesh) -> _Vertices:
     )
 
 
-def _turned(normals: Floats, linear: Float64s) -> Float32s:
+def _turned(normals: AnyFloats, linear: Floats) -> Floats32:
     """Normals (n, 3) transformed by the cofactors of a matrix (3, 3), which keep them outward."""
     cofactors = np.cross(linear[[1, 2, 0]], linear[[2, 0, 1]])
     if np.linalg.det(linear) < 0.0:

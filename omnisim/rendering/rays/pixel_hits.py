@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera, NonCentralCamera, pixels_of_points
-from omnisim.core.array_types import Float32s, Float64s, Indices, Int32s, Mask, UInt32s
+from omnisim.core.arrays import Bools, Floats, Floats32, Indices, Ints, Ints32, Uints32
 from omnisim.ground_truth.hits import HitDetails, Hits
 from omnisim.rendering.rays.caster import NO_TRIANGLE, DepthLimits, Rays
 from omnisim.rendering.rays.pixel_rays import PixelRays
@@ -33,11 +33,11 @@ class PixelHits:
         self._draws_plus_one = np.empty(0, dtype=np.uint32)
         self._triangles = np.empty(0, dtype=np.int32)
 
-    def rays(self) -> Float64s:
+    def rays(self) -> Floats:
         """Unit rays (height, width, 3), optical frame."""
         return self._placed([self._pixels.band(number).directions for number in self._bands], 0.0)
 
-    def cast(self, world_from_rig: Float64s, objects: ObjectState, details: HitDetails) -> Hits:
+    def cast(self, world_from_rig: Floats, objects: ObjectState, details: HitDetails) -> Hits:
         """Cast all rays from a pose (4, 4)."""
 
         camera = self._pixels.camera
@@ -74,11 +74,11 @@ class PixelHits:
         self._points_m = hits.points_m[self.has_ray].astype(np.float64)
 
     def occluded(
-        self, world_from_rig: Float64s, objects: ObjectState, other_from_current: Float64s
-    ) -> Mask:
+        self, world_from_rig: Floats, objects: ObjectState, other_from_current: Floats
+    ) -> Bools:
         """Mask (height, width) of the last hits' points that another pose (4, 4) does not see."""
 
-        def of_batch(first: int) -> Mask:
+        def of_batch(first: int) -> Bools:
             own = slice(first, first + _POINTS_PER_BATCH)
             seen = SeenPoints(self._points_m[own], self._draws_plus_one[own], self._triangles[own])
             moved = seen._replace(points_m=moved_points(seen, other_from_current))
@@ -112,22 +112,22 @@ class CastHits(NamedTuple):
     """Hits (n,) of rays, as in `Hits`, and the triangles they hit in the geometry."""
 
     hits: Hits
-    triangles: Int32s
+    triangles: Ints32
 
 
 class SeenPoints(NamedTuple):
     """Points hit by rays."""
 
-    points_m: Float64s  # (n, 3) viewpoint frame; directions for rays without a hit
-    surfaces_plus_one: UInt32s  # (n,) 1 + index into the geometry's surfaces; 0: no hit
-    triangles: Int32s  # (n,) indices into the geometry
+    points_m: Floats  # (n, 3) viewpoint frame; directions for rays without a hit
+    surfaces_plus_one: Uints32  # (n,) 1 + index into the geometry's surfaces; 0: no hit
+    triangles: Ints32  # (n,) indices into the geometry
 
 
 def cast_hits(
     scene: RayScene,
     rays: Rays,
-    footprints: Float32s,
-    viewpoint_m: Float64s,
+    footprints: Floats32,
+    viewpoint_m: Floats,
     objects: ObjectState,
     details: HitDetails,
 ) -> CastHits:
@@ -154,7 +154,7 @@ def cast_hits(
     draw_ids[hit] = surfaces + 1
     triangles[hit] = exact.triangles - geometry.first_of_surface[surfaces]
     view = View(some, exact, poses, footprints[hit])
-    find: dict[str, Callable[[], Float32s]] = {
+    find: dict[str, Callable[[], Floats32]] = {
         "normals": lambda: shading.normals(exact, poses),
         "albedos": lambda: shading.base_colors(*view)[:, :3],
         "materials": lambda: shading.materials(view),
@@ -166,7 +166,7 @@ def cast_hits(
     return CastHits(Hits(points, draw_ids, triangles, **values), first.triangles)
 
 
-def moved_points(seen: SeenPoints, other_from_current: Float64s) -> Float64s:
+def moved_points(seen: SeenPoints, other_from_current: Floats) -> Floats:
     """Points (n, 3) moved to another viewpoint frame by (surfaces, 3, 4); directions stay."""
     points_m, hit = seen.points_m.copy(), np.flatnonzero(seen.surfaces_plus_one)
     moves = other_from_current[seen.surfaces_plus_one[hit] - 1]
@@ -178,10 +178,10 @@ def cast_occlusion(
     scene: RayScene,
     limits: DepthLimits,
     moved: SeenPoints,
-    starts_m: Float64s,
-    world_from_rig: Float64s,
+    starts_m: Floats,
+    world_from_rig: Floats,
     objects: ObjectState,
-) -> Mask:
+) -> Bools:
     """Mask (n,) of moved points that rays from starts (n, 3), viewpoint frame, do not reach."""
     hit, ways_m = np.flatnonzero(moved.surfaces_plus_one), moved.points_m.copy()
     ways_m[hit] -= starts_m[hit]
@@ -195,8 +195,8 @@ def cast_occlusion(
 
 
 def starts_of_rays(
-    camera: CentralCamera, points_m: Float64s, is_finite: Mask, world_from_rig: Float64s
-) -> Float64s:
+    camera: CentralCamera, points_m: Floats, is_finite: Bools, world_from_rig: Floats
+) -> Floats:
     """Origins (n, 3), viewpoint frame, of the camera rays through its points (n, 3)."""
     if not isinstance(camera, NonCentralCamera):
         return np.zeros((1, 3)).repeat(len(points_m), axis=0)
@@ -211,11 +211,11 @@ def whole_areas_px(
     scene: RayScene,
     pixels: PixelRays,
     limits: DepthLimits,
-    world_from_rig: Float64s,
+    world_from_rig: Floats,
     objects: ObjectState,
     instance_of_surface: NDArray[np.integer],
     instances: NDArray[np.integer],
-) -> NDArray[np.int64]:
+) -> Ints:
     """Number of pixels (n,) whose rays pass through each instance, by ID; 0 is no instance.
 
     Rays continue through all surfaces, up to the extent of the scene. Surfaces count as in
@@ -230,7 +230,7 @@ def whole_areas_px(
     camera = pixels.camera
     world_from_optical = world_from_rig[:3, :3] @ camera.rig_from_optical
 
-    def of_band(number: int) -> NDArray[np.int64]:
+    def of_band(number: int) -> Ints:
         band = pixels.band(number)
         rays = band.aim(limits, camera.rig_from_optical, world_from_rig)
         layers = _surfaces_along(scene, rays, band.world_footprints(world_from_optical), objects)
@@ -241,13 +241,13 @@ def whole_areas_px(
         return np.bincount(np.unique(np.concatenate(pairs)) % count, minlength=count)
 
     of_bands = scene.in_threads(of_band, range(len(pixels.bands)))
-    areas: NDArray[np.int64] = np.stack(of_bands).sum(axis=0)
+    areas: Ints = np.stack(of_bands).sum(axis=0)
     areas[0] = 0
     return areas
 
 
 def _surfaces_along(
-    scene: RayScene, rays: Rays, footprints: Float32s, objects: ObjectState
+    scene: RayScene, rays: Rays, footprints: Floats32, objects: ObjectState
 ) -> list[tuple[Indices, NDArray[np.integer]]]:
     """Rays and the surfaces they meet, layer by layer, nearest first."""
     layers: list[tuple[Indices, NDArray[np.integer]]] = []

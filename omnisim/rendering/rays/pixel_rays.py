@@ -12,7 +12,7 @@ from omnisim.cameras import CentralCamera, HyperbolicCamera, NonCentralCamera, p
 from omnisim.cameras import Rays as CameraRays
 from omnisim.cameras.mirrors import tessellate
 from omnisim.cameras.mirrors.mirror_mesh_rays import mesh_rays
-from omnisim.core.array_types import Float32s, Float64s, Mask
+from omnisim.core.arrays import Bools, Floats, Floats32
 from omnisim.core.world import Pose
 from omnisim.rendering.rays.caster import DepthLimits, Rays
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
@@ -28,12 +28,12 @@ class Band(NamedTuple):
     """Rays of some rows of samples: the valid ones, row by row."""
 
     rows: slice
-    valid: Mask  # (rows, width)
-    directions: Float64s  # (n, 3), unit, optical frame
-    origins_m: Float64s | None  # (n, 3), optical frame; None: at the viewpoint
-    footprints: Float32s  # (n, 2, 3): steps to the next sample to the right and below
+    valid: Bools  # (rows, width)
+    directions: Floats  # (n, 3), unit, optical frame
+    origins_m: Floats | None  # (n, 3), optical frame; None: at the viewpoint
+    footprints: Floats32  # (n, 2, 3): steps to the next sample to the right and below
 
-    def aim(self, limits: DepthLimits, rig_from_optical: Float64s, world_from_rig: Pose) -> Rays:
+    def aim(self, limits: DepthLimits, rig_from_optical: Floats, world_from_rig: Pose) -> Rays:
         """Rays (n,) in the world, from a camera orientation (3, 3) in the rig and a pose (4, 4)."""
         rig = np.einsum("nj,ij->ni", self.directions, rig_from_optical)
         rays = limits.aim(rig, world_from_rig)
@@ -43,7 +43,7 @@ class Band(NamedTuple):
         offsets_m = np.einsum("nj,ij->ni", self.origins_m, world_from_optical)
         return rays._replace(origins_m=rays.origins_m + offsets_m)
 
-    def world_footprints(self, world_from_optical: Float64s) -> Float32s:
+    def world_footprints(self, world_from_optical: Floats) -> Floats32:
         """Footprints (n, 2, 3) in the world, by the camera's rotation (3, 3)."""
         rotation = world_from_optical.astype(np.float32)
         return np.einsum("nsj,ij->nsi", self.footprints, rotation)
@@ -63,7 +63,7 @@ class PixelRays:
 
     def __init__(self, camera: CentralCamera, polygons: int | None, rows_per_pixel: int = 1):
         self.camera = camera
-        self._ray_from_pixel: Callable[[Float64s], CameraRays] = camera.ray_from_pixel
+        self._ray_from_pixel: Callable[[Floats], CameraRays] = camera.ray_from_pixel
         if polygons is not None and isinstance(camera, HyperbolicCamera):
             self._ray_from_pixel = partial(mesh_rays, camera, tessellate(camera.mirror, polygons))
         elif polygons is not None and isinstance(camera, NonCentralCamera):
@@ -104,7 +104,7 @@ class PixelRays:
         return Band(rows, valid, inside, origins_m, footprints.astype(np.float32))
 
 
-def _steps(directions: Float64s, valid: Mask, axis: int) -> Float64s:
+def _steps(directions: Floats, valid: Bools, axis: int) -> Floats:
     """Steps (height, width, 3) from each direction to its neighbor along an axis.
 
     The step to the next direction, else from the previous one; 0 without a valid neighbor.
@@ -131,22 +131,22 @@ class RayImage:
         self._supersampling = supersampling
         self._rays = PixelRays(samples, polygons, supersampling)
 
-    def render(self, world_from_rig: Float64s, objects: ObjectState, key: int = 0) -> Float32s:
+    def render(self, world_from_rig: Floats, objects: ObjectState, key: int = 0) -> Floats32:
         """Render the image (height, width, 4) from a pose (4, 4): linear RGB, and validity.
 
         A pixel is valid if at least half of its samples are. The key is that of the random numbers
         of glossy reflections.
         """
 
-        def rows_of(number: int) -> Float32s:
+        def rows_of(number: int) -> Floats32:
             band = self._rays.band(number)
             return self._average(self._sampled(band, world_from_rig, objects, key))
 
         return np.concatenate(self._scene.in_threads(rows_of, range(len(self._rays.bands))))
 
     def _sampled(
-        self, band: Band, world_from_rig: Float64s, objects: ObjectState, key: int
-    ) -> Float32s:
+        self, band: Band, world_from_rig: Floats, objects: ObjectState, key: int
+    ) -> Floats32:
         """Samples (rows, width, 4) of a band: linear RGB, and validity."""
         camera = self._rays.camera
         rays = band.aim(self._limits, camera.rig_from_optical, world_from_rig)
@@ -166,12 +166,12 @@ class RayImage:
         samples[band.valid, 3] = 1.0
         return samples
 
-    def _average(self, samples: Float32s) -> Float32s:
+    def _average(self, samples: Floats32) -> Floats32:
         """Pixels (height, width, 4): averages of the samples that cover them."""
         side = self._supersampling
         height, width = (size // side for size in samples.shape[:2])
         covering = samples[: height * side, : width * side].reshape(height, side, width, side, 4)
-        total: Float32s = covering.sum(axis=(1, 3))
+        total: Floats32 = covering.sum(axis=(1, 3))
         counts = total[..., 3]
         valid = 2.0 * counts >= side * side
         pixels = np.zeros_like(total)

@@ -9,7 +9,7 @@ from importlib.metadata import version
 import numpy as np
 
 from omnisim.cameras import NonCentralCamera
-from omnisim.core.array_types import Float32s, Float64s, Mask
+from omnisim.core.arrays import Bools, Floats, Floats32
 from omnisim.core.errors import GraphicsError
 from omnisim.core.pending import Pending
 from omnisim.core.random_numbers import key_of
@@ -96,7 +96,7 @@ class RayBackend(SceneBackend):
 
     def range_finder(
         self,
-        angles_rad: Float64s,
+        angles_rad: Floats,
         max_range_m: float,
         hidden: frozenset[ObjectPart],
         limits: EchoLimits | None = None,
@@ -179,7 +179,7 @@ class RayCamera(CameraBackend):
             self._hit_source = RayHitSource(self._ray_world.rays, self.setup, self._limits)
         return self._hit_source
 
-    def faces(self, poses: ScenePoses) -> dict[str, Float32s]:
+    def faces(self, poses: ScenePoses) -> dict[str, Floats32]:
         """Refuse: there are no virtual cameras.
 
         Raises:
@@ -219,7 +219,7 @@ class RayHitSource(HitSource):
         self._pixels = PixelHits(rays, PixelRays(sensor.model, sensor.mesh_polygons), limits)
         self.has_ray = self._pixels.has_ray
 
-    def rays(self) -> Float64s:
+    def rays(self) -> Floats:
         """Unit rays (height, width, 3), optical frame."""
         return self._pixels.rays()
 
@@ -233,8 +233,8 @@ class RayHitSource(HitSource):
         return self._through.cast(poses, hits, self._is_specular, self.draws)
 
     def begin_occlusion(
-        self, other: ScenePoses, other_from_current: Float64s, deformed: Hits | None
-    ) -> Pending[Mask]:
+        self, other: ScenePoses, other_from_current: Floats, deformed: Hits | None
+    ) -> Pending[Bools]:
         """Cast rays from another viewpoint to the points of the last hits."""
         if deformed is not None:
             self._pixels.put_points(deformed)

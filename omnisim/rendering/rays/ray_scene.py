@@ -9,7 +9,7 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from omnisim.core.array_types import Float32s, Float64s, Indices, Int32s
+from omnisim.core.arrays import Floats, Floats32, Indices, Ints32
 from omnisim.core.world import ObjectPart, Poses
 from omnisim.rendering.rays.caster import NO_TRIANGLE, RayCaster, RayHits, Rays
 from omnisim.rendering.rays.shading.glass import NO_MEDIUM
@@ -72,12 +72,12 @@ class RayScene:
     def radiance(
         self,
         rays: Rays,
-        footprints: Float32s | None = None,
+        footprints: Floats32 | None = None,
         objects: ObjectState = _NO_OBJECTS,
         unlit: bool = False,
         paths: Paths | None = None,
-        behind: Int32s | None = None,
-    ) -> Float32s:
+        behind: Ints32 | None = None,
+    ) -> Floats32:
         """Linear RGB (n, 3) along rays (n,).
 
         Args:
@@ -162,8 +162,8 @@ class RayScene:
         self,
         rays: Rays,
         objects: ObjectState = _NO_OBJECTS,
-        behind: Int32s | None = None,
-        footprints: Float32s | None = None,
+        behind: Ints32 | None = None,
+        footprints: Floats32 | None = None,
         both_sides: bool = False,
         of_shadows: bool = False,
     ) -> RayHits:
@@ -178,7 +178,7 @@ class RayScene:
         geometry, shading = self.caster.geometry, self.shading
         limits = shading.shadow_cutoff if of_shadows else shading.hit_cutoff
 
-        def cast(rays: Rays, behind: Int32s | None) -> RayHits:
+        def cast(rays: Rays, behind: Ints32 | None) -> RayHits:
             return self.caster.cast(
                 rays, objects.world_from_objects, objects.hidden, behind, both_sides
             )
@@ -202,13 +202,13 @@ class RayScene:
             active = active[further.triangles != NO_TRIANGLE]
         return first
 
-    def _tracing(self, paths: Paths, some: Indices, shares: Float32s, poses: Poses) -> Tracing:
+    def _tracing(self, paths: Paths, some: Indices, shares: Floats32, poses: Poses) -> Tracing:
         """Continuation of paths with shares (n, 1 or 3) of light left; hidden instances show."""
         everything = ObjectState(poses)
 
         def trace(
-            rays: Rays, footprints: Float32s | None, triangles: Int32s, following: Paths
-        ) -> Float32s:
+            rays: Rays, footprints: Floats32 | None, triangles: Ints32, following: Paths
+        ) -> Floats32:
             return self.radiance(rays, footprints, everything, paths=following, behind=triangles)
 
         taken = paths.take(some)
@@ -219,10 +219,10 @@ class RayScene:
         everything, shading = ObjectState(poses), self.shading
         sees_through = shading.is_pane | shading.is_glass
 
-        def first(rays: Rays, triangles: Int32s) -> RayHits:
+        def first(rays: Rays, triangles: Ints32) -> RayHits:
             return self.first_hits(rays, everything, triangles, both_sides=True, of_shadows=True)
 
-        def cast(rays: Rays, triangles: Int32s) -> Float32s:
+        def cast(rays: Rays, triangles: Ints32) -> Floats32:
             hits = first(rays, triangles)
             is_free = hits.triangles == NO_TRIANGLE
             if not sees_through.any():
@@ -252,7 +252,7 @@ class RayScene:
         with ThreadPoolExecutor(self._threads) as pool:
             return list(pool.map(function, items))
 
-    def _opacity(self, hits: RayHits, alphas: Float32s, layer: int) -> Float32s:
+    def _opacity(self, hits: RayHits, alphas: Floats32, layer: int) -> Floats32:
         """Share (n,) of light that surfaces block: 0 in holes, alpha if blended, otherwise 1."""
         shading = self.shading
         surfaces = shading.surfaces(hits)
@@ -266,8 +266,8 @@ class RayScene:
 
 
 def _sky(
-    environment: Environment, directions: Float64s, footprints: Float32s | None, missed: Indices
-) -> Float32s:
+    environment: Environment, directions: Floats, footprints: Floats32 | None, missed: Indices
+) -> Floats32:
     """Radiance (n, 3) of the sky along the directions (n, 3) of the rays that missed."""
     if footprints is None:
         return environment.seen(directions)
@@ -292,7 +292,7 @@ class GlassPassage:
         self._media = air if paths.media is None else paths.media.copy()
         self.sides, self.paths = shading.is_glass, paths._replace(media=self._media)
 
-    def attenuation(self, indices: Indices, rays: Rays, hits: RayHits) -> Float32s:
+    def attenuation(self, indices: Indices, rays: Rays, hits: RayHits) -> Floats32:
         """Attenuation (m, 3) of light by glass before the hits of rays at indices (m,)."""
         hit = np.flatnonzero(hits.triangles != NO_TRIANGLE)
         media = self._media[indices]
@@ -301,8 +301,8 @@ class GlassPassage:
         return self._shading.glass.attenuation(media, hits.ranges_m - rays.near_m)
 
     def refract(
-        self, indices: Indices, view: View, colors: Float32s, opacity: Float32s
-    ) -> tuple[Rays, Float32s]:
+        self, indices: Indices, view: View, colors: Floats32, opacity: Floats32
+    ) -> tuple[Rays, Floats32]:
         """Rays behind hits (m,) of rays at indices (m,), and shares (m, 3) that glass transmits."""
         shares = np.zeros((len(indices), 3), dtype=np.float32)
         is_glass = self._shading.is_glass[self._shading.surfaces(view.hits)]
@@ -318,7 +318,7 @@ class GlassPassage:
 # Fog along rays, in NumPy: the twin of shaders/scene/fog.glsl.
 
 
-def fogged(fog: Fog, colors: Float32s, ranges_m: Float64s) -> Float32s:
+def fogged(fog: Fog, colors: Floats32, ranges_m: Floats) -> Floats32:
     """Linear colors (n, 3) seen through fog from distances (n,)."""
     left = np.exp(-np.array(fog.attenuation_per_m) * ranges_m[:, None])
     colored = np.array(fog.color)

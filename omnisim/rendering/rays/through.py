@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from omnisim.core.array_types import Float32s, Float64s, Mask, UInt32s
+from omnisim.core.arrays import Bools, Floats, Floats32, Uints32
 from omnisim.core.world import ObjectPart
 from omnisim.ground_truth.hits import Hits, ThroughHits
 from omnisim.rendering.contract import CameraSetup, ScenePoses
@@ -30,10 +30,10 @@ MIN_REFLECTED = 0.5  # reflected share of the light, mean of linear RGB, of a mi
 class Arrivals(NamedTuple):
     """Surfaces (n,) at the ends of rays, as in `ThroughHits`."""
 
-    ranges_m: Float64s
-    surfaces_plus_one: UInt32s
-    cosines: Float64s
-    shares: Float64s
+    ranges_m: Floats
+    surfaces_plus_one: Uints32
+    cosines: Floats
+    shares: Floats
 
 
 class ThroughCaster:
@@ -48,7 +48,7 @@ class ThroughCaster:
         return PixelRays(self._setup.sensor.model, self._setup.sensor.mesh_polygons)
 
     def cast(
-        self, poses: ScenePoses, hits: Hits, is_specular: Mask, draws: Sequence[ObjectPart]
+        self, poses: ScenePoses, hits: Hits, is_specular: Bools, draws: Sequence[ObjectPart]
     ) -> ThroughHits:
         """Surfaces of all pixels.
 
@@ -88,7 +88,7 @@ class ThroughCaster:
 
 
 def cast_through(
-    scene: RayScene, rays: Rays, objects: ObjectState, footprints: Float32s
+    scene: RayScene, rays: Rays, objects: ObjectState, footprints: Floats32
 ) -> Arrivals:
     """Surfaces at the ends of rays (n,) with footprints (n, 2, 3), see `RayScene.first_hits`."""
     poses, shading, count = objects.world_from_objects, scene.shading, len(rays.near_m)

@@ -8,7 +8,6 @@ Source: Vedula et al., "Three-dimensional scene flow", 1999.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras import (
     CentralCamera,
@@ -18,7 +17,7 @@ from omnisim.cameras import (
     pixel_grid,
     pixels_of_points,
 )
-from omnisim.core.array_types import Float32s, Float64s, Indices, Mask, UInt32s
+from omnisim.core.arrays import Bools, Bytes, Floats, Floats32, Indices, Uints32
 from omnisim.core.world import time_of
 from omnisim.ground_truth.hits import Hits
 from omnisim.rendering.contract import DeformingDraw, HitSource, ScenePoses
@@ -28,7 +27,7 @@ from omnisim.rendering.contract import DeformingDraw, HitSource, ScenePoses
 POINTS_PER_BATCH = 1 << 14
 
 
-def moved_from_current(current: ScenePoses, other: ScenePoses) -> Float64s:
+def moved_from_current(current: ScenePoses, other: ScenePoses) -> Floats:
     """Motions (objects, 4, 4) of the objects from one time to another, in the viewpoint frame."""
     viewpoint_m = current.world_from_rig[:3, 3]
     transforms = np.tile(np.eye(4), (1 + len(current.world_from_objects), 1, 1))
@@ -42,16 +41,16 @@ def moved_from_current(current: ScenePoses, other: ScenePoses) -> Float64s:
     return transforms
 
 
-def other_from_current(current: ScenePoses, other: ScenePoses) -> Float64s:
+def other_from_current(current: ScenePoses, other: ScenePoses) -> Floats:
     """Transforms (objects, 3, 4) of each object's points to the viewpoint frame of another time."""
     transforms = moved_from_current(current, other)
     transforms[:, :3, 3] += current.world_from_rig[:3, 3] - other.world_from_rig[:3, 3]
     return transforms
 
 
-def transform_points(points: Float64s, objects: Indices | None, transforms: Float64s) -> Float64s:
+def transform_points(points: Floats, objects: Indices | None, transforms: Floats) -> Floats:
     """Points (n, 4), last 0 for directions, by matrices (objects, 3, 4) of objects (n,)."""
-    moved: Float64s = points @ transforms[0].T
+    moved: Floats = points @ transforms[0].T
     if objects is not None:
         for index in np.unique(objects):
             on_it = np.flatnonzero(objects == index)
@@ -59,7 +58,7 @@ def transform_points(points: Float64s, objects: Indices | None, transforms: Floa
     return moved
 
 
-def scene_flow(hits: Hits, objects_of_draws: Indices, transforms: Float64s) -> Float32s:
+def scene_flow(hits: Hits, objects_of_draws: Indices, transforms: Floats) -> Floats32:
     """Scene flow (height, width, 3) in meters; NaN: no hit.
 
     Args:
@@ -86,12 +85,12 @@ def scene_flow(hits: Hits, objects_of_draws: Indices, transforms: Float64s) -> F
     return flow.reshape(hits.points_m.shape)
 
 
-def in_world(current: ScenePoses, other: ScenePoses) -> Float64s:
+def in_world(current: ScenePoses, other: ScenePoses) -> Floats:
     """Transforms (objects, 3, 4) from points to motions along the world's axes; 0: static."""
     return moved_from_current(current, other)[:, :3] - np.eye(4)[:3]
 
 
-def in_optical(current: ScenePoses, other: ScenePoses, rig_from_optical: Float64s) -> Float64s:
+def in_optical(current: ScenePoses, other: ScenePoses, rig_from_optical: Floats) -> Floats:
     """Transforms (objects, 3, 4) from points to their motions relative to the camera.
 
     A motion is the point in the other time's optical frame minus the point in the current one.
@@ -137,12 +136,12 @@ def deformed_hits(
 
 
 def _deformed(
-    points_m: Float64s,
+    points_m: Floats,
     one: DeformingDraw,
-    triangles: UInt32s,
-    viewpoint_from_mesh: Float64s,
+    triangles: Uints32,
+    viewpoint_from_mesh: Floats,
     times_s: tuple[float, float],
-) -> Float64s:
+) -> Floats:
     """Points (n, 3) on triangles (n,) of a mesh, moved from its shape at one time to another."""
     deformation = one.mesh.deformation
     assert deformation is not None
@@ -210,7 +209,7 @@ class OpticalFlow:
         """Update the draw items from the source."""
         self._object_of_draw = self._source.objects_of_draws()
 
-    def begin(self, hits: Hits, current: ScenePoses, other: ScenePoses) -> Float64s:
+    def begin(self, hits: Hits, current: ScenePoses, other: ScenePoses) -> Floats:
         """Start to render the occlusion of the latest hits; return the argument of `end`.
 
         Returns:
@@ -224,9 +223,7 @@ class OpticalFlow:
         self._optical_from_current = _optical_from_world(current, self._camera)
         return _optical_from_world(other, self._camera) @ transforms[:, :3]
 
-    def end(
-        self, hits: Hits, other_optical_from_current: Float64s
-    ) -> tuple[Float32s, NDArray[np.uint8]]:
+    def end(self, hits: Hits, other_optical_from_current: Floats) -> tuple[Floats32, Bytes]:
         """Compute the flow.
 
         Args:
@@ -257,7 +254,7 @@ class OpticalFlow:
         )
         return flow.reshape(*self._shape, 2), status.reshape(self._shape)
 
-    def _pixels_of(self, hits: Hits, optical_from_current: Float64s) -> Pixels:
+    def _pixels_of(self, hits: Hits, optical_from_current: Floats) -> Pixels:
         """Project the points (n,) of the valid pixels into an image."""
         points_m = np.take(hits.points_and_ranges_m.reshape(-1, 4), self._valid, axis=0).astype(
             np.float64
@@ -277,15 +274,15 @@ class OpticalFlow:
             )
         return Pixels(positions_px, valid)
 
-    def _is_inside(self, pixels: Pixels) -> Mask:
+    def _is_inside(self, pixels: Pixels) -> Bools:
         """Mask (n,) of positions in the image."""
         u, v = pixels.positions_px.T
         camera = self._camera
-        inside: Mask = pixels.valid & (u >= -0.5) & (u < camera.width_px - 0.5)
+        inside: Bools = pixels.valid & (u >= -0.5) & (u < camera.width_px - 0.5)
         inside &= (v >= -0.5) & (v < camera.height_px - 0.5)
         return inside
 
 
-def _optical_from_world(poses: ScenePoses, camera: CentralCamera) -> Float64s:
+def _optical_from_world(poses: ScenePoses, camera: CentralCamera) -> Floats:
     """Rotation (3, 3) from the world to the optical frame of a camera."""
     return (poses.world_from_rig[:3, :3] @ camera.rig_from_optical).T

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.core.array_types import Float32s, Float64s, Mask, UInt32s
+from omnisim.core.arrays import Bools, Floats, Floats32, Uints32
 from omnisim.core.world import ObjectPart
 from omnisim.ground_truth.channels import CHANNELS, FLOWS, THROUGH
 from omnisim.ground_truth.hits import HitDetails, Hits, ThroughHits
@@ -152,9 +152,9 @@ class GroundTruth:
         hits: Hits,
         current: ScenePoses,
         other: ScenePoses,
-        transforms: Float64s,
-        axes_from_viewpoint: Float64s,
-    ) -> Float32s:
+        transforms: Floats,
+        axes_from_viewpoint: Floats,
+    ) -> Floats32:
         """Scene flow along axes, by transforms (objects, 3, 4) from points to their motions."""
         deformed = deformed_hits(self._source, hits, current, other)
         if deformed is None:
@@ -163,7 +163,7 @@ class GroundTruth:
         return flow + (deformed.points_m - hits.points_m) @ axes_from_viewpoint.T.astype(np.float32)
 
     @property
-    def has_ray(self) -> Mask:
+    def has_ray(self) -> Bools:
         """Mask (height, width) of pixels whose center has a ray."""
         return self._source.has_ray
 
@@ -174,7 +174,7 @@ class GroundTruth:
 
 def instances_of_draws(
     labels: Labels, draws: Sequence[ObjectPart], object_names: Sequence[str]
-) -> UInt32s:
+) -> Uints32:
     """Instance IDs (n + 1,) of draws (n,), starting with draw −1, no draw: 0."""
     ids = {(label.object_name, label.name): label.id for label in labels.instances}
     instances = [
@@ -185,7 +185,7 @@ def instances_of_draws(
     return np.array([0, *instances], dtype=np.uint32)
 
 
-def _positions_m(hits: Hits, viewpoint_m: Float64s) -> Float64s:
+def _positions_m(hits: Hits, viewpoint_m: Floats) -> Floats:
     """Points (height, width, 3) in the world; NaN: no hit."""
     points_m = np.empty(hits.points_m.shape)
     for axis in range(3):  # axis by axis, which avoids a copy of the points

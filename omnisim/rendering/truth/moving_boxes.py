@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from omnisim.core.array_types import Float64s
+from omnisim.core.arrays import Floats
 from omnisim.core.world import Pose, time_of
 from omnisim.scene import Scene
 from omnisim.scene.model import Instance
@@ -67,6 +67,6 @@ class MovingBoxes:
         return poses
 
 
-def _corners_m(box_m: Float64s) -> Float64s:
+def _corners_m(box_m: Floats) -> Floats:
     corners = np.array(list(itertools.product(*box_m.T)))
     return corners if np.isfinite(corners).all() else corners[:0]

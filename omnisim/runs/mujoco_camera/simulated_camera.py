@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import OmnisimError
 from omnisim.core.extras import require_extra
 from omnisim.core.poses import check_pose
@@ -99,7 +100,7 @@ class Camera(Closeable):
             raise
 
     @property
-    def world_from_base(self) -> NDArray[np.float64]:
+    def world_from_base(self) -> Floats:
         """Pose (4, 4) of the sensor's base at the moment of the data."""
         if self._mount is None:
             return self._mount_from_base

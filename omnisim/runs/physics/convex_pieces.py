@@ -15,6 +15,7 @@ import numpy as np
 import scipy  # its submodules load when first used
 from numpy.typing import NDArray
 
+from omnisim.core.arrays import Bools, Floats, Indices
 from omnisim.core.short_repr import short_repr
 from omnisim.scene import Scene
 
@@ -53,16 +54,16 @@ class Region:
         free_points_m: (n, 3) points in free space: a part of the scene around one is hollow.
     """
 
-    low_m: NDArray[np.float64]
-    high_m: NDArray[np.float64]
-    free_points_m: NDArray[np.float64]
+    low_m: Floats
+    high_m: Floats
+    free_points_m: Floats
 
     @classmethod
     def everywhere(cls) -> Region:
         """Unbounded region."""
         return cls(np.full(3, -np.inf), np.full(3, np.inf), np.zeros((0, 3)))
 
-    def meets(self, corners_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def meets(self, corners_m: Floats) -> Bools:
         """Mask (n,) of the corner sets (n, k, 3) whose bounds meet the region."""
         low, high = corners_m.min(axis=1), corners_m.max(axis=1)
         return np.all((low <= self.high_m) & (high >= self.low_m), axis=1)
@@ -100,9 +101,7 @@ def hull_of(scene: Scene) -> Shape | None:
     return Shape.of(np.concatenate(points))
 
 
-def _welded(
-    positions_m: NDArray[np.float64], triangles: Triangles
-) -> tuple[NDArray[np.float64], Triangles]:
+def _welded(positions_m: Floats, triangles: Triangles) -> tuple[Floats, Triangles]:
     """Merged vertices (n, 3), and the triangles (m, 3) between them, without slivers."""
     cells = np.round(positions_m / WELDED_M).astype(np.int64)
     _, first, number = np.unique(cells, axis=0, return_index=True, return_inverse=True)
@@ -114,11 +113,8 @@ def _welded(
 
 
 def _pieces_of(
-    vertices_m: NDArray[np.float64],
-    part: Triangles,
-    two_sided: bool,
-    region: Region,
-) -> list[NDArray[np.float64]]:
+    vertices_m: Floats, part: Triangles, two_sided: bool, region: Region
+) -> list[Floats]:
     """Vertices (n, 3) of each piece of a connected part."""
     points = vertices_m[np.unique(part)]
     if not region.meets(points[None])[0]:
@@ -135,9 +131,7 @@ def _pieces_of(
     return [_slab(vertices_m[facet], two_sided) for facet in convex_facets(vertices_m, part)]
 
 
-def _is_solid(
-    hull: scipy.spatial.ConvexHull, corners_m: NDArray[np.float64], two_sided: bool
-) -> bool:
+def _is_solid(hull: scipy.spatial.ConvexHull, corners_m: Floats, two_sided: bool) -> bool:
     """True if triangles (n, 3, 3) lie on their hull, face outwards and cover it."""
     vectors = area_vectors(corners_m)
     areas = np.linalg.norm(vectors, axis=1)
@@ -153,7 +147,7 @@ def _is_solid(
     )
 
 
-def _slab(corners_m: NDArray[np.float64], two_sided: bool) -> NDArray[np.float64]:
+def _slab(corners_m: Floats, two_sided: bool) -> Floats:
     """Vertices (k, 3) of a facet's slab: behind it, below a floor, or about a two-sided wall.
 
     Args:
@@ -176,10 +170,10 @@ def _slab(corners_m: NDArray[np.float64], two_sided: bool) -> NDArray[np.float64
 FLAT_SINE = 0.01  # maximum sine between normals of one facet: half a degree
 AREA_SLACK = 1e-3  # relative area by which a hull may exceed its convex polygon
 
-Triangles = NDArray[np.intp]  # (n, 3) indices of vertices
+Triangles = Indices  # (n, 3) indices of vertices
 
 
-def area_vectors(corners_m: NDArray[np.float64]) -> NDArray[np.float64]:
+def area_vectors(corners_m: Floats) -> Floats:
     """Normals (n, 3) of triangles (n, 3, 3), scaled by their areas."""
     edges = corners_m[:, 1:] - corners_m[:, :1]
     return 0.5 * np.cross(edges[:, 0], edges[:, 1])
@@ -192,7 +186,7 @@ def connected_parts(triangles: Triangles, vertex_count: int) -> list[Triangles]:
     return _grouped(triangles, _components(rows, columns, vertex_count)[triangles[:, 0]])
 
 
-def convex_facets(vertices_m: NDArray[np.float64], triangles: Triangles) -> list[Triangles]:
+def convex_facets(vertices_m: Floats, triangles: Triangles) -> list[Triangles]:
     """Triangles of each facet: merged across shared edges while flat and convex."""
     if not len(triangles):
         return []
@@ -204,7 +198,7 @@ def convex_facets(vertices_m: NDArray[np.float64], triangles: Triangles) -> list
     return [facet for region in regions for facet in _convex(vertices_m, region)]
 
 
-def _convex(vertices_m: NDArray[np.float64], region: Triangles) -> list[Triangles]:
+def _convex(vertices_m: Floats, region: Triangles) -> list[Triangles]:
     """Convex polygons of a flat region, grown one triangle at a time.
 
     Source: Hertel and Mehlhorn, "Fast triangulation of simple polygons" (1983): a triangulation
@@ -226,7 +220,7 @@ def _convex(vertices_m: NDArray[np.float64], region: Triangles) -> list[Triangle
     return [region[rows] for rows in members.values()]
 
 
-def _is_convex(vertices_m: NDArray[np.float64], region: Triangles) -> bool:
+def _is_convex(vertices_m: Floats, region: Triangles) -> bool:
     """True if a flat region's area equals that of its hull."""
     vectors = area_vectors(vertices_m[region])
     normal = vectors.sum(axis=0)
@@ -237,7 +231,7 @@ def _is_convex(vertices_m: NDArray[np.float64], region: Triangles) -> bool:
     return hull is None or bool(hull.volume <= area * (1.0 + AREA_SLACK))
 
 
-def _neighbors(triangles: Triangles) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def _neighbors(triangles: Triangles) -> tuple[Indices, Indices]:
     """Pairs of triangles that share an edge: two index arrays (pairs,), ordered by edge."""
     edges = np.sort(triangles[:, ((0, 1), (1, 2), (2, 0))].reshape(-1, 2), axis=1)
     order = np.lexsort((edges[:, 1], edges[:, 0]))
@@ -245,7 +239,7 @@ def _neighbors(triangles: Triangles) -> tuple[NDArray[np.intp], NDArray[np.intp]
     return order[same] // 3, order[same + 1] // 3
 
 
-def _components(first: NDArray[np.intp], second: NDArray[np.intp], count: int) -> NDArray[np.int32]:
+def _components(first: Indices, second: Indices, count: int) -> NDArray[np.int32]:
     """Component number (count,) of each node in a graph of `count` nodes."""
     links = scipy.sparse.coo_matrix((np.ones(len(first)), (first, second)), (count, count))
     return scipy.sparse.csgraph.connected_components(links, directed=False)[1]
@@ -261,7 +255,7 @@ def _grouped(triangles: Triangles, numbers: NDArray[np.int32]) -> list[Triangles
 # Convex hulls of points, without Qhull's warnings.
 
 
-def convex_hull(points: NDArray[np.float64]) -> scipy.spatial.ConvexHull | None:
+def convex_hull(points: Floats) -> scipy.spatial.ConvexHull | None:
     """Hull of points (n, axes); None: they are degenerate (flat)."""
     try:
         return scipy.spatial.ConvexHull(points, qhull_options="Pp")
@@ -291,13 +285,13 @@ class Shape:
     """
 
     kind: Literal["ball", "box", "hull"]
-    center_m: NDArray[np.float64]
-    axes: NDArray[np.float64]
-    half_m: NDArray[np.float64]
-    vertices_m: NDArray[np.float64]
+    center_m: Floats
+    axes: Floats
+    half_m: Floats
+    vertices_m: Floats
 
     @classmethod
-    def of(cls, vertices_m: NDArray[np.float64]) -> Shape | None:
+    def of(cls, vertices_m: Floats) -> Shape | None:
         """Shape of the hull of vertices (n, 3); None: the vertices are coplanar."""
         hull = convex_hull(vertices_m)
         if hull is None:
@@ -309,7 +303,7 @@ class Shape:
         return cls("hull", center, np.eye(3), np.zeros(3), corners - center)
 
 
-def _ball(corners_m: NDArray[np.float64], hull: scipy.spatial.ConvexHull) -> Shape | None:
+def _ball(corners_m: Floats, hull: scipy.spatial.ConvexHull) -> Shape | None:
     center = 0.5 * (corners_m.min(axis=0) + corners_m.max(axis=0))
     radii = np.linalg.norm(corners_m - center, axis=1)
     radius = float(radii.max())
@@ -318,8 +312,8 @@ def _ball(corners_m: NDArray[np.float64], hull: scipy.spatial.ConvexHull) -> Sha
     return Shape("ball", center, np.eye(3), np.full(3, radius), corners_m - center)
 
 
-def _box(corners_m: NDArray[np.float64], hull: scipy.spatial.ConvexHull) -> Shape | None:
-    axes: list[NDArray[np.float64]] = []
+def _box(corners_m: Floats, hull: scipy.spatial.ConvexHull) -> Shape | None:
+    axes: list[Floats] = []
     for normal in hull.equations[:, :3]:
         if all(abs(float(axis @ normal)) < RIGHT_ANGLE for axis in axes):
             axes.append(normal)

@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import TrajectoryError
 from omnisim.core.poses import wrap_angle, yaw_from_rotation
 from omnisim.core.short_repr import short_repr
@@ -48,13 +48,13 @@ class Rover:
     name: str
     kinematics: Kinematics
     mass_kg: float
-    center_m: NDArray[np.float64]
-    size_m: NDArray[np.float64]
+    center_m: Floats
+    size_m: Floats
     friction: float
-    wheels_m: NDArray[np.float64]
+    wheels_m: Floats
     wheel_radius_m: float
-    caster_m: NDArray[np.float64] | None
-    parts_m: NDArray[np.float64]
+    caster_m: Floats | None
+    parts_m: Floats
 
     def __repr__(self) -> str:
         return short_repr(self, repr(self.name), f"{self.mass_kg:g} kg")
@@ -162,7 +162,7 @@ class PathFollower:
         times_s: (n,) times of the commands.
     """
 
-    def __init__(self, motion: BodyMotion, rover: Rover, times_s: NDArray[np.float64]):
+    def __init__(self, motion: BodyMotion, rover: Rover, times_s: Floats):
         states = motion.at(times_s)
         poses = states.world_from_base
         planar = np.column_stack((poses[:, :2, 3], yaw_from_rotation(poses)))
@@ -170,12 +170,12 @@ class PathFollower:
         self._poses, self._rates = planar, np.column_stack((states.velocity_mps[:, :2], turn_rates))
         self._rover = rover
 
-    def distance_m(self, command: int, base: NDArray[np.float64]) -> float:
+    def distance_m(self, command: int, base: Floats) -> float:
         """Distance of the base, position and quaternion wxyz (7,), from the reference."""
         x, y, _ = self._poses[command].tolist()
         return math.hypot(x - float(base[0]), y - float(base[1]))
 
-    def wheel_rates(self, command: int, base: NDArray[np.float64]) -> tuple[float, float]:
+    def wheel_rates(self, command: int, base: Floats) -> tuple[float, float]:
         """Rates of the left and the right wheels in rad/s at a command.
 
         Args:

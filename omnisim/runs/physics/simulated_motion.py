@@ -9,8 +9,8 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats
 from omnisim.core.poses import wrap_angles
 from omnisim.core.short_repr import counted, short_repr
 from omnisim.core.trajectories import Trajectory
@@ -58,10 +58,10 @@ class SimulatedMotion:
     """
 
     base: Trajectory
-    wheels_m: NDArray[np.float64]
+    wheels_m: Floats
     effective_track_m: float
     objects: Mapping[str, Trajectory]
-    contact_times_s: Mapping[str, NDArray[np.float64]]
+    contact_times_s: Mapping[str, Floats]
     engine: str
     step_s: float
 
@@ -73,11 +73,11 @@ class SimulatedMotion:
         """Continuous motion of the base, also between the engine's states."""
         return SplineMotion(self.base)
 
-    def at(self, times_s: NDArray[np.float64]) -> Trajectory:
+    def at(self, times_s: Floats) -> Trajectory:
         """Trajectory of the base at times (n,)."""
         return Trajectory(times_s, self.smooth.at(times_s).world_from_base)
 
-    def readings_at(self, times_s: NDArray[np.float64]) -> Odometry:
+    def readings_at(self, times_s: Floats) -> Odometry:
         """Error-free readings of the wheels at times (n,)."""
         start = self.smooth.pose_at(float(times_s[0]))
         yaw = float(np.arctan2(start[1, 0], start[0, 0]))

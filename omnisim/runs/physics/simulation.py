@@ -14,6 +14,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import TrajectoryError
 from omnisim.core.poses import (
     pose_from_rotation,
@@ -98,14 +99,14 @@ class SimulatedWorld:
         return int(self._model.joint(joint).qposadr[0])
 
     @property
-    def bodies(self) -> NDArray[np.float64]:
+    def bodies(self) -> Floats:
         """Positions and quaternions wxyz (n, 7) of the robots' bases and of the free objects."""
         return self._data.qpos[self._bodies]
 
     @property
-    def wheels_rad(self) -> NDArray[np.float64]:
+    def wheels_rad(self) -> Floats:
         """Mean angles (n, 2) that the robots' left and right wheels have turned."""
-        angles: NDArray[np.float64] = self._data.qpos
+        angles: Floats = self._data.qpos
         return np.array([angles[numbers].mean(axis=1) for numbers in self._wheels])
 
     def advance(self, time_s: float, rates_radps: Sequence[tuple[float, float]]) -> None:
@@ -274,14 +275,12 @@ class _Robot:
         contact_times_s: contact times by the touched object's name.
     """
 
-    def __init__(self, name: str, driver: Driver, times_s: NDArray[np.float64]):
+    def __init__(self, name: str, driver: Driver, times_s: Floats):
         self.name, self.rover, self._driver = name, driver.rover, driver
         self.follower = PathFollower(driver.motion, driver.rover, times_s)
         self.contact_times_s: dict[str, list[float]] = {}
 
-    def check(
-        self, world: SimulatedWorld, base: NDArray[np.float64], command: int, time_s: float
-    ) -> None:
+    def check(self, world: SimulatedWorld, base: Floats, command: int, time_s: float) -> None:
         """Reject an invalid state, and a robot that has tipped over or left its path.
 
         Args:
@@ -315,7 +314,7 @@ class _Robot:
             )
 
 
-def _trajectory(times_s: NDArray[np.float64], bodies: NDArray[np.float64]) -> Trajectory:
+def _trajectory(times_s: Floats, bodies: Floats) -> Trajectory:
     """Trajectory of positions and quaternions wxyz (n, 7)."""
     rotations = rotation_from_quaternion(np.roll(bodies[:, 3:], -1, axis=1))
     return Trajectory(times_s, pose_from_rotation(rotations, bodies[:, :3]))

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats
 from omnisim.core.poses import quaternion_from_rotation
 from omnisim.core.short_repr import counted, short_repr
 from omnisim.core.world import Pose
@@ -181,12 +181,7 @@ class WorldModel:
             self.wheel_geoms.add(geom)
 
     def _add_wheel(
-        self,
-        base: mujoco.MjsBody,
-        name: str,
-        rover: Rover,
-        middle_m: NDArray[np.float64],
-        mass_kg: float,
+        self, base: mujoco.MjsBody, name: str, rover: Rover, middle_m: Floats, mass_kg: float
     ) -> None:
         """Add a driven wheel: its tire is an ellipsoid, which meets the ground below its center."""
         radius_m = rover.wheel_radius_m
@@ -207,6 +202,6 @@ class WorldModel:
         servo.set_to_position(kp=inertia * SERVO_RADPS**2, kv=2.0 * inertia * SERVO_RADPS)
 
 
-def _quaternion(rotation: NDArray[np.float64]) -> NDArray[np.float64]:
+def _quaternion(rotation: Floats) -> Floats:
     """Quaternion (4,) wxyz of a rotation (3, 3)."""
     return np.roll(quaternion_from_rotation(rotation[None])[0], 1)

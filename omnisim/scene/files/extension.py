@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, assert_never
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import SceneError, TrajectoryError, did_you_mean
 from omnisim.core.files.toml_file import find_beside
 from omnisim.core.poses import inverse, pose_from_rotation, rotation_from_yaw
@@ -98,7 +98,7 @@ def with_moving_instances(scene: Scene, objects: Sequence[ImportedObject]) -> Sc
     return dataclasses.replace(_part(scene, static_numbers, np.eye(4)), objects=new_objects)
 
 
-def _part(scene: Scene, numbers: Sequence[int], part_from_world: NDArray[np.float64]) -> Scene:
+def _part(scene: Scene, numbers: Sequence[int], part_from_world: Floats) -> Scene:
     """Scene with some of the instances, and only the meshes and materials that they use."""
     instances = [scene.instances[number] for number in numbers]
     mesh_at = {number: at for at, number in enumerate(sorted({one.mesh for one in instances}))}

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import NoticeWarning, SceneError, printable
 from omnisim.core.files.sources import recorded_sources, source_digest
 from omnisim.scene.files.extension import (
@@ -318,7 +318,7 @@ def _scene(
     name: str,
     path: Path,
     read: ImportedScene,
-    matrix: NDArray[np.float64],
+    matrix: Floats,
     settings: SceneFile,
     is_shape: bool,
     has_unit: bool,
@@ -357,7 +357,7 @@ def _scene(
     )
 
 
-def _size_notices(bounds: NDArray[np.float64], meters_per_unit: float) -> list[str]:
+def _size_notices(bounds: Floats, meters_per_unit: float) -> list[str]:
     """Notice for a scene of an unusual size, with the unit that makes it as high as a room."""
     size = bounds[1] - bounds[0]
     if size[2] <= MAX_HEIGHT_M:  # wide floors are usual

@@ -8,9 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import SceneError
 from omnisim.core.extras import require_extra
 from omnisim.core.files.sources import read_source
@@ -25,7 +23,7 @@ from omnisim.scene.formats.imported_scene import (
 from omnisim.scene.formats.resources import AssetResolver, ResourcePath
 from omnisim.scene.textures import TextureStore, large_textures
 
-Read = tuple[ImportedScene, NDArray[np.float64]]  # contents and world_from_file (4, 4)
+Read = tuple[ImportedScene, Floats]  # contents and world_from_file (4, 4)
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +45,7 @@ class SourceFile:
         return read_source(self.path)
 
     @cached_property
-    def matrix(self) -> NDArray[np.float64]:
+    def matrix(self) -> Floats:
         """Transform (4, 4) world_from_file."""
         return world_from_file(self.path.suffix.lower(), self.data, self.axes)
 

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ConfigDict, Field
 
+from omnisim.core.arrays import Floats32
 from omnisim.core.errors import OutputError, SceneError
 from omnisim.core.files.image_files import read_radiance
 from omnisim.core.files.number_files import read_arrays
@@ -221,9 +222,7 @@ def _split_mesh(mesh: Mesh, number: int, stored: dict[str, NDArray[Any]], path: 
     )
 
 
-def _taken(
-    values: NDArray[np.float32] | None, vertices: NDArray[np.integer[Any]]
-) -> NDArray[np.float32] | None:
+def _taken(values: Floats32 | None, vertices: NDArray[np.integer[Any]]) -> Floats32 | None:
     return None if values is None else values[vertices]
 
 

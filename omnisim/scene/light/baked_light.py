@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core.arrays import Bools, Floats, Floats32
 from omnisim.core.short_repr import short_repr
 from omnisim.scene.light.environment import spherical_harmonics
 
@@ -27,12 +28,12 @@ _NEIGHBORS = [(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0,
 class Probes:
     """Irradiance probes on a regular grid."""
 
-    origin_m: NDArray[np.float64]  # (3,) position of the first probe, world frame
-    spacing_m: NDArray[np.float64]  # (3,) distances between probes
+    origin_m: Floats  # (3,) position of the first probe, world frame
+    spacing_m: Floats  # (3,) distances between probes
     # (nx, ny, nz, 9, 3) float32 coefficients of the polynomials in
     # `environment.spherical_harmonics`
-    factors: NDArray[np.float32]
-    valid: NDArray[np.bool_]  # (nx, ny, nz) mask of the probes outside walls
+    factors: Floats32
+    valid: Bools  # (nx, ny, nz) mask of the probes outside walls
 
     def __repr__(self) -> str:
         return short_repr(self, " × ".join(map(str, self.valid.shape)))
@@ -48,9 +49,7 @@ class Probes:
         texels = np.concatenate((flat * weights[..., None], weights[..., None]), axis=-1)
         return np.clip(texels, -MAX_HALF, MAX_HALF).astype(np.float16)
 
-    def light(
-        self, points_m: NDArray[np.floating], normals: NDArray[np.floating]
-    ) -> NDArray[np.float32]:
+    def light(self, points_m: NDArray[np.floating], normals: NDArray[np.floating]) -> Floats32:
         """Light (n, 3) on white surfaces at points (n, 3), world frame, with unit normals (n, 3).
 
         Twin of shaders/scene/baked_light.glsl.
@@ -66,7 +65,7 @@ class Probes:
             total += weights[:, None] * self.texels[at[:, 0], at[:, 1], at[:, 2]]
         factors = total[:, :-1].reshape(-1, FACTORS, 3) / total[:, -1, None, None]
         shares = spherical_harmonics(normals).astype(np.float32)
-        light: NDArray[np.float32] = np.einsum("nk,nkc->nc", shares, factors)
+        light: Floats32 = np.einsum("nk,nkc->nc", shares, factors)
         return np.maximum(light, np.float32(0.0), out=light)
 
 
@@ -82,7 +81,7 @@ class BakedLight:
         height, width = self.irradiance.shape[:2]
         return short_repr(self, f"{width} × {height} px", repr(self.probes))
 
-    def light(self, uv: NDArray[np.floating]) -> NDArray[np.float32]:
+    def light(self, uv: NDArray[np.floating]) -> Floats32:
         """Light (n, 3) at lightmap coordinates (n, 2), with (0, 0) at the top left."""
         height, width = self.irradiance.shape[:2]
         at = np.clip(uv * (width, height) - 0.5, 0.0, (width - 1, height - 1))
@@ -97,9 +96,7 @@ class BakedLight:
         return total
 
 
-def _grown(
-    factors: NDArray[np.float32], known: NDArray[np.bool_]
-) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+def _grown(factors: Floats32, known: Bools) -> tuple[Floats32, Bools]:
     """Coefficients and mask of probes, grown by one cell: new ones are means of valid neighbors."""
     padding = [(1, 1)] * 3
     padded = np.pad(np.where(known[..., None, None], factors, 0.0), [*padding, (0, 0), (0, 0)])

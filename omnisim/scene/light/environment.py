@@ -15,6 +15,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats, Floats32
 from omnisim.core.short_repr import short_repr
 
 # Filtered map: one level per roughness step, each with half as many rows as the previous one.
@@ -27,7 +28,7 @@ class Environment:
     """Environment map of distant light."""
 
     # (height, width, 3) float32, linear RGB in display brightness; width is twice the height
-    radiance: NDArray[np.float32]
+    radiance: Floats32
 
     def __repr__(self) -> str:
         height, width = self.radiance.shape[:2]
@@ -38,7 +39,7 @@ class Environment:
         return Environment((factor * self.radiance).astype(np.float32))
 
     @cached_property
-    def irradiance(self) -> NDArray[np.float64]:
+    def irradiance(self) -> Floats:
         """Light on white surfaces: coefficients (9, 3) of the terms of `spherical_harmonics`."""
         pixels = _halved_to(self.radiance, 128).astype(np.float64)
         directions, weights = map_directions(*pixels.shape[:2])
@@ -46,7 +47,7 @@ class Environment:
         return factors_of_moments(shares.T @ (pixels * weights[:, None, None]).reshape(-1, 3))
 
     @cached_property
-    def filtered(self) -> tuple[NDArray[np.float32], ...]:
+    def filtered(self) -> tuple[Floats32, ...]:
         """Levels (height, width, 3) of the map, one per roughness step from 0 to 1."""
         first = _halved_to(self.radiance, FILTERED_ROWS)
         pyramid = _pyramid(first)
@@ -56,25 +57,23 @@ class Environment:
             for step in steps
         )
 
-    def ambient(self, normals: NDArray[np.floating]) -> NDArray[np.float64]:
+    def ambient(self, normals: NDArray[np.floating]) -> Floats:
         """Light (n, 3) on white surfaces with unit normals (n, 3)."""
         return np.maximum(spherical_harmonics(normals) @ self.irradiance, 0.0)
 
-    def light(
-        self, directions: NDArray[np.floating], roughness: NDArray[np.floating]
-    ) -> NDArray[np.float32]:
+    def light(self, directions: NDArray[np.floating], roughness: NDArray[np.floating]) -> Floats32:
         """Radiance (n, 3) in directions (n, 3), filtered for roughnesses (n,) in [0, 1]."""
         steps = np.asarray(roughness, dtype=np.float64) * (FILTERED_LEVELS - 1)
         return _between_levels(self.filtered, coordinates_of(directions), steps)
 
     @cached_property
-    def pyramid(self) -> tuple[NDArray[np.float32], ...]:
+    def pyramid(self) -> tuple[Floats32, ...]:
         """Mip pyramid of the map: each level has half the rows and columns of the previous one."""
         return tuple(_pyramid(self.radiance))
 
     def seen(
         self, directions: NDArray[np.floating], widths_rad: NDArray[np.floating] | None = None
-    ) -> NDArray[np.float32]:
+    ) -> Floats32:
         """Radiance (n, 3) in directions (n, 3), averaged over widths (n,); None: not averaged."""
         uv = coordinates_of(directions)
         if widths_rad is None:
@@ -94,12 +93,12 @@ _FACTORS = np.array(
 )  # fmt: skip
 
 
-def factors_of_moments(moments: NDArray[np.float64]) -> NDArray[np.float64]:
+def factors_of_moments(moments: Floats) -> Floats:
     """Coefficients (..., 9, 3) of light on white surfaces, from moments of the radiance."""
     return moments * _FACTORS[:, None]
 
 
-def spherical_harmonics(normals: NDArray[np.floating]) -> NDArray[np.float64]:
+def spherical_harmonics(normals: NDArray[np.floating]) -> Floats:
     """Unnormalized spherical harmonics (n, 9) up to order 2, of unit vectors (n, 3)."""
     x, y, z = np.asarray(normals, dtype=np.float64).T
     return np.stack(
@@ -107,14 +106,14 @@ def spherical_harmonics(normals: NDArray[np.floating]) -> NDArray[np.float64]:
     )
 
 
-def coordinates_of(directions: NDArray[np.floating]) -> NDArray[np.float64]:
+def coordinates_of(directions: NDArray[np.floating]) -> Floats:
     """Texture coordinates (n, 2) of unit vectors (n, 3) in an environment map."""
     x, y, z = np.asarray(directions, dtype=np.float64).T
     across = 0.5 - np.arctan2(y, x) / (2.0 * np.pi)
     return np.stack((across, np.arccos(np.clip(z, -1.0, 1.0)) / np.pi), axis=-1)
 
 
-def lookup(pixels: NDArray[np.float32], uv: NDArray[np.float64]) -> NDArray[np.float32]:
+def lookup(pixels: Floats32, uv: Floats) -> Floats32:
     """Bilinear lookup (n, 3) in a map at texture coordinates (n, 2)."""
     height, width = pixels.shape[:2]
     column, row = uv[:, 0] * width - 0.5, uv[:, 1] * height - 0.5
@@ -131,8 +130,8 @@ def lookup(pixels: NDArray[np.float32], uv: NDArray[np.float64]) -> NDArray[np.f
 
 
 def _between_levels(
-    levels: tuple[NDArray[np.float32], ...], uv: NDArray[np.float64], steps: NDArray[np.floating]
-) -> NDArray[np.float32]:
+    levels: tuple[Floats32, ...], uv: Floats, steps: NDArray[np.floating]
+) -> Floats32:
     """Values (n, 3) at texture coordinates (n, 2), interpolated between levels at steps (n,)."""
     steps = np.minimum(steps, len(levels) - 1)
     total = np.zeros((len(uv), 3), dtype=np.float32)
@@ -144,7 +143,7 @@ def _between_levels(
     return total
 
 
-def map_directions(height: int, width: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def map_directions(height: int, width: int) -> tuple[Floats, Floats]:
     """Directions (height, width, 3) of a map's pixels, and solid angles (height,) per row."""
     azimuth = 2.0 * np.pi * (0.5 - (np.arange(width) + 0.5) / width)[None]
     polar = np.pi * (np.arange(height) + 0.5)[:, None] / height
@@ -158,7 +157,7 @@ def map_directions(height: int, width: int) -> tuple[NDArray[np.float64], NDArra
     return directions, (edges[:-1] - edges[1:]) * 2.0 * np.pi / width
 
 
-def _halved_to(pixels: NDArray[np.float32], rows: int) -> NDArray[np.float32]:
+def _halved_to(pixels: Floats32, rows: int) -> Floats32:
     """Map (rows, 2 rows, 3), halved while it is larger, then resampled."""
     while pixels.shape[0] > rows and pixels.shape[0] % 2 == 0 and pixels.shape[1] % 2 == 0:
         pixels = _halved(pixels)
@@ -169,7 +168,7 @@ def _halved_to(pixels: NDArray[np.float32], rows: int) -> NDArray[np.float32]:
     return lookup(pixels, uv).reshape(rows, 2 * rows, 3)
 
 
-def _halved(pixels: NDArray[np.float32]) -> NDArray[np.float32]:
+def _halved(pixels: Floats32) -> Floats32:
     """Means (rows/2, columns/2, 3) of 2 × 2 pixels by solid angle; odd last rows are dropped."""
     height, width = (size // 2 * 2 for size in pixels.shape[:2])
     pixels = pixels[:height, :width]
@@ -179,16 +178,14 @@ def _halved(pixels: NDArray[np.float32]) -> NDArray[np.float32]:
     return 0.5 * (rows[:, 0::2] + rows[:, 1::2])
 
 
-def _pyramid(pixels: NDArray[np.float32]) -> list[NDArray[np.float32]]:
+def _pyramid(pixels: Floats32) -> list[Floats32]:
     pyramid = [pixels]
     while pyramid[-1].shape[0] > 2:
         pyramid.append(_halved(pyramid[-1]))
     return pyramid
 
 
-def _filtered(
-    pyramid: list[NDArray[np.float32]], rows: int, roughness: float
-) -> NDArray[np.float32]:
+def _filtered(pyramid: list[Floats32], rows: int, roughness: float) -> Floats32:
     """Map (rows, 2 rows, 3) of the light reflected at a given roughness, seen along the normal.
 
     Each GGX half vector samples the pyramid level whose pixels match its share of the lobe.

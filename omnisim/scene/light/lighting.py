@@ -6,8 +6,8 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats, Floats32
 from omnisim.scene.light.environment import Environment
 from omnisim.scene.parts import MAX_LIGHTS, Instance, Light, Lighting, LightKind, Mesh
 
@@ -114,13 +114,13 @@ def background_light(color: tuple[float, float, float]) -> tuple[float, float, f
     return color if max(color) > 1.0 else (0.0, 0.0, 0.0)
 
 
-def with_environment(lighting: Lighting, luminance: NDArray[np.float32]) -> Lighting:
+def with_environment(lighting: Lighting, luminance: Floats32) -> Lighting:
     """Lighting with an environment map, cd/m², in place of its ambient light."""
     radiance = (math.pi * lighting.exposure * luminance).astype(np.float32)
     return replace(lighting, ambient=(0.0, 0.0, 0.0), environment=Environment(radiance))
 
 
-def _ambient_only(lux: NDArray[np.float64]) -> Lighting:
+def _ambient_only(lux: Floats) -> Lighting:
     """Lighting by ambient light only, whose brightest channel is white."""
     if not lux.any():
         return Lighting(FILL_AMBIENT, ())
@@ -130,7 +130,7 @@ def _ambient_only(lux: NDArray[np.float64]) -> Lighting:
 
 def _surface_samples(
     meshes: tuple[Mesh, ...], instances: tuple[Instance, ...]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Floats, Floats, Floats]:
     """Centers (n, 3), unit normals (n, 3) and areas (n,) of triangles sampled over the scene."""
     total = sum(len(meshes[instance.mesh].triangles) for instance in instances)
     step = max(1, total // SAMPLED_TRIANGLES)
@@ -149,12 +149,10 @@ def _surface_samples(
 
 
 @np.errstate(over="ignore")
-def illuminance(
-    light: Light, centers: NDArray[np.float64], normals: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def illuminance(light: Light, centers: Floats, normals: Floats) -> Floats:
     """Illuminance (n,), lx, of surfaces from either side; reference for `lighting.glsl`."""
     level = light.intensity * max(light.color)
-    falloff: NDArray[np.float64]
+    falloff: Floats
     if light.kind is LightKind.DIRECTIONAL:
         falloff = np.abs(normals @ light.direction)
         return level * falloff

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats, Floats32
 from omnisim.core.errors import OutputError, SceneError
 from omnisim.core.files.image_files import read_radiance
 from omnisim.core.files.toml_file import find_beside
@@ -59,7 +59,7 @@ def with_sky(scene: Scene, settings: SceneFile, toml: str, folder: Path) -> Scen
 
 
 def _with_map(
-    lighting: Lighting, radiance: NDArray[np.float32], brightness: float, sun: float = 0.0
+    lighting: Lighting, radiance: Floats32, brightness: float, sun: float = 0.0
 ) -> Lighting:
     """Lighting with a map, scaled to a given brightness of a level white surface.
 
@@ -115,12 +115,12 @@ def _around_sun(
     return replace(lighting, exposure=exposure, environment=environment)
 
 
-def _level_luminance(radiance: NDArray[np.float32]) -> float:
+def _level_luminance(radiance: Floats32) -> float:
     """Luminance of a horizontal white surface under a map, in the map's unit."""
     return float(_LUMINANCE @ Environment(radiance).ambient(_UP)[0])
 
 
-def _read_map(path: Path) -> NDArray[np.float32]:
+def _read_map(path: Path) -> Floats32:
     """Environment map (height, width, 3) from a file."""
     if path.suffix.lower() not in SUFFIXES:
         raise SceneError(f"{path}: expected an environment map (.hdr, .exr), got {path.suffix!r}")
@@ -139,13 +139,13 @@ def _read_map(path: Path) -> NDArray[np.float32]:
     return pixels
 
 
-def _turned(radiance: NDArray[np.float32], yaw_deg: float) -> NDArray[np.float32]:
+def _turned(radiance: Floats32, yaw_deg: float) -> Floats32:
     """Map (height, width, 3), rotated counter-clockwise seen from above, by whole columns."""
     columns = round(-yaw_deg / 360.0 * radiance.shape[1])
     return np.roll(radiance, columns, axis=1)
 
 
-def _direction(azimuth_deg: float, elevation_deg: float) -> NDArray[np.float64]:
+def _direction(azimuth_deg: float, elevation_deg: float) -> Floats:
     azimuth, elevation = math.radians(azimuth_deg), math.radians(elevation_deg)
     level = math.cos(elevation)
     return np.array([level * math.cos(azimuth), level * math.sin(azimuth), math.sin(elevation)])
@@ -186,7 +186,7 @@ _RGB_FROM_XYZ = np.array(  # sRGB, IEC 61966-2-1
 )
 
 
-def clear_sky(toward_sun: NDArray[np.float64], turbidity: float) -> NDArray[np.float32]:
+def clear_sky(toward_sun: Floats, turbidity: float) -> Floats32:
     """Environment map (height, width, 3) of a clear sky without the sun's disc, linear RGB, cd/m².
 
     Below the horizon, a gray ground reflects the light of that sky.
@@ -211,7 +211,7 @@ def clear_sky(toward_sun: NDArray[np.float64], turbidity: float) -> NDArray[np.f
     return np.concatenate((rgb, np.broadcast_to(ground, rgb.shape))).astype(np.float32)
 
 
-def sun_illuminance(toward_sun: NDArray[np.float64], turbidity: float) -> NDArray[np.float64]:
+def sun_illuminance(toward_sun: Floats, turbidity: float) -> Floats:
     """Illuminance (3,) of the sun on a surface that faces it, linear RGB, lx.
 
     It is the extraterrestrial illuminance, attenuated along the air mass by molecules and haze.
@@ -229,7 +229,7 @@ def sun_illuminance(toward_sun: NDArray[np.float64], turbidity: float) -> NDArra
     return 128_000.0 * np.exp(-mass * depth)
 
 
-def _raised(toward_sun: NDArray[np.float64]) -> NDArray[np.float64]:
+def _raised(toward_sun: Floats) -> Floats:
     lowest = np.sin(np.radians(MIN_SUN_ELEVATION_DEG))
     if toward_sun[2] >= lowest:
         return toward_sun
@@ -238,10 +238,8 @@ def _raised(toward_sun: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _perez(
-    coefficients: NDArray[np.float64],
-    height: NDArray[np.float64] | np.float64,
-    between: NDArray[np.float64] | np.float64,
-) -> NDArray[np.float64]:
+    coefficients: Floats, height: Floats | np.float64, between: Floats | np.float64
+) -> Floats:
     a, b, c, d, e = coefficients
     return (1.0 + a * np.exp(b / np.maximum(height, 0.01))) * (
         1.0 + c * np.exp(d * between) + e * np.cos(between) ** 2
@@ -256,9 +254,7 @@ def _zenith(sun_angle: float, turbidity: float) -> tuple[float, float, float]:
     return 1000.0 * max(float(luminance), 0.0), float(x), float(y)
 
 
-def _rgb(
-    luminance: NDArray[np.float64], x: NDArray[np.float64], y: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _rgb(luminance: Floats, x: Floats, y: Floats) -> Floats:
     xyz = np.stack((x / y * luminance, luminance, (1.0 - x - y) / y * luminance), axis=-1)
     return xyz @ _RGB_FROM_XYZ.T
 
@@ -283,7 +279,7 @@ class SunPosition(NamedTuple):
     elevation_deg: float  # elevation above the horizon; negative: below it
     azimuth_deg: float  # azimuth from north toward east
 
-    def direction(self, north_deg: float) -> NDArray[np.float64]:
+    def direction(self, north_deg: float) -> Floats:
         """Direction of travel (3,) of the sun's light, world frame.
 
         Args:

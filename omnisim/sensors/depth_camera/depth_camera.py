@@ -29,10 +29,10 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from omnisim.cameras.models.perspective import PerspectiveCamera
+from omnisim.core.arrays import Bools, Floats32, Indices
 from omnisim.core.files.image_files import write_numbers
 from omnisim.core.files.parameters import (
     Flag,
@@ -198,12 +198,12 @@ class DepthCamera(Parameters, SensorSettings, name="depth_camera"):
 
     def measure(
         self,
-        z_m: NDArray[np.float32],
-        second_z_m: NDArray[np.float32],
-        incidence_cosines: NDArray[np.float32],
+        z_m: Floats32,
+        second_z_m: Floats32,
+        incidence_cosines: Floats32,
         seed: int | str = 0,
         frame_number: int = 0,
-    ) -> NDArray[np.float32]:
+    ) -> Floats32:
         """Simulate depths (height, width) along the optical axis in meters; 0 in holes.
 
         Args:
@@ -222,9 +222,7 @@ class DepthCamera(Parameters, SensorSettings, name="depth_camera"):
         holes[seen] = ~self._is_seen_twice(z_m[seen], second_z_m, *seen)
         return np.where(holes, np.float32(0.0), measured)
 
-    def _with_noise(
-        self, z_m: NDArray[np.float32], seed: int | str, frame_number: int
-    ) -> NDArray[np.float32]:
+    def _with_noise(self, z_m: Floats32, seed: int | str, frame_number: int) -> Floats32:
         """Depths (height, width) from noisy disparities; +inf if a disparity is not positive."""
         sigma_px, step_px = self.disparity_sigma_px, self.disparity_step_px
         if not sigma_px and not step_px:
@@ -241,12 +239,8 @@ class DepthCamera(Parameters, SensorSettings, name="depth_camera"):
         return measured
 
     def _is_seen_twice(
-        self,
-        z_m: NDArray[np.float32],
-        second_z_m: NDArray[np.float32],
-        rows: NDArray[np.intp],
-        columns: NDArray[np.intp],
-    ) -> NDArray[np.bool_]:
+        self, z_m: Floats32, second_z_m: Floats32, rows: Indices, columns: Indices
+    ) -> Bools:
         """Mask (n,) of the points, given by depth and pixel, that the second view sees."""
         second_u = columns + self._margin_px - self._disparity_m / z_m.astype(np.float64)
         left = np.clip(np.floor(second_u).astype(np.intp), 0, self.second_width_px - 2)
@@ -278,7 +272,7 @@ class _Views:
 
 def _depths(
     view: CameraBackend, poses: ScenePoses, has_cosines: bool, through: bool
-) -> tuple[NDArray[np.float32], NDArray[np.float32] | None, NDArray[np.float32] | None]:
+) -> tuple[Floats32, Floats32 | None, Floats32 | None]:
     """Depths of a view at the poses, of the first surfaces or through glass and by mirrors.
 
     Returns:
@@ -317,7 +311,7 @@ class DepthImage:
         metadata: omnisim's version, the scene and the image's number.
     """
 
-    depths_m: NDArray[np.float32]
+    depths_m: Floats32
     metadata: dict[str, Any] = field(default_factory=dict)
 
     def __repr__(self) -> str:

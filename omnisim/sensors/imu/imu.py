@@ -29,8 +29,8 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 import scipy  # its submodules load when first used
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats, Ints
 from omnisim.core.errors import RunError
 from omnisim.core.files.atomic_file import is_written
 from omnisim.core.files.number_files import BLOCK, write_table
@@ -69,7 +69,7 @@ class ImuErrors(Parameters, name="imu", in_radians=True):
     accel_bias_sigma_mps2: Level = 0.0
     """Standard deviation of the specific force's initial bias, m/s². Default: 0."""
 
-    def biases(self, count: int, rate_hz: float, key: int) -> NDArray[np.float64]:
+    def biases(self, count: int, rate_hz: float, key: int) -> Floats:
         """Biases (count, 6) of the first `count` readings: three rates, then three forces.
 
         Args:
@@ -88,7 +88,7 @@ class ImuErrors(Parameters, name="imu", in_radians=True):
         biases[0] = start * _numbers(np.arange(1), _START, key)[0][0]
         return np.cumsum(biases, axis=0, out=biases)
 
-    def noise(self, indices: NDArray[np.int64], rate_hz: float, key: int) -> NDArray[np.float64]:
+    def noise(self, indices: Ints, rate_hz: float, key: int) -> Floats:
         """White noise (n, 6) of readings (n,): three rates, then three forces.
 
         Args:
@@ -100,7 +100,7 @@ class ImuErrors(Parameters, name="imu", in_radians=True):
         return density * math.sqrt(rate_hz) * _numbers(indices, _READING, key)[0]
 
     @staticmethod
-    def _six(gyro: float, accel: float) -> NDArray[np.float64]:
+    def _six(gyro: float, accel: float) -> Floats:
         return np.repeat((gyro, accel), 3)
 
 
@@ -115,12 +115,8 @@ DEVICES = {
 
 
 def true_readings(
-    motion: BodyMotion,
-    base_from_imu: NDArray[np.float64],
-    gravity_mps2: float,
-    times_s: NDArray[np.float64],
-    period_s: float,
-) -> NDArray[np.float64]:
+    motion: BodyMotion, base_from_imu: Floats, gravity_mps2: float, times_s: Floats, period_s: float
+) -> Floats:
     """Error-free angular rate and specific force (n, 6) at times (n,), in the unit's frame.
 
     Args:
@@ -144,7 +140,7 @@ def true_readings(
     return np.concatenate((turns / duration_s, forces), axis=1)
 
 
-def _numbers(indices: NDArray[np.int64], stream: int, key: int) -> NDArray[np.float64]:
+def _numbers(indices: Ints, stream: int, key: int) -> Floats:
     """Two sets of standard normal numbers (2, n, 6), per reading (n,) and axis."""
     hashes = pcg4d(indices[:, None], np.arange(6), stream, key)
     return np.stack((normal(hashes[0], hashes[1]), normal(hashes[2], hashes[3]))).astype(np.float64)
@@ -193,9 +189,7 @@ class Imu(SensorSettings):
         rest = (f"{key}: {_yaml_number(number)}" for key, number in numbers.items())
         return {PARAMETERS: "\n".join((*lines, *rest)) + "\n"}
 
-    def check_trajectory(
-        self, mount: Mount[object], truth: Trajectory, times_s: NDArray[np.float64]
-    ) -> None:
+    def check_trajectory(self, mount: Mount[object], truth: Trajectory, times_s: Floats) -> None:
         """Raise an error if the turn between two poses is too wide.
 
         Raises:
@@ -220,12 +214,7 @@ class Imu(SensorSettings):
         return {"readings": READINGS}
 
     def write_readings(
-        self,
-        folder: Path,
-        mount: Mount[object],
-        motion: BodyMotion,
-        seed: int,
-        times_s: NDArray[np.float64],
+        self, folder: Path, mount: Mount[object], motion: BodyMotion, seed: int, times_s: Floats
     ) -> None:
         """Write the files of all readings and of their biases, unless they exist.
 
@@ -243,8 +232,8 @@ class Imu(SensorSettings):
             write_table(folder / BIASES, BIAS_COLUMNS, blocks)
 
     def readings(
-        self, mount: Mount[object], motion: BodyMotion, seed: int, times_s: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+        self, mount: Mount[object], motion: BodyMotion, seed: int, times_s: Floats
+    ) -> Floats:
         """Readings (n, 6) at times (n,): angular rates in rad/s, then specific forces in m/s²."""
         key = key_of("imu", seed, mount.name)
         biases = self.errors.biases(len(times_s), self.rate_hz, key)
@@ -254,11 +243,11 @@ class Imu(SensorSettings):
         self,
         mount: Mount[object],
         motion: BodyMotion,
-        times_s: NDArray[np.float64],
-        biases: NDArray[np.float64],
+        times_s: Floats,
+        biases: Floats,
         key: int,
         part: slice,
-    ) -> NDArray[np.float64]:
+    ) -> Floats:
         """Table rows (n, 7) of a slice of the readings, times first."""
         times, indices = times_s[part], np.arange(len(times_s))[part]
         ideal = true_readings(

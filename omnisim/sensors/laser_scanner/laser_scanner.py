@@ -15,9 +15,10 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydantic import AfterValidator, Field
 
+from omnisim.core.arrays import Bools, Floats
 from omnisim.core.errors import OpticsError
 from omnisim.core.files.parameters import (
     AboveZero,
@@ -172,13 +173,13 @@ class LaserScanner(Parameters, SensorSettings, name="scanner"):
         return math.floor(self.field_of_view_deg / self.resolution_deg + 1e-9) + 1
 
     @cached_property
-    def angles_deg(self) -> NDArray[np.float64]:
+    def angles_deg(self) -> Floats:
         """Angles (beams,) in degrees from straight ahead, positive to the left."""
         steps = np.arange(self.beams, dtype=np.float64)
         return -0.5 * self.field_of_view_deg + self.resolution_deg * steps
 
     @cached_property
-    def angles_rad(self) -> NDArray[np.float64]:
+    def angles_rad(self) -> Floats:
         """Angles (beams,) in radians from straight ahead, positive to the left."""
         return np.radians(self.angles_deg)
 
@@ -211,7 +212,7 @@ class LaserScanner(Parameters, SensorSettings, name="scanner"):
         bound = self.systematic_error_m
         return float(np.random.default_rng((self.seed, _DEVICE)).uniform(-bound, bound))
 
-    def measure(self, true_ranges_m: NDArray[np.float64], scan_number: int) -> NDArray[np.float64]:
+    def measure(self, true_ranges_m: Floats, scan_number: int) -> Floats:
         """Simulate measured ranges (beams,) in meters.
 
         Errors are added and the sum is rounded; ranges outside the limits become −inf or +inf. The
@@ -252,10 +253,10 @@ class Scan:
         metadata: omnisim's version, the scene and the scan number.
     """
 
-    angles_rad: NDArray[np.float64]
-    ranges_m: NDArray[np.float64]
+    angles_rad: Floats
+    ranges_m: Floats
     scanner: LaserScanner
-    world_from_scanner: NDArray[np.float64]
+    world_from_scanner: Floats
     metadata: dict[str, Any] = field(default_factory=dict)
 
     def __repr__(self) -> str:
@@ -264,12 +265,12 @@ class Scan:
         return short_repr(self, f"{beams} beams", f"{np.count_nonzero(self.hit)} hits", where)
 
     @property
-    def hit(self) -> NDArray[np.bool_]:
+    def hit(self) -> Bools:
         """Mask (beams,) of the beams with a finite range."""
         return np.isfinite(self.ranges_m)
 
     @property
-    def points_m(self) -> NDArray[np.float64]:
+    def points_m(self) -> Floats:
         """Points (k, 3) in the scanner's frame, one per beam with a finite range."""
         angles, ranges = self.angles_rad[self.hit], self.ranges_m[self.hit]
         return np.stack(

@@ -23,6 +23,7 @@ import scipy  # its submodules load when first used
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
+from omnisim.core.arrays import Floats, Floats32, Indices
 from omnisim.core.errors import OmnisimError
 from omnisim.core.files.parameters import (
     Flag,
@@ -116,12 +117,12 @@ class SpinningLidar(Parameters, SensorSettings, name="lidar"):
         """Open a renderer of point clouds on a stage."""
         return LidarRenderer(stage, self, mount)
 
-    def state_times_s(self, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    def state_times_s(self, times_s: Floats) -> Floats:
         """Times (m,) within all revolutions, dense enough for removing a cloud's skew."""
         since_s = np.arange(STATES) / (STATES * self.rate_hz)
         return (times_s[:, None] - since_s).ravel()
 
-    def note(self, mount: Mount[object], times_s: NDArray[np.float64]) -> str | None:
+    def note(self, mount: Mount[object], times_s: Floats) -> str | None:
         """Notice that revolutions between the steps have no cloud; None if all have one."""
         turns = int(float(np.ptp(times_s)) * self.rate_hz + LATE) + 1
         if mount.rate is not None or turns <= len(times_s):
@@ -200,12 +201,12 @@ class SpinningLidar(Parameters, SensorSettings, name="lidar"):
         return self.range_max_m + self.step_m + 10.0 * self.sigma_m  # exceeded once in 1e23 points
 
     @cached_property
-    def azimuths_rad(self) -> NDArray[np.float64]:
+    def azimuths_rad(self) -> Floats:
         """Azimuths (firings,) counter-clockwise from straight ahead, descending from π."""
         return math.pi - 2.0 * math.pi * np.arange(self.firings, dtype=np.float64) / self.firings
 
     @cached_property
-    def times_s(self) -> NDArray[np.float64]:
+    def times_s(self) -> Floats:
         """Times (firings,) of the firings since the revolution's start."""
         return np.arange(self.firings, dtype=np.float64) * (self.period_s / self.firings)
 
@@ -222,7 +223,7 @@ class SpinningLidar(Parameters, SensorSettings, name="lidar"):
 
     def measure(
         self, true_ranges_m: NDArray[np.floating], revolution: int, number: int = 0
-    ) -> NDArray[np.float64]:
+    ) -> Floats:
         """Simulate measured ranges (rings, firings) in meters; +inf: no return.
 
         The noise depends only on the seed, the revolution's number, the ring and the firing, so any
@@ -247,10 +248,7 @@ class SpinningLidar(Parameters, SensorSettings, name="lidar"):
         return ranges_m
 
     def points(
-        self,
-        ranges_m: NDArray[np.float64],
-        instances: NDArray[np.uint32],
-        intensities: NDArray[np.floating],
+        self, ranges_m: Floats, instances: NDArray[np.uint32], intensities: NDArray[np.floating]
     ) -> NDArray[np.void]:
         """Points (n,) of beams, in the order of measurement.
 
@@ -293,15 +291,15 @@ class PointCloud:
 
     points: NDArray[np.void]
     lidar: SpinningLidar
-    world_from_lidar_at_start: NDArray[np.float64]
-    world_from_lidar: NDArray[np.float64]
+    world_from_lidar_at_start: Floats
+    world_from_lidar: Floats
     metadata: dict[str, Any] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         return short_repr(self, f"{len(self.points)} points", f"{self.lidar.rings} rings")
 
     @property
-    def points_m(self) -> NDArray[np.float32]:
+    def points_m(self) -> Floats32:
         """Points (n, 3) in the lidar's frame, each at its own time."""
         return np.stack([self.points[axis] for axis in "xyz"], axis=-1)
 
@@ -429,11 +427,7 @@ PosesAt = Callable[[float], LidarPoses]
 
 
 def plan_revolution(
-    firings: int,
-    period_s: float,
-    poses_at: PosesAt,
-    start_s: float,
-    boxes: MovingBoxes,
+    firings: int, period_s: float, poses_at: PosesAt, start_s: float, boxes: MovingBoxes
 ) -> Revolution:
     """Cut a revolution into slices that are short enough; a static one is a single slice.
 
@@ -494,9 +488,7 @@ def _revolution(count: int, slices: tuple[Slice, ...]) -> Revolution:
     return Revolution(slices, shares, _rotations(knots, half, 2.0 * shares % 1.0))
 
 
-def _rotations(
-    knots: NDArray[np.float64], index: NDArray[np.intp], share: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _rotations(knots: Floats, index: Indices, share: Floats) -> Floats:
     """Slerp between knots (k, 3, 3): rotations (n, 3, 3) at fractions `share` (n,) past `index`."""
     rotation = scipy.spatial.transform.Rotation
     changes = np.swapaxes(knots[:-1], 1, 2) @ knots[1:]

@@ -19,9 +19,9 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from omnisim.core.arrays import Floats
 from omnisim.core.files.parameters import (
     NotNegative,
     Number,
@@ -98,7 +98,7 @@ class RangeSensor(Parameters, SensorSettings, name="range_sensor"):
         )
 
     @property
-    def fan_rad(self) -> NDArray[np.float64]:
+    def fan_rad(self) -> Floats:
         """Angles (n,) of the rays in one plane through the axis."""
         if not self.beam_angle_deg:
             return np.zeros(1)
@@ -108,7 +108,7 @@ class RangeSensor(Parameters, SensorSettings, name="range_sensor"):
         return half_rad / self.cones * np.arange(least, self.cones + 1, dtype=np.float64)
 
     @property
-    def rolls_deg(self) -> NDArray[np.float64]:
+    def rolls_deg(self) -> Floats:
         """Roll angles (planes,) in degrees of the planes with rays; the first plane is upright."""
         if not self.beam_angle_deg:
             return np.zeros(1)
@@ -129,7 +129,7 @@ class RangeReading:
 
     range_m: float
     sensor: RangeSensor
-    world_from_sensor: NDArray[np.float64]
+    world_from_sensor: Floats
     metadata: dict[str, Any] = field(default_factory=dict)
 
     def __repr__(self) -> str:

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras import (
     CentralCamera,
@@ -23,6 +22,7 @@ from omnisim.cameras import (
 )
 from omnisim.cameras.calibration import calibration_of
 from omnisim.cameras.mirrors import HyperbolicMirror
+from omnisim.core.arrays import Bytes, Floats
 from omnisim.plots.style import gallery
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.stage import open_sensor
@@ -103,7 +103,7 @@ def check(fixture: Fixture, title: str) -> Section:
 
 def _off_px(
     fixture: Fixture, board_camera: BoardCamera, count: int
-) -> tuple[NDArray[np.float64], int, NDArray[np.uint8] | None]:
+) -> tuple[Floats, int, Bytes | None]:
     """Distances between detected and projected corners, over the boards that OpenCV detects.
 
     Returns:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras import HyperbolicCamera
 from omnisim.core import coordinate_frames as frames
 from omnisim.core import poses
+from omnisim.core.arrays import Floats
 from omnisim.plots.style import gallery
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.report.report import CaptionedFigure, Measure, Section
@@ -89,8 +89,8 @@ class MarkerImage(NamedTuple):
     """Markers measured in an image."""
 
     camera: HyperbolicCamera
-    measured_px: NDArray[np.float64]  # (n, 2) centers
-    rims: NDArray[np.float64]  # (n, corners, 3), optical frame
+    measured_px: Floats  # (n, 2) centers
+    rims: Floats  # (n, corners, 3), optical frame
 
 
 def marker_image(fixture: Fixture) -> MarkerImage:

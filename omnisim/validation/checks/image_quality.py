@@ -5,10 +5,10 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras import pixel_grid
 from omnisim.core import bilinear
+from omnisim.core.arrays import Bools, Floats
 from omnisim.core.cube import FACE_NAMES, face_index, face_tangents
 from omnisim.core.srgb import linear_from_srgb, srgb8_from_linear, srgb_from_linear
 from omnisim.plots.style import gallery
@@ -49,7 +49,7 @@ def measure_quality(
         truth = _truth(stage, sensor, poses, shifts)
         ours = _linear_images(stage, sensor, poses)
         plain = _plain(stage, dataclasses.replace(sensor, face_size_px=PLAIN_FACE_PX), poses)
-    seen: NDArray[np.bool_] = np.all(np.isfinite([truth[0], ours[0], plain[0]]), axis=(0, -1))
+    seen: Bools = np.all(np.isfinite([truth[0], ours[0], plain[0]]), axis=(0, -1))
     shimmer, plain_shimmer = _shimmer(ours, truth, seen), _shimmer(plain, truth, seen)
     samples = len(shifts) * SAMPLES_PER_SIDE**2
     truth_name = f"{samples} samples per pixel"
@@ -78,11 +78,8 @@ def measure_quality(
 
 
 def _truth(
-    stage: Stage,
-    sensor: OmniCamera,
-    poses: list[NDArray[np.float64]],
-    shifts: tuple[tuple[float, float], ...],
-) -> list[NDArray[np.float64]]:
+    stage: Stage, sensor: OmniCamera, poses: list[Floats], shifts: tuple[tuple[float, float], ...]
+) -> list[Floats]:
     """Linear images with many samples per pixel, NaN where a capture sees nothing.
 
     The texels are as fine as the samples, and are drawn again for each shift.
@@ -100,9 +97,7 @@ def _truth(
     return [image / len(shifts) for image in total]
 
 
-def _linear_images(
-    stage: Stage, sensor: OmniCamera, poses: list[NDArray[np.float64]]
-) -> list[NDArray[np.float64]]:
+def _linear_images(stage: Stage, sensor: OmniCamera, poses: list[Floats]) -> list[Floats]:
     images = []
     with stage.open(sensor) as renderer:
         for pose in poses:
@@ -111,9 +106,7 @@ def _linear_images(
     return images
 
 
-def _plain(
-    stage: Stage, sensor: OmniCamera, poses: list[NDArray[np.float64]]
-) -> list[NDArray[np.float64]]:
+def _plain(stage: Stage, sensor: OmniCamera, poses: list[Floats]) -> list[Floats]:
     """Linear images by one bilinear lookup in the faces, for the ray of each pixel's center."""
     camera = sensor.model
     rays = camera.ray_from_pixel(pixel_grid(camera.width_px, camera.height_px))
@@ -135,9 +128,7 @@ def _plain(
     return images
 
 
-def _shimmer(
-    images: list[NDArray[np.float64]], truth: list[NDArray[np.float64]], seen: NDArray[np.bool_]
-) -> float:
+def _shimmer(images: list[Floats], truth: list[Floats], seen: Bools) -> float:
     """RMS, in levels of 255, of the change of an image's error from one image to the next."""
     levels = [
         255.0 * (srgb_from_linear(image[seen]) - srgb_from_linear(true[seen]))

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from omnisim.core.arrays import Bools, Floats32
 from omnisim.plots.style import gallery
 from omnisim.rendering.baking.baked_files import bake_scene
 from omnisim.rendering.baking.settings import FINE_TEXELS, BakeSettings
@@ -122,7 +123,7 @@ def _edges(fixture: Fixture, name: str) -> Measure:
     return Measure(f"{name}, edges of shadows, mean", distance_px, "px", EDGES_BOUND_PX)
 
 
-def lit_share(image: NDArray[np.float32], unshadowed: NDArray[np.float32]) -> NDArray[np.float32]:
+def lit_share(image: Floats32, unshadowed: Floats32) -> Floats32:
     """Share (height, width) of a lamp's light that reaches surfaces.
 
     Args:
@@ -133,8 +134,8 @@ def lit_share(image: NDArray[np.float32], unshadowed: NDArray[np.float32]) -> ND
 
 
 def inside_surfaces(
-    instances: NDArray[np.integer], normals: NDArray[np.floating], unshadowed: NDArray[np.float32]
-) -> NDArray[np.bool_]:
+    instances: NDArray[np.integer], normals: NDArray[np.floating], unshadowed: Floats32
+) -> Bools:
     """Mask (height, width) of pixels away from edges of objects, and bright without shadows.
 
     Args:
@@ -151,9 +152,7 @@ def inside_surfaces(
     return np.asarray(~breaks & (unshadowed.mean(axis=-1) > _DARKEST), bool)
 
 
-def edge_distance_px(
-    first: NDArray[np.float32], second: NDArray[np.float32], where: NDArray[np.bool_]
-) -> float:
+def edge_distance_px(first: Floats32, second: Floats32, where: Bools) -> float:
     """Mean distance in px from each edge, in either image, to the nearest edge in the other.
 
     An edge is where half of the light arrives, linearly interpolated between pixels.

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.cameras import PerspectiveCamera
+from omnisim.core.arrays import Bytes, Floats, Floats32, Ints
 from omnisim.core.poses import pose
 from omnisim.core.srgb import srgb8_from_linear
 from omnisim.plots.style import gallery
@@ -35,7 +36,7 @@ _FAR = 25.0**7
 
 def check(fixture: Fixture, title: str) -> Section:
     """Render the chart with both renderers in each light, and compare colors."""
-    images: dict[str, NDArray[np.uint8]] = {}
+    images: dict[str, Bytes] = {}
     measures, rows = [], []
     samples = _QUICK_SAMPLES if fixture.is_quick else _SAMPLES
     for name, lighting in lightings().items():
@@ -86,9 +87,7 @@ def lightings() -> dict[str, Lighting]:
     }
 
 
-def both(
-    lighting: Lighting, samples: int, device: int | None
-) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int64]]:
+def both(lighting: Lighting, samples: int, device: int | None) -> tuple[Floats32, Floats32, Ints]:
     """Linear charts (height, width, 3) by omnisim and Mitsuba, and each pixel's sphere index."""
     from omnisim.validation.oracles.mitsuba_materials import trace_sphere  # of an extra
 
@@ -116,7 +115,7 @@ def both(
     return ours, traced, spheres
 
 
-def lab_from_linear(rgb: NDArray[np.floating]) -> NDArray[np.float64]:
+def lab_from_linear(rgb: NDArray[np.floating]) -> Floats:
     """L*a*b* (..., 3) of linear sRGB (..., 3), clipped to [0, 1]."""
     shares = np.clip(rgb, 0.0, 1.0) @ _XYZ_FROM_RGB.T / _WHITE
     roots = np.where(
@@ -126,7 +125,7 @@ def lab_from_linear(rgb: NDArray[np.floating]) -> NDArray[np.float64]:
     return np.stack((116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)), axis=-1)
 
 
-def ciede2000(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.float64]:
+def ciede2000(first: Floats, second: Floats) -> Floats:
     """CIEDE2000 color difference ΔE₀₀ (...) between two arrays of L*a*b* colors (..., 3)."""
     (l1, a1, b1), (l2, a2, b2) = np.moveaxis(first, -1, 0), np.moveaxis(second, -1, 0)
     chroma7 = (0.5 * (np.hypot(a1, b1) + np.hypot(a2, b2))) ** 7

@@ -11,6 +11,7 @@ import scipy  # its submodules load when first used
 from numpy.typing import NDArray
 
 from omnisim.cameras.optics import OpticalSystem
+from omnisim.core.arrays import Bools, Floats, Floats32
 from omnisim.plots.style import gallery
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.report.report import CaptionedFigure, Measure, ResultTable, Section
@@ -40,9 +41,9 @@ _RIM_PX = 3  # excluded at the edge of the visible area, where pixels blend
 class Comparison(NamedTuple):
     """Linear images (height, width, 3) by both renderers, and a mask of the visible area."""
 
-    traced: NDArray[np.float32]
-    ours: NDArray[np.float32]
-    inside: NDArray[np.bool_]
+    traced: Floats32
+    ours: Floats32
+    inside: Bools
 
     @property
     def decibels(self) -> float:
@@ -64,12 +65,12 @@ class TracedSystem:
         return OmniCamera(self.system)
 
     @cached_property
-    def pose(self) -> NDArray[np.float64]:
+    def pose(self) -> Floats:
         """Pose (4, 4) world_from_base."""
         return self.sensor.base_pose(self.viewpoint_m, yaw_deg=20.0)
 
     @property
-    def world_from_optical(self) -> NDArray[np.float64]:
+    def world_from_optical(self) -> Floats:
         """Pose (4, 4) of the optical frame."""
         return self.pose @ self.sensor.base_from_optical
 
@@ -78,7 +79,7 @@ class TracedSystem:
         """Physical mirrors and windows in Mitsuba."""
         return PhysicalOptics(self.system, self.world_from_optical)
 
-    def ours(self, scene: Scene, supersampling: int | None = None) -> NDArray[np.float32]:
+    def ours(self, scene: Scene, supersampling: int | None = None) -> Floats32:
         """Linear image by omnisim; by default at default quality."""
         sensor = self.sensor
         if supersampling is not None:
@@ -95,7 +96,7 @@ class TracedSystem:
         traced = self.optics.image(scene, MIRROR_SAMPLES if is_mirror else SAMPLES)
         return Comparison(traced, self.ours(scene), inside)
 
-    def marker_distances_px(self) -> NDArray[np.float64]:
+    def marker_distances_px(self) -> Floats:
         """Distances (n,) between the centers of markers in both images; NaN: a marker is lost."""
         pixels = marker_pixels(self.system, SPACING_PX)
         scene = markers_on_rays(self.system, pixels, self.world_from_optical)
@@ -103,7 +104,7 @@ class TracedSystem:
         traced, ours = (centroids(image[..., 1].astype(np.float64), pixels) for image in images)
         return np.linalg.norm(traced - ours, axis=1)
 
-    def ray_errors_px(self) -> NDArray[np.float64]:
+    def ray_errors_px(self) -> Floats:
         """Distances (n,) between pixels and our projections of points at 1 m on Mitsuba's rays."""
         generator = np.random.default_rng(0)
         low, high = (10.0, 10.0), (self.system.width_px - 11.0, self.system.height_px - 11.0)
@@ -117,8 +118,8 @@ class TracedSystem:
 class Result(NamedTuple):
     """Differences between Mitsuba and omnisim for one system."""
 
-    markers_px: NDArray[np.float64]
-    rays_px: NDArray[np.float64]
+    markers_px: Floats
+    rays_px: Floats
     images: Comparison
     fine_db: float | None  # PSNR with many samples per pixel; None: default quality is enough
 

@@ -7,11 +7,11 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras import EquidistantCamera, PerspectiveCamera, pixel_grid
 from omnisim.cameras.mirrors.hyperbolic_mirror import PAPER_C, PAPER_K, PAPER_METERS_PER_UNIT
 from omnisim.cameras.optics import Design, OpticalSystem, Surface, caustic_points, shapes
+from omnisim.core.arrays import Bools, Floats
 from omnisim.core.poses import pose
 from omnisim.report.report import Measure, ResultTable, Section
 from omnisim.validation import optical_systems as closed_forms
@@ -115,7 +115,7 @@ def _closed_forms() -> dict[str, tuple[TracedAxialRays, AxialRays]]:
     focus_m = 0.5 * PAPER_C * PAPER_METERS_PER_UNIT
     semi_axis_m = focus_m * math.sqrt(1.0 - 2.0 / PAPER_K)  # Eq. 1
 
-    def expected(name: str, beta: NDArray[np.float64]) -> AxialRays:
+    def expected(name: str, beta: Floats) -> AxialRays:
         match name.partition(",")[0]:
             case "sphere":
                 return closed_forms.sphere(beta, _VERTEX_M, _RADIUS_M)
@@ -201,5 +201,5 @@ def _round_trips(step_px: int) -> Iterator[tuple[str, float, int, int]]:
         points_m = rays.origins_m[rays.valid] + distance_m * rays.directions[rays.valid]
         seen = system.pixel_from_point(points_m)
         away_px = np.linalg.norm(seen.positions_px - pixels[rays.valid], axis=1)
-        good: NDArray[np.bool_] = seen.valid & (away_px <= PIXEL_BOUND_PX)
+        good: Bools = seen.valid & (away_px <= PIXEL_BOUND_PX)
         yield name, distance_m, len(good), int((~good).sum())

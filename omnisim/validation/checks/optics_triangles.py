@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core.arrays import Bools, Floats
 from omnisim.core.errors import OpticsError
 from omnisim.core.poses import pose
 from omnisim.ground_truth.hits import NO_DETAILS
@@ -92,7 +93,7 @@ class SameTriangles(NamedTuple):
 
 
 def same_triangles(
-    stage: Stage, rays: RayScene, sensor: OmniCamera, world_from_base: NDArray[np.float64]
+    stage: Stage, rays: RayScene, sensor: OmniCamera, world_from_base: Floats
 ) -> SameTriangles:
     """Compare the triangles of virtual cameras and of exact rays at all valid pixels.
 
@@ -122,9 +123,7 @@ def same_triangles(
     )
 
 
-def pose_beside_nearest(
-    sensor: OmniCamera, rays: RayScene, start: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def pose_beside_nearest(sensor: OmniCamera, rays: RayScene, start: Floats) -> Floats:
     """Pose (4, 4) of the base, moved horizontally until its sensor is `BESIDE_M` from an object.
 
     The object is the nearest at the sensor's height, among those at least twice as far away.
@@ -153,7 +152,7 @@ class _Triangles(NamedTuple):
         names = np.array(["", *(name for _, name in source.draws)])
         return _Triangles(names[hits.draw_ids], hits.triangles)
 
-    def equal(self, other: _Triangles) -> NDArray[np.bool_]:
+    def equal(self, other: _Triangles) -> Bools:
         """Mask (height, width) of pixels with equal triangles, or with none in both."""
         same = (self.numbers == other.numbers) | (self.names == "")
         return same & (self.names == other.names)

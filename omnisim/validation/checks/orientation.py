@@ -10,9 +10,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras import CylindricalCamera
+from omnisim.core.arrays import Bytes, Floats
 from omnisim.core.bilinear import sample
 from omnisim.core.srgb import linear_from_srgb
 from omnisim.ground_truth.frame import Frame
@@ -79,7 +79,7 @@ def check(fixture: Fixture, title: str) -> Section:
     )  # fmt: skip
 
 
-def _texture(scene: Scene, side: str) -> NDArray[np.uint8]:
+def _texture(scene: Scene, side: str) -> Bytes:
     """Texture (height, width, 3) of a side of the room."""
     mesh = next(mesh for mesh in scene.meshes if mesh.name == side)
     texture = scene.materials[mesh.material].texture
@@ -111,7 +111,7 @@ def _worst_color(scene: Scene, sensor: OmniCamera, frame: Frame, heading_deg: fl
     return worst
 
 
-def _reading(fixture: Fixture, scene: Scene) -> tuple[float, float, NDArray[np.uint8]]:
+def _reading(fixture: Fixture, scene: Scene) -> tuple[float, float, Bytes]:
     """Correlations of the walls' painted words with the panorama, and the panorama.
 
     The first is the minimum over all walls; the second, of the mirrored panorama, the maximum.
@@ -151,5 +151,5 @@ def _reading(fixture: Fixture, scene: Scene) -> tuple[float, float, NDArray[np.u
     return normal, mirrored, panorama
 
 
-def _correlation(first: NDArray[np.float64], second: NDArray[np.float64]) -> float:
+def _correlation(first: Floats, second: Floats) -> float:
     return float(np.corrcoef(first.ravel(), second.ravel())[0, 1])

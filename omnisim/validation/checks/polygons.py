@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras import pixel_grid
 from omnisim.cameras.mirrors.mirror_mesh import PAPER_POLYGON_COUNTS
+from omnisim.core.arrays import Bytes, Floats
 from omnisim.plots.style import BLUE, GRAY, ORANGE, gallery, plot
 from omnisim.rendering.camera.omnicamera import PAPER_POLYGONS, OmniCamera
 from omnisim.rendering.camera.quality import MAX_ERROR_PX
@@ -26,9 +26,9 @@ DETAIL = (slice(4, 64), slice(140, 224))  # rows and columns of the 360 px image
 class MeshResult(NamedTuple):
     """Errors of one mesh's image."""
 
-    error_px: NDArray[np.float64]  # (pixels,) between mesh and mirror
+    error_px: Floats  # (pixels,) between mesh and mirror
     psnr_db: float  # against the exact capture, where both show the scene
-    image: NDArray[np.uint8]
+    image: Bytes
 
 
 def check(fixture: Fixture, title: str) -> Section:
@@ -103,7 +103,7 @@ def check(fixture: Fixture, title: str) -> Section:
     )  # fmt: skip
 
 
-def shown_error_px(fixture: Fixture, sensor: OmniCamera) -> NDArray[np.float64]:
+def shown_error_px(fixture: Fixture, sensor: OmniCamera) -> Floats:
     """Distances (n,) from pixels to the positions at which the mirror shows the pixels' rays.
 
     Pixels whose rays are past the rim are left out.
@@ -118,5 +118,5 @@ def shown_error_px(fixture: Fixture, sensor: OmniCamera) -> NDArray[np.float64]:
     shown = camera.pixel_from_ray(rays[seen].astype(np.float64))
     pixels = pixel_grid(camera.width_px, camera.height_px)[seen]
     # directions past the rim, which a mesh may show, have no position in the mirror's image
-    errors: NDArray[np.float64] = np.linalg.norm(shown.positions_px - pixels, axis=-1)
+    errors: Floats = np.linalg.norm(shown.positions_px - pixels, axis=-1)
     return errors[shown.valid]

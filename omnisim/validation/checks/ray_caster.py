@@ -10,9 +10,9 @@ import dataclasses
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras import EquidistantCamera
+from omnisim.core.arrays import Bytes
 from omnisim.ground_truth.frame import Frame
 from omnisim.plots.style import gallery
 from omnisim.rendering.camera.omnicamera import OmniCamera
@@ -34,7 +34,7 @@ _SHOWN_FACTOR = 4  # of differences in the figure
 
 def check(fixture: Fixture, title: str) -> Section:
     """Render images with both back ends, and compare colors and visible surfaces."""
-    images: dict[str, NDArray[np.uint8]] = {}
+    images: dict[str, Bytes] = {}
     rows, worst_db, worst_percent = [], math.inf, math.inf
     fisheye = EquidistantCamera(360, 360, 100.0, (179.5, 179.5), math.radians(100.0))
     sensors = {"mirror": OmniCamera(), "fisheye": OmniCamera(fisheye)}

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.cameras import PerspectiveCamera
+from omnisim.core.arrays import Floats32
 from omnisim.plots.style import gallery
 from omnisim.rendering.shared_scene import BackendName
 from omnisim.rendering.stage import open_sensor
@@ -73,7 +74,7 @@ def min_by_cube_db(name: str) -> float:
 
 def rendered(
     scene: Scene, width_px: int, supersampling: int = SUPERSAMPLING, backend: BackendName = "rays"
-) -> NDArray[np.float32]:
+) -> Floats32:
     """Linear image (height, width, 3) of a room by omnisim, clipped to white."""
     camera = reflective_rooms.camera(width_px, supersampling)
     with open_sensor(scene, camera, backend=backend) as renderer:
@@ -82,7 +83,7 @@ def rendered(
     return np.clip(ours[..., :3], 0.0, 1.0)
 
 
-def traced_paths(scene: Scene, width_px: int, samples: int) -> NDArray[np.float32]:
+def traced_paths(scene: Scene, width_px: int, samples: int) -> Floats32:
     """Linear image (height, width, 3) of a room by Mitsuba, clipped to white."""
     from omnisim.validation.oracles.mitsuba_light import trace_reflections  # of an extra
 

@@ -6,10 +6,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras import HyperbolicCamera
 from omnisim.cameras.mirrors.hyperbolic import image_radius_eq2_px
+from omnisim.core.arrays import Floats
 from omnisim.core.bilinear import sample
 from omnisim.ground_truth.frame import Frame
 from omnisim.plots.style import BLUE, GRAY, ORANGE, RED, Figure, gallery, plot
@@ -29,13 +29,13 @@ STEP_PX = 0.1  # along a radius
 class Rings(NamedTuple):
     """Radii measured in one image."""
 
-    angles_deg: NDArray[np.float64]  # (n,) incidence
-    radii_px: NDArray[np.float64]  # (n, azimuths) measured
-    exact_px: NDArray[np.float64]  # (n,) by the exact relation
-    eq2_px: NDArray[np.float64]  # (n,) by Eq. 2, with the 90° circle of the exact relation
+    angles_deg: Floats  # (n,) incidence
+    radii_px: Floats  # (n, azimuths) measured
+    exact_px: Floats  # (n,) by the exact relation
+    eq2_px: Floats  # (n,) by Eq. 2, with the 90° circle of the exact relation
 
     @property
-    def mean_error_px(self) -> NDArray[np.float64]:
+    def mean_error_px(self) -> Floats:
         """Means (n,) over azimuths of measured minus exact radii."""
         return self.radii_px.mean(axis=1) - self.exact_px
 
@@ -114,9 +114,7 @@ def measure(frame: Frame, camera: HyperbolicCamera) -> Rings:
     return Rings(angles_deg.astype(np.float64), np.stack(radii), exact_px, eq2_px)
 
 
-def exact_radius_px(
-    camera: HyperbolicCamera, angles_deg: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def exact_radius_px(camera: HyperbolicCamera, angles_deg: Floats) -> Floats:
     """Image radii (n,) by the unified model's relation, r = f ψ sin θ/(ξ + cos θ).
 
     From k and the focal length only, as the camera's own code is under test.
@@ -153,9 +151,9 @@ def _figure(wide: Rings, exact: Rings, mesh: Rings) -> Figure:
         "difference in % of the 90° circle's radius",
     )
 
-    def percent(radii_px: NDArray[np.float64], rings: Rings) -> NDArray[np.float64]:
+    def percent(radii_px: Floats, rings: Rings) -> Floats:
         horizon_px = rings.exact_px[rings.angles_deg == 90.0]
-        share: NDArray[np.float64] = (radii_px - rings.exact_px) / horizon_px
+        share: Floats = (radii_px - rings.exact_px) / horizon_px
         return 100.0 * share
 
     axes.axhline(0.0, color=GRAY, linewidth=1.0)
@@ -173,12 +171,12 @@ def _figure(wide: Rings, exact: Rings, mesh: Rings) -> Figure:
 
 
 def ring_radii(
-    darkness: NDArray[np.float64],
+    darkness: Floats,
     center_px: tuple[float, float],
     expected_px: float,
     reach_px: float,
     azimuths: int = 720,
-) -> NDArray[np.float64]:
+) -> Floats:
     """Radii (azimuths,) of one dark ring at evenly spaced azimuths.
 
     The radius at an azimuth is the centroid of the darkness along that azimuth, within `reach_px`

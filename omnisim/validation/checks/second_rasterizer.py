@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras import PerspectiveCamera
+from omnisim.core.arrays import Bytes
 from omnisim.core.cube import FACE_FROM_RIG, FACE_NAMES
 from omnisim.core.srgb import linear_from_srgb
 from omnisim.plots.style import gallery
@@ -50,7 +50,7 @@ def check(fixture: Fixture, title: str) -> Section:
         plain.append(psnr_db(first, second, everywhere))
         averaged.append(psnr_db(blocks[0], blocks[1], everywhere[::AVERAGED, ::AVERAGED]))
         rows.append((name, f"{plain[-1]:.1f}", f"{averaged[-1]:.1f}"))
-    images: dict[str, NDArray[np.uint8]] = {}
+    images: dict[str, Bytes] = {}
     for name in ("front", "down"):
         images |= {f"{name}, omnisim": faces[name], f"{name}, pyrender": theirs[name]}
     return Section(

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera, pixel_grid
 from omnisim.core import coordinate_frames as frames
 from omnisim.core import poses
+from omnisim.core.arrays import Floats, Floats32
 from omnisim.core.srgb import linear_from_srgb
 from omnisim.perception.unwarping.unwarping import Unwarping
 from omnisim.perception.unwarping.views import View, perspective_view
@@ -75,7 +75,7 @@ def check(fixture: Fixture, title: str) -> Section:
     )  # fmt: skip
 
 
-def _pinhole(fixture: Fixture) -> NDArray[np.float32]:
+def _pinhole(fixture: Fixture) -> Floats32:
     """Image of a pinhole camera: the front face of a rig with the yaw and pitch of the view."""
     fine = 4  # its pixels are averages, too
     sensor = OmniCamera(face_size_px=fine * VIEW_PX)
@@ -83,16 +83,16 @@ def _pinhole(fixture: Fixture) -> NDArray[np.float32]:
     with open_sensor(fixture.scene, sensor, unlit=True, device=fixture.device) as renderer:
         renderer.render(pose)
         face = linear_from_srgb(renderer.faces()["front"] / 255.0)
-    averaged: NDArray[np.float64] = face.reshape(VIEW_PX, fine, VIEW_PX, fine, 3).mean(axis=(1, 3))
+    averaged: Floats = face.reshape(VIEW_PX, fine, VIEW_PX, fine, 3).mean(axis=(1, 3))
     return averaged.astype(np.float32)
 
 
-def _image_pixels_per_pixel(sensor: OmniCamera, view: View) -> NDArray[np.float64]:
+def _image_pixels_per_pixel(sensor: OmniCamera, view: View) -> Floats:
     """Pixels of the mirror's image per pixel of the view, along the coarser direction."""
     grid = pixel_grid(view.camera.width_px, view.camera.height_px)
     rotation = frames.RIG_FROM_OPTICAL_LOOKING_UP.T @ view.base_from_view
 
-    def project(step: tuple[float, float]) -> NDArray[np.float64]:
+    def project(step: tuple[float, float]) -> Floats:
         directions = view.camera.ray_from_pixel(grid + step).directions @ rotation.T
         return sensor.model.pixel_from_ray(directions).positions_px
 
@@ -103,7 +103,7 @@ def _image_pixels_per_pixel(sensor: OmniCamera, view: View) -> NDArray[np.float6
     return np.asarray(singular[..., 1], dtype=np.float64)
 
 
-def _bars(fixture: Fixture, sensor: OmniCamera) -> NDArray[np.float32]:
+def _bars(fixture: Fixture, sensor: OmniCamera) -> Floats32:
     """Image (height, width, 3) of white bars on black: long, slightly inclined, stacked."""
     forward = np.array([math.cos(math.radians(YAW_DEG)), math.sin(math.radians(YAW_DEG)), 0.0])
     side = np.array([-forward[1], forward[0], 0.0])
@@ -121,7 +121,7 @@ def _bars(fixture: Fixture, sensor: OmniCamera) -> NDArray[np.float32]:
     return linear_image(fixture.render(scene, sensor, np.eye(4)))
 
 
-def _line(bars: NDArray[np.float32], camera: CentralCamera, index: int) -> NDArray[np.float64]:
+def _line(bars: Floats32, camera: CentralCamera, index: int) -> Floats:
     """Positions (n, 2) of a bar in the columns of the view that show it completely."""
     directions = math.radians(PITCH_DEG - 30.0 + 10.0 * index)
     gray = bars[..., 1].astype(np.float64)

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats
 from omnisim.core.poses import wrap_angle
 from omnisim.perception.landmarks.landmark_detector import Detection
 from omnisim.perception.localization.filter import LandmarkMap, predict_measurement
@@ -43,7 +43,7 @@ class DetectionMatch:
 
 def compare(
     detections: Sequence[Sequence[Detection]],
-    true_poses: NDArray[np.float64],
+    true_poses: Floats,
     landmarks: LandmarkMap,
     camera_m: tuple[float, float],
 ) -> list[DetectionMatch]:
@@ -105,5 +105,5 @@ def accuracy(matches: Sequence[DetectionMatch], nearest_m: float, farthest_m: fl
     return Accuracy(*shares, *rms, eq2_m, len(right))
 
 
-def _rms(values: NDArray[np.float64]) -> float:
+def _rms(values: Floats) -> float:
     return float(np.sqrt(np.mean(np.square(values)))) if len(values) else math.nan

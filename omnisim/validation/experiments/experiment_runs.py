@@ -17,8 +17,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from omnisim.core.arrays import Bytes, Floats, Indices
 from omnisim.core.poses import wrap_angle
 from omnisim.core.trajectories.odometry import Odometry, OdometryErrors
 from omnisim.perception.landmarks.color_model import Training, pixel_rates
@@ -56,7 +57,7 @@ def detect_with_noise(
     return detections
 
 
-def noisy(image: NDArray[np.uint8], generator: np.random.Generator) -> NDArray[np.uint8]:
+def noisy(image: Bytes, generator: np.random.Generator) -> Bytes:
     """Image (height, width, 3) with added pixel noise."""
     noise = PIXEL_SIGMA * generator.standard_normal(image.shape, dtype=np.float32)
     return np.clip(np.rint(image + noise), 0, 255).astype(np.uint8)
@@ -68,14 +69,14 @@ class SeedRuns:
 
     tracks: tuple[Track, ...]  # tracks, one per seed
     # (seeds, steps) position errors of the filter and of odometry alone
-    errors_m: NDArray[np.float64]
-    reckoned_m: NDArray[np.float64]
+    errors_m: Floats
+    reckoned_m: Floats
     # (seeds, steps) normalized estimation errors squared; NaN without uncertainty
-    nees: NDArray[np.float64]
+    nees: Floats
     # (seeds, steps) normalized innovations squared, and their degrees of freedom; NaN and 0 without
     # accepted observations
-    nis: NDArray[np.float64]
-    nis_degrees: NDArray[np.intp]
+    nis: Floats
+    nis_degrees: Indices
 
     @property
     def nees_interval(self) -> Interval:
@@ -83,14 +84,14 @@ class SeedRuns:
         return mean_interval(3, len(self.tracks))
 
     @property
-    def nees_by_step(self) -> NDArray[np.float64]:
+    def nees_by_step(self) -> Floats:
         """Mean NEES of the seeds (steps,); NaN: no seed has uncertainty."""
         known = np.isfinite(self.nees)
         count, total = known.sum(axis=0), np.where(known, self.nees, 0.0).sum(axis=0)
         return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
     @property
-    def nis_by_step(self) -> NDArray[np.float64]:
+    def nis_by_step(self) -> Floats:
         """NIS per degree of freedom of all seeds together (steps,)."""
         degrees = self.nis_degrees.sum(axis=0)
         return np.where(degrees > 0, np.nansum(self.nis, axis=0) / np.maximum(degrees, 1), np.nan)
@@ -101,7 +102,7 @@ class SeedRuns:
         return [mean_interval(1, max(int(total), 1)) for total in self.nis_degrees.sum(axis=0)]
 
     @property
-    def gate_opening_steps(self) -> NDArray[np.float64]:
+    def gate_opening_steps(self) -> Floats:
         """Step (seeds,) at which the gate opens; infinite: it never opens."""
         steps = [track.gate_opening_step for track in self.tracks]
         return np.array([math.inf if step is None else step for step in steps])
@@ -164,7 +165,7 @@ class Hand:
 
 
 def pick_landmarks(
-    pose: NDArray[np.float64],
+    pose: Floats,
     mount: CameraMount,
     landmarks: LandmarkMap,
     hand: Hand,
@@ -208,8 +209,8 @@ def pick_landmarks(
 
 
 def _pick(
-    mount: CameraMount, offsets: NDArray[np.float64], hand: Hand, generator: np.random.Generator
-) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    mount: CameraMount, offsets: Floats, hand: Hand, generator: np.random.Generator
+) -> tuple[Floats, Floats] | None:
     """Ranges and bearings of picked points on the ground; None: a point is outside the image."""
     rotation = mount.base_from_optical[:3, :3]
     rays = np.column_stack((offsets, np.full(len(offsets), -mount.height_m)))

@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats
 from omnisim.perception.landmarks.color_model import Training
 from omnisim.perception.localization.filter_parameters import FilterParameters
 from omnisim.plots import localization_plots as plots
@@ -171,7 +171,7 @@ def degradations(
             rows.append((cause.name, f"{level:g} {cause.unit}", *_cells(outcome)))
     levels = ("none", "1", "2", "3")
 
-    def lines(value: Callable[[Outcome], float]) -> list[tuple[str, NDArray[np.float64]]]:
+    def lines(value: Callable[[Outcome], float]) -> list[tuple[str, Floats]]:
         return [
             (cause.name, np.array([value(each) for each in (clean, *outcomes[cause.name])]))
             for cause in CAUSES

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import RunError
 from omnisim.core.poses import pose
 from omnisim.core.trajectories.odometry import Odometry
@@ -174,7 +174,7 @@ def with_wrong_start(odometry: Odometry) -> Odometry:
 def _box(name: str, edge_m: float, material: int) -> model.Mesh:
     """Flat-shaded cube about the origin."""
     half = 0.5 * edge_m
-    positions: list[NDArray[np.float64]] = []
+    positions: list[Floats] = []
     triangles: list[tuple[int, int, int]] = []
     for axis in range(3):
         for side in (-1.0, 1.0):

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.signal import fftconvolve
 
+from omnisim.core.arrays import Bools, Bytes, Floats32
 from omnisim.core.srgb import linear_from_srgb8, srgb8_from_linear
 from omnisim.core.trajectories.odometry import OdometryErrors
 from omnisim.perception.landmarks.color_model import ColorModel
@@ -36,7 +36,7 @@ NEAR_M = 4.0
 SEEDS = 5  # of the odometry noise, at each level
 READ_NOISE_E = 5.0
 _SRGB = srgb8_from_linear(np.linspace(0.0, 1.0, 4096))
-Light = NDArray[np.float32]  # (height, width, 4) linear; the fourth is 1 where the scene is visible
+Light = Floats32  # (height, width, 4) linear; the fourth is 1 where the scene is visible
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,7 @@ CAUSES = (
 
 def sweep(
     run: RunData,
-    labels: Callable[[int], NDArray[np.uint8]],
+    labels: Callable[[int], Bytes],
     model: ColorModel,
     wheels: OdometryErrors,
     parameters: FilterParameters,
@@ -149,7 +149,7 @@ def sweep(
     covered = run.mount.covered
     shown = np.ones(images[0].shape[:2], bool) if covered is None else covered
 
-    def evaluate(change: Callable[[NDArray[np.uint8], int], NDArray[np.uint8]]) -> Outcome:
+    def evaluate(change: Callable[[Bytes, int], Bytes]) -> Outcome:
         detections, alarms, others = [], 0, 0
         for step, image in enumerate(images):
             changed = change(image, step)
@@ -178,13 +178,8 @@ def sweep(
 
 
 def degraded(
-    image: NDArray[np.uint8],
-    step: int,
-    shown: NDArray[np.bool_],
-    geometry: ImageGeometry,
-    cause: Cause,
-    level: float,
-) -> NDArray[np.uint8]:
+    image: Bytes, step: int, shown: Bools, geometry: ImageGeometry, cause: Cause, level: float
+) -> Bytes:
     """Image (height, width, 3), sRGB, with one degradation."""
     light = np.concatenate((linear_from_srgb8(image), shown[..., None].astype(np.float32)), axis=-1)
     light = cause.apply(light, geometry, level, step)

@@ -10,8 +10,8 @@ import dataclasses
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Bools, Floats
 from omnisim.rendering.rays.caster import NO_TRIANGLE, EmbreeMesh
 from omnisim.rendering.stage import open_sensor
 from omnisim.report.report import Measure
@@ -20,7 +20,6 @@ from omnisim.scene.model import Material
 from omnisim.sensors import SpinningLidar
 from omnisim.sensors.lidar.spinning_lidar import PointCloud
 
-Floats = NDArray[np.float64]
 MAX_OFF_MM, MAX_INTENSITY_OFF_PERCENT = 1.0, 1.0
 SHARE = 99.9  # percent of the beams; others pass an edge within a rounding of float32
 _PANEL = "panel"  # name of the pane or mirror
@@ -145,7 +144,7 @@ class _Beams(NamedTuple):
 
     origins_m: Floats
     directions: Floats
-    meets_panel: NDArray[np.bool_]
+    meets_panel: Bools
     to_panel: _Found
     normal: Floats  # (3,) of the panel
     point_m: Floats  # (3,) on the panel

@@ -20,9 +20,10 @@ from typing import Any
 
 import mitsuba as mi
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from omnisim.cameras import EquidistantCamera, HyperbolicCamera, PerspectiveCamera
+from omnisim.core.arrays import Floats, Floats32, Indices, Ints
 from omnisim.core.errors import SceneError
 from omnisim.core.poses import check_pose
 from omnisim.scene import Scene
@@ -86,7 +87,7 @@ def trace_lit_mirror(
     samples: int,
     seed: int = 0,
     depth: int = DIRECT_DEPTH,
-) -> NDArray[np.float32]:
+) -> Floats32:
     """Trace the image (height, width, 3), linear RGB, of a mirror in a scene lit by its lamps.
 
     Args:
@@ -107,9 +108,7 @@ def trace_lit_mirror(
         return scenes.rendered(content, samples, seed)
 
 
-def lit_world(
-    scene: Scene, viewpoint_m: NDArray[np.float64], units_per_m: float, depth: int
-) -> dict[str, Any]:
+def lit_world(scene: Scene, viewpoint_m: Floats, units_per_m: float, depth: int) -> dict[str, Any]:
     """Surfaces and lamps around a viewpoint, and their path tracer, for `mitsuba.load_dict`.
 
     Args:
@@ -144,9 +143,7 @@ def lit_world(
     return content
 
 
-def _lamp(
-    light: Light, exposure: float, viewpoint_m: NDArray[np.float64], units_per_m: float
-) -> dict[str, Any]:
+def _lamp(light: Light, exposure: float, viewpoint_m: Floats, units_per_m: float) -> dict[str, Any]:
     """Emitter of a lamp, times π: Mitsuba's white surface in one lux has a radiance of 1/π."""
     level = math.pi * light.intensity * exposure
     if light.kind is LightKind.DIRECTIONAL:
@@ -162,7 +159,7 @@ def _lamp(
 def _surface(
     scene: Scene,
     instance: Instance,
-    viewpoint_m: NDArray[np.float64],
+    viewpoint_m: Floats,
     units_per_m: float,
     bsdfs: dict[tuple[int, str], mi.BSDF],
 ) -> mi.Mesh:
@@ -224,7 +221,7 @@ def trace_lit_fisheye(
     samples: int,
     seed: int = 0,
     depth: int = DIRECT_DEPTH,
-) -> NDArray[np.float32]:
+) -> Floats32:
     """Trace the image (height, width, 3), linear RGB, of a fisheye in a scene lit by its lamps.
 
     Args:
@@ -268,11 +265,7 @@ def trace_lit_fisheye(
 
 
 def _face(
-    axes: NDArray[np.float64],
-    size_px: int,
-    corner_px: NDArray[np.intp],
-    crop_px: NDArray[np.intp],
-    samples: int,
+    axes: Floats, size_px: int, corner_px: Indices, crop_px: Indices, samples: int
 ) -> dict[str, Any]:
     """Perspective camera of a part of a face; `axes` has rows right, down and forward."""
     (left, top), (width, height) = corner_px.tolist(), crop_px.tolist()
@@ -294,12 +287,8 @@ def _face(
 
 
 def trace_reflections(
-    scene: Scene,
-    camera: PerspectiveCamera,
-    world_from_base: NDArray[np.float64],
-    samples: int,
-    seed: int = 0,
-) -> NDArray[np.float32]:
+    scene: Scene, camera: PerspectiveCamera, world_from_base: Floats, samples: int, seed: int = 0
+) -> Floats32:
     """Trace an image (height, width, 3), linear RGB; the camera looks along its base's x.
 
     Args:
@@ -342,10 +331,7 @@ def _surfaces(scene: Scene, instance: Instance) -> list[mi.Mesh]:
 
 
 def _shining(
-    material: Material,
-    positions: NDArray[np.float64],
-    triangles: NDArray[np.int64],
-    colors: NDArray[np.float32] | None,
+    material: Material, positions: Floats, triangles: Ints, colors: Floats32 | None
 ) -> list[mi.Mesh]:
     """One-sided emitters, one per triangle color: Mitsuba 3.9 crashes on vertex colors."""
     factor = np.array(material.base_color[:3], dtype=np.float32)

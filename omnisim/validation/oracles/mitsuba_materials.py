@@ -16,9 +16,9 @@ from typing import Any
 
 import mitsuba as mi
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras import PerspectiveCamera
+from omnisim.core.arrays import Floats, Floats32
 from omnisim.scene.light.environment import Environment
 from omnisim.scene.model import Lighting, Material
 from omnisim.validation.oracles.mitsuba_scene import pinhole, rendered, rgb, scalar_variant
@@ -28,13 +28,13 @@ _ANGLES = 64  # at which reflectance is averaged
 
 def trace_sphere(
     material: Material,
-    center_m: NDArray[np.float64],
+    center_m: Floats,
     radius_m: float,
     lighting: Lighting,
     camera: PerspectiveCamera,
     crop_px: tuple[int, int, int, int],
     samples: int,
-) -> NDArray[np.float32]:
+) -> Floats32:
     """Trace a part (height, width, 3), linear RGB, of the image of a camera that looks along x.
 
     Args:

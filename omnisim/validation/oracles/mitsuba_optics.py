@@ -21,11 +21,11 @@ from typing import Any
 
 import mitsuba as mi
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras import PerspectiveCamera, pixel_grid
 from omnisim.cameras.optics import OpticalSystem, Rod, Surface
 from omnisim.cameras.optics.shapes import Conic, Plane
+from omnisim.core.arrays import Floats, Floats32
 from omnisim.core.errors import OpticsError
 from omnisim.core.poses import check_pose
 from omnisim.scene import Scene
@@ -45,8 +45,8 @@ class PhysicalOptics:
     """
 
     system: OpticalSystem  # system with a perspective camera
-    world_from_optical: NDArray[np.float64]  # (4, 4) pose of the sensor's optical frame
-    _white: dict[tuple[int, int], NDArray[np.float32]] = field(default_factory=dict, init=False)
+    world_from_optical: Floats  # (4, 4) pose of the sensor's optical frame
+    _white: dict[tuple[int, int], Floats32] = field(default_factory=dict, init=False)
 
     def __post_init__(self) -> None:
         check_pose(self.world_from_optical)
@@ -54,16 +54,16 @@ class PhysicalOptics:
             raise OpticsError(f"camera: expected a pinhole, got {self.system.camera.model_name!r}")
 
     @cached_property
-    def _origins_m(self) -> NDArray[np.float64]:
+    def _origins_m(self) -> Floats:
         """Origins (n, 3) of a hundredth of the rays, optical frame."""
         pixels = pixel_grid(self.system.width_px, self.system.height_px)[::10, ::10]
         rays = self.system.rays(pixels)
         return rays.origins_m[rays.valid]
 
     @property
-    def middle_m(self) -> NDArray[np.float64]:
+    def middle_m(self) -> Floats:
         """Origin (3,) of Mitsuba's coordinates in the world frame: the mean origin of the rays."""
-        along: NDArray[np.float64] = self.world_from_optical[:3, :3] @ self._origins_m.mean(axis=0)
+        along: Floats = self.world_from_optical[:3, :3] @ self._origins_m.mean(axis=0)
         return along + self.world_from_optical[:3, 3]
 
     @cached_property
@@ -77,7 +77,7 @@ class PhysicalOptics:
         """Scale of Mitsuba's coordinates."""
         return SIZE_UNITS / self.size_m
 
-    def units_from(self, system_from_part: NDArray[np.float64]) -> NDArray[np.float64]:
+    def units_from(self, system_from_part: Floats) -> Floats:
         """Affine map (4, 4) from meters in a part's frame to Mitsuba's units."""
         optical_from_system = np.eye(4)
         optical_from_system[:3, 3] = np.negative(self.system.origin_m)
@@ -183,7 +183,7 @@ class PhysicalOptics:
             }
         return objects
 
-    def image(self, scene: Scene, samples: int, seed: int = 0) -> NDArray[np.float32]:
+    def image(self, scene: Scene, samples: int, seed: int = 0) -> Floats32:
         """Image (height, width, 3), linear RGB, through physical mirrors and windows.
 
         Args:
@@ -210,7 +210,7 @@ class PhysicalOptics:
 
     def _rendered(
         self, shown: dict[str, Any], background: tuple[float, ...], samples: int, seed: int
-    ) -> NDArray[np.float32]:
+    ) -> Floats32:
         depth = len(self.system.surfaces) + 1
         content = {
             "type": "scene",
@@ -220,7 +220,7 @@ class PhysicalOptics:
         }
         return scenes.rendered(content | self.objects | shown, samples, seed)
 
-    def rays(self, pixels_px: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+    def rays(self, pixels_px: Floats) -> tuple[Floats, ...]:
         """Origins (n, 3) in m and directions (n, 3), optical frame, of one ray per pixel (n, 2).
 
         NaN where the ray misses any of the surfaces.

@@ -13,9 +13,9 @@ from typing import Any
 
 import mitsuba as mi
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras import HyperbolicCamera, PerspectiveCamera
+from omnisim.core.arrays import Floats, Floats32, Ints
 from omnisim.core.errors import SceneError
 from omnisim.core.srgb import linear_from_srgb
 from omnisim.scene.model import Texture, Wrap
@@ -41,7 +41,7 @@ def film(width_px: int, height_px: int) -> dict[str, Any]:
 
 def pinhole(
     camera: PerspectiveCamera | HyperbolicCamera,
-    units_from_camera: NDArray[np.float64],
+    units_from_camera: Floats,
     near: float,
     samples: int,
 ) -> dict[str, Any]:
@@ -79,7 +79,7 @@ def pinhole(
 
 def rendered(
     content: dict[str, Any] | mi.Scene, samples: int, seed: int, sensor: Any = None
-) -> NDArray[np.float32]:
+) -> Floats32:
     """Image (height, width, 3), linear RGB, of a scene or its dictionary; equal seeds are equal."""
     scene = mi.load_dict(content) if isinstance(content, dict) else content
     options = {} if sensor is None else {"sensor": mi.load_dict(sensor)}
@@ -87,7 +87,7 @@ def rendered(
     return np.array(image, dtype=np.float32)[..., :3]
 
 
-def triangles_of_rings(rings: int, sectors: int, has_hole: bool = False) -> NDArray[np.int64]:
+def triangles_of_rings(rings: int, sectors: int, has_hole: bool = False) -> Ints:
     """Triangles (m, 3) between `rings` + 1 rings of vertices.
 
     Args:
@@ -167,12 +167,12 @@ def rgb(color: tuple[float, ...]) -> dict[str, Any]:
 
 
 def mesh_of(
-    vertices: NDArray[np.float64],
-    triangles: NDArray[np.int64],
+    vertices: Floats,
+    triangles: Ints,
     properties: dict[str, Any],
-    normals: NDArray[np.float64] | None = None,
-    coordinates: NDArray[np.float32] | None = None,
-    colors: NDArray[np.float32] | None = None,
+    normals: Floats | None = None,
+    coordinates: Floats32 | None = None,
+    colors: Floats32 | None = None,
 ) -> mi.Mesh:
     """Triangle mesh of vertices (n, 3), in units, with Mitsuba's properties."""
     held = mi.Properties()

@@ -19,10 +19,11 @@ from typing import Any
 
 import mitsuba as mi
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from omnisim.cameras import HyperbolicCamera
 from omnisim.cameras.mirrors import HyperbolicMirror
+from omnisim.core.arrays import Floats, Floats32, Ints
 from omnisim.core.coordinate_frames import MIRROR_FROM_OPTICAL
 from omnisim.core.poses import check_pose
 from omnisim.scene import Scene
@@ -38,7 +39,7 @@ def trace_mirror(
     world_from_optical: ArrayLike,
     samples: int,
     seed: int = 0,
-) -> NDArray[np.float32]:
+) -> Floats32:
     """Trace the image (height, width, 3), linear RGB, of a camera that looks at a mirror.
 
     The mirror has flat facets with interpolated normals. For the paper's mirror at 512 × 512 px,
@@ -76,10 +77,7 @@ def trace_mirror(
 
 
 def mirror_pinhole(
-    camera: HyperbolicCamera,
-    world_from_optical: NDArray[np.float64],
-    units_per_m: float,
-    samples: int,
+    camera: HyperbolicCamera, world_from_optical: Floats, units_per_m: float, samples: int
 ) -> dict[str, Any]:
     """Mitsuba's perspective camera in the mirror's other focus, for `mitsuba.load_dict`.
 
@@ -93,7 +91,7 @@ def mirror_pinhole(
 
 
 def mirror_of_metal(
-    mirror: HyperbolicMirror, world_from_optical: NDArray[np.float64], units_per_m: float
+    mirror: HyperbolicMirror, world_from_optical: Floats, units_per_m: float
 ) -> mi.Mesh:
     """Mesh of the mirror that reflects all light.
 
@@ -112,7 +110,7 @@ def mirror_of_metal(
 
 def mirror_mesh(
     mirror: HyperbolicMirror, rings: int = scenes.RINGS, sectors: int = scenes.SECTORS
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+) -> tuple[Floats, Ints]:
     """Vertices (n, 3) on Eq. 1 up to the rim, mirror frame, meters, and triangles (m, 3).
 
     Rings have equal width seen along the axis.

@@ -14,11 +14,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras import HyperbolicCamera
+from omnisim.core.arrays import Bytes, Floats
 
-OMNIDIR_FROM_OPTICAL: NDArray[np.float64] = np.diag([1.0, 1.0, -1.0])
+OMNIDIR_FROM_OPTICAL: Floats = np.diag([1.0, 1.0, -1.0])
 
 
 class OmnidirCalibration(NamedTuple):
@@ -26,12 +26,12 @@ class OmnidirCalibration(NamedTuple):
 
     xi: float
     focal_length_px: float  # mean of both, Mei's γ
-    principal_point_px: NDArray[np.float64]  # (2,)
+    principal_point_px: Floats  # (2,)
     rms_px: float
     boards: int  # number of used boards
 
 
-def project(camera: HyperbolicCamera, points: NDArray[np.float64]) -> NDArray[np.float64]:
+def project(camera: HyperbolicCamera, points: Floats) -> Floats:
     """Pixels (n, 2) of points (n, 3), optical frame, with the camera's K and ξ."""
     import cv2
 
@@ -45,10 +45,7 @@ def project(camera: HyperbolicCamera, points: NDArray[np.float64]) -> NDArray[np
 
 
 def calibrate(
-    board_points: NDArray[np.float64],
-    images_px: list[NDArray[np.float64]],
-    size_px: tuple[int, int],
-    distorted: bool = False,
+    board_points: Floats, images_px: list[Floats], size_px: tuple[int, int], distorted: bool = False
 ) -> OmnidirCalibration:
     """Calibrate from corners of one plane board in several images.
 
@@ -79,7 +76,7 @@ def calibrate(
     )
 
 
-def find_corners(image: NDArray[np.uint8], pattern: tuple[int, int]) -> NDArray[np.float64] | None:
+def find_corners(image: Bytes, pattern: tuple[int, int]) -> Floats | None:
     """Inner corners (n, 2) of a chessboard in a gray image; None: not found.
 
     Args:
@@ -104,7 +101,7 @@ def find_corners(image: NDArray[np.uint8], pattern: tuple[int, int]) -> NDArray[
     return fine.reshape(-1, 2).astype(np.float64)
 
 
-def project_by_file(path: Path, format: str, points: NDArray[np.float64]) -> NDArray[np.float64]:
+def project_by_file(path: Path, format: str, points: Floats) -> Floats:
     """Pixels (n, 2) of points (n, 3) in the frame of the file.
 
     Args:

@@ -9,9 +9,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras import PerspectiveCamera
+from omnisim.core.arrays import Bytes, Floats
 from omnisim.core.srgb import linear_from_srgb, srgb_from_linear
 from omnisim.scene.model import AlphaMode, Light, LightKind, Material, Mesh, Scene, Texture, Wrap
 
@@ -21,12 +21,10 @@ if TYPE_CHECKING:
 NEAR_M, FAR_M = 0.05, 300.0
 # Half a turn about x: its camera looks along −z with y up, ours along z with y down.
 _FLIP_V, _V_OFFSET = np.array([1.0, -1.0], dtype=np.float32), np.array([0.0, 1.0], dtype=np.float32)
-OPTICAL_FROM_PYRENDER: NDArray[np.float64] = np.diag([1.0, -1.0, -1.0, 1.0])
+OPTICAL_FROM_PYRENDER: Floats = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
-def rasterize(
-    scene: Scene, camera: PerspectiveCamera, world_from_optical: NDArray[np.float64]
-) -> NDArray[np.uint8]:
+def rasterize(scene: Scene, camera: PerspectiveCamera, world_from_optical: Floats) -> Bytes:
     """A pinhole camera's image (height, width, 3), sRGB, in plain base colors.
 
     Args:
@@ -143,7 +141,7 @@ def _material(
     )
 
 
-def _texture(texture: Texture, factor: NDArray[np.float64]) -> pyrender.Texture:
+def _texture(texture: Texture, factor: Floats) -> pyrender.Texture:
     import pyrender
     from OpenGL.GL import GL_CLAMP_TO_EDGE, GL_REPEAT
 

@@ -7,8 +7,8 @@ from collections import defaultdict
 from collections.abc import Iterable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats, Floats32
 from omnisim.core.errors import SceneError
 from omnisim.scene import Scene
 from omnisim.scene.model import AlphaMode, Instance, Material
@@ -21,13 +21,13 @@ class Surface:
     material: Material  # material of all triangles
     # (n, 3, 3) float64 corners, meters from the effective viewpoint along the world's axes,
     # counter-clockwise seen from the front
-    triangles_m: NDArray[np.float64]
+    triangles_m: Floats
     # (n, 3, 2) float32, (0, 0) at the texture's top left; None: no texture, or no coordinates in
     # the mesh
-    texture_coordinates: NDArray[np.float32] | None
+    texture_coordinates: Floats32 | None
     # (n, 3, 3) float32 linear RGB of the corners, without the material's color; None: no vertex
     # colors
-    colors: NDArray[np.float32] | None
+    colors: Floats32 | None
 
 
 def opaque_only(scene: Scene) -> Scene:
@@ -53,9 +53,7 @@ def opaque_only(scene: Scene) -> Scene:
     )
 
 
-def visible_surfaces(
-    scene: Scene, viewpoint_m: NDArray[np.float64], reach_m: float
-) -> list[Surface]:
+def visible_surfaces(scene: Scene, viewpoint_m: Floats, reach_m: float) -> list[Surface]:
     """Surfaces with their front toward a point within `reach_m` of the viewpoint (3,), world.
 
     Other single-sided triangles are left out: they are invisible from behind, while other renderers
@@ -72,7 +70,7 @@ def visible_surfaces(
             key = (index, surface.texture_coordinates is None, surface.colors is None)
             batches[key].append(surface)
 
-    def join(arrays: Iterable[NDArray[np.float32] | None]) -> NDArray[np.float32] | None:
+    def join(arrays: Iterable[Floats32 | None]) -> Floats32 | None:
         present = [array for array in arrays if array is not None]
         return np.concatenate(present) if present else None
 
@@ -87,9 +85,7 @@ def visible_surfaces(
     ]
 
 
-def _surface(
-    scene: Scene, instance: Instance, viewpoint_m: NDArray[np.float64], reach_m: float
-) -> Surface:
+def _surface(scene: Scene, instance: Instance, viewpoint_m: Floats, reach_m: float) -> Surface:
     mesh = scene.meshes[instance.mesh]
     material = scene.materials[mesh.material]
     if material.alpha_mode is not AlphaMode.OPAQUE:

@@ -20,7 +20,6 @@ from omnisim.cameras.optics.central_view import DISTANCES_M
 from omnisim.cameras.optics.centrality import lateral_color_px, measure_centrality
 from omnisim.cameras.optics.design import Design
 from omnisim.cameras.optics.profile_file import sampled, write_profile
-from omnisim.cameras.optics.shapes.shape import Floats
 from omnisim.cameras.optics.surface import Fate, Surface
 from omnisim.cameras.optics.system import OpticalSystem
 from omnisim.cameras.optics.system_file import (
@@ -29,6 +28,7 @@ from omnisim.cameras.optics.system_file import (
     read_optics_file,
     read_optics_tables,
 )
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import OpticsError
 from omnisim.core.files.atomic_file import check_distinct, check_suffix, check_target, write_text
 from omnisim.core.files.toml_file import Comment, toml_text

@@ -8,13 +8,11 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from omnisim.apps.cli import inputs
 from omnisim.apps.cli.console import out, pluralize, print_note
 from omnisim.apps.cli.images.requests import FlowOptions, RenderRequest
 from omnisim.cameras import NonCentralCamera, check_central
+from omnisim.core.arrays import Bytes, Floats
 from omnisim.core.cube import FACE_NAMES, unfolded_cube
 from omnisim.core.errors import OutputError
 from omnisim.core.extras import require_extra
@@ -244,11 +242,7 @@ def _check_outputs(request: RenderRequest) -> tuple[str, ...]:
 
 
 def _write_other_files(
-    request: RenderRequest,
-    camera: OmniCamera,
-    frame: Frame,
-    base: NDArray[np.float64],
-    faces: dict[str, NDArray[np.uint8]],
+    request: RenderRequest, camera: OmniCamera, frame: Frame, base: Floats, faces: dict[str, Bytes]
 ) -> None:
     files = request.files
     if files.rays is not None:
@@ -280,7 +274,7 @@ def _write_other_files(
         out.print(f"{path}: the image with {overlay}")
 
 
-def _calibration(sensor: OmniCamera, world_from_base: NDArray[np.float64]) -> Calibration:
+def _calibration(sensor: OmniCamera, world_from_base: Floats) -> Calibration:
     """Calibration of the camera, with its pose on the vehicle and the vehicle's in the world."""
     from omnisim.cameras.calibration import CalibratedCamera, Calibration, NamedPose
     from omnisim.cameras.calibration.calibrated_camera import OPTICS

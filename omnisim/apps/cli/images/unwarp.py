@@ -12,6 +12,7 @@ from omnisim.apps.cli.console import out, print_note
 from omnisim.apps.cli.images.requests import ImageCameraOptions, UnwarpRequest
 from omnisim.apps.cli.inputs import parse_channel_format, read_camera
 from omnisim.apps.cli.options import refuse_given
+from omnisim.core.arrays import Bools, Floats
 from omnisim.core.errors import OpticsError
 from omnisim.core.files.atomic_file import check_distinct, check_target
 from omnisim.core.files.image_files import is_float_format, write_image
@@ -107,9 +108,9 @@ def _channels(
     request: UnwarpRequest,
     taken: CapturedImage,
     view: views.View,
-    camera_from_view: NDArray[np.float64],
+    camera_from_view: Floats,
     metadata: dict[str, Any],
-) -> tuple[dict[str, NDArray[Any]], Labels | None, NDArray[np.bool_]]:
+) -> tuple[dict[str, NDArray[Any]], Labels | None, Bools]:
     """Requested channels of the view, their labels, and the mask of pixels with a ray."""
     if request.also is None:
         return {}, None, np.zeros(0, dtype=np.bool_)

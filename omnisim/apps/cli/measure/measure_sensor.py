@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.apps.cli.console import out, print_note, track
 from omnisim.apps.cli.measure.measured_files import (
@@ -30,6 +29,7 @@ from omnisim.apps.cli.measure.requests import (
 )
 from omnisim.cameras import CentralCamera
 from omnisim.cameras.optics.boards.board_corners import BoardCorners, read_corners
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import MeasurementError
 from omnisim.core.extras import require_extra
 from omnisim.measurement.geometry import BoardView, find_boards, read_board
@@ -137,7 +137,7 @@ def _vignetting(
     camera = stated_camera(request.sensor)
     center = None if camera is None else _principal_point_px(camera)
     channels: dict[str, MeasuredVignetting] = {}
-    planes: list[NDArray[np.float64]] = []
+    planes: list[Floats] = []
     for number in track(range(3), "Channels"):
         mean, largest = mean_image(files, number)
         largest = request.white or largest

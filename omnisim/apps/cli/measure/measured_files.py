@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.apps.cli.console import out, print_note, table
 from omnisim.cameras import CentralCamera
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import MeasurementError, SensorFileError
 from omnisim.core.files.atomic_file import check_distinct, check_suffix, check_target, write_text
 from omnisim.core.files.toml_file import Comment, read_tables, toml_text
@@ -178,7 +178,7 @@ def read_reports(sensor: Path | None) -> dict[str, dict[str, Any]]:
     return dict(reports)
 
 
-def read_board_shape(sensor: Path) -> NDArray[np.float64] | None:
+def read_board_shape(sensor: Path) -> Floats | None:
     """Shape of the board in the report beside a sensor file, if there is one.
 
     Raises:

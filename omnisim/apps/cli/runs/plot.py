@@ -6,10 +6,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.apps.cli.console import out, pluralize, print_note, track
 from omnisim.apps.cli.runs.requests import PlotRequest, VideoRequest
+from omnisim.core.arrays import Bytes, Floats
 from omnisim.core.errors import RunError, SceneError
 from omnisim.core.files.image_files import read_image
 from omnisim.core.trajectories import read_trajectory
@@ -100,7 +100,7 @@ def video(request: VideoRequest) -> None:
     longest = max(views, key=lambda view: len(view.times_s))
     times_s = longest.times_s.tolist()
 
-    def images() -> Iterator[NDArray[np.uint8]]:
+    def images() -> Iterator[Bytes]:
         for time_s in track(times_s, "encoding"):
             yield side_by_side([view.at(time_s) for view in views])
 
@@ -114,15 +114,15 @@ class _View:
 
     run: RunFolder
     camera: str
-    times_s: NDArray[np.float64]
+    times_s: Floats
 
-    def at(self, time_s: float) -> NDArray[np.uint8]:
+    def at(self, time_s: float) -> Bytes:
         """Latest image (height, width, 3) at `time_s` seconds; the first one if none is earlier."""
         step = max(0, int(np.searchsorted(self.times_s, time_s, side="right")) - 1)
         return read_image(self.run.file(self.camera, step, ".png"))[0]
 
 
-def side_by_side(images: Sequence[NDArray[np.uint8]]) -> NDArray[np.uint8]:
+def side_by_side(images: Sequence[Bytes]) -> Bytes:
     """Join images (height, width, 3) horizontally, with black below the lower ones."""
     if len(images) == 1:
         return images[0]

@@ -23,11 +23,11 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.polynomial import Chebyshev, Polynomial
-from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera, OcamcalibCamera
 from omnisim.cameras.calibration.documents import parse_number, parse_size, unexpected
 from omnisim.cameras.calibration.formats.format import ANY, Format, ParsedCamera, error_context
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import CalibrationError
 
 BLOCKS = ("polynomial", "inverse polynomial", "center", "affine parameters", "image size")
@@ -136,9 +136,7 @@ def inverse_polynomial(lens: OcamcalibCamera) -> list[float]:
     return fitted.convert(kind=Polynomial).coef.tolist()
 
 
-def _profile(
-    lens: OcamcalibCamera, reach: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _profile(lens: OcamcalibCamera, reach: float) -> tuple[Floats, Floats]:
     """Angles (n,) from the axis up to `reach` times the image's largest, and their radii, px."""
     u, v = (np.linspace(0.0, side - 1.0, 65) for side in (lens.width_px, lens.height_px))
     rays = lens.ray_from_pixel(np.stack(np.meshgrid(u, v), axis=-1))
@@ -155,7 +153,7 @@ def _contradictions(lens: OcamcalibCamera, inverse: Sequence[float]) -> tuple[st
     """Note on an inverse polynomial that contradicts the direct one."""
     theta, radius = _profile(lens, 1.0)
 
-    def errors_px(angle: NDArray[np.float64]) -> NDArray[np.float64]:
+    def errors_px(angle: Floats) -> Floats:
         return np.asarray(np.abs(Polynomial(inverse or [0.0])(angle) - radius))
 
     most_px = errors_px(theta - 0.5 * math.pi).max()

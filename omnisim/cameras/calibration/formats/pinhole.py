@@ -10,7 +10,6 @@ from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from omnisim.cameras import (
@@ -22,6 +21,7 @@ from omnisim.cameras import (
 )
 from omnisim.cameras.calibration.documents import counted, unexpected
 from omnisim.cameras.calibration.equivalents import equivalent
+from omnisim.core.arrays import Floats
 from omnisim.core.poses import pose_from_rotation, rotation_from_quaternion
 
 COEFFICIENT_COUNTS = (0, 4, 5, 8, 12, 14)  # allowed by OpenCV
@@ -89,7 +89,7 @@ def brown_pinhole(
 
 def pose_from_quaternion(
     position_m: Sequence[float], quaternion: Sequence[float], place: str
-) -> NDArray[np.float64]:
+) -> Floats:
     """Pose (4, 4) from a position and a quaternion of any length except 0."""
     length = float(np.linalg.norm(np.clip(quaternion, -1e100, 1e100)))
     if not 1e-9 < length < 1e99:
@@ -97,7 +97,7 @@ def pose_from_quaternion(
     return pose_from_rotation(rotation_from_quaternion(np.asarray(quaternion) / length), position_m)
 
 
-def position_and_quaternion(pose: NDArray[np.float64]) -> tuple[list[float], list[float]]:
+def position_and_quaternion(pose: Floats) -> tuple[list[float], list[float]]:
     """Position and quaternion x, y, z, w (of either sign) of a pose (4, 4)."""
     return pose[:3, 3].tolist(), Rotation.from_matrix(pose[:3, :3]).as_quat().tolist()
 

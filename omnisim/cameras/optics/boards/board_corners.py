@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import scipy  # its submodules load on first use
 
-from omnisim.cameras.optics.shapes.shape import Floats
 from omnisim.cameras.optics.system import OpticalSystem
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import OpticsError, TrajectoryError
 from omnisim.core.files.atomic_file import write_text
 from omnisim.core.trajectories.formats.parsed_trajectory import read_text_table

@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 import scipy  # its submodules load on first use
-from numpy.typing import NDArray
 
 from omnisim.cameras.optics.boards.board_corners import (
     BoardCorners,
@@ -24,9 +23,9 @@ from omnisim.cameras.optics.boards.board_corners import (
 )
 from omnisim.cameras.optics.central_view import CentralView
 from omnisim.cameras.optics.centrality import pixel_jacobians
-from omnisim.cameras.optics.shapes.shape import Floats
 from omnisim.cameras.optics.system import OpticalSystem
 from omnisim.cameras.optics.system_file import parse_optics
+from omnisim.core.arrays import Bools, Floats
 from omnisim.core.errors import OmnisimError, OpticsError
 
 _STEP = 1e-6  # step of derivatives, relative to a parameter, or absolute below 1
@@ -223,7 +222,7 @@ class _Problem:
         variances = np.square(directions / sizes[:, None]).sum(axis=0) * (errors @ errors) / freedom
         return (np.sqrt(variances) / scale)[: self._count]
 
-    def _check(self, undetermined: NDArray[np.bool_]) -> None:
+    def _check(self, undetermined: Bools) -> None:
         """Reject parameters (n,) that the corners do not determine."""
         if undetermined.any():
             names = [

@@ -11,11 +11,11 @@ from typing import Annotated, Literal, NamedTuple
 import numpy as np
 import scipy  # its submodules load on first use
 from numpy.polynomial.polynomial import polyder, polyval
-from numpy.typing import NDArray
 from pydantic import Field
 
 from omnisim.cameras.camera import CameraParameters
-from omnisim.cameras.optics.shapes.shape import Floats, Level, Shape
+from omnisim.cameras.optics.shapes.shape import Level, Shape
+from omnisim.core.arrays import Bools, Floats
 from omnisim.core.errors import OpticsError
 from omnisim.core.files.parameters import Number, Parameters, Signed
 
@@ -224,7 +224,7 @@ class Profile(Shape):
         return lengths
 
 
-def _is_moving(steps: Floats, before: Floats, lengths: Floats) -> NDArray[np.bool_]:
+def _is_moving(steps: Floats, before: Floats, lengths: Floats) -> Bools:
     """Mask (n,) of Newton iterations to continue, given that convergence is quadratic."""
     rounding = _ROUNDING * np.abs(lengths)
     return (steps > rounding) & ~(steps**3 <= rounding * before**2)

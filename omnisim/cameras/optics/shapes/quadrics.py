@@ -17,7 +17,8 @@ from omnisim.cameras.mirrors.hyperbolic_mirror import (
     PAPER_METERS_PER_UNIT,
     HyperbolicMirror,
 )
-from omnisim.cameras.optics.shapes.shape import Floats, Level, Shape
+from omnisim.cameras.optics.shapes.shape import Level, Shape
+from omnisim.core.arrays import Floats
 from omnisim.core.files.parameters import Number, Parameters, Positive, Signed
 
 _POLISH = 1e-6  # maximum polishing step, as a share of the length

@@ -11,12 +11,8 @@ import math
 from abc import ABC, abstractmethod
 from typing import ClassVar, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from omnisim.cameras.camera import CameraParameters
-
-Floats = NDArray[np.float64]
+from omnisim.core.arrays import Floats
 
 
 class Level(NamedTuple):

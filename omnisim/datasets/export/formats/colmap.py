@@ -21,10 +21,10 @@ from pathlib import Path
 from typing import ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras.calibration.formats.colmap import CENTER_PX, ColmapLens, parameters
 from omnisim.cameras.calibration.formats.colmap import Colmap as ColmapCalibration
+from omnisim.core.arrays import Floats
 from omnisim.core.poses import inverse, quaternion_from_rotation
 from omnisim.datasets.export.export_format import ExportFormat, ExportSettings, PrintNote
 from omnisim.datasets.export.lens_camera import (
@@ -54,7 +54,7 @@ class Image(NamedTuple):
     id: int
     camera_id: int
     name: str  # path below the folder of images
-    lens_from_world: NDArray[np.float64]  # (4, 4) pose of the world in the lens's frame
+    lens_from_world: Floats  # (4, 4) pose of the world in the lens's frame
     seen: Observations
 
 
@@ -193,15 +193,13 @@ def _extend(tracks: list[Track], image: Image) -> None:
 RIG_ID, REFERENCE_ID, CAMERA_SENSOR = 1, 1, 0
 
 
-def rigid(pose: NDArray[np.float64]) -> list[float]:
+def rigid(pose: Floats) -> list[float]:
     """Quaternion, w first, and translation of a pose (4, 4)."""
     x, y, z, w = quaternion_from_rotation(pose[None, :3, :3])[0].tolist()
     return [w, x, y, z, *pose[:3, 3].tolist()]
 
 
-def write_rig_text(
-    folder: Path, lens_from_rig: list[NDArray[np.float64]], rig_from_world: NDArray[np.float64]
-) -> None:
+def write_rig_text(folder: Path, lens_from_rig: list[Floats], rig_from_world: Floats) -> None:
     """Write rigs.txt and frames.txt: poses (4, 4) of cameras, and (steps, 4, 4) of the world."""
     sensors = f"{RIG_ID} {len(lens_from_rig)} CAMERA {REFERENCE_ID}"
     for camera_id, pose in enumerate(lens_from_rig[1:], start=2):
@@ -218,9 +216,7 @@ def write_rig_text(
             file.write(f"{step + 1} {RIG_ID} {numbers} {len(lens_from_rig)} {data}\n")
 
 
-def write_rig_binary(
-    folder: Path, lens_from_rig: list[NDArray[np.float64]], rig_from_world: NDArray[np.float64]
-) -> None:
+def write_rig_binary(folder: Path, lens_from_rig: list[Floats], rig_from_world: Floats) -> None:
     """Write rigs.bin and frames.bin; see `write_rig_text`."""
     with (folder / "rigs.bin").open("wb") as file:
         file.write(struct.pack("<QII", 1, RIG_ID, len(lens_from_rig)))
@@ -235,6 +231,6 @@ def write_rig_binary(
                 file.write(struct.pack("<iIQ", CAMERA_SENSOR, camera, image))
 
 
-def _rig_images(step: int, cameras: list[NDArray[np.float64]]) -> list[tuple[int, int]]:
+def _rig_images(step: int, cameras: list[Floats]) -> list[tuple[int, int]]:
     """Numbers of the cameras and of their images at a step."""
     return [(camera, step * len(cameras) + camera) for camera in range(1, len(cameras) + 1)]

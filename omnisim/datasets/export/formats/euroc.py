@@ -19,11 +19,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras.calibration.documents import parse_yaml
 from omnisim.cameras.calibration.formats.format import ParsedCamera
 from omnisim.cameras.calibration.formats.kalibr import Kalibr
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import RunError
 from omnisim.core.files.atomic_file import write_text
 from omnisim.core.poses import inverse
@@ -89,7 +89,7 @@ class Euroc(ExportFormat):
 def _begin_camera(
     folder: Path,
     camera: LensCamera,
-    body_from_lens: NDArray[np.float64],
+    body_from_lens: Floats,
     stamps_ns: list[int],
     print_note: PrintNote,
 ) -> None:
@@ -115,7 +115,7 @@ def _begin_camera(
 def _write_states(
     folder: Path,
     recording: Recording,
-    base_from_body: NDArray[np.float64],
+    base_from_body: Floats,
     readings: ImuReadings | None,
     settings: ExportSettings,
 ) -> None:
@@ -150,7 +150,7 @@ def _write_imu(
     write_lines(folder / "sensor.yaml", iter(lines))
 
 
-def _pose_lines(pose: NDArray[np.float64]) -> list[str]:
+def _pose_lines(pose: Floats) -> list[str]:
     """Lines of the key T_BS with a sensor's pose on the body, readable as YAML and by OpenCV."""
     return ["T_BS:", "  cols: 4", "  rows: 4", f"  data: {_numbers(pose.ravel().tolist())}"]
 

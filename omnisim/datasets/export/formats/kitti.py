@@ -20,9 +20,9 @@ from pathlib import Path
 
 import numpy as np
 import scipy  # its submodules load when first used
-from numpy.typing import NDArray
 
 from omnisim.cameras import PerspectiveCamera
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import OutputError
 from omnisim.core.poses import inverse
 from omnisim.core.trajectories import Trajectory
@@ -114,8 +114,8 @@ class Kitti(ExportFormat):
 def _calibration(
     recording: Recording,
     cameras: list[LensCamera],
-    base_from_camera: NDArray[np.float64],
-    base_from_lidar: NDArray[np.float64] | None,
+    base_from_camera: Floats,
+    base_from_lidar: Floats | None,
 ) -> Iterator[str]:
     """Lines of calib.txt: P0 and P2 are the first pinhole's, P1 and P3 the last one's."""
     projections = [np.eye(3, 4)]
@@ -140,16 +140,14 @@ def _calibration(
     yield f"Tr: {_numbers(camera_from_lidar[:3])}"
 
 
-def _numbers(values: NDArray[np.float64]) -> str:
+def _numbers(values: Floats) -> str:
     return " ".join(f"{value + 0.0:.12e}" for value in values.ravel().tolist())
 
 
 # Point clouds without the skew of a moving lidar, as in data sets of vehicles.
 
 
-def deskewed_points_m(
-    cloud: StoredCloud, truth: Trajectory, base_from_lidar: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def deskewed_points_m(cloud: StoredCloud, truth: Trajectory, base_from_lidar: Floats) -> Floats:
     """Points (n, 3) in the lidar's frame at the revolution's end, as if all were measured then.
 
     Assumes straight, uniform motion between successive poses: the pose at the revolution's start,

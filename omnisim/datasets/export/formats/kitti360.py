@@ -26,11 +26,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras import PerspectiveCamera, UnifiedCamera
 from omnisim.cameras.calibration.formats.camodocal import Camodocal
 from omnisim.cameras.calibration.formats.format import ParsedCamera
+from omnisim.core.arrays import Floats, Ints
 from omnisim.core.coordinate_frames import BASE_FROM_OPTICAL_LOOKING_AHEAD
 from omnisim.core.errors import OutputError, RunError
 from omnisim.core.files.atomic_file import write_text
@@ -185,7 +185,7 @@ def _write_poses(folder: Path, cameras: dict[str, LensCamera], recording: Record
         write_lines(folder / "cam0_to_world.txt", lines)
 
 
-def _matrix(values: NDArray[np.float64]) -> str:
+def _matrix(values: Floats) -> str:
     return " ".join(f"{value + 0.0:.10e}" for value in values.ravel().tolist())
 
 
@@ -209,7 +209,7 @@ class LabelImages:
 
     folder: Path
     cameras: Mapping[str, LensCamera]
-    numbers: Mapping[str, NDArray[np.int64]]
+    numbers: Mapping[str, Ints]
 
     def __repr__(self) -> str:
         return short_repr(self, counted(len(self.cameras), "camera"), *self.numbers)
@@ -264,7 +264,7 @@ class LabelImages:
                 write_numbers(path, camera.flip(numbers[values]).astype(dtype))
 
 
-def _instances(labels: Labels) -> NDArray[np.int64]:
+def _instances(labels: Labels) -> Ints:
     """KITTI-360's global number of each instance ID (n + 1,), starting with 0 for no instance.
 
     Beyond 999 instances of a class, the number is 65536, which fits in no image.

@@ -27,6 +27,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core.arrays import Bytes, Floats
 from omnisim.core.files.image_files import write_numbers
 from omnisim.core.poses import quaternion_from_rotation
 from omnisim.datasets.export.export_format import ExportSettings, OneCameraFormat, PrintNote
@@ -88,7 +89,7 @@ def tartanair_name(camera: LensCamera) -> str:
     return "lcam_equirect" if camera.is_panorama else "lcam_fish"
 
 
-def _depths(camera: LensCamera, step: int) -> NDArray[np.uint8]:
+def _depths(camera: LensCamera, step: int) -> Bytes:
     """Bytes (height, width, 4) of float32 depths, in the order that OpenCV reads as BGRA."""
     if camera.is_pinhole:
         depths_m = camera.depths_m(step)
@@ -119,7 +120,7 @@ def _flow(camera: LensCamera, step: int) -> NDArray[np.uint16]:
     return np.stack((mask, v, u), axis=-1).astype(np.uint16)
 
 
-def _pose_lines(poses: NDArray[np.float64]) -> Iterator[str]:
+def _pose_lines(poses: Floats) -> Iterator[str]:
     quaternions = quaternion_from_rotation(poses[:, :3, :3])
     for row in np.column_stack((poses[:, :3, 3], quaternions)):
         yield " ".join(f"{value:.9f}" for value in row)

@@ -52,6 +52,7 @@ from rosbags.typesys import Stores, get_typestore
 from omnisim.cameras.calibration import CalibratedCamera
 from omnisim.cameras.calibration.encode import encode_exactly
 from omnisim.cameras.calibration.formats.ros import CameraInfoLens, Ros
+from omnisim.core.arrays import Bytes, Floats
 from omnisim.core.errors import OutputError
 from omnisim.core.files.image_files import read_image
 from omnisim.core.poses import inverse
@@ -98,7 +99,7 @@ class Stream(ABC):
         self.frame = self.topic
 
     @abstractmethod
-    def base_from_frame(self) -> NDArray[np.float64]:
+    def base_from_frame(self) -> Floats:
         """Pose (4, 4) of the sensor's frame on the base."""
 
     @abstractmethod
@@ -115,7 +116,7 @@ class Stream(ABC):
         times_s = self.recording.times_s(self.name)
         return self.settings.stamps_ns(times_s, self.recording.run.path)
 
-    def _mount(self, world_from_sensor: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _mount(self, world_from_sensor: Floats) -> Floats:
         """Pose (4, 4) of the sensor on the base, from its world pose at the first measurement."""
         first_s = float(self.recording.times_s(self.name)[0])
         return self.recording.mount(world_from_sensor, first_s)
@@ -138,7 +139,7 @@ class CameraStream(Stream):
         """Text of the calibration, omnisim's JSON."""
         return (self.camera.run.path / self.name / CALIBRATION).read_text(encoding="utf-8")
 
-    def base_from_frame(self) -> NDArray[np.float64]:
+    def base_from_frame(self) -> Floats:
         """Pose (4, 4) of the optical frame on the base."""
         return self.camera.mount.base_from_optical
 
@@ -182,7 +183,7 @@ class DepthStream(Stream):
         self.frame = f"{self.topic}_optical_frame"
         self.lens = true_lens(self.camera)
 
-    def base_from_frame(self) -> NDArray[np.float64]:
+    def base_from_frame(self) -> Floats:
         """Pose (4, 4) of the optical frame on the base."""
         return self.camera.mount.base_from_optical
 
@@ -205,7 +206,7 @@ class DepthStream(Stream):
 class ScanStream(Stream):
     """Scans of a laser scanner."""
 
-    def base_from_frame(self) -> NDArray[np.float64]:
+    def base_from_frame(self) -> Floats:
         """Pose (4, 4) of the scanner on the base."""
         scan = read_table(self._first_file(".csv"), "beam", "angle_deg", "range_m").header
         return self._mount(scan.pose("world_from_scanner"))
@@ -225,7 +226,7 @@ class ScanStream(Stream):
 class RangeStream(Stream):
     """Ranges of a sonar or infrared sensor."""
 
-    def base_from_frame(self) -> NDArray[np.float64]:
+    def base_from_frame(self) -> Floats:
         """Pose (4, 4) of the sensor on the base."""
         header = read_table(self._first_file(".csv"), "range_m").header
         return self._mount(header.pose("world_from_sensor"))
@@ -247,7 +248,7 @@ class RangeStream(Stream):
 class LidarStream(Stream):
     """Point clouds of a lidar."""
 
-    def base_from_frame(self) -> NDArray[np.float64]:
+    def base_from_frame(self) -> Floats:
         """Pose (4, 4) of the lidar on the base."""
         return self.recording.base_from_lidar(self.name)
 
@@ -269,7 +270,7 @@ class LidarStream(Stream):
 class ImuStream(Stream):
     """Readings of an IMU."""
 
-    def base_from_frame(self) -> NDArray[np.float64]:
+    def base_from_frame(self) -> Floats:
         """Pose (4, 4) of the IMU on the base."""
         return self.recording.base_from_imu(self.name)
 
@@ -293,7 +294,7 @@ class ImuStream(Stream):
         return self.settings.stamps_ns(self._readings.times_s, self.recording.run.path)
 
 
-def _since(steps_s: NDArray[np.float64], step: int, times_s: NDArray[np.float64]) -> range:
+def _since(steps_s: Floats, step: int, times_s: Floats) -> range:
     """Indices of the times (n,) after the previous step, up to a step's time."""
     begin_s = steps_s[step - 1] if step > 0 else -np.inf
     end_s = steps_s[step] if step < len(steps_s) - 1 else np.inf
@@ -315,9 +316,7 @@ def true_lens(camera: RecordedCamera) -> CameraInfoLens | None:
     return None if encoded is None or encoded.metadata.mirrored else encoded.lens
 
 
-def colored_points(
-    points_m: NDArray[np.float64], colors: NDArray[np.uint8] | None
-) -> NDArray[np.void]:
+def colored_points(points_m: Floats, colors: Bytes | None) -> NDArray[np.void]:
     """Records (n,) of points with x, y, z; and with colors, rgb as ROS viewers expect."""
     xyz = points_m.astype(np.float32)
     columns: list[tuple[str, NDArray[Any]]] = list(zip("xyz", xyz.T, strict=True))

@@ -45,6 +45,7 @@ from rosbags.typesys.stores.ros2_humble import std_msgs__msg__String as String
 from rosbags.typesys.stores.ros2_humble import tf2_msgs__msg__TFMessage as TFMessage
 
 from omnisim.cameras.calibration.formats.ros import IDENTITY, CameraInfoLens, camera_info
+from omnisim.core.arrays import Floats
 from omnisim.core.poses import quaternion_from_rotation
 from omnisim.datasets.export.export_format import NANOSECONDS
 
@@ -105,11 +106,7 @@ def point_cloud(stamp_ns: int, frame: str, points: NDArray[np.void]) -> PointClo
 
 
 def laser_scan(
-    stamp_ns: int,
-    frame: str,
-    angles_rad: NDArray[np.float64],
-    ranges_m: NDArray[np.float64],
-    limits_m: tuple[float, float],
+    stamp_ns: int, frame: str, angles_rad: Floats, ranges_m: Floats, limits_m: tuple[float, float]
 ) -> LaserScan:
     """Scan message of evenly spaced beams, counter-clockwise; `limits_m`: minimum and maximum."""
     first, last = float(angles_rad[0]), float(angles_rad[-1])
@@ -139,7 +136,7 @@ def imu(
 def odometry(
     stamp_ns: int,
     frames: tuple[str, str],
-    pose: NDArray[np.float64],
+    pose: Floats,
     velocity_mps: Sequence[float],
     angular_rate_radps: Sequence[float],
 ) -> Odometry:
@@ -154,12 +151,12 @@ def odometry(
     return Odometry(header(stamp_ns, parent), child, placed, moving)
 
 
-def pose_stamped(stamp_ns: int, frame: str, pose: NDArray[np.float64]) -> PoseStamped:
+def pose_stamped(stamp_ns: int, frame: str, pose: Floats) -> PoseStamped:
     """Message of a pose (4, 4) in a frame."""
     return PoseStamped(header(stamp_ns, frame), _pose(pose))
 
 
-def transforms(stamp_ns: int, poses: Mapping[tuple[str, str], NDArray[np.float64]]) -> TFMessage:
+def transforms(stamp_ns: int, poses: Mapping[tuple[str, str], Floats]) -> TFMessage:
     """Transform message of the poses (4, 4) of child frames, by names of parent and child."""
     stamped = []
     for (parent, child), pose in poses.items():
@@ -182,9 +179,9 @@ def point_fields(columns: Iterable[tuple[str, NDArray[Any]]]) -> NDArray[np.void
     return records
 
 
-def _pose(pose: NDArray[np.float64]) -> Pose:
+def _pose(pose: Floats) -> Pose:
     return Pose(Point(*pose[:3, 3].tolist()), _quaternion(pose))
 
 
-def _quaternion(pose: NDArray[np.float64]) -> Quaternion:
+def _quaternion(pose: Floats) -> Quaternion:
     return Quaternion(*quaternion_from_rotation(pose[None, :3, :3])[0].tolist())

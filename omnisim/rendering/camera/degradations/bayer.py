@@ -11,7 +11,7 @@ from typing import Literal
 
 import numpy as np
 
-from omnisim.core.array_types import Float32s, Float64s, Indices, Mask
+from omnisim.core.arrays import Bools, Floats, Floats32, Indices
 from omnisim.rendering.camera.degradations.effect import DEFAULT_SHOT, SensorEffect, Shot
 from omnisim.rendering.camera.degradations.image_geometry import (
     ImageGeometry,
@@ -82,13 +82,7 @@ class Bayer(SensorEffect, name="degradation.bayer"):
         down = (np.arange(geometry.height_px)[:, None] + row) % 2
         return right + down
 
-    def _demosaicked(
-        self,
-        raw: Float32s,
-        colors: Indices,
-        color: int,
-        valid: Mask,
-    ) -> Float32s:
+    def _demosaicked(self, raw: Floats32, colors: Indices, color: int, valid: Bools) -> Floats32:
         known = colors == color
         near = valid & known
         total, count = np.zeros(raw.shape, np.float32), np.zeros(raw.shape, np.float32)
@@ -116,7 +110,7 @@ class Bayer(SensorEffect, name="degradation.bayer"):
         return np.where(known, raw, guess)
 
 
-def _filtered(raw: Float32s, eighths: Float64s) -> Float32s:
+def _filtered(raw: Floats32, eighths: Floats) -> Floats32:
     total = np.zeros(raw.shape, dtype=np.float32)
     for down in range(-2, 3):
         for right in range(-2, 3):
@@ -126,7 +120,7 @@ def _filtered(raw: Float32s, eighths: Float64s) -> Float32s:
     return total
 
 
-def _neighbor(values: Float32s, right: int, down: int) -> Float32s:
+def _neighbor(values: Floats32, right: int, down: int) -> Floats32:
     """Values at an offset from each pixel; 0 outside of the image."""
     padded = np.pad(values, 2)
     height, width = values.shape

@@ -13,7 +13,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from omnisim.core.array_types import Float32s, Float64s
+from omnisim.core.arrays import Floats, Floats32
 from omnisim.core.bilinear import corner_and_weights, interpolate
 from omnisim.core.files.parameters import Number
 from omnisim.rendering.camera.degradations.effect import OpticalEffect
@@ -85,7 +85,7 @@ def _relative(offsets_px: tuple[float, ...], geometry: ImageGeometry) -> tuple[f
     return tuple(offset / geometry.radius_unit_px for offset in (*offsets_px, *missing))
 
 
-def _sample_valid(values: Float32s, valid: Float32s, positions_px: Float32s) -> Float64s:
+def _sample_valid(values: Floats32, valid: Floats32, positions_px: Floats32) -> Floats:
     """Values (height, width) interpolated between valid neighbors of positions; NaN: none."""
     weight = np.pad((valid > 0.5).astype(np.float32), 1)  # pixels beyond the border are invalid
     corner, weights, _ = corner_and_weights(positions_px + np.float32(1.0), weight.shape)

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from omnisim.core.array_types import Float32s
+from omnisim.core.arrays import Floats32
 from omnisim.core.files.parameters import Number, Typical
 from omnisim.rendering.camera.degradations.effect import OpticalEffect
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage, Step
@@ -41,7 +41,7 @@ class Defocus(OpticalEffect, name="degradation.defocus"):
     rim_defocus_px: Annotated[Radius, Typical(0.5, 3.0)] = 1.0
     """Radius in pixels of the disc at half of the image's shorter side."""
 
-    def radii_px(self, geometry: ImageGeometry) -> Float32s:
+    def radii_px(self, geometry: ImageGeometry) -> Floats32:
         """Radius (height, width) of the disc at each pixel."""
         first, last = np.float32(self.center_defocus_px), np.float32(self.rim_defocus_px)
         radii = first + (last - first) * geometry.squared_radii()
@@ -80,7 +80,7 @@ class Defocus(OpticalEffect, name="degradation.defocus"):
         return result
 
 
-def covered_share(right_px: int, down_px: int, radius_px: Float32s) -> NDArray[Any]:
+def covered_share(right_px: int, down_px: int, radius_px: Floats32) -> NDArray[Any]:
     """Fraction (...) of a pixel that lies in a disc around another pixel.
 
     The pixel is cut into strips along its shorter offset; the chord across them is exact.

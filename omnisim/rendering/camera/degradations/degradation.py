@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from omnisim.core.array_types import Float32s
+from omnisim.core.arrays import Floats32
 from omnisim.core.errors import OpticsError
 from omnisim.core.short_repr import short_repr
 from omnisim.rendering.camera.degradations.image_geometry import Metering
@@ -152,9 +152,7 @@ class Degradation:
         return red, green, blue
 
     def exposed(
-        self,
-        sub_frames: Iterable[tuple[LinearImage, Float32s | None]],
-        geometry: ImageGeometry,
+        self, sub_frames: Iterable[tuple[LinearImage, Floats32 | None]], geometry: ImageGeometry
     ) -> LinearImage:
         """Light (height, width, 4) collected by the sensor, in NumPy.
 

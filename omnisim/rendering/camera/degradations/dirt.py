@@ -15,7 +15,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from omnisim.core.array_types import Float32s, Float64s
+from omnisim.core.arrays import Floats, Floats32
 from omnisim.core.files.parameters import Fraction, LongSeed, NotNegative, Number, Typical
 from omnisim.core.random_numbers import key_of, normal, pcg4d, uniform
 from omnisim.rendering.camera.degradations.effect import Count, OpticalEffect
@@ -52,7 +52,7 @@ class Dirt(OpticalEffect, name="degradation.dirt"):
     seed: LongSeed = 0
     """Seed of the specks and scratches."""
 
-    def map(self, geometry: ImageGeometry) -> Float32s:
+    def map(self, geometry: ImageGeometry) -> Floats32:
         """Dirt map (height, width, 2): share of light absorbed, and light added."""
         dust, scratches = np.ones((2, geometry.height_px, geometry.width_px))
         self._dust(dust, geometry)
@@ -71,7 +71,7 @@ class Dirt(OpticalEffect, name="degradation.dirt"):
         result[..., :3] = image[..., :3] * (np.float32(1.0) - dirt[..., :1]) + dirt[..., 1:]
         return result
 
-    def _random(self, stream: str, count: int) -> tuple[Float64s, Float64s]:
+    def _random(self, stream: str, count: int) -> tuple[Floats, Floats]:
         """Uniform random numbers (count, 12) and normal ones (count, 4), one row per item."""
         key = key_of("dirt", stream, self.seed)
         items = np.arange(count)[:, None]
@@ -80,12 +80,12 @@ class Dirt(OpticalEffect, name="degradation.dirt"):
         pairs = hashes[:, 3:].reshape(count, 8)
         return plain, normal(pairs[:, :4], pairs[:, 4:]).astype(np.float64)
 
-    def _positions(self, fractions: Float64s, geometry: ImageGeometry) -> Float64s:
+    def _positions(self, fractions: Floats, geometry: ImageGeometry) -> Floats:
         """Positions (..., 2) in the square of the image's shorter side around the axis."""
         middle = np.array(geometry.center_px)
         return middle + (2.0 * fractions - 1.0) * geometry.radius_unit_px
 
-    def _dust(self, clear: Float64s, geometry: ImageGeometry) -> None:
+    def _dust(self, clear: Floats, geometry: ImageGeometry) -> None:
         plain, spread = self._random("dust", self.dust_count)
         positions = self._positions(plain[:, :2], geometry)
         radii = self.dust_radius_px * np.exp(RADIUS_SPREAD * spread[:, 0])
@@ -106,7 +106,7 @@ class Dirt(OpticalEffect, name="degradation.dirt"):
             inside = np.clip(0.5 + (edge - np.hypot(right, down)) / (2.0 * soft), 0.0, 1.0)
             window *= 1.0 - opacity * inside * inside * (3.0 - 2.0 * inside)
 
-    def _scratches(self, clear: Float64s, geometry: ImageGeometry) -> None:
+    def _scratches(self, clear: Floats, geometry: ImageGeometry) -> None:
         plain, spread = self._random("scratches", self.scratch_count)
         positions = self._positions(plain[:, :2], geometry)
         reach = 3.0 * self.scratch_width_px + 1.0
@@ -140,9 +140,7 @@ class Dirt(OpticalEffect, name="degradation.dirt"):
             clear *= 1.0 - dirt
 
 
-def _window(
-    values: Float64s, center_px: Float64s, reach_px: float
-) -> tuple[Float64s, Float64s, Float64s]:
+def _window(values: Floats, center_px: Floats, reach_px: float) -> tuple[Floats, Floats, Floats]:
     """View of values (height, width) around a position; offsets right and down from it."""
     height, width = values.shape
     first = np.floor(center_px - reach_px).astype(int)

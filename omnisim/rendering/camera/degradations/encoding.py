@@ -10,10 +10,9 @@ from itertools import pairwise
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
-from omnisim.core.array_types import Float64s
+from omnisim.core.arrays import Bytes, Floats
 from omnisim.core.files.parameters import Fraction, IntOrFloat, Number, described
 from omnisim.core.srgb import linear_from_srgb, srgb_from_linear
 from omnisim.rendering.camera.degradations.effect import Effect
@@ -34,7 +33,7 @@ Point = tuple[Annotated[Number, Field(ge=0.0, le=16.0)], Fraction]
 _START, _DESATURATION, _TOE, _F90 = 0.76, 0.15, 0.08, 0.04
 
 
-def neutral(linear: Float64s) -> Float64s:
+def neutral(linear: Floats) -> Floats:
     """Colors (..., 3) on Khronos's PBR Neutral curve; the twin of shaders/common/neutral.glsl."""
     least = np.maximum(linear.min(axis=-1, keepdims=True), 0.0)
     offset = np.where(least < _TOE, least - 6.25 * least * least, _F90)
@@ -44,7 +43,7 @@ def neutral(linear: Float64s) -> Float64s:
     lowered = 1.0 - room * room / np.maximum(peak + room - _START, room)
     gray = 1.0 - 1.0 / (_DESATURATION * np.maximum(peak - lowered, 0.0) + 1.0)
     scaled = colors * lowered / np.maximum(peak, _START)
-    compressed: Float64s = scaled + gray * (lowered - scaled)
+    compressed: Floats = scaled + gray * (lowered - scaled)
     return np.where(peak < _START, colors, compressed)
 
 
@@ -70,7 +69,7 @@ class Encoding(Effect, name="degradation.encoding"):
         if any(after[0] <= before[0] or after[1] < before[1] for before, after in pairwise(points)):
             raise self._error("curve", "points in order of their light, with rising levels")
 
-    def encoded(self, light: Float64s) -> Float64s:
+    def encoded(self, light: Floats) -> Floats:
         """Levels (...) from 0 to 1 of light (...), before rounding."""
         if self.curve is not None:
             lights, levels = zip(*self.curve, strict=True)
@@ -78,7 +77,7 @@ class Encoding(Effect, name="degradation.encoding"):
         values = np.clip(light, 0.0, 1.0)
         return srgb_from_linear(values) if self.gamma == "srgb" else values ** (1.0 / self.gamma)
 
-    def linearized(self, levels: Float64s) -> Float64s:
+    def linearized(self, levels: Floats) -> Floats:
         """Light (...) of levels (...) from 0 to 1."""
         if self.curve is not None:
             lights, values = zip(*self.curve, strict=True)
@@ -110,9 +109,9 @@ class Encoding(Effect, name="degradation.encoding"):
         return result
 
 
-def eight_bits(image: LinearImage, encoding: Encoding | None) -> NDArray[np.uint8]:
+def eight_bits(image: LinearImage, encoding: Encoding | None) -> Bytes:
     """File values (height, width, 4) of a linear image; encoding None: an ideal camera's."""
     encoded = (encoding or Encoding()).apply(image)
-    rgba: NDArray[np.uint8] = np.rint(255.0 * encoded).astype(np.uint8)
+    rgba: Bytes = np.rint(255.0 * encoded).astype(np.uint8)
     rgba[image[..., 3] < 0.5] = 0
     return rgba

@@ -10,21 +10,21 @@ from pathlib import Path
 
 import numpy as np
 
-from omnisim.core.array_types import Float32s
+from omnisim.core.arrays import Floats32
 from omnisim.core.errors import OutputError, SensorFileError
 from omnisim.core.random_numbers import key_of, normal, pcg4d
 
 GAIN, OFFSET = "prnu", "dsnu_e"  # channels of a pattern's file
 
 
-def no_pattern() -> Float32s:
+def no_pattern() -> Floats32:
     """Pattern (1, 1, 2) of a uniform sensor."""
     return np.zeros((1, 1, 2), dtype=np.float32)
 
 
 def random_pattern(
     width_px: int, height_px: int, prnu: float, dsnu_e: float, seed: int
-) -> Float32s:
+) -> Floats32:
     """Normally distributed pattern without rows or columns.
 
     Args:
@@ -42,7 +42,7 @@ def random_pattern(
     return np.stack(deviations, axis=-1) * sigmas
 
 
-def write_pattern(path: Path, pattern: Float32s) -> None:
+def write_pattern(path: Path, pattern: Floats32) -> None:
     """Write a pattern (height, width, 2) as an EXR file with the channels `prnu` and `dsnu_e`.
 
     Raises:
@@ -53,7 +53,7 @@ def write_pattern(path: Path, pattern: Float32s) -> None:
     write_channels(path, {GAIN: pattern[..., 0], OFFSET: pattern[..., 1]})
 
 
-def read_pattern(path: Path) -> Float32s:
+def read_pattern(path: Path) -> Floats32:
     """Pattern (height, width, 2) of a file, see `write_pattern`.
 
     Raises:
@@ -67,7 +67,7 @@ def read_pattern(path: Path) -> Float32s:
 
 
 @lru_cache(maxsize=2)  # the reference reads it for each image
-def _read(path: Path, changed_ns: int) -> Float32s:
+def _read(path: Path, changed_ns: int) -> Floats32:
     from omnisim.core.files.image_files import read_channels  # slow to import
 
     try:
@@ -84,7 +84,7 @@ def _read(path: Path, changed_ns: int) -> Float32s:
     return pattern
 
 
-def resampled(pattern: Float32s, width_px: int, height_px: int) -> Float32s:
+def resampled(pattern: Floats32, width_px: int, height_px: int) -> Floats32:
     """Pattern (height, width, 2) of an image of another size: that of the nearest pixels.
 
     Neighbors are not averaged, which would make the pattern weaker.

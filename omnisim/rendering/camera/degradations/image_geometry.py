@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from omnisim.cameras import CentralCamera
-from omnisim.core.array_types import Float32s, Floats
+from omnisim.core.arrays import AnyFloats, Floats32
 
 LUMINANCE = (0.2126, 0.7152, 0.0722)  # weights of linear red, green and blue, Rec. 709
 
@@ -25,7 +25,7 @@ class Metering:
 
     percentile: float | None = None  # percentile, linearly interpolated; None: mean
 
-    def of_image(self, image: Float32s) -> float:
+    def of_image(self, image: Floats32) -> float:
         """Metered luminance (Rec. 709) of an image (height, width, 4); 0 without valid pixels.
 
         NumPy reference of shaders/degradation/meter.frag and luminance.frag.
@@ -33,7 +33,7 @@ class Metering:
         pixels = image[image[..., 3] > 0.5, :3].astype(np.float64)
         return self.of_luminances(pixels @ np.array(LUMINANCE))
 
-    def of_luminances(self, luminances: Floats) -> float:
+    def of_luminances(self, luminances: AnyFloats) -> float:
         """Metered luminance of pixels (n,); 0 if there are none."""
         if luminances.size == 0:
             return 0.0
@@ -42,7 +42,7 @@ class Metering:
         return float(np.percentile(luminances, self.percentile))
 
 
-LinearImage = Float32s  # (height, width, 4): linear RGB, and 1 if valid, else 0
+LinearImage = Floats32  # (height, width, 4): linear RGB, and 1 if valid, else 0
 
 
 @dataclass(frozen=True)
@@ -65,13 +65,13 @@ class ImageGeometry:
         """Half of the shorter side: an image radius of 1, the rim of a mirror that fills it."""
         return 0.5 * min(self.width_px, self.height_px)
 
-    def offsets_px(self) -> Float32s:
+    def offsets_px(self) -> Floats32:
         """Vectors (height, width, 2) from the center to each pixel."""
         u = np.arange(self.width_px, dtype=np.float32) - np.float32(self.center_px[0])
         v = np.arange(self.height_px, dtype=np.float32) - np.float32(self.center_px[1])
         return np.stack(np.meshgrid(u, v), axis=-1)
 
-    def squared_radii(self) -> Float32s:
+    def squared_radii(self) -> Floats32:
         """Squares (height, width) of the image radius, in units of `radius_unit_px`."""
         scaled = self.offsets_px() * np.float32(1.0 / self.radius_unit_px)
         return scaled[..., 0] * scaled[..., 0] + scaled[..., 1] * scaled[..., 1]
@@ -91,4 +91,4 @@ class Step:
     shader: str  # stem of the file in `shaders/degradation`
     uniforms: Mapping[str, UniformValue] = field(default_factory=dict)  # constant values by name
     # constant (height, width, channels) float32 by sampler name
-    textures: Mapping[str, Float32s] = field(default_factory=dict)
+    textures: Mapping[str, Floats32] = field(default_factory=dict)

@@ -8,10 +8,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from omnisim.core.arrays import Bytes
 from omnisim.core.files.parameters import Typical
 from omnisim.rendering.camera.degradations.effect import Effect
 
@@ -25,7 +24,7 @@ class Jpeg(Effect, name="degradation.jpeg"):
     subsampling: Literal["4:4:4", "4:2:2", "4:2:0"] = "4:2:0"
     """Chroma subsampling."""
 
-    def compressed(self, rgba: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    def compressed(self, rgba: Bytes) -> Bytes:
         """Image (height, width, 4) after JPEG; alpha is kept."""
         from omnisim.core.files.image_files import through_jpeg  # with OpenImageIO, slow to import
 

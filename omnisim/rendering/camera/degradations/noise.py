@@ -22,7 +22,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 from pydantic import Field
 
-from omnisim.core.array_types import Float32s, UInt32s
+from omnisim.core.arrays import Floats32, Uints32
 from omnisim.core.files.parameters import Fraction, LongSeed, Name, NotNegative, Positive, Typical
 from omnisim.core.random_numbers import normal, pcg4d, uniform
 from omnisim.rendering.camera.degradations.effect import DEFAULT_SHOT, SensorEffect, Shot
@@ -144,7 +144,7 @@ class Noise(SensorEffect, name="degradation.noise"):
         result[seen, :3] = ((numbers[seen] - black) * gain - dark_e) / white_e
         return result
 
-    def _fixed_pattern(self, geometry: ImageGeometry) -> Float32s:
+    def _fixed_pattern(self, geometry: ImageGeometry) -> Floats32:
         """Pattern (height, width, 2), or (1, 1, 2) of a uniform sensor."""
         size = geometry.width_px, geometry.height_px
         if self.pattern is not None:
@@ -154,7 +154,7 @@ class Noise(SensorEffect, name="degradation.noise"):
         return random_pattern(*size, self.prnu, self.dsnu_e, self.pattern_seed)
 
 
-def poisson(mean: Float32s, first: UInt32s, second: UInt32s) -> Float32s:
+def poisson(mean: Floats32, first: Uints32, second: Uints32) -> Floats32:
     """Poisson-distributed integers (...) with means (...) ≥ 0, from two hashes each."""
     z = normal(first, second)
     large = np.maximum(mean, np.float32(NORMAL_FROM_E))
@@ -165,7 +165,7 @@ def poisson(mean: Float32s, first: UInt32s, second: UInt32s) -> Float32s:
     return counts
 
 
-def _quantiles(mean: Float32s, fraction: Float32s) -> Float32s:
+def _quantiles(mean: Floats32, fraction: Floats32) -> Floats32:
     """Quantiles (n,) of the Poisson distribution with means (n,), by summation."""
     term = np.exp(-mean)
     total = term.copy()

@@ -15,10 +15,9 @@ from itertools import pairwise
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
-from omnisim.core.array_types import Float32s, Float64s
+from omnisim.core.arrays import Floats, Floats32, Ints
 from omnisim.core.files.parameters import NotNegative, Number
 from omnisim.rendering.camera.degradations.effect import OpticalEffect
 from omnisim.rendering.camera.degradations.image_geometry import (
@@ -57,7 +56,7 @@ class PointSpread(OpticalEffect, name="degradation.point_spread"):
         if any(after <= before for before, after in pairwise(radii)):
             raise self._error("widths_px", "rows in order of their radii")
 
-    def table(self) -> tuple[float, Float32s]:
+    def table(self) -> tuple[float, Floats32]:
         """Largest radius, and the widths (ANGLES, STEPS, 2) of sampled kernels up to it.
 
         Rows: angle between radius and the nearer of rows and columns, by its tangent from 0 to 1.
@@ -95,7 +94,7 @@ class PointSpread(OpticalEffect, name="degradation.point_spread"):
         return _weighted_mean(image, outward, widths, reach)
 
 
-def _entry(at: Float32s, count: int) -> tuple[NDArray[np.int64], Float32s]:
+def _entry(at: Floats32, count: int) -> tuple[Ints, Floats32]:
     """Indices (...) of the table entries below positions, and weights (..., 1) of the next."""
     within = np.minimum(at, np.float32(count - 1))
     entry = np.minimum(within.astype(np.int64), count - 2)
@@ -103,10 +102,7 @@ def _entry(at: Float32s, count: int) -> tuple[NDArray[np.int64], Float32s]:
 
 
 def _weighted_mean(
-    image: LinearImage,
-    outward: Float32s,
-    widths_px: Float32s,
-    reach_px: NDArray[np.int64],
+    image: LinearImage, outward: Floats32, widths_px: Floats32, reach_px: Ints
 ) -> LinearImage:
     """Mean of the valid pixels, weighted by each pixel's own normal distribution."""
     height, width = image.shape[:2]
@@ -128,7 +124,7 @@ def _weighted_mean(
 
 
 @lru_cache(maxsize=8)  # the reference reads it for each image
-def _table(widths_px: tuple[Row, ...]) -> tuple[float, Float32s]:
+def _table(widths_px: tuple[Row, ...]) -> tuple[float, Floats32]:
     radii, *widths = np.array(widths_px, dtype=np.float64).T
     largest = max(float(radii[-1]), 1.0)
     at = np.linspace(0.0, largest, STEPS)
@@ -138,7 +134,7 @@ def _table(widths_px: tuple[Row, ...]) -> tuple[float, Float32s]:
     return largest, table.astype(np.float32)
 
 
-def sampled_widths_px(widths_px: Float64s, angle_rad: float) -> Float64s:
+def sampled_widths_px(widths_px: Floats, angle_rad: float) -> Floats:
     """Widened widths (n, 2) of normal distributions, so that samples at pixels keep the blur.
 
     Samples of a narrow distribution miss most of it. The widened one halves the modulation of an
@@ -168,12 +164,8 @@ def sampled_widths_px(widths_px: Float64s, angle_rad: float) -> Float64s:
 
 
 def _solve(
-    modulation: Float64s,
-    frequencies: Float64s,
-    along_px: Float64s,
-    across_px: Float64s,
-    other_px: Float64s,
-) -> Float64s:
+    modulation: Floats, frequencies: Floats, along_px: Floats, across_px: Floats, other_px: Floats
+) -> Floats:
     """Widths (n,) along an axis with the modulation (n,) at frequencies (n,) for samples (m,)."""
     low, high = np.full(len(modulation), _MIN_SAMPLED_PX), np.full(len(modulation), _SMALL_PX)
     waves = np.cos(2.0 * np.pi * frequencies[:, None] * along_px)
@@ -186,7 +178,7 @@ def _solve(
     return 0.5 * (low + high)
 
 
-def _half_modulation(widths_px: Float64s, angle_rad: float) -> Float64s:
+def _half_modulation(widths_px: Floats, angle_rad: float) -> Floats:
     """Frequencies (n, 2), cycles per px, at which spread and square pixel halve the modulation."""
     low, high = np.zeros_like(widths_px), np.ones_like(widths_px)
     cosine, sine = np.cos(angle_rad), np.sin(angle_rad)

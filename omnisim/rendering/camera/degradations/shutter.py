@@ -20,7 +20,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from omnisim.core.array_types import Float32s, Float64s, Mask
+from omnisim.core.arrays import Bools, Floats, Floats32
 from omnisim.core.files.parameters import NotNegative, Positive, Typical, described
 from omnisim.rendering.camera.degradations.effect import Effect
 
@@ -81,17 +81,17 @@ class Shutter(Effect, name="degradation.shutter"):
         step_px = min(step_px, MAX_STEP_PX)
         return min(max(1, math.ceil(motion_px / step_px - 1e-9)), MAX_SUB_FRAMES)
 
-    def times_s(self, count: int) -> Float64s:
+    def times_s(self, count: int) -> Floats:
         """Midpoints (count,) of the sub-frames, relative to the middle of the frame."""
         return ((np.arange(count) + 0.5) / count - 0.5) * self.duration_s
 
-    def row_weights(self, count: int, height_px: int) -> Float32s:
+    def row_weights(self, count: int, height_px: int) -> Floats32:
         """Shares (count, height) of each row's exposure in the sub-frames."""
         starts = np.linspace(0.0, self.readout_s, height_px)
         step_s = self.duration_s / count
         if self.exposure_s is None:
             indices = np.clip(np.floor(starts / step_s), 0, count - 1)
-            is_taken: Mask = indices == np.arange(count)[:, None]
+            is_taken: Bools = indices == np.arange(count)[:, None]
             return is_taken.astype(np.float32)
         begin = np.arange(count)[:, None] * step_s
         overlap = np.minimum(begin + step_s, starts + self.exposure_s) - np.maximum(begin, starts)

@@ -18,10 +18,7 @@ from omnisim.rendering.camera.degradations.effect import OpticalEffect
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage, Step
 
 MAX_TERMS = 6
-Coefficients = Annotated[
-    tuple[Signed, ...],
-    Field(min_length=3, max_length=MAX_TERMS),
-]
+Coefficients = Annotated[tuple[Signed, ...], Field(min_length=3, max_length=MAX_TERMS)]
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from omnisim.cameras import CentralCamera
-from omnisim.core.array_types import Float64s, Floats, Indices
+from omnisim.core.arrays import AnyFloats, Floats, Indices
 from omnisim.core.cube import FACE_FROM_RIG
 from omnisim.core.errors import GraphicsError
 from omnisim.rendering.opengl.atlas.sampling_density import dilate
@@ -154,11 +154,11 @@ class _SeenCells(NamedTuple):
 
     columns: Indices
     rows: Indices
-    first: Floats  # (n, 2), tangents
-    last: Floats  # (n, 2)
+    first: AnyFloats  # (n, 2), tangents
+    last: AnyFloats  # (n, 2)
 
 
-def _bounds(local: Floats, wider_at_rim: float) -> tuple[Floats, Floats]:
+def _bounds(local: AnyFloats, wider_at_rim: float) -> tuple[AnyFloats, AnyFloats]:
     """Lower and upper tangents (rows, columns, 2) of cells by their corners; inverted: none."""
     shown = local[..., 2] > _MIN_DEPTH
     tangents = local[..., :2] / np.where(shown, local[..., 2], 1.0)[..., None]
@@ -178,7 +178,7 @@ def _bounds(local: Floats, wider_at_rim: float) -> tuple[Floats, Floats]:
     return first - wider, last + wider
 
 
-def _cut(tile: Tile, bounds: Float64s, step: int) -> Tile:
+def _cut(tile: Tile, bounds: Floats, step: int) -> Tile:
     """Tile cut to tangents (2, 2), with a gutter of two of the largest mip texels of `step`."""
     block = max(step, _STEP_PX)
     origin = np.array(tile.origin_px)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera
-from omnisim.core.array_types import Float64s, Mask
+from omnisim.core.arrays import Bools, Floats
 
 # Samples per face edge, corners included: a rim first reaches a face at the middle of an edge or at
 # a corner.
@@ -20,7 +20,7 @@ GRID_STEP = 2.0 / (GRID - 1)
 # along counts as four times, and no pixel counts as wider than 32 of the smallest.
 MAX_ANISOTROPY = 4.0
 MIN_DENSITY_SHARE = 1.0 / 32.0
-WHOLE_FACE: Float64s = np.array([[-1.0, -1.0], [1.0, 1.0]])
+WHOLE_FACE: Floats = np.array([[-1.0, -1.0], [1.0, 1.0]])
 _STEP = 1e-5  # step of a tangent for derivatives: far above rounding errors, far below a texel
 
 
@@ -32,8 +32,8 @@ class RegionDensity(NamedTuple):
     max_px_per_tan: float
     # (2, 2) lower and upper bounds of the region's tangents (right, down); regions of a face do
     # not overlap
-    region: Float64s
-    seen_region: Float64s  # (2, 2) bounds of the part of the region that the image samples
+    region: Floats
+    seen_region: Floats  # (2, 2) bounds of the part of the region that the image samples
 
 
 class SamplingDensity:
@@ -47,7 +47,7 @@ class SamplingDensity:
     """
 
     def __init__(
-        self, tangents: Float64s, seen: Mask, max_px_per_tan: Float64s, min_px_per_tan: Float64s
+        self, tangents: Floats, seen: Bools, max_px_per_tan: Floats, min_px_per_tan: Floats
     ):
         self._tangents, self._seen, self._max, self._min = (
             tangents,
@@ -79,11 +79,11 @@ class SamplingDensity:
         cells = _cut_cell(density * texels_per_pixel, seen, tile_texels, *whole)
         return self._densities([-1.0 + GRID_STEP * np.array(cell, dtype=float) for cell in cells])
 
-    def _densities(self, regions: list[Float64s]) -> list[RegionDensity]:
+    def _densities(self, regions: list[Floats]) -> list[RegionDensity]:
         """Densities within tangent bounds (2, 2), for the regions that the image sees."""
         return [density for one in regions if (density := self._density(one)) is not None]
 
-    def _density(self, region: Float64s) -> RegionDensity | None:
+    def _density(self, region: Floats) -> RegionDensity | None:
         # the visible part may begin anywhere between two samples
         near = np.all(
             (self._tangents >= region[0] - GRID_STEP) & (self._tangents <= region[1] + GRID_STEP),
@@ -104,7 +104,7 @@ class SamplingDensity:
         sparsest = max(sparsest, MIN_DENSITY_SHARE * densest, 1e-6)
         return RegionDensity(sparsest, densest, region, seen_region)
 
-    def _on_grid(self) -> tuple[Float64s, Mask]:
+    def _on_grid(self) -> tuple[Floats, Bools]:
         """Maximum density in pixels per tangent of 1, and visibility, (GRID, GRID), rows down.
 
         A cell between samples takes their larger density, and is seen if one of them is.
@@ -122,7 +122,7 @@ class SamplingDensity:
 
 
 def density_of_camera(
-    camera: CentralCamera, face_from_optical: Float64s, seen: Float64s
+    camera: CentralCamera, face_from_optical: Floats, seen: Floats
 ) -> SamplingDensity:
     """Density of a camera's image.
 
@@ -133,7 +133,7 @@ def density_of_camera(
     grid = _grid()
     tangents = np.concatenate((grid, seen))
 
-    def pixels(right: float, down: float) -> tuple[Float64s, Mask]:
+    def pixels(right: float, down: float) -> tuple[Floats, Bools]:
         local = np.ones((len(tangents), 3))
         local[:, :2] = tangents + np.array([right, down])
         return camera.pixel_from_ray(local @ face_from_optical)
@@ -159,7 +159,7 @@ def density_of_camera(
     return SamplingDensity(tangents, valid, max_px_per_tan, min_px_per_tan)
 
 
-def density_of_rays(tangents: Float64s, px_per_tan: Float64s) -> SamplingDensity:
+def density_of_rays(tangents: Floats, px_per_tan: Floats) -> SamplingDensity:
     """Density from rays at tangents (n, 2) of a face, with pixels per tangent of 1 (n,)."""
     density = np.zeros((GRID, GRID))
     column, row = np.clip(np.floor((tangents.T + 1.0) / GRID_STEP).astype(int), 0, GRID - 2)
@@ -170,7 +170,7 @@ def density_of_rays(tangents: Float64s, px_per_tan: Float64s) -> SamplingDensity
     return SamplingDensity(_grid(), flat > 0.0, flat, np.where(flat > 0.0, flat, np.inf))
 
 
-def _singular_values(matrices: Float64s) -> tuple[Float64s, Float64s]:
+def _singular_values(matrices: Floats) -> tuple[Floats, Floats]:
     """Largest and smallest singular values (n,) of matrices (n, 2, 2).
 
     Their sum and difference are the lengths of the matrices' conformal and anticonformal parts.
@@ -180,7 +180,7 @@ def _singular_values(matrices: Float64s) -> tuple[Float64s, Float64s]:
     return 0.5 * (conformal + anticonformal), 0.5 * np.abs(conformal - anticonformal)
 
 
-def _grid() -> Float64s:
+def _grid() -> Floats:
     line = np.linspace(-1.0, 1.0, GRID)
     return np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
 
@@ -198,7 +198,7 @@ Cell = tuple[tuple[int, int], tuple[int, int]]  # column and row of the first an
 
 
 def _cut_cell(
-    density: Float64s, seen: Mask, tile_texels: float, first: tuple[int, int], last: tuple[int, int]
+    density: Floats, seen: Bools, tile_texels: float, first: tuple[int, int], last: tuple[int, int]
 ) -> list[Cell]:
     """Cells of a range between two samples after the best cuts, without unseen cells."""
     rows, columns = slice(first[1], last[1] + 1), slice(first[0], last[0] + 1)
@@ -224,7 +224,7 @@ def _cut_cell(
     return [cell for half in halves for cell in _cut_cell(density, seen, tile_texels, *half)]
 
 
-def _prefix_texels(density: Float64s, seen: Mask, tile_texels: float) -> Float64s:
+def _prefix_texels(density: Floats, seen: Bools, tile_texels: float) -> Floats:
     """Cost in texels of a tile of rows 0 to i, per i."""
     count = np.arange(len(seen))
     any_row = seen.any(axis=1)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from omnisim.cameras import CentralCamera
-from omnisim.core.array_types import Float64s, Mask
+from omnisim.core.arrays import Bools, Floats
 from omnisim.core.cube import FACE_FROM_RIG, FACE_NAMES, face_index, face_tangents
 from omnisim.core.errors import GraphicsError
 from omnisim.rendering.opengl.atlas.sampling_density import (
@@ -59,7 +59,7 @@ class Tile:
         return self.left_px - self.origin_px[0], self.top_px - self.origin_px[1]
 
     @property
-    def padded_region(self) -> Float64s:
+    def padded_region(self) -> Floats:
         """Tangents (2, 2) of the top left and the bottom right corner, gutter included."""
         origin = np.array(self.origin_px, dtype=np.float64)
         return -1.0 + 2.0 * np.stack((origin, origin + self.size_px)) / self.face_size_px
@@ -87,18 +87,18 @@ class TilePlan:
         return max(sides_px) <= side_px and math.prod(sides_px) <= max_texels
 
     @property
-    def rectangles_px(self) -> Float64s:
+    def rectangles_px(self) -> Floats:
         """Left, top, width and height (tiles, 4) of each tile in the atlas."""
         return np.array([(one.left_px, one.top_px, *one.size_px) for one in self.tiles], np.float64)
 
 
 def plan_tiles(
     camera: CentralCamera,
-    rig_from_optical: Float64s,
+    rig_from_optical: Floats,
     texels_per_pixel: float = 1.0,
     *,
     face_size_px: int | None = None,
-    also_seen: Float64s | None = None,
+    also_seen: Floats | None = None,
     subdivide: bool = False,
     level_bias: float = 0.0,
 ) -> TilePlan:
@@ -227,7 +227,7 @@ def _texels(region: RegionDensity, texels_per_pixel: float) -> float:
     return float(np.prod(extent * texels_per_pixel * region.max_px_per_tan))
 
 
-def _tile(face: int, face_size_px: int, region: Float64s, seen_region: Float64s, step: int) -> Tile:
+def _tile(face: int, face_size_px: int, region: Floats, seen_region: Floats, step: int) -> Tile:
     """Tile around visible tangents (2, 2), without a position in the atlas.
 
     Tiles, and their faces, begin at multiples of `step`, and the gutter is one whole step: no mip
@@ -270,12 +270,12 @@ class PosedViews(NamedTuple):
 
     tiles: tuple[Tile, ...]  # the tiles
     # (tiles, 4, 4) projections from the viewpoint frame to clip space
-    clips_from_viewpoint: Float64s
+    clips_from_viewpoint: Floats
     # (tiles, 6, 4), inward unit normals and distances of left, right, top, bottom, near and far.
     # A point is inside if n · (x, y, z) + d ≥ 0
-    frustum_planes: Float64s
+    frustum_planes: Floats
 
-    def cull(self, centers_m: Float64s, radii_m: Float64s) -> Mask:
+    def cull(self, centers_m: Floats, radii_m: Floats) -> Bools:
         """Mask (tiles, n) of spheres (n, 3) and (n,) that are not outside of a tile's frustum."""
         inside_m = self.frustum_planes[..., :3] @ centers_m.T + self.frustum_planes[..., 3:]
         return np.all(inside_m + radii_m >= 0.0, axis=1)
@@ -290,7 +290,7 @@ class TileViews:
         self._clips_from_face = np.stack([_projection(one, near_m, far_m) for one in plan.tiles])
         self._planes_in_rig = frustum_planes(clips_from_rig(plan, near_m, far_m))
 
-    def at(self, world_from_rig: Float64s) -> PosedViews:
+    def at(self, world_from_rig: Floats) -> PosedViews:
         """Views from a pose (4, 4)."""
         rig_from_viewpoint = world_from_rig[:3, :3].T
         clips, planes = self._clips_from_face.copy(), self._planes_in_rig.copy()
@@ -299,23 +299,23 @@ class TileViews:
         return PosedViews(self._tiles, clips, planes)
 
 
-def frustum_planes(clips: Float64s) -> Float64s:
+def frustum_planes(clips: Floats) -> Floats:
     """Frustum planes (n, 6, 4), see `PosedViews`, of matrices (n, 4, 4) to clip space."""
     x, y, z, w = np.moveaxis(clips, 1, 0)
-    planes: Float64s = np.stack((w + x, w - x, w + y, w - y, w - z, z), axis=1)
+    planes: Floats = np.stack((w + x, w - x, w + y, w - y, w - z, z), axis=1)
     lengths = np.linalg.norm(planes[..., :3], axis=-1, keepdims=True)
     planes /= np.maximum(lengths, _MIN_LENGTH)
     return planes
 
 
-def clips_from_rig(plan: TilePlan, near_m: float, far_m: float) -> Float64s:
+def clips_from_rig(plan: TilePlan, near_m: float, far_m: float) -> Floats:
     """Matrices (tiles, 4, 4) from rig axes at the viewpoint to each tile's clip space."""
     clips = np.stack([_projection(one, near_m, far_m) for one in plan.tiles])
     clips[..., :3] = clips[..., :3] @ FACE_FROM_RIG[[tile.face for tile in plan.tiles]]
     return clips
 
 
-def _projection(tile: Tile, near_m: float, far_m: float) -> Float64s:
+def _projection(tile: Tile, near_m: float, far_m: float) -> Floats:
     """Matrix (4, 4) clip_from_face of a tile; clip-space y points down the image.
 
     Depth is 1 at the near plane and 0 at the far plane, which may be infinite.

@@ -9,7 +9,7 @@ from typing import Protocol
 import moderngl
 import numpy as np
 
-from omnisim.core.array_types import Float32s, Mask
+from omnisim.core.arrays import Bools, Floats32
 from omnisim.rendering.opengl.atlas.image_parts import ImagePart
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.capture.pixel_map import CaptureOutput, PixelMap, valid_pixels_array
@@ -92,7 +92,7 @@ class RemapPass:
             tables.append(gpu_buffer(context, _by_pixel(target, 1, supersampling)))
             defines.append("MIP_LEVELS")
         self._tables, self._state = StorageBindings(tables, _FIRST_TABLE), GlState()
-        valid: Mask = np.any(uvs[..., 0] >= 0.0, axis=-1)
+        valid: Bools = np.any(uvs[..., 0] >= 0.0, axis=-1)
         self._array = image_array(context, valid, supersampling, *defines)
         self._make_batch_array = partial(
             image_array, context, valid, supersampling, *defines, "BATCH"
@@ -148,7 +148,7 @@ class UvPass:
         self._largest_px = supersampling * largest_px[0], supersampling * largest_px[1]
         self._kept: dict[tuple[int, int, int, int], moderngl.Framebuffer] = {}
         self._kept_bytes = 0
-        self._corrections: dict[tuple[int, int, int, int], Float32s] = {}
+        self._corrections: dict[tuple[int, int, int, int], Floats32] = {}
         self._uvs_array = samples.vertex_array(CaptureOutput.UV, parts[0].plan)
         width, height = (length // supersampling for length in samples.size_px)
         everything = np.ones((height, width), dtype=np.bool_)
@@ -206,7 +206,7 @@ class UvPass:
 
 
 def image_array(
-    context: moderngl.Context, valid: Mask, supersampling: int, *defines: str
+    context: moderngl.Context, valid: Bools, supersampling: int, *defines: str
 ) -> moderngl.VertexArray:
     """Vertex array over the valid pixels (height, width), for UVs or for colors of pixels."""
     program = build_program(
@@ -218,7 +218,7 @@ def image_array(
     return valid_pixels_array(context, program, valid)
 
 
-def _by_pixel(target: moderngl.Framebuffer, attachment: int, supersampling: int) -> Float32s:
+def _by_pixel(target: moderngl.Framebuffer, attachment: int, supersampling: int) -> Floats32:
     """Values (height, width, supersampling², parts) of an attachment, grouped by pixel."""
     samples = _values(target, attachment)
     height, width = (length // supersampling for length in samples.shape[:2])
@@ -227,14 +227,14 @@ def _by_pixel(target: moderngl.Framebuffer, attachment: int, supersampling: int)
     return np.ascontiguousarray(by_pixel).reshape(height, width, supersampling**2, -1)
 
 
-def _values(target: moderngl.Framebuffer, attachment: int) -> Float32s:
+def _values(target: moderngl.Framebuffer, attachment: int) -> Floats32:
     """Values (height, width, parts) of an attachment: two parts of the first, one of the other."""
     values = np.empty((*target.size[::-1], (2, 1)[attachment]), dtype=np.float32)
     read_once(target.ctx, (Pixels(target, attachment), values))
     return values
 
 
-def _drawn(target: moderngl.Framebuffer, width: int, height: int) -> Mask:
+def _drawn(target: moderngl.Framebuffer, width: int, height: int) -> Bools:
     """Mask (height, width) of the UVs that are drawn, read in bands to save memory."""
     drawn, step = np.empty((height, width), dtype=np.bool_), max(1, _PIXELS_PER_BAND // width)
     for first in range(0, height, step):

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import moderngl
 import numpy as np
 
-from omnisim.core.array_types import Float32s, Indices, Mask
+from omnisim.core.arrays import Bools, Floats32, Indices
 from omnisim.core.cube import FACE_FROM_RIG, FACE_NAMES
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.capture.image_pass import image_array
@@ -43,7 +43,7 @@ _PARTS = 64  # maximum samples per pixel, as in capture/parallax_samples.frag
 _LEFT = 1  # attachment
 
 # Linear RGB (n, 3) along rays (n,).
-CastSamples = Callable[[SampleRays], Float32s]
+CastSamples = Callable[[SampleRays], Floats32]
 
 
 class RayTextures(NamedTuple):
@@ -80,7 +80,7 @@ class ParallaxPass:
         rays: ParallaxRays,
         plan: TilePlan,
         pyramid: DepthPyramid,
-        shown: Mask | None = None,
+        shown: Bools | None = None,
         fog: Fog | None = None,
     ):
         self._context, self._sample_rays, self._plan = context, rays, plan
@@ -209,7 +209,7 @@ class ParallaxPass:
         )
         return pixels, at, parts
 
-    def _draw_samples(self, samples: Indices) -> Float32s:
+    def _draw_samples(self, samples: Indices) -> Floats32:
         """Linear RGB (n, 4) of samples (n,), with alpha 1 where the surface hit is known."""
         rows = -(-len(samples) // _SAMPLE_ROW)
         if rows > self._samples.height:
@@ -404,7 +404,7 @@ class DepthPyramid:
         )
 
 
-def _cell_tiles(plan: TilePlan) -> Float32s:
+def _cell_tiles(plan: TilePlan) -> Floats32:
     """Offset and scale from tangents to texels (cells, faces × cells, 4); 0: not in any tile."""
     cell_tiles = np.zeros((_CELLS, len(FACE_NAMES), _CELLS, 4), dtype=np.float32)
     for tile in plan.tiles:

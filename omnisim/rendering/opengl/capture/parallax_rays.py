@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.core.array_types import Float32s, Float64s, Indices, Mask
+from omnisim.core.arrays import Bools, Floats, Floats32, Indices
 
 MARGIN_PX = 2  # around the image, as in capture/parallax.frag
 
@@ -17,9 +17,9 @@ MARGIN_PX = 2  # around the image, as in capture/parallax.frag
 class SampleRays(NamedTuple):
     """Rays (n,) of samples, in the frame of the image's rays."""
 
-    directions: Float64s  # (n, 3), unit
-    origins_m: Float64s  # (n, 3)
-    footprints: Float32s  # (n, 2, 3) changes of the direction to the next samples
+    directions: Floats  # (n, 3), unit
+    origins_m: Floats  # (n, 3)
+    footprints: Floats32  # (n, 2, 3) changes of the direction to the next samples
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,17 +27,17 @@ class ParallaxRays:
     """Rays of pixel centers, from which those of samples are interpolated, or sample rays."""
 
     supersampling: int  # samples per pixel side
-    directions: Float32s  # (height + 2 margins, width + 2 margins, 3) unit; 0: no ray
-    origins_m: Float32s  # origins of these rays, same shape
-    smooth: Mask  # (height, width) pixels whose sample rays are interpolated
+    directions: Floats32  # (height + 2 margins, width + 2 margins, 3) unit; 0: no ray
+    origins_m: Floats32  # origins of these rays, same shape
+    smooth: Bools  # (height, width) pixels whose sample rays are interpolated
     rim_numbers: Indices  # (height, width) row of each other pixel in the arrays below; −1: no ray
-    rim_directions: Float32s  # (n, samples, 3), samples row by row
-    rim_origins_m: Float32s  # origins of these, same shape
-    rim_valid: Mask  # (n, samples) mask of the samples with a ray
+    rim_directions: Floats32  # (n, samples, 3), samples row by row
+    rim_origins_m: Floats32  # origins of these, same shape
+    rim_valid: Bools  # (n, samples) mask of the samples with a ray
 
     @staticmethod
     def interpolated(
-        supersampling: int, directions: Float32s, origins_m: Float32s, smooth: Mask
+        supersampling: int, directions: Floats32, origins_m: Floats32, smooth: Bools
     ) -> ParallaxRays:
         """Rays whose samples are all interpolated; the arguments are the attributes."""
         own = np.zeros((0, supersampling**2, 3), dtype=np.float32)
@@ -48,7 +48,7 @@ class ParallaxRays:
         )
 
     @property
-    def shown(self) -> Mask:
+    def shown(self) -> Bools:
         """Pixels (height, width) with at least one sample ray."""
         return self.smooth | (self.rim_numbers >= 0)
 
@@ -61,7 +61,7 @@ class ParallaxRays:
         bits[rim] = (self.rim_valid * powers).sum(axis=1)[self.rim_numbers[rim]]
         return bits.ravel()
 
-    def valid_shares(self) -> Float32s:
+    def valid_shares(self) -> Floats32:
         """Share (height, width) of each pixel's samples that have a ray."""
         shares = self.smooth.astype(np.float32)
         rim = self.rim_numbers >= 0
@@ -69,7 +69,7 @@ class ParallaxRays:
         return shares
 
     @cached_property
-    def valid(self) -> Mask:
+    def valid(self) -> Bools:
         """Pixels (height, width) whose center has a ray."""
         inner = slice(MARGIN_PX, -MARGIN_PX)
         return np.asarray(self.directions[inner, inner].any(axis=-1))
@@ -86,7 +86,7 @@ class ParallaxRays:
             longest = max(longest, float(lengths_m.max(initial=0.0)))
         return longest
 
-    def centers(self) -> tuple[Float64s, Float64s]:
+    def centers(self) -> tuple[Floats, Floats]:
         """Directions and origins (n, 3) of the valid pixel centers, row by row."""
         inner = slice(MARGIN_PX, -MARGIN_PX)
         return (
@@ -94,7 +94,7 @@ class ParallaxRays:
             self.origins_m[inner, inner][self.valid].astype(np.float64),
         )
 
-    def seen_from(self, viewpoint_m: Float64s) -> ParallaxRays:
+    def seen_from(self, viewpoint_m: Floats) -> ParallaxRays:
         """The same rays, origins relative to a point (3,)."""
         offset_m = viewpoint_m.astype(np.float32)
         return replace(
@@ -130,7 +130,7 @@ class ParallaxRays:
         return SampleRays(directions, origins_m, footprints)
 
 
-def _parabolas(offsets: Float64s) -> Float64s:
+def _parabolas(offsets: Floats) -> Floats:
     """Weights (n, 3, 2) of the previous, own and next pixel, for offsets (n, 2) in pixels."""
     return np.stack(
         (0.5 * offsets * (offsets - 1.0), 1.0 - offsets * offsets, 0.5 * offsets * (offsets + 1.0)),

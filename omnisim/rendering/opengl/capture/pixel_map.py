@@ -17,7 +17,7 @@ import numpy as np
 from omnisim.cameras import CentralCamera, HyperbolicCamera, MirroredCamera, Rays
 from omnisim.cameras.mirrors import MirrorMesh, tessellate
 from omnisim.cameras.mirrors.mirror_mesh_rays import mesh_rays
-from omnisim.core.array_types import Float32s, Float64s, Mask
+from omnisim.core.arrays import Bools, Floats, Floats32
 from omnisim.core.cube import FACE_FROM_RIG, FACE_NAMES
 from omnisim.rendering.opengl.atlas.sampling_density import dilate
 from omnisim.rendering.opengl.atlas.tile_plan import MAX_TILES, TilePlan
@@ -33,7 +33,7 @@ from omnisim.rendering.opengl.gl.shader_files import (
 )
 
 
-def bind_tiles(program: moderngl.Program, plan: TilePlan, rig_from_optical: Float64s) -> None:
+def bind_tiles(program: moderngl.Program, plan: TilePlan, rig_from_optical: Floats) -> None:
     """Set a program's uniforms of tiles, mip levels, and rig_from_optical (3, 3)."""
     regions, padded, uv_from_tangent = (
         np.zeros((MAX_TILES, 4), dtype=np.float32) for _ in range(3)
@@ -68,7 +68,7 @@ def bind_tiles(program: moderngl.Program, plan: TilePlan, rig_from_optical: Floa
 STRIP_PX = 8  # height of a rectangle
 
 
-def covering_triangles(valid: Mask) -> Float32s:
+def covering_triangles(valid: Bools) -> Floats32:
     """Corners (3 n, 2) in px (right, down) of triangles over all pixels of a mask."""
     height = len(valid)
     triangles = []
@@ -84,7 +84,7 @@ def covering_triangles(valid: Mask) -> Float32s:
 
 
 def valid_pixels_array(
-    context: moderngl.Context, program: moderngl.Program, valid: Mask
+    context: moderngl.Context, program: moderngl.Program, valid: Bools
 ) -> moderngl.VertexArray:
     """Vertex array over the valid pixels (height, width) for `capture/image.vert`."""
     corners = covering_triangles(valid)
@@ -149,7 +149,7 @@ class PixelMap:
             self.correcting_array(CaptureOutput.RAY, corrections).render()
         return rays
 
-    def draw_rays(self, target: moderngl.Framebuffer) -> tuple[Mask, Float32s]:
+    def draw_rays(self, target: moderngl.Framebuffer) -> tuple[Bools, Floats32]:
         """Draw the rays to a target of four components.
 
         Returns:
@@ -172,7 +172,7 @@ class PixelMap:
         drawn[rows, columns] = corrections[:, 5] > 0.5
         return drawn, corrections
 
-    def read_rays(self) -> tuple[Float32s, Mask]:
+    def read_rays(self) -> tuple[Floats32, Bools]:
         """Unit rays (height, width, 3) in the optical frame, and their validity (height, width)."""
         width, height = self.size_px
         rays = np.empty((height, width, 4), dtype=np.float32)
@@ -180,11 +180,11 @@ class PixelMap:
         return rays[..., :3], rays[..., 3] > 0.5
 
     @cached_property
-    def valid(self) -> Mask:
+    def valid(self) -> Bools:
         """Pixels (height, width) with a ray."""
         return self.read_rays()[1]
 
-    def corrections(self, drawn: Mask, first_px: tuple[int, int] = (0, 0)) -> Float32s:
+    def corrections(self, drawn: Bools, first_px: tuple[int, int] = (0, 0)) -> Floats32:
         """Pixels that NumPy finds to have a ray and the GPU does not, or the other way round.
 
         The search begins at the edges of what is drawn. Around each difference it continues, since
@@ -220,7 +220,7 @@ class PixelMap:
     def correcting_array(
         self,
         emit: CaptureOutput,
-        corrections: Float32s,
+        corrections: Floats32,
         plan: TilePlan | None = None,
         size_px: tuple[int, int] | None = None,
     ) -> moderngl.VertexArray:
@@ -256,7 +256,7 @@ class PixelMap:
         bind_tiles(array.program, plan, self.camera.rig_from_optical)
         set_uniforms(array.program, {"u_first_px": first_px, "u_target_size_px": size_px})
 
-    def _reference(self, pixels_px: Float64s) -> Rays:
+    def _reference(self, pixels_px: Floats) -> Rays:
         """NumPy's rays of pixels (n, 2)."""
         if self._mesh is not None and isinstance(self.camera, HyperbolicCamera):
             return mesh_rays(self.camera, self._mesh, pixels_px)

@@ -17,7 +17,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.core.array_types import Float64s, Indices, Mask, UInt32s
+from omnisim.core.arrays import Bools, Floats, Indices, Uints32
 from omnisim.rendering.opengl.culling.clusters import ClusterHierarchy
 from omnisim.rendering.opengl.gl.buffers import gpu_buffer, written_buffer
 from omnisim.rendering.opengl.gl.functions import COMMAND_BYTES, StorageBindings
@@ -159,7 +159,7 @@ class ClusterCuller:
         """Size of the buffers for all cameras, bytes."""
         return self._bound.size
 
-    def show(self, shown: Mask) -> None:
+    def show(self, shown: Bools) -> None:
         """Show only the selected clusters (clusters,)."""
         self._shown.write(self._buffers.masks_of_groups(shown))
 
@@ -314,7 +314,7 @@ class ClusterBuffers:
         self,
         context: moderngl.Context,
         hierarchy: ClusterHierarchy,
-        double_sided: Mask,
+        double_sided: Bools,
         objects: Indices,
         buckets: Indices,
     ):
@@ -342,7 +342,7 @@ class ClusterBuffers:
         self.clusters_of_group, self.groups_of_bucket = groups.children, np.bincount(buckets)
         self.all_shown = self.masks_of_groups(np.ones(self.cluster_count, dtype=np.bool_))
 
-    def masks_of_groups(self, clusters: Mask) -> UInt32s:
+    def masks_of_groups(self, clusters: Bools) -> Uints32:
         """Bit mask per group (groups,) of the selected clusters (clusters,)."""
         bits = np.where(clusters, self._bits, np.uint32(0))
         return np.bitwise_or.reduceat(bits, self._first).astype("<u4")
@@ -479,9 +479,9 @@ class Views:
     def __init__(
         self,
         context: moderngl.Context,
-        clips_from_rig: Float64s,
-        rectangles_px: Float64s,
-        anchor_m: Float64s,
+        clips_from_rig: Floats,
+        rectangles_px: Floats,
+        anchor_m: Floats,
         objects: int,
         cameras: int = 1,
     ):
@@ -494,7 +494,7 @@ class Views:
         rectangles = np.tile(rectangles_px, (cameras, 1)).astype(np.float32)
         self.rectangles_px = written_buffer(context, rectangles)
 
-    def use_tiles(self, clips_from_rig: Float64s, rectangles_px: Float64s) -> None:
+    def use_tiles(self, clips_from_rig: Floats, rectangles_px: Floats) -> None:
         """Replace the tiles of a single camera by others, at most as many as at first."""
         self.tiles = len(clips_from_rig)
         self.clips_from_rig.write(columns_first(clips_from_rig))
@@ -506,7 +506,7 @@ class Views:
         return self.cameras * self.tiles
 
     def write(
-        self, worlds_from_rigs: Float64s, worlds_from_objects: Float64s | Sequence[Float64s] = ()
+        self, worlds_from_rigs: Floats, worlds_from_objects: Floats | Sequence[Floats] = ()
     ) -> None:
         """Write the poses of one frame.
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.core.array_types import Float32s, Indices, UInt32s
+from omnisim.core.arrays import Floats32, Indices, Ints, Uints32
 
 # Triangles per cluster, see `spatial_clusters`. Smaller clusters are culled more tightly, but each
 # has to be tested, and in a large scene most are invisible.
@@ -27,40 +27,40 @@ WIDTHS = 17  # classes of the widths of clusters
 class Clusters(NamedTuple):
     """Clusters of consecutive triangles."""
 
-    first: NDArray[np.int64]  # (n,) first triangle
-    triangles: NDArray[np.int64]  # (n,) number of triangles
+    first: Ints  # (n,) first triangle
+    triangles: Ints  # (n,) number of triangles
     # (n, 3) corners of the bounding boxes
-    aabb_min: Float32s
-    aabb_max: Float32s
-    cone_axes: Float32s  # (n, 3) unit, mean normal
+    aabb_min: Floats32
+    aabb_max: Floats32
+    cone_axes: Floats32  # (n, 3) unit, mean normal
     # (n,) sine of the largest angle between the axis and a normal; above 1 for angles of 90° or
     # more
-    cone_sines: Float32s
+    cone_sines: Floats32
     # (n,) side of a square as large as the mean triangle; reduced for clusters of many triangles,
     # since a wall of two occludes more than a bush of twenty
-    widths: Float32s
+    widths: Floats32
 
 
 class ClusterGroups(NamedTuple):
     """Groups of consecutive clusters."""
 
-    first: NDArray[np.int64]  # (n,) first cluster
-    children: NDArray[np.int64]  # (n,) number of clusters
+    first: Ints  # (n,) first cluster
+    children: Ints  # (n,) number of clusters
     # (n, 3) corners of the bounding boxes
-    aabb_min: Float32s
-    aabb_max: Float32s
+    aabb_min: Floats32
+    aabb_max: Floats32
 
 
 class ClusterHierarchy(NamedTuple):
     """Clusters of triangles and their groups."""
 
-    order: UInt32s  # (n,) triangle indices sorted by cluster
+    order: Uints32  # (n,) triangle indices sorted by cluster
     clusters: Clusters  # clusters of the triangles, sorted by group
     groups: ClusterGroups  # groups of consecutive clusters
 
 
 def build_clusters(
-    corners: Float32s, keys: NDArray[np.integer], group_keys: NDArray[np.integer]
+    corners: Floats32, keys: NDArray[np.integer], group_keys: NDArray[np.integer]
 ) -> ClusterHierarchy:
     """Cluster triangles, and group the clusters.
 
@@ -96,11 +96,11 @@ def build_clusters(
     return ClusterHierarchy(order.astype(np.uint32), clusters, groups)
 
 
-def _firsts(count: NDArray[np.int64]) -> NDArray[np.int64]:
+def _firsts(count: Ints) -> Ints:
     return np.cumsum(count) - count
 
 
-def ranges(first: NDArray[np.int64], count: NDArray[np.int64]) -> NDArray[np.int64]:
+def ranges(first: Ints, count: Ints) -> Ints:
     """Concatenated ranges of `count` (n,) consecutive numbers, each starting at `first` (n,)."""
     numbers = np.repeat(first - _firsts(count), count)
     numbers += np.arange(len(numbers))
@@ -108,7 +108,7 @@ def ranges(first: NDArray[np.int64], count: NDArray[np.int64]) -> NDArray[np.int
 
 
 def _bound_in_order(
-    corners: Float32s, order: Indices, first: Indices, min_triangles: int
+    corners: Floats32, order: Indices, first: Indices, min_triangles: int
 ) -> Clusters:
     """Bound the clusters of triangles in an order, see `bound_clusters`."""
     ends = np.append(first, len(order))
@@ -123,7 +123,7 @@ def _bound_in_order(
 
 
 def bound_clusters(
-    corners: Float32s, first: Indices, min_triangles: int = MIN_TRIANGLES
+    corners: Floats32, first: Indices, min_triangles: int = MIN_TRIANGLES
 ) -> Clusters:
     """Clusters of consecutive triangles, with their bounding boxes and normal cones.
 
@@ -151,7 +151,7 @@ def bound_clusters(
     )  # fmt: skip
 
 
-def _bounds(corners: Float32s) -> Float32s:
+def _bounds(corners: Floats32) -> Floats32:
     """Bounds (6, n) of triangles: negated minimum corners, then maximum corners."""
     bounds = np.empty((6, len(corners)), dtype=np.float32)
     for start in range(0, len(corners), _BOUND_AT_ONCE):
@@ -184,7 +184,7 @@ _SPREAD_STEPS = (
 
 
 def spatial_clusters(
-    bounds: Float32s, keys: NDArray[np.integer], min_size: int, max_size: int, split_factor: float
+    bounds: Floats32, keys: NDArray[np.integer], min_size: int, max_size: int, split_factor: float
 ) -> tuple[Indices, Indices]:
     """Order boxes so that neighbors are adjacent, key by key, and split the order into clusters.
 
@@ -264,7 +264,7 @@ def _merge_small_cells(
 
 
 def _merge_cells(
-    bounds: Float32s,
+    bounds: Floats32,
     first: Indices,
     levels: NDArray[np.int8],
     total: int,
@@ -304,7 +304,7 @@ def _merge_cells(
 
 
 def _order(
-    bounds: Float32s, keys: NDArray[np.integer], max_bits: int
+    bounds: Floats32, keys: NDArray[np.integer], max_bits: int
 ) -> tuple[Indices, NDArray[np.uint64], int]:
     """Order of boxes (6, n) by key and Morton code, the sorted codes, and bits per axis."""
     bits = min(max_bits, (64 - int(keys.max()).bit_length()) // 3)
@@ -315,13 +315,13 @@ def _order(
     return order, codes[order], bits
 
 
-def _half_areas(bounds: Float32s) -> Float32s:
+def _half_areas(bounds: Floats32) -> Floats32:
     """Half the surface area (n,) of boxes (6, n)."""
     x, y, z = bounds[:3] + bounds[3:]
     return x * y + y * z + z * x
 
 
-def _add_morton_codes(bounds: Float32s, bits: int, codes: NDArray[np.uint64]) -> None:
+def _add_morton_codes(bounds: Floats32, bits: int, codes: NDArray[np.uint64]) -> None:
     """Add Morton codes of the centers of boxes (6, n) to `codes` (n,), with `bits` per axis."""
     slices = [slice(at, at + _AT_ONCE) for at in range(0, bounds.shape[1], _AT_ONCE)]
     centers = [0.5 * (bounds[3:, own] - bounds[:3, own]) for own in slices]

@@ -12,7 +12,7 @@ from functools import cached_property
 import moderngl
 import numpy as np
 
-from omnisim.core.array_types import Float32s
+from omnisim.core.arrays import Floats32
 from omnisim.rendering.camera.degradations.image_geometry import Metering, Step, UniformValue
 from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer, use_target
 from omnisim.rendering.opengl.gl.functions import flush
@@ -57,7 +57,7 @@ class DegradationPass:
         self._current = self._spare[0].texture
         self._is_first = True
 
-    def add(self, linear: moderngl.Texture, row_weights: Float32s | None = None) -> None:
+    def add(self, linear: moderngl.Texture, row_weights: Floats32 | None = None) -> None:
         """Add a sub-frame, with each row's share (height,) of the exposure; None: the whole."""
         self._context.disable(moderngl.BLEND | moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         self._current = linear
@@ -170,7 +170,7 @@ class _Shutter:
         self._accumulate = _FullScreenPass(context, Step("accumulate"))
 
     def add(
-        self, image: moderngl.Texture, row_weights: Float32s, is_first: bool
+        self, image: moderngl.Texture, row_weights: Floats32, is_first: bool
     ) -> moderngl.Texture:
         """Add a sub-frame to the frame's sum (the first one starts it); return the sum."""
         flush()  # virgl uploads before pending draws, unless they are submitted

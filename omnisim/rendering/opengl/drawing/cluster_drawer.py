@@ -11,7 +11,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.core.array_types import Float64s, Indices, Mask
+from omnisim.core.arrays import Bools, Floats, Indices
 from omnisim.rendering.opengl.culling.cluster_culling import BANDS, ClusterCuller, CommandRange
 from omnisim.rendering.opengl.drawing.scene_drawer import map_units
 from omnisim.rendering.opengl.geometry.clustered_geometry import (
@@ -208,7 +208,7 @@ def arrays_of(items: Sequence[DrawItem]) -> list[TextureArray]:
     return [array for array in arrays.values() if array is not None]
 
 
-def can_sort(items: Sequence[DrawItem], geometry: ClusteredGeometry | None) -> Mask:
+def can_sort(items: Sequence[DrawItem], geometry: ClusteredGeometry | None) -> Bools:
     """Mask (n,) of blended items to sort and draw at once: matte, rigid, small and near ones."""
     fits = [
         geometry is not None
@@ -299,7 +299,7 @@ class BlendedDrawer:
         return number + _UNLIT * item.material.unlit + _DOUBLE_SIDED * item.material.double_sided
 
 
-def _packed(items: Sequence[DrawItem], anchor_m: Float64s) -> NDArray[np.void]:
+def _packed(items: Sequence[DrawItem], anchor_m: Floats) -> NDArray[np.void]:
     """Items (n,) as the shader reads them."""
     packed = np.zeros(len(items), dtype=_ITEM)
     packed["triangles"] = [item.triangles for item in items]

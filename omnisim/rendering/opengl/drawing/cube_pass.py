@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import moderngl
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats, Floats32
 from omnisim.core.errors import GraphicsError
 from omnisim.core.short_repr import counted
 from omnisim.core.world import Pose, Poses
@@ -16,9 +16,7 @@ from omnisim.rendering.opengl.atlas.tile_plan import Tile, TilePlan
 from omnisim.rendering.opengl.drawing.atlas_levels import AtlasLevels
 from omnisim.rendering.opengl.drawing.scene_view import SceneView, TileRenderer, VirtualCameras
 from omnisim.rendering.opengl.drawing.sky_pass import SkyPass
-from omnisim.rendering.opengl.drawing.surface_program import (
-    SurfacePrograms,
-)
+from omnisim.rendering.opengl.drawing.surface_program import SurfacePrograms
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl.buffers import written_buffer
 from omnisim.rendering.opengl.gl.framebuffers import (
@@ -169,9 +167,7 @@ class CubePass:
         ]
 
     def render(
-        self,
-        world_from_rig: NDArray[np.float64],
-        world_from_objects: Sequence[NDArray[np.float64]] = (),
+        self, world_from_rig: Floats, world_from_objects: Sequence[Floats] = ()
     ) -> moderngl.Texture:
         """Render all tiles from a pose (4, 4) with the objects at their poses; return the atlas."""
         self._draw(world_from_rig, world_from_objects)
@@ -180,7 +176,7 @@ class CubePass:
 
     def render_layers(
         self,
-        poses: Sequence[tuple[NDArray[np.float64], Sequence[NDArray[np.float64]]]],
+        poses: Sequence[tuple[Floats, Sequence[Floats]]],
         atlases: moderngl.TextureArray,
         levels: AtlasLevels,
     ) -> None:
@@ -205,9 +201,7 @@ class CubePass:
         return _LAYER_TEXEL_BYTES * texels + self.tiles.culling_bytes + sorted_bytes
 
     def _layers_of(
-        self,
-        poses: Sequence[tuple[NDArray[np.float64], Sequence[NDArray[np.float64]]]],
-        atlases: moderngl.TextureArray,
+        self, poses: Sequence[tuple[Floats, Sequence[Floats]]], atlases: moderngl.TextureArray
     ) -> CubeLayers | None:
         """Drawer of all layers together; None: this scene needs one layer after the other."""
         has_drawers = self.tiles.culler is not None and not self.tiles.has_items
@@ -226,9 +220,7 @@ class CubePass:
         return self._layers
 
     def _draw_each(
-        self,
-        poses: Sequence[tuple[NDArray[np.float64], Sequence[NDArray[np.float64]]]],
-        atlases: moderngl.TextureArray,
+        self, poses: Sequence[tuple[Floats, Sequence[Floats]]], atlases: moderngl.TextureArray
     ) -> None:
         """Draw the layers one after the other."""
         target = self._resolved if self._is_multisampled else self._target
@@ -239,9 +231,7 @@ class CubePass:
         finally:
             attach_texture(target.glo, self.atlas.glo)
 
-    def _draw(
-        self, world_from_rig: NDArray[np.float64], world_from_objects: Sequence[NDArray[np.float64]]
-    ) -> None:
+    def _draw(self, world_from_rig: Floats, world_from_objects: Sequence[Floats]) -> None:
         target = self._target
         self._buffers.deform(world_from_objects)
         if self._probes is not None:
@@ -260,10 +250,7 @@ class CubePass:
             resolve(self._resolved, target)
 
     def _seen_in_probes(
-        self,
-        probes: ProbePass,
-        world_from_rig: NDArray[np.float64],
-        world_from_objects: Sequence[NDArray[np.float64]],
+        self, probes: ProbePass, world_from_rig: Floats, world_from_objects: Sequence[Floats]
     ) -> frozenset[int]:
         """Indices of items with a probe that are in view, or may be so in a mirror."""
         if self._mirrors:
@@ -287,7 +274,7 @@ class CubePass:
             raise GraphicsError("virtual_cameras.samples: expected 1 to read depth, got more")
         return self._depth
 
-    def read_face(self, tile: Tile) -> NDArray[np.float32]:
+    def read_face(self, tile: Tile) -> Floats32:
         """Read the 90° of a face as last rendered: linear RGB (size, size, 3), top row first.
 
         The tile must cover the whole face.

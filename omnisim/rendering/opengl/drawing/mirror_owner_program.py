@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import moderngl
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Bytes
 from omnisim.rendering.opengl.drawing.scene_drawer import ItemProgram
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem
 from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
@@ -18,7 +18,7 @@ _NUMBERS_UNIT = 0
 class MirrorOwnerProgram(ItemProgram):
     """Program that draws the numbers (n,) of the triangles' mirrors; 0: none."""
 
-    def __init__(self, context: moderngl.Context, numbers: NDArray[np.uint8]):
+    def __init__(self, context: moderngl.Context, numbers: Bytes):
         files = "scene/mirror_owner.vert", "scene/mirror_owner.frag"
         super().__init__(build_program(context, *files))
         self._first_triangle = uniform(self.program, "u_first_triangle")

@@ -15,6 +15,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core.arrays import Bytes, Floats, Indices
 from omnisim.rendering.opengl.atlas.tile_plan import PosedViews, TilePlan, TileViews
 from omnisim.rendering.opengl.drawing.mirror_owner_program import MirrorOwnerProgram
 from omnisim.rendering.opengl.drawing.scene_drawer import SceneDrawer
@@ -117,7 +118,7 @@ class MirrorPass:
         """Drawer of the mirrors' numbers."""
         items = self._buffers.draw_items
         first_of_item: dict[int, int] = {}
-        numbers: list[NDArray[np.uint8]] = []
+        numbers: list[Bytes] = []
         # of their own, since panes are sorted in the scene's
         triangles: list[NDArray[np.uint32]] = []
         count = 0
@@ -143,10 +144,7 @@ class MirrorPass:
         )
 
     def render(
-        self,
-        view: SceneView,
-        world_from_rig: NDArray[np.float64],
-        world_from_objects: Sequence[NDArray[np.float64]],
+        self, view: SceneView, world_from_rig: Floats, world_from_objects: Sequence[Floats]
     ) -> None:
         """Render the mirrored views of a pose (4, 4).
 
@@ -184,8 +182,8 @@ class MirrorPass:
         self._colors.use(MIRROR_UNITS["u_mirrored"])
 
     def _planes_at(
-        self, viewpoint_m: NDArray[np.float64], world_from_objects: Sequence[NDArray[np.float64]]
-    ) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+        self, viewpoint_m: Floats, world_from_objects: Sequence[Floats]
+    ) -> tuple[Floats, Indices]:
         """Planes (mirrors, 4) and sides (mirrors,) that face a viewpoint (3,).
 
         Planes have unit normals toward the viewpoint, and its heights in meters.
@@ -215,10 +213,7 @@ class MirrorPass:
             )
 
     def _visible(
-        self,
-        sides: NDArray[np.intp],
-        views: PosedViews,
-        transforms: InstanceTransforms,
+        self, sides: Indices, views: PosedViews, transforms: InstanceTransforms
     ) -> list[int]:
         """Indices of the largest mirrors that face the viewpoint and that some tile may show."""
         visible: list[int] = []
@@ -233,10 +228,7 @@ class MirrorPass:
         return visible
 
     def _draw_view(
-        self,
-        number: int,
-        world_from_rig: NDArray[np.float64],
-        world_from_objects: Sequence[NDArray[np.float64]],
+        self, number: int, world_from_rig: Floats, world_from_objects: Sequence[Floats]
     ) -> None:
         """Draw the view in a mirror."""
         normal, height_m = self._planes[number, :3], self._planes[number, 3]

@@ -13,8 +13,8 @@ from collections.abc import Collection, Sequence
 
 import moderngl
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Bools, Floats, Floats32
 from omnisim.core.world import time_of
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan, cube_plan
 from omnisim.rendering.opengl.drawing.probe_maps import Gloss, ProbeMaps
@@ -59,8 +59,8 @@ class _OwnProbe:
     def connect(
         self,
         programs: Collection[SurfaceProgram],
-        viewpoint_m: NDArray[np.float64],
-        world_from_objects: Sequence[NDArray[np.float64]],
+        viewpoint_m: Floats,
+        world_from_objects: Sequence[Floats],
     ) -> None:
         """Set the probe of the mirrors, whose center is the viewpoint, and bind it."""
         probe = np.array((0.0, 0.0, 0.0, self.number), dtype=np.float32)
@@ -129,7 +129,7 @@ class ProbePass:
             probes=self._own,
         )
 
-    def _mask(self, left_out: Collection[int]) -> NDArray[np.bool_]:
+    def _mask(self, left_out: Collection[int]) -> Bools:
         mask = np.zeros(len(self._buffers.draw_items), dtype=np.bool_)
         mask[list(left_out)] = True
         return mask
@@ -139,9 +139,7 @@ class ProbePass:
         materials = [self._buffers.draw_items[one].material for one in place.surfaces]
         return Gloss.of([value for one in materials for value in lobe_roughnesses(one)])
 
-    def render(
-        self, seen: Collection[int], world_from_objects: Sequence[NDArray[np.float64]]
-    ) -> None:
+    def render(self, seen: Collection[int], world_from_objects: Sequence[Floats]) -> None:
         """Render the probes that items at the given indices reflect.
 
         Tables are bound, and meshes are deformed.
@@ -155,7 +153,7 @@ class ProbePass:
             self._draw(number, world_from_objects)
             self._states[number] = state
 
-    def _draw(self, number: int, world_from_objects: Sequence[NDArray[np.float64]]) -> None:
+    def _draw(self, number: int, world_from_objects: Sequence[Floats]) -> None:
         world_from_probe = np.eye(4)
         world_from_probe[:3, 3] = self._center_m(self._places[number], world_from_objects)
         if self._programs.shadows is not None:
@@ -188,10 +186,7 @@ class ProbePass:
         return is_fixed and self._has_moving and self._programs.shadows is None
 
     def _copy_static(
-        self,
-        number: int,
-        world_from_probe: NDArray[np.float64],
-        world_from_objects: Sequence[NDArray[np.float64]],
+        self, number: int, world_from_probe: Floats, world_from_objects: Sequence[Floats]
     ) -> None:
         """Copy the static opaque items, drawn once, into the atlas."""
         atlas = self._colors, self._depths
@@ -213,9 +208,7 @@ class ProbePass:
         else:
             copy_textures(dict(zip(self._static[number], atlas, strict=True)))
 
-    def _center_m(
-        self, place: ProbePlace, world_from_objects: Sequence[NDArray[np.float64]]
-    ) -> NDArray[np.float64]:
+    def _center_m(self, place: ProbePlace, world_from_objects: Sequence[Floats]) -> Floats:
         """Viewpoint (3,) of a probe, world."""
         center_m = place.center_m
         if place.deforming is not None:
@@ -229,11 +222,11 @@ class ProbePass:
     def connect(
         self,
         programs: Collection[SurfaceProgram],
-        viewpoint_m: NDArray[np.float64],
-        world_from_objects: Sequence[NDArray[np.float64]],
+        viewpoint_m: Floats,
+        world_from_objects: Sequence[Floats],
     ) -> None:
         """Set the probes of items, relative to a viewpoint (3,), in the programs, and bind them."""
-        probes: dict[int, NDArray[np.float32]] = {}
+        probes: dict[int, Floats32] = {}
         for number, place in enumerate(self._places):
             center_m = self._center_m(place, world_from_objects) - viewpoint_m
             probe = np.array((*center_m, number), dtype=np.float32)

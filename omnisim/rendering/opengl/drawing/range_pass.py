@@ -9,7 +9,7 @@ from itertools import pairwise
 import moderngl
 import numpy as np
 
-from omnisim.core.array_types import Float64s
+from omnisim.core.arrays import Floats
 from omnisim.core.world import ObjectPart, Poses
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
@@ -60,7 +60,7 @@ class RangePass:
     def __init__(
         self,
         buffers: SceneBuffers,
-        angles_rad: Float64s,
+        angles_rad: Floats,
         max_range_m: float = math.inf,
         hidden: Collection[ObjectPart] = (),
     ):
@@ -109,7 +109,7 @@ class RangePass:
             self._table[name] = values
         self._items = written_buffer(context, self._table.nbytes)
 
-    def cast(self, world_from_scanner: Float64s, world_from_objects: Poses = ()) -> Float64s:
+    def cast(self, world_from_scanner: Floats, world_from_objects: Poses = ()) -> Floats:
         """Ranges (n,) in m from a pose (4, 4), with the objects at their poses; +inf: no hit."""
         buffers = self._buffers
         buffers.deform(world_from_objects)

@@ -9,7 +9,7 @@ from typing import Generic, TypeVar
 import moderngl
 import numpy as np
 
-from omnisim.core.array_types import Float32s, Indices
+from omnisim.core.arrays import Floats32, Indices
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem, InstanceTransforms
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.geometry.vertex_format import vertex_array
@@ -30,7 +30,7 @@ class ItemProgram:
         self._record = find_uniform(program, "u_record")
 
     def set_matrices(
-        self, clip_from_mesh: Float32s, viewpoint_from_mesh: Float32s, normal_from_mesh: Float32s
+        self, clip_from_mesh: Floats32, viewpoint_from_mesh: Floats32, normal_from_mesh: Floats32
     ) -> None:
         """Set the matrices (4, 4) and (3, 3), column-major, that the next draw calls need."""
         if self._clip_from_mesh is not None:
@@ -159,7 +159,7 @@ class SceneDrawer(Generic[P]):
             columns_first(transforms.normal_from_mesh),
         )
 
-    def draw_item(self, index: int, clip_from_mesh: Float32s) -> None:
+    def draw_item(self, index: int, clip_from_mesh: Floats32) -> None:
         """Draw an item with its matrix (4, 4), column-major."""
         item, program = self._items[index], self._programs[index]
         viewpoint_from_mesh, normal_from_mesh = self._transforms

@@ -11,9 +11,8 @@ from typing import Protocol
 
 import moderngl
 import numpy as np
-from numpy.typing import NDArray
 
-from omnisim.core.array_types import Float64s, Indices, Mask
+from omnisim.core.arrays import Bools, Floats, Indices
 from omnisim.core.world import ObjectPart, time_of
 from omnisim.rendering.camera.quality import DEFAULT_MIRRORS, DEFAULT_PROBES
 from omnisim.rendering.opengl.atlas.tile_plan import PosedViews, TilePlan, TileViews, clips_from_rig
@@ -56,7 +55,7 @@ class SceneParts(Enum):
     STATIC = "static"
     MOVING = "moving"
 
-    def mask(self, items: Sequence[DrawItem]) -> Mask:
+    def mask(self, items: Sequence[DrawItem]) -> Bools:
         """Mask (items,) of the parts' items."""
         if self is SceneParts.ALL:
             return np.ones(len(items), dtype=np.bool_)
@@ -169,7 +168,7 @@ class TileRenderer:
             clips_from_tiles = clips_from_rig(plan, *self._depths_m)
             self._cluster_views.use_tiles(clips_from_tiles, plan.rectangles_px)
 
-    def select(self, left_out: Mask, parts: SceneParts = SceneParts.ALL) -> None:
+    def select(self, left_out: Bools, parts: SceneParts = SceneParts.ALL) -> None:
         """Select items to draw; clusters of static items show all of them, or none.
 
         Args:
@@ -209,8 +208,8 @@ class TileRenderer:
     def draw(
         self,
         target: moderngl.Framebuffer,
-        world_from_rig: Float64s,
-        world_from_objects: Sequence[Float64s],
+        world_from_rig: Floats,
+        world_from_objects: Sequence[Floats],
         drawer: SceneDrawer[P],
     ) -> None:
         """Draw the clusters of all tiles, then the items.
@@ -227,8 +226,8 @@ class TileRenderer:
     def draw_one_by_one(
         self,
         target: moderngl.Framebuffer,
-        world_from_rig: Float64s,
-        world_from_objects: Sequence[Float64s],
+        world_from_rig: Floats,
+        world_from_objects: Sequence[Floats],
         drawer: SceneDrawer[P],
     ) -> None:
         """Draw the items of all tiles, after the clusters."""
@@ -242,8 +241,8 @@ class TileRenderer:
     def draw_clusters(
         self,
         target: moderngl.Framebuffer,
-        worlds_from_rigs: Float64s,
-        worlds_from_objects: Float64s | Sequence[Float64s],
+        worlds_from_rigs: Floats,
+        worlds_from_objects: Floats | Sequence[Floats],
     ) -> None:
         """Draw the clusters of all tiles, for one camera or several, see `Views.write`."""
         if self.culler is not None:
@@ -302,8 +301,8 @@ class Probes(Protocol):
     def connect(
         self,
         programs: Collection[SurfaceProgram],
-        viewpoint_m: NDArray[np.float64],
-        world_from_objects: Sequence[NDArray[np.float64]],
+        viewpoint_m: Floats,
+        world_from_objects: Sequence[Floats],
     ) -> None:
         """Set the probes of items, relative to a viewpoint (3,), in the programs, and bind them."""
 
@@ -392,7 +391,7 @@ class SceneView:
         self.programs.add(program)
         return program
 
-    def _item_drawer(self, items: NDArray[np.intp]) -> SceneDrawer[SurfaceProgram]:
+    def _item_drawer(self, items: Indices) -> SceneDrawer[SurfaceProgram]:
         """Drawer of items (n,) one by one."""
         return SceneDrawer(
             self._buffers, items, self._find_item_program, {}, is_mirrored=self._is_mirrored
@@ -412,16 +411,14 @@ class SceneView:
         program = self._program(variant).program
         return BlendedDrawer(self._buffers.context, geometry, culler, items, program)
 
-    def select(self, left_out: NDArray[np.bool_], parts: SceneParts = SceneParts.ALL) -> None:
+    def select(self, left_out: Bools, parts: SceneParts = SceneParts.ALL) -> None:
         """Select what to draw, see `TileRenderer.select`; blended items of all parts are drawn."""
         self._blended = self._all_blended[~left_out[self._all_blended]]
         self._unsorted = self._all_unsorted[~left_out[self._all_unsorted]]
         self._has_all_sorted = not left_out[self._sorted].any()
         self.tiles.select(left_out, parts)
 
-    def sorts_blended(
-        self, viewpoint_m: NDArray[np.float64], world_from_objects: Sequence[NDArray[np.float64]]
-    ) -> bool:
+    def sorts_blended(self, viewpoint_m: Floats, world_from_objects: Sequence[Floats]) -> bool:
         """True if the GPU sorts all that the blended items show to a viewpoint (3,), world."""
         showing = self._buffers.showing(self._unsorted, viewpoint_m, world_from_objects)
         return self._has_all_sorted and next(showing, None) is None
@@ -429,8 +426,8 @@ class SceneView:
     def draw_opaque(
         self,
         target: moderngl.Framebuffer,
-        world_from_rig: NDArray[np.float64],
-        world_from_objects: Sequence[NDArray[np.float64]],
+        world_from_rig: Floats,
+        world_from_objects: Sequence[Floats],
     ) -> None:
         """Draw the selected opaque items alone; arguments and conditions as of `draw`."""
         for program in self.programs:
@@ -441,8 +438,8 @@ class SceneView:
     def add_one_by_one(
         self,
         target: moderngl.Framebuffer,
-        world_from_rig: NDArray[np.float64],
-        world_from_objects: Sequence[NDArray[np.float64]],
+        world_from_rig: Floats,
+        world_from_objects: Sequence[Floats],
     ) -> None:
         """Draw the selected opaque items outside of clusters, over a drawn view of this pose."""
         with self._state.drawing():
@@ -451,9 +448,9 @@ class SceneView:
     def draw(
         self,
         target: moderngl.Framebuffer,
-        world_from_rig: NDArray[np.float64],
-        world_from_objects: Sequence[NDArray[np.float64]],
-        mirror: NDArray[np.float64] | None = None,
+        world_from_rig: Floats,
+        world_from_objects: Sequence[Floats],
+        mirror: Floats | None = None,
     ) -> None:
         """Draw from a pose (4, 4) onto the bound target; `mirror`: see `SurfaceProgram.set_mirror`.
 
@@ -485,10 +482,7 @@ class SceneView:
                     self.blended_drawer.draw()
 
     def draw_layers(
-        self,
-        target: moderngl.Framebuffer,
-        worlds_from_rigs: Float64s,
-        worlds_from_objects: Float64s,
+        self, target: moderngl.Framebuffer, worlds_from_rigs: Floats, worlds_from_objects: Floats
     ) -> None:
         """Draw from poses (n, 4, 4) of rigs and (n, objects, 4, 4), one layer of the target each.
 
@@ -516,8 +510,8 @@ class SceneView:
     def _draw_back_to_front(
         self,
         target: moderngl.Framebuffer,
-        world_from_rig: NDArray[np.float64],
-        world_from_objects: Sequence[NDArray[np.float64]],
+        world_from_rig: Floats,
+        world_from_objects: Sequence[Floats],
         drawer: SceneDrawer[SurfaceProgram],
     ) -> None:
         """Sort visible blended items, and their triangles, back to front; draw them one by one."""

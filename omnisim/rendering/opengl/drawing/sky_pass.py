@@ -5,7 +5,7 @@ from __future__ import annotations
 import moderngl
 import numpy as np
 
-from omnisim.core.array_types import Float64s
+from omnisim.core.arrays import Floats
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan, clips_from_rig
 from omnisim.rendering.opengl.gl.buffers import written_buffer
 from omnisim.rendering.opengl.gl.shader_files import build_program
@@ -49,7 +49,7 @@ class SkyPass:
         self._instances["scale"] = scale
         self._instances["shift"] = 2.0 * plan.rectangles_px[:, :2] / atlas_px + scale - 1.0
 
-    def draw(self, worlds_from_rigs: Float64s) -> None:
+    def draw(self, worlds_from_rigs: Floats) -> None:
         """Draw from poses (cameras, 4, 4), with the state of `GlState.drawing`; keep the depth."""
         instances = self._instances[: len(worlds_from_rigs)]
         directions = worlds_from_rigs[:, None, :3, :3] @ self._rig_from_corners

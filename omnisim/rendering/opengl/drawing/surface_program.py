@@ -11,7 +11,7 @@ import moderngl
 import numpy as np
 from numpy.typing import ArrayLike
 
-from omnisim.core.array_types import Float32s, Float64s
+from omnisim.core.arrays import Floats, Floats32
 from omnisim.core.errors import GraphicsError
 from omnisim.core.world import Poses
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
@@ -55,16 +55,16 @@ class ShadowSource(Protocol):
         """Defines of programs that look up shadows."""
 
     @property
-    def anchor_m(self) -> Float64s:
+    def anchor_m(self) -> Floats:
         """Origin (3,) of the maps, world."""
 
-    def are_shared(self, poses: Sequence[tuple[Float64s, Sequence[Float64s]]]) -> bool:
+    def are_shared(self, poses: Sequence[tuple[Floats, Sequence[Floats]]]) -> bool:
         """Tell whether poses of rigs and of the dynamic objects all share their maps."""
 
     def connect(self, program: moderngl.Program) -> None:
         """Set the samplers and blocks of a program that looks up shadows."""
 
-    def prepare(self, viewpoint_m: Float64s, world_from_objects: Poses) -> None:
+    def prepare(self, viewpoint_m: Floats, world_from_objects: Poses) -> None:
         """Draw the maps that a frame from a viewpoint (3,), world, needs, and bind them."""
 
 
@@ -265,7 +265,7 @@ class SurfaceProgram(ItemProgram):
         self._mirror = find_uniform(program, "u_mirror")
         self._mirror_spread = find_uniform(program, "u_mirror_spread")
         self._probe = find_uniform(program, "u_probe")
-        self._probes: Mapping[int, Float32s] = {}
+        self._probes: Mapping[int, Floats32] = {}
         self._glass = find_uniform(program, "u_glass")
         self._glass_absorption = find_uniform(program, "u_glass_absorption_per_m")
         self._slab_normal = find_uniform(program, "u_slab_normal")
@@ -279,7 +279,7 @@ class SurfaceProgram(ItemProgram):
                 irradiance = lighting.environment.irradiance.astype(np.float32)
                 set_uniforms(program, {"u_irradiance": irradiance})
 
-    def set_viewpoint(self, viewpoint_m: Float64s) -> None:
+    def set_viewpoint(self, viewpoint_m: Floats) -> None:
         """Set the viewpoint (3,), world: positions of lights and shadow maps are relative to it."""
         if self._light_positions is not None:
             positions_m = self._light_positions_m - viewpoint_m
@@ -291,7 +291,7 @@ class SurfaceProgram(ItemProgram):
             offset_m = viewpoint_m - self._baked.probes.origin_m
             self._probes_viewpoint.write(offset_m.astype(np.float32))
 
-    def set_mirrors(self, planes: Float64s, plan: TilePlan, world_from_rig: Float64s) -> None:
+    def set_mirrors(self, planes: Floats, plan: TilePlan, world_from_rig: Floats) -> None:
         """Set the planes (n, 4) of the mirrors of a rig's pose (4, 4): normals and heights."""
         if self._rig_from_world is not None:
             self._rig_from_world.write(columns_first(world_from_rig[:3, :3].T))
@@ -301,19 +301,19 @@ class SurfaceProgram(ItemProgram):
             padded[: len(planes)] = planes
             self._mirror_planes.write(padded)
 
-    def set_mirror(self, plane: Float64s) -> None:
+    def set_mirror(self, plane: Floats) -> None:
         """Set the plane (5,) of a mirrored view: unit normal, viewpoint's height, facets' slope."""
         if self._mirror is not None:
             self._mirror.write(plane[:4].astype(np.float32))
         if self._mirror_spread is not None:
             self._mirror_spread.write(plane[4:].astype(np.float32))
 
-    def set_probes(self, probes: Mapping[int, Float32s]) -> None:
+    def set_probes(self, probes: Mapping[int, Floats32]) -> None:
         """Set the probes (4,) of items, by their identity: center, viewpoint frame; and index."""
         self._probes = probes
 
     def set_matrices(
-        self, clip_from_mesh: Float32s, viewpoint_from_mesh: Float32s, normal_from_mesh: Float32s
+        self, clip_from_mesh: Floats32, viewpoint_from_mesh: Floats32, normal_from_mesh: Floats32
     ) -> None:
         """Set the matrices (4, 4) and (3, 3), column-major, for the next draw call."""
         super().set_matrices(clip_from_mesh, viewpoint_from_mesh, normal_from_mesh)
@@ -375,7 +375,7 @@ class SurfacePrograms:
         self._programs: dict[tuple[SurfaceVariant, tuple[str, ...]], SurfaceProgram] = {}
 
     @property
-    def positions_m(self) -> Float64s:
+    def positions_m(self) -> Floats:
         """Positions (n, 3) that are set relative to the viewpoint, in world axes.
 
         The punctual lights, the origin of the shadow maps, and the first probe of baked light.

@@ -19,7 +19,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.core.array_types import Float32s, Float64s, Indices, Int32s, Mask, UInt32s
+from omnisim.core.arrays import Bools, Floats, Floats32, Indices, Ints32, Uints32
 from omnisim.rendering.opengl.culling.cluster_culling import ClusterBuffers
 from omnisim.rendering.opengl.culling.clusters import (
     MAX_COPIED_TRIANGLES,
@@ -54,11 +54,11 @@ class Shading(Enum):
 
 def shadings(
     vertices: NDArray[np.void],
-    vertex_normals: Float32s,
-    triangles: UInt32s,
+    vertex_normals: Floats32,
+    triangles: Uints32,
     lighting: Lighting,
-    static: Mask,
-) -> tuple[NDArray[np.int8], Float32s]:
+    static: Bools,
+) -> tuple[NDArray[np.int8], Floats32]:
     """Classify triangles by shading; compute the normals of those whose light can be baked.
 
     Args:
@@ -74,7 +74,7 @@ def shadings(
     units = _units(vertex_normals)
     corners = triangles.T
     origins, seconds, thirds = (np.take(positions, corner, axis=0) for corner in corners)
-    fronts: Float32s = np.cross(seconds - origins, thirds - origins)
+    fronts: Floats32 = np.cross(seconds - origins, thirds - origins)
     normals, second, third = (np.take(units, corner, axis=0) for corner in corners)
     agree = _dot(normals, fronts) > 0.0
     agree &= _dot(second, fronts) > 0.0
@@ -84,7 +84,7 @@ def shadings(
         return values, normals
     bend = np.maximum(_squared(second - normals), _squared(third - normals))
     baked = agree & (bend < _SAME_NORMAL**2)
-    has_normal: Mask = np.any(units, axis=1)
+    has_normal: Bools = np.any(units, axis=1)
     if not has_normal.all():
         none = ~has_normal[triangles].any(axis=1)
         normals[none] = _units(fronts[none])
@@ -99,7 +99,7 @@ def shadings(
     return values, normals
 
 
-def bake_directional_light(normals: Float32s, lighting: Lighting) -> Float32s:
+def bake_directional_light(normals: Floats32, lighting: Lighting) -> Floats32:
     """Light on white surfaces, linear RGB (n, 3), for unit world normals (n, 3).
 
     Twin of shaders/scene/lighting.glsl without punctual lights.
@@ -113,16 +113,16 @@ def bake_directional_light(normals: Float32s, lighting: Lighting) -> Float32s:
     return total.astype(np.float32)
 
 
-def _dot(one: Float32s, other: Float32s) -> Float32s:
+def _dot(one: Floats32, other: Floats32) -> Floats32:
     """Dot products (n,) of vectors (n, 3)."""
     return np.einsum("nc,nc->n", one, other)
 
 
-def _squared(vectors: Float32s) -> Float32s:
+def _squared(vectors: Floats32) -> Floats32:
     return _dot(vectors, vectors)
 
 
-def _units(vectors: Float32s) -> Float32s:
+def _units(vectors: Floats32) -> Floats32:
     """Normalize vectors (n, 3); zero vectors stay zero."""
     lengths = np.sqrt(_squared(vectors))[:, None]
     return np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0.0)
@@ -149,12 +149,12 @@ class ClusteredGeometry:
     """Instances of opaque and masked materials, see `build_clustered_geometry`."""
 
     buckets: tuple[Bucket, ...]  # buckets in the order of the hierarchy
-    anchor_m: Float64s  # (3,) float64 world position of the origin of object 0, the static geometry
+    anchor_m: Floats  # (3,) float64 world position of the origin of object 0, the static geometry
     objects: int  # number of objects: the static one and the dynamic ones
     # clusters of one bucket and one object each; it orders the triangles of all contained draw
     # items
     hierarchy: ClusterHierarchy
-    contains: Mask  # (items,), mask of the scene's draw items in here
+    contains: Bools  # (items,), mask of the scene's draw items in here
     vertices: moderngl.Buffer  # buffer of `CLUSTER_VERTEX`, in the frames of their objects
     normals: moderngl.Buffer | None  # buffer of their normals, 3 floats each; None: no mesh has any
     palette: moderngl.Texture  # texture of their palette
@@ -169,7 +169,7 @@ class ClusteredGeometry:
     light_coordinates: moderngl.Buffer | None
 
     @cached_property
-    def triangles(self) -> UInt32s:
+    def triangles(self) -> Uints32:
         """Vertex indices (m, 3) of all triangles, cluster by cluster, hidden or not."""
         return np.frombuffer(read_buffer(self.indices), dtype="<u4").reshape(-1, 3)
 
@@ -179,7 +179,7 @@ class ClusteredGeometry:
         return len(self.hierarchy.order)
 
     @cached_property
-    def item_of_triangle(self) -> Int32s:
+    def item_of_triangle(self) -> Ints32:
         """Draw item (m,) of each triangle, cluster by cluster."""
         items = np.flatnonzero(self.contains).astype(np.int32)
         return np.repeat(items, self.triangles_of_item)[self.hierarchy.order]
@@ -191,7 +191,7 @@ class ClusteredGeometry:
         number = np.searchsorted(ends, self.hierarchy.order[self.clusters.first], side="right")
         return np.flatnonzero(self.contains)[number]
 
-    def show(self, shown: Mask) -> None:
+    def show(self, shown: Bools) -> None:
         """Show the selected draw items (items,) only."""
         is_shown = shown[self.item_of_triangle]
         self.indices.write(np.where(is_shown[:, None], self.triangles, np.uint32(0)))
@@ -201,7 +201,7 @@ class ClusteredGeometry:
         """Clusters of the hierarchy."""
         return self.hierarchy.clusters
 
-    def shown_clusters(self, shown: Mask) -> Mask:
+    def shown_clusters(self, shown: Bools) -> Bools:
         """Mask (clusters,) of the clusters of shown draw items (items,); static items stay."""
         return shown[self.item_of_cluster]
 
@@ -284,8 +284,8 @@ def _details(context: moderngl.Context, items: Sequence[DrawItem]) -> moderngl.T
 
 
 def _buckets(
-    items: Sequence[DrawItem], item_of_triangle: Int32s, shading_of_triangle: NDArray[np.int8]
-) -> tuple[tuple[Bucket, ...], Int32s]:
+    items: Sequence[DrawItem], item_of_triangle: Ints32, shading_of_triangle: NDArray[np.int8]
+) -> tuple[tuple[Bucket, ...], Ints32]:
     """Buckets, and the bucket index of each triangle (n,)."""
     kinds = len(Shading) * item_of_triangle + shading_of_triangle
     of_kind: dict[int, Bucket] = {}
@@ -318,7 +318,7 @@ def _state_order(bucket: Bucket) -> tuple[object, ...]:
     )  # fmt: skip
 
 
-def _contained(items: Sequence[DrawItem], anchor_m: Float64s, alone: Collection[int]) -> Mask:
+def _contained(items: Sequence[DrawItem], anchor_m: Floats, alone: Collection[int]) -> Bools:
     contained = np.zeros(len(items), dtype=np.bool_)
     meshes = set[int]()  # ids of those that are contained
     copied = 0
@@ -367,13 +367,13 @@ class ShadedTriangles(NamedTuple):
     vertices: moderngl.Buffer  # buffer of `CLUSTER_VERTEX`
     normals: moderngl.Buffer | None  # buffer of the vertices' normals; None: no mesh has any
     palette: VertexPalette  # palette of the vertices
-    triangles: UInt32s  # (m, 3) indices of the vertices
-    corners: Float32s  # (m, 3, 3) positions of the three corners per triangle
+    triangles: Uints32  # (m, 3) indices of the vertices
+    corners: Floats32  # (m, 3, 3) positions of the three corners per triangle
     shading: NDArray[np.int8]  # (m,) values of `Shading`
 
 
 def shaded_triangles(
-    context: moderngl.Context, items: Sequence[DrawItem], anchor_m: Float64s, lighting: Lighting
+    context: moderngl.Context, items: Sequence[DrawItem], anchor_m: Floats, lighting: Lighting
 ) -> ShadedTriangles:
     """Triangles of items, relative to the anchor (3,), with light baked in where it can be."""
     total = sum(item.triangles for item in items)
@@ -440,10 +440,10 @@ def _batches(items: Sequence[DrawItem]) -> Iterator[list[DrawItem]]:
 def _shading(
     items: Sequence[DrawItem],
     vertices: NDArray[np.void],
-    vertex_normals: Float32s,
-    triangles: UInt32s,
+    vertex_normals: Floats32,
+    triangles: Uints32,
     lighting: Lighting,
-) -> tuple[NDArray[np.int8], Float32s]:
+) -> tuple[NDArray[np.int8], Floats32]:
     """Values (m,) of `Shading`, and unit normals (m, 3), valid for baked triangles."""
     item_of_triangle = np.repeat(
         np.arange(len(items), dtype=np.int32), [item.triangles for item in items]
@@ -465,11 +465,8 @@ def _shading(
 
 
 def object_triangles(
-    items: Sequence[DrawItem],
-    anchor_m: Float64s,
-    palette: VertexPalette,
-    kinds: Sequence[float] = (),
-) -> tuple[NDArray[np.void], Float32s, UInt32s]:
+    items: Sequence[DrawItem], anchor_m: Floats, palette: VertexPalette, kinds: Sequence[float] = ()
+) -> tuple[NDArray[np.void], Floats32, Uints32]:
     """Vertices (n,) of type `CLUSTER_VERTEX`, their normals (n, 3), and triangles (m, 3) of items.
 
     Vertices of dynamic objects are in the object's frame, static ones relative to the anchor.
@@ -506,9 +503,9 @@ def object_triangles(
 
 def _bake(
     vertices: NDArray[np.void],
-    triangles: UInt32s,
-    baked: Mask,
-    lights: Float32s,
+    triangles: Uints32,
+    baked: Bools,
+    lights: Floats32,
     first_copy: int,
     palette: VertexPalette,
 ) -> NDArray[np.void]:

@@ -10,8 +10,7 @@ from typing import NamedTuple
 import moderngl
 import numpy as np
 
-from omnisim.core.array_types import Float64s, Indices, Mask
-from omnisim.core.arrays import bounds_of
+from omnisim.core.arrays import Bools, Floats, Indices, bounds_of
 from omnisim.rendering.opengl.atlas.tile_plan import PosedViews
 from omnisim.rendering.opengl.materials.scene_textures import MaterialTexture
 from omnisim.scene.model import Material, Mesh
@@ -63,12 +62,12 @@ class DrawItem:
     base: int  # first vertex of its mesh in the vertex buffer
     material: Material  # material of the mesh
     texture_layer: MaterialTexture  # textures of the material on this mesh
-    object_from_mesh: Float64s  # (4, 4) float64, to the world or the dynamic object's frame
+    object_from_mesh: Floats  # (4, 4) float64, to the world or the dynamic object's frame
     # (3, 3) cofactors of its linear part, signed to keep normals outward
-    normal_from_mesh: Float64s
+    normal_from_mesh: Floats
     flips_winding: bool  # True if the transform reverses the winding of triangles
     # bounding sphere in the world or the dynamic object's frame
-    center_m: Float64s
+    center_m: Floats
     radius_m: float
     light: LightSource = LightSource.COMPUTED  # source of the light on it
     # lightmap rectangles of front and back; empty without a lightmap
@@ -80,11 +79,11 @@ class DrawItem:
         return self.count // 3
 
     @cached_property
-    def triangle_centers(self) -> Float64s:
+    def triangle_centers(self) -> Floats:
         """Centers (triangles, 3) of the triangles at rest, in the mesh's frame."""
         return self.mesh.positions[self.mesh.triangles].mean(axis=1, dtype=np.float64)
 
-    def is_near(self, anchor_m: Float64s) -> bool:
+    def is_near(self, anchor_m: Floats) -> bool:
         """True if float32 coordinates on the item are right to 0.1 mm.
 
         Positions are relative to its object's origin; for static items, to the anchor (3,).
@@ -110,7 +109,7 @@ class DrawItem:
         return Sphere(linear @ center + self.object_from_mesh[:3, 3], scale * radius)
 
     @cached_property
-    def _front_planes(self) -> Float64s:
+    def _front_planes(self) -> Floats:
         """Planes (n, 4) of the fronts: unit normals and offsets, world or its object's."""
         positions_m = self.mesh.positions @ self.object_from_mesh[:3, :3].T
         positions_m += self.object_from_mesh[:3, 3]
@@ -123,7 +122,7 @@ class DrawItem:
         offsets_m = -np.einsum("nc,nc->n", normals, first_m)
         return np.column_stack((normals, offsets_m))[lengths > 0.0]
 
-    def shows(self, viewpoint_m: Float64s) -> bool:
+    def shows(self, viewpoint_m: Floats) -> bool:
         """False if nothing of the item is visible: all of its triangles turn away.
 
         True for large meshes, whatever they show, since the search takes time in each frame.
@@ -170,12 +169,12 @@ class DrawItem:
 class InstanceTransforms(NamedTuple):
     """Transforms of all draw items to the viewpoint frame, for one image."""
 
-    viewpoint_from_mesh: Float64s  # (n, 4, 4) matrices
-    normal_from_mesh: Float64s  # (n, 3, 3), see `DrawItem`
+    viewpoint_from_mesh: Floats  # (n, 4, 4) matrices
+    normal_from_mesh: Floats  # (n, 3, 3), see `DrawItem`
     # (n, 3) and (n,) bounding spheres
-    centers_m: Float64s
-    radii_m: Float64s
+    centers_m: Floats
+    radii_m: Floats
 
-    def seen_in(self, views: PosedViews, items: Indices) -> Mask:
+    def seen_in(self, views: PosedViews, items: Indices) -> Bools:
         """Mask (tiles, n) of the items (n,) whose bounding spheres may be in view."""
         return views.cull(self.centers_m[items], self.radii_m[items])

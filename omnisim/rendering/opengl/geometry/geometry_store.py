@@ -12,7 +12,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.core.array_types import UInt32s
+from omnisim.core.arrays import Uints32
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem
 from omnisim.rendering.opengl.geometry.vertex_records import (
     VERTEX,
@@ -183,7 +183,7 @@ def _vertices(mesh: Mesh) -> NDArray[np.void]:
     return vertices
 
 
-def _indices(one: IndexRange) -> UInt32s:
+def _indices(one: IndexRange) -> Uints32:
     """Indices of a range, as indices into the vertex buffer."""
     return (one.mesh.triangles.ravel() + np.uint32(one.base)).astype("<u4")
 

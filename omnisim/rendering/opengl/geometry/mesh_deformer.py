@@ -8,7 +8,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.core.array_types import Float32s, UInt32s
+from omnisim.core.arrays import Floats32, Uints32
 from omnisim.core.errors import GraphicsError
 from omnisim.rendering.opengl.geometry.geometry_store import IndexRange
 from omnisim.rendering.opengl.geometry.triangle_table import TriangleTable
@@ -108,7 +108,7 @@ class MeshDeformer:
         )
         self._copied = table, time_s
 
-    def _state(self, time_s: float) -> tuple[Float32s, Float32s]:
+    def _state(self, time_s: float) -> tuple[Floats32, Floats32]:
         """Rows (joints, 3, 4) of all joint transforms, and weights (n,) of all morph targets."""
         matrices = [one.matrices_at(time_s)[:, :3] for one in self._deformations]
         weights = [np.zeros(1), *(one.weights_at(time_s) for one in self._deformations)]
@@ -147,7 +147,7 @@ def _tables(
     return np.concatenate(bounds), np.concatenate(offsets)
 
 
-def _corners(one: IndexRange) -> UInt32s:
+def _corners(one: IndexRange) -> Uints32:
     """Entries (n, 2) of a range in the table of triangles, and their vertices."""
     vertices = one.mesh.triangles.ravel() + np.uint32(one.base)
     entries = one.first + np.arange(len(vertices))

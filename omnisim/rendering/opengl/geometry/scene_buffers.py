@@ -12,8 +12,7 @@ from functools import cached_property
 import moderngl
 import numpy as np
 
-from omnisim.core.array_types import Float64s, Indices, Mask
-from omnisim.core.arrays import bounds_of
+from omnisim.core.arrays import Bools, Floats, Indices, bounds_of
 from omnisim.core.errors import GraphicsError
 from omnisim.core.world import ObjectPart, Poses, time_of
 from omnisim.rendering.camera.quality import MAX_PROBES
@@ -113,7 +112,7 @@ class SceneBuffers:
             self.__dict__.pop(name, None)
         self._find_mirrors(np.ones(len(items), dtype=np.bool_))
 
-    def _find_mirrors(self, possible: Mask) -> None:
+    def _find_mirrors(self, possible: Bools) -> None:
         """Find planar mirrors, panes and reflection probes among the possible items (n,)."""
         self.mirrors: tuple[MirrorPlane, ...] = ()
         self.pane_mirrors: tuple[MirrorPlane, ...] = ()
@@ -143,7 +142,7 @@ class SceneBuffers:
         self.deforming = np.flatnonzero([item.mesh.deformation is not None for item in items])
         self._deformer: MeshDeformer | None = None
         self._posed: tuple[bytes, InstanceTransforms] | None = None  # poses of objects, and world
-        self._deformed_spheres: tuple[float, Float64s, Float64s] | None = None
+        self._deformed_spheres: tuple[float, Floats, Floats] | None = None
 
     @property
     def is_matte(self) -> bool:
@@ -232,7 +231,7 @@ class SceneBuffers:
             del self.triangles
 
     def instance_transforms(
-        self, viewpoint_m: Float64s, world_from_objects: Poses = ()
+        self, viewpoint_m: Floats, world_from_objects: Poses = ()
     ) -> InstanceTransforms:
         """Transforms of the items to the frame of a viewpoint (3,), world."""
         posed = self._world_transforms(world_from_objects)
@@ -284,7 +283,7 @@ class SceneBuffers:
         self._deformer.run(time_of(world_from_objects), self._store.allocated[0], table)
 
     def showing(
-        self, items: Indices, viewpoint_m: Float64s, world_from_objects: Poses
+        self, items: Indices, viewpoint_m: Floats, world_from_objects: Poses
     ) -> Iterator[int]:
         """Items, among indices (n,), that show something to a viewpoint (3,), world, anywhere."""
         for index in items.tolist():
@@ -300,17 +299,17 @@ class SceneBuffers:
         far_m = np.linalg.norm(transforms.centers_m[items], axis=1) + transforms.radii_m[items]
         return items[np.argsort(far_m, kind="stable")]
 
-    def shown(self, hidden: Collection[ObjectPart] = ()) -> Mask:
+    def shown(self, hidden: Collection[ObjectPart] = ()) -> Bools:
         """Mask (n,) of the items, without hidden parts of dynamic objects."""
         parts = [(item.object_index, item.name) for item in self.draw_items]
         return self._is_drawn & np.array([part not in hidden for part in parts], dtype=np.bool_)
 
-    def shown_one_by_one(self, hidden: Collection[ObjectPart] = ()) -> Mask:
+    def shown_one_by_one(self, hidden: Collection[ObjectPart] = ()) -> Bools:
         """Mask (n,) of visible items outside of the clustered geometry."""
         return self.shown(hidden) & ~self._static_mask
 
     @property
-    def _static_mask(self) -> Mask:
+    def _static_mask(self) -> Bools:
         """Mask (n,) of items inside the clustered geometry."""
         mask = np.zeros(len(self.draw_items), dtype=np.bool_)
         if self.clustered_geometry is not None:
@@ -350,7 +349,7 @@ class SceneBuffers:
             )
 
     def sort_triangles(
-        self, item: DrawItem, viewpoint_from_mesh: Float64s, time_s: float = 0.0
+        self, item: DrawItem, viewpoint_from_mesh: Floats, time_s: float = 0.0
     ) -> None:
         """Sort the indices of a blended item's triangles back to front.
 
@@ -371,7 +370,9 @@ class SceneBuffers:
         )
 
 
-def _changed(scene: Scene, items: Sequence[DrawItem], static: Mask) -> tuple[list[Instance], Mask]:
+def _changed(
+    scene: Scene, items: Sequence[DrawItem], static: Bools
+) -> tuple[list[Instance], Bools]:
     """Instances without an item, and the mask (n,) of items without an instance."""
     unmatched: dict[tuple[object, ...], list[Instance]] = {}
     for instance in scene.instances:

@@ -8,7 +8,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.core.array_types import Float32s, UInt32s
+from omnisim.core.arrays import Floats32, Uints32
 from omnisim.rendering.opengl.geometry.geometry_store import IndexRange
 from omnisim.rendering.opengl.gl.buffers import written_buffer
 from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
@@ -58,7 +58,7 @@ class TriangleTable:
         return True
 
     def _write(self, ranges: Sequence[IndexRange]) -> None:
-        neighbors_of_mesh: dict[int, UInt32s] = {}
+        neighbors_of_mesh: dict[int, Uints32] = {}
         # whole rows only: the rest of the previous ranges waits
         waiting, row = [self._rest], self._row
         for mesh, first, base, is_blended in ranges:
@@ -160,7 +160,7 @@ def bind_triangles(
 NO_NEIGHBOR = np.uint32(0xFFFFFFFF)
 
 
-def neighbors(positions: Float32s, triangles: UInt32s) -> UInt32s:
+def neighbors(positions: Floats32, triangles: Uints32) -> Uints32:
     """Adjacent triangles (m, 3) beyond the edges opposite to each triangle's corners.
 
     Corners at the same place count as one, even if normals or texture coordinates differ. If more

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import moderngl
 import numpy as np
 
-from omnisim.core.array_types import Float32s, Indices, UInt32s
+from omnisim.core.arrays import Floats32, Indices, Uints32
 from omnisim.rendering.opengl.geometry.vertex_records import CLUSTER_VERTEX, INSTANCE, VERTEX
 from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
@@ -120,16 +120,16 @@ class VertexPalette:
     def __init__(self) -> None:
         self._texels = np.zeros((1 << _ROW_BITS, 4), dtype=np.float32)
         self._used = 0
-        self._indices: dict[tuple[object, ...], UInt32s] = {}
+        self._indices: dict[tuple[object, ...], Uints32] = {}
 
     @property
-    def texels(self) -> Float32s:
+    def texels(self) -> Floats32:
         """Texels (n, 4) of all entries."""
         return self._texels[: self._used]
 
     def add(
-        self, colors: Float32s | None, base_color: Sequence[float], layer: int, cutoff: float
-    ) -> UInt32s:
+        self, colors: Floats32 | None, base_color: Sequence[float], layer: int, cutoff: float
+    ) -> Uints32:
         """Indices of the vertices of a mesh with one material.
 
         Args:
@@ -153,7 +153,7 @@ class VertexPalette:
             self._indices[key] = self._append(entries)[entry]
         return self._indices[key]
 
-    def lit(self, indices: UInt32s, lights: Float32s) -> UInt32s:
+    def lit(self, indices: Uints32, lights: Floats32) -> Uints32:
         """Indices (n,) of entries like others (n,), with lights (n, 3), linear RGB, baked in."""
         if not len(indices):
             return indices
@@ -180,7 +180,7 @@ class VertexPalette:
         with gpu_allocation(f"a palette of {self._used} texels", "make the scene smaller"):
             return texture_2d(context, (1 << _ROW_BITS, rows), 4, padded)
 
-    def _append(self, entries: Float32s) -> UInt32s:
+    def _append(self, entries: Floats32) -> Uints32:
         """Append entries (n, texels, 4), and return their indices (n,)."""
         count, texels, _ = entries.shape
         first, self._used = self._used, self._used + count * texels
@@ -191,7 +191,7 @@ class VertexPalette:
         return np.arange(first, self._used, texels, dtype=np.uint32)
 
 
-def _distinct(rows: UInt32s) -> tuple[Indices, Indices]:
+def _distinct(rows: Uints32) -> tuple[Indices, Indices]:
     """Position of each distinct row of four among rows (n, 4), and the number (n,) of each row."""
     numbers = [
         np.unique(half, return_inverse=True)[1].astype(np.uint64)

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.core.array_types import Float32s
+from omnisim.core.arrays import Floats32
 from omnisim.rendering.opengl.culling.clusters import MAX_COPIED_TRIANGLES
 from omnisim.scene.model import Mesh, Scene
 from omnisim.scene.parts import LightRectangle
@@ -56,7 +56,7 @@ def fill_vertices(vertices: NDArray[np.void], mesh: Mesh) -> None:
 
 def light_coordinates(
     parts: Sequence[tuple[int, Mesh, Sequence[LightRectangle]]], count: int
-) -> Float32s:
+) -> Floats32:
     """Lightmap coordinates (count, 4) of parts, by first vertex; negative: none."""
     places = np.full((count, 4), -1.0, dtype=np.float32)
     for base, mesh, rectangles in parts:

@@ -11,6 +11,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core.arrays import Bytes
 from omnisim.rendering.opengl.gl import debug
 from omnisim.rendering.opengl.gl.functions import gl_function
 from omnisim.rendering.opengl.gl.memory import check_allocation
@@ -46,7 +47,7 @@ def read_buffer(buffer: moderngl.Buffer) -> bytes:
     return content.tobytes()
 
 
-def copy_buffer(buffer: moderngl.Buffer, content: NDArray[np.uint8]) -> None:
+def copy_buffer(buffer: moderngl.Buffer, content: Bytes) -> None:
     """Copy all bytes of any buffer to an array (size,), once the GPU has finished it."""
     read = gl_function("glGetNamedBufferSubData", _ENUM, _SIZE, _SIZE, _POINTER)
     read(buffer.glo, 0, buffer.size, content.ctypes.data)

@@ -16,6 +16,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core.arrays import Bytes
 from omnisim.core.errors import GraphicsError
 from omnisim.rendering.opengl.gl.buffers import copy_buffer, immutable_buffer
 from omnisim.rendering.opengl.gl.functions import Fences, end_pass, flush, gl_function
@@ -66,7 +67,7 @@ class MappedBuffer:
             access = _MAPPED | _CLIENT_STORAGE if self._is_mapped else 0
             self.buffer = immutable_buffer(context, size, access)
             if not self._is_mapped:
-                self.content: NDArray[np.uint8] = np.empty(size, dtype=np.uint8)
+                self.content: Bytes = np.empty(size, dtype=np.uint8)
                 return
             map_range = gl_function(
                 "glMapNamedBufferRange", _ENUM, _SIZE, _SIZE, _ENUM, returns=_POINTER

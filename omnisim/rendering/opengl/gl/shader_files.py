@@ -11,7 +11,7 @@ from pathlib import Path
 import moderngl
 import numpy as np
 
-from omnisim.core.array_types import Float32s, Float64s
+from omnisim.core.arrays import Floats, Floats32
 from omnisim.core.errors import GraphicsError
 from omnisim.core.package_files import SHADERS
 from omnisim.rendering.opengl.gl import debug
@@ -151,6 +151,6 @@ def write_fog(program: moderngl.Program, fog: Fog) -> None:
     )
 
 
-def columns_first(matrices: Float64s) -> Float32s:
+def columns_first(matrices: Floats) -> Floats32:
     """Matrices (..., n, n) as float32 in OpenGL's column-major order."""
     return np.ascontiguousarray(np.swapaxes(matrices, -1, -2), dtype=np.float32)

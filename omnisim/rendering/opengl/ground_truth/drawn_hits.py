@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import moderngl
 import numpy as np
 
-from omnisim.core.array_types import Float32s, Float64s, Mask
+from omnisim.core.arrays import Bools, Floats, Floats32
 from omnisim.core.extras import require_extra
 from omnisim.core.pending import Pending
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits, ThroughHits
@@ -26,11 +26,7 @@ from omnisim.rendering.opengl.gl.gpu_textures import check_image_size, renderbuf
 from omnisim.rendering.opengl.gl.memory import gpu_allocation, slice_length
 from omnisim.rendering.opengl.gl.shader_files import uniform
 from omnisim.rendering.opengl.ground_truth.occlusion_pass import OcclusionPass
-from omnisim.rendering.opengl.ground_truth.ray_hit_pass import (
-    RayHitPass,
-    bind_details,
-    hits_target,
-)
+from omnisim.rendering.opengl.ground_truth.ray_hit_pass import RayHitPass, bind_details, hits_target
 from omnisim.rendering.opengl.ground_truth.visibility_pass import VisibilityLayers, VisibilityPass
 from omnisim.rendering.sensor_tiles import sensor_tiles
 from omnisim.scene.planar_mirrors import specular_mask
@@ -88,7 +84,7 @@ class DrawnHits(HitSource):
         return self.through_caster.cast(poses, hits, self._is_specular, self.draws)
 
     @cached_property
-    def _is_specular(self) -> Mask:
+    def _is_specular(self) -> Bools:
         """Mask (draws,) of glass and mirrors."""
         materials = [item.material for item in self._buffers.draw_items]
         return specular_mask(materials, self._buffers.is_matte)
@@ -133,7 +129,7 @@ class CubeHits(DrawnHits):
         if "_batches" in self.__dict__:
             self._batches.refresh()
 
-    def rays(self) -> Float32s:
+    def rays(self) -> Floats32:
         """Unit rays (height, width, 3), optical frame."""
         return self._pixels.read_rays()[0]
 
@@ -152,8 +148,8 @@ class CubeHits(DrawnHits):
         return HitBatches(self._passes)
 
     def begin_occlusion(
-        self, other: ScenePoses, other_from_current: Float64s, deformed: Hits | None
-    ) -> Pending[Mask]:
+        self, other: ScenePoses, other_from_current: Floats, deformed: Hits | None
+    ) -> Pending[Bools]:
         """Begin to render the occlusion from another viewpoint."""
         if deformed is not None:
             self._passes.put_points(deformed)

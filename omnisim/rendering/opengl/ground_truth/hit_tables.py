@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import moderngl
 import numpy as np
 
-from omnisim.core.array_types import Float64s
+from omnisim.core.arrays import Floats
 from omnisim.rendering.opengl.capture.pixel_map import bind_tiles
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem, InstanceTransforms
 from omnisim.rendering.opengl.geometry.triangle_table import table_texture, write_table
@@ -46,7 +46,7 @@ class HitTables:
         self._texture = table_texture(visibility.buffers.context, entries, "the scene's instances")
         self._batch: moderngl.Texture | None = None
 
-    def bind_program(self, program: moderngl.Program, rig_from_optical: Float64s) -> None:
+    def bind_program(self, program: moderngl.Program, rig_from_optical: Floats) -> None:
         """Set the constant uniforms of a program, with rig_from_optical (3, 3)."""
         visibility = self._visibility
         bind_tiles(program, visibility.plan, rig_from_optical)
@@ -55,7 +55,7 @@ class HitTables:
         depth_limits_m = (visibility.near_m, min(visibility.far_m, 3e38))
         uniform(program, "u_depth_limits_m").value = depth_limits_m
 
-    def update(self, transforms: InstanceTransforms, second_matrices: Float64s) -> None:
+    def update(self, transforms: InstanceTransforms, second_matrices: Floats) -> None:
         """Write each draw item's transform and second matrix (n, 3, 3) or (n, 3, 4), and bind."""
         self._draw_items["viewpoint_from_mesh"] = transforms.viewpoint_from_mesh[:, :3]
         self._draw_items["second_matrix"][..., : second_matrices.shape[-1]] = second_matrices
@@ -66,7 +66,7 @@ class HitTables:
         self,
         ids: moderngl.TextureArray,
         transforms: Sequence[InstanceTransforms],
-        viewpoints_from_optical: Float64s,
+        viewpoints_from_optical: Floats,
     ) -> None:
         """Write draw items, normal matrices and camera rotation of each image, and bind the tables.
 

@@ -170,11 +170,7 @@ class _Sector:
         self._path_m = uniform(program, "u_path_m")
 
     def render(
-        self,
-        one: Slice,
-        target: moderngl.Framebuffer,
-        rays: moderngl.Texture,
-        heading_rad: float,
+        self, one: Slice, target: moderngl.Framebuffer, rays: moderngl.Texture, heading_rad: float
     ) -> None:
         """Draw the hits of a slice's beams."""
         world_from_rig = one.middle.world_from_lidar @ pose_from_rotation(

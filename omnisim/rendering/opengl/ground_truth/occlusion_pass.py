@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Bytes, Floats
 from omnisim.core.pending import Pending
 from omnisim.rendering.opengl.capture.pixel_map import valid_pixels_array
 from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer, use_target
@@ -44,10 +44,10 @@ class OcclusionPass:
 
     def begin(
         self,
-        world_from_rig: NDArray[np.float64],
-        world_from_objects: Sequence[NDArray[np.float64]],
-        next_from_current: NDArray[np.float64],
-    ) -> Pending[NDArray[np.uint8]]:
+        world_from_rig: Floats,
+        world_from_objects: Sequence[Floats],
+        next_from_current: Floats,
+    ) -> Pending[Bytes]:
         """Draw, and start to read; the result is the occlusion, encoded as in occlusion.frag.
 
         Args:

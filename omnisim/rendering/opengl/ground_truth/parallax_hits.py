@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.cameras import Rays
-from omnisim.core.array_types import Float64s, Mask
+from omnisim.core.arrays import Bools, Bytes, Floats
 from omnisim.core.pending import Pending
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
 from omnisim.rendering.camera.omnicamera import OmniCamera
@@ -79,7 +79,7 @@ class ParallaxHitPass(RayHitPass):
         self.origins.use(_ORIGINS)
         self._pyramid.update(self.visibility.depth)
 
-    def prepare(self, program: moderngl.Program, rig_from_optical: Float64s) -> None:
+    def prepare(self, program: moderngl.Program, rig_from_optical: Floats) -> None:
         """Set the constant uniforms of a program, with rig_from_optical (3, 3)."""
         super().prepare(program, rig_from_optical)
         self._pyramid.bind_program(program)
@@ -119,7 +119,7 @@ class ParallaxHits(DrawnHits):
         buffers: SceneBuffers,
         sensor: OmniCamera,
         cameras: VirtualCameras,
-        viewpoint_m: Float64s,
+        viewpoint_m: Floats,
         details: HitDetails,
         ray_scene: Callable[[], RayScene] | None,
     ):
@@ -162,7 +162,7 @@ class ParallaxHits(DrawnHits):
         self._passes.refresh()
         self.__dict__.pop("_draw_of_surface", None)
 
-    def rays(self) -> Float64s:
+    def rays(self) -> Floats:
         """Unit rays (height, width, 3), optical frame."""
         return self._placed(self._rays.directions)
 
@@ -184,9 +184,9 @@ class ParallaxHits(DrawnHits):
     def _cast(
         self,
         hits: Hits,
-        undecided: Mask,
+        undecided: Bools,
         poses: ScenePoses,
-        viewpoint_m: Float64s,
+        viewpoint_m: Floats,
         details: HitDetails,
     ) -> None:
         """Cast the rays of undecided pixels (height, width), and store their hits."""
@@ -214,8 +214,8 @@ class ParallaxHits(DrawnHits):
             getattr(hits, name)[undecided] = getattr(cast, name)
 
     def begin_occlusion(
-        self, other: ScenePoses, other_from_current: Float64s, deformed: Hits | None
-    ) -> Pending[Mask]:
+        self, other: ScenePoses, other_from_current: Floats, deformed: Hits | None
+    ) -> Pending[Bools]:
         """Begin to render the occlusion of the latest hits' points."""
         hits, pose = deformed or self._hits, self._viewpoint_pose(other)
         if deformed is not None:
@@ -237,7 +237,7 @@ class ParallaxHits(DrawnHits):
         bits = self._occlusion_pass.begin(pose, other.world_from_objects, transforms)
         return bits.then(self._occluded)
 
-    def _occluded(self, bits: NDArray[np.uint8]) -> Mask:
+    def _occluded(self, bits: Bytes) -> Bools:
         """Mask (height, width) of occluded points; undecided ones are cast."""
         occluded = bits & ~UNKNOWN_OCCLUSION > 0
         undecided = self.has_ray & (bits & UNKNOWN_OCCLUSION > 0)
@@ -245,7 +245,7 @@ class ParallaxHits(DrawnHits):
             occluded[undecided] = self._cast_occlusion(undecided)
         return occluded
 
-    def _cast_occlusion(self, undecided: Mask) -> Mask:
+    def _cast_occlusion(self, undecided: Bools) -> Bools:
         scene, (other, points_m, starts_m) = self._scene(), self._moved
         some = undecided[self.has_ray]
         geometry = scene.caster.geometry
@@ -284,13 +284,13 @@ class ParallaxHits(DrawnHits):
         draws = [numbers.get((one.object_index, one.name), 0) for one in surfaces]
         return np.array([0, *draws], dtype=np.uint32)
 
-    def _viewpoint_pose(self, poses: ScenePoses) -> Float64s:
+    def _viewpoint_pose(self, poses: ScenePoses) -> Floats:
         """Pose (4, 4) of the virtual cameras."""
         pose = poses.world_from_rig.copy()
         pose[:3, 3] += pose[:3, :3] @ self._viewpoint_m
         return pose
 
-    def _placed(self, values: Float64s) -> Float64s:
+    def _placed(self, values: Floats) -> Floats:
         """Image (height, width, 3) from values (n, 3) of the pixels that have a ray."""
         image = np.zeros((*self.has_ray.shape, 3))
         image[self.has_ray] = values

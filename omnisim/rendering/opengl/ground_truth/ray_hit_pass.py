@@ -9,6 +9,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats
 from omnisim.core.pending import Pending
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
 from omnisim.rendering.opengl.atlas.image_parts import ImagePart
@@ -68,10 +69,7 @@ class RayHitPass:
     occlusion_shader: ClassVar[str] = "ground_truth/occlusion.frag"
 
     def __init__(
-        self,
-        visibility: VisibilityPass,
-        pixels: PixelMap,
-        parts: Sequence[ImagePart] | None = None,
+        self, visibility: VisibilityPass, pixels: PixelMap, parts: Sequence[ImagePart] | None = None
     ):
         self.visibility, self.pixels = visibility, pixels
         visibility.buffers.check_readable("to look up what its pixels show")
@@ -102,8 +100,8 @@ class RayHitPass:
 
     def render(
         self,
-        world_from_rig: NDArray[np.float64],
-        world_from_objects: Sequence[NDArray[np.float64]] = (),
+        world_from_rig: Floats,
+        world_from_objects: Sequence[Floats] = (),
         details: HitDetails = NO_DETAILS,
     ) -> Hits:
         """Intersect all rays from a pose (4, 4), with the dynamic objects at their poses.
@@ -128,7 +126,7 @@ class RayHitPass:
         return self.begin_reading(variant.target, 1, details).result()[0]
 
     def using_parts(
-        self, program: moderngl.Program, rig_from_optical: NDArray[np.float64]
+        self, program: moderngl.Program, rig_from_optical: Floats
     ) -> Iterator[ImagePart]:
         """Yield each part, with its tiles in use by the visibility pass and by a program."""
         for part in self.parts:
@@ -182,7 +180,7 @@ class RayHitPass:
         """Bind the rays."""
         self._rays.use(RAYS_UNIT)
 
-    def prepare(self, program: moderngl.Program, rig_from_optical: NDArray[np.float64]) -> None:
+    def prepare(self, program: moderngl.Program, rig_from_optical: Floats) -> None:
         """Set the constant uniforms of a program, with rig_from_optical (3, 3)."""
         self.tables.bind_program(program, rig_from_optical)
         uniform(program, "u_rays").value = RAYS_UNIT
@@ -203,11 +201,7 @@ class RayHitPass:
             self.pixels.context,
             "capture/image.vert",
             self.shader,
-            (
-                *self._compiled_windows,
-                *(_DEFINES[name] for name in details.components),
-                *defines,
-            ),
+            (*self._compiled_windows, *(_DEFINES[name] for name in details.components), *defines),
         )
         self.prepare(program, self.pixels.camera.rig_from_optical)
         for name in atlas_formats(details):

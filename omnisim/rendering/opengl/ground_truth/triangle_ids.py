@@ -13,6 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core.arrays import Indices
 from omnisim.rendering.opengl.geometry.clustered_geometry import ClusteredGeometry
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
@@ -35,11 +36,11 @@ class TriangleIds:
         texture: two integers per ID: 1 + draw item, and triangle in the item.
     """
 
-    def __init__(self, buffers: SceneBuffers, one_by_one: NDArray[np.intp]):
+    def __init__(self, buffers: SceneBuffers, one_by_one: Indices):
         self._context, self._buffers = buffers.context, buffers
         self.refresh(one_by_one)
 
-    def refresh(self, one_by_one: NDArray[np.intp]) -> None:
+    def refresh(self, one_by_one: Indices) -> None:
         """Renumber after the buffers changed; `one_by_one` are the items outside of clusters."""
         draw_items, geometry = self._buffers.draw_items, self._buffers.clustered_geometry
         items = one_by_one.tolist()

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import moderngl
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats, Indices
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.drawing.cluster_drawer import BucketProgram
@@ -43,7 +43,7 @@ from omnisim.rendering.opengl.ground_truth.visibility_program import (
 )
 
 # Pose (4, 4) of a camera's rig, and poses of the dynamic objects.
-CameraPoses = tuple[NDArray[np.float64], Sequence[NDArray[np.float64]]]
+CameraPoses = tuple[Floats, Sequence[Floats]]
 
 
 class Drawers(NamedTuple):
@@ -140,7 +140,7 @@ class VisibilityPass:
     def _atlases(self, details: HitDetails) -> list[moderngl.Texture]:
         return [self.id_atlas, *(self.detail_atlases[name] for name in atlas_formats(details))]
 
-    def _one_by_one(self) -> NDArray[np.intp]:
+    def _one_by_one(self) -> Indices:
         """Draw items outside of clusters."""
         items, cameras = self.buffers.draw_items, self.cameras
         shown = self.buffers.shown_one_by_one(cameras.hidden)
@@ -149,9 +149,7 @@ class VisibilityPass:
         shown &= alphas >= np.array([one.material.hit_cutoff for one in items])
         return np.flatnonzero(shown)
 
-    def _make_drawer(
-        self, details: HitDetails, items: NDArray[np.intp]
-    ) -> SceneDrawer[VisibilityProgram]:
+    def _make_drawer(self, details: HitDetails, items: Indices) -> SceneDrawer[VisibilityProgram]:
         """Drawer of the items' IDs and details."""
         return SceneDrawer(
             self.buffers,
@@ -169,7 +167,7 @@ class VisibilityPass:
             variant = variant.with_maps(found.maps, found.second_coordinates)
         return self._program(variant)
 
-    def _make_tiles(self, details: HitDetails, items: NDArray[np.intp]) -> TileRenderer:
+    def _make_tiles(self, details: HitDetails, items: Indices) -> TileRenderer:
         """Renderer of the clusters' IDs and details."""
         find_program = partial(self.bucket_program, details)
         tiles = TileRenderer(
@@ -238,8 +236,8 @@ class VisibilityPass:
 
     def render(
         self,
-        world_from_rig: NDArray[np.float64],
-        world_from_objects: Sequence[NDArray[np.float64]] = (),
+        world_from_rig: Floats,
+        world_from_objects: Sequence[Floats] = (),
         details: HitDetails = NO_DETAILS,
     ) -> None:
         """Render all tiles from a pose (4, 4), with the dynamic objects at their poses."""

@@ -8,9 +8,8 @@ from typing import NamedTuple
 
 import moderngl
 import numpy as np
-from numpy.typing import NDArray
 
-from omnisim.core.array_types import Float32s
+from omnisim.core.arrays import Bytes, Floats32
 from omnisim.core.errors import GraphicsError
 from omnisim.rendering.opengl.gl.gpu_textures import (
     RGBA8,
@@ -48,7 +47,7 @@ class TextureArray:
     def __init__(
         self,
         context: moderngl.Context,
-        layers: Sequence[Sequence[NDArray[np.uint8]]],
+        layers: Sequence[Sequence[Bytes]],
         repeats: tuple[bool, bool],
         is_linear: bool = False,
     ):
@@ -141,7 +140,7 @@ def filtered_texture(context: moderngl.Context, environment: Environment) -> mod
     return _map(context, environment.filtered)
 
 
-def _map(context: moderngl.Context, levels: tuple[Float32s, ...]) -> moderngl.Texture:
+def _map(context: moderngl.Context, levels: tuple[Floats32, ...]) -> moderngl.Texture:
     height, width = levels[0].shape[:2]
     with gpu_allocation(f"an environment map of {width} × {height} texels", "make it smaller"):
         texture = texture_2d(context, (width, height), 3, dtype="f2", levels=len(levels))
@@ -287,7 +286,7 @@ def _repeats(texture: Texture) -> tuple[bool, bool]:
     return texture.wrap_u is not Wrap.CLAMP_TO_EDGE, texture.wrap_v is not Wrap.CLAMP_TO_EDGE
 
 
-def _levels(texture: Texture, cutoff: float | None) -> list[NDArray[np.uint8]]:
+def _levels(texture: Texture, cutoff: float | None) -> list[Bytes]:
     """All mip levels of a texture."""
     pixels = texture.pixels
     if cutoff is None:
@@ -317,7 +316,7 @@ class MaterialTable:
 
     def __init__(self, context: moderngl.Context):
         self._context = context
-        self._records: list[Float32s] = []
+        self._records: list[Floats32] = []
         self._uploaded = 0
         self._texture: moderngl.Texture | None = None
 
@@ -363,7 +362,7 @@ def placed_details(
     return texture_2d(context, (_ROW_VERTICES, rows), 4, values)
 
 
-def _record(material: Material, layers: Sequence[int | None]) -> Float32s:
+def _record(material: Material, layers: Sequence[int | None]) -> Floats32:
     record = np.zeros((_TEXELS, 4), dtype=np.float32)
     f0 = dielectric_f0(material.ior, material.specular, material.specular_color)
     record[0] = *f0, material.specular

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import moderngl
 import numpy as np
 
-from omnisim.core.array_types import Float64s, Indices, Mask
+from omnisim.core.arrays import Bools, Floats, Indices
 from omnisim.core.world import Poses
 from omnisim.rendering.opengl.atlas.tile_plan import frustum_planes
 from omnisim.rendering.opengl.culling.cluster_culling import ClusterCuller, Views
@@ -35,8 +35,8 @@ _NOWHERE[3, 3] = -1.0
 class MapPart(NamedTuple):
     """Part of a map."""
 
-    clip: Float64s  # (4, 4) clip_from_anchor matrix of the whole map
-    part_clip: Float64s  # (4, 4) clip_from_anchor matrix of the part alone
+    clip: Floats  # (4, 4) clip_from_anchor matrix of the whole map
+    part_clip: Floats  # (4, 4) clip_from_anchor matrix of the part alone
     map_px: tuple[int, int, int, int]  # left, top, width and height of the map in the target
     part_px: tuple[int, int, int, int]  # those of the part
 
@@ -60,8 +60,8 @@ class CasterDrawer:
     def __init__(
         self,
         buffers: SceneBuffers,
-        anchor_m: Float64s,
-        rectangles_px: Float64s,
+        anchor_m: Floats,
+        rectangles_px: Floats,
         size_px: tuple[int, int],
         has_parts: bool,
     ):
@@ -107,8 +107,8 @@ class CasterDrawer:
     def draw(
         self,
         target: moderngl.Framebuffer,
-        clips: Float64s,
-        active: Mask,
+        clips: Floats,
+        active: Bools,
         world_from_objects: Poses,
         dynamic: bool,
     ) -> None:
@@ -192,7 +192,7 @@ class CasterDrawer:
                     self._drawer.draw_item(index, clip_from_mesh)
 
     def _cluster_drawer(
-        self, geometry: ClusteredGeometry, rectangles_px: Float64s, size_px: tuple[int, int]
+        self, geometry: ClusteredGeometry, rectangles_px: Floats, size_px: tuple[int, int]
     ) -> tuple[ClusterCuller, ClusterDrawer]:
         context = self._context
         nowhere = np.tile(_NOWHERE, (len(rectangles_px), 1, 1))

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import moderngl
 import numpy as np
 
-from omnisim.core.array_types import Float64s
+from omnisim.core.arrays import Floats
 from omnisim.core.world import Poses
 from omnisim.rendering.opengl.gl.framebuffers import depth_target, use_target
 from omnisim.rendering.opengl.gl.gpu_textures import (
@@ -49,7 +49,7 @@ class _Kept:
         """Width of a grid cell."""
         return self.map_px[2] // CELLS
 
-    def clip(self, period: tuple[int, int]) -> Float64s:
+    def clip(self, period: tuple[int, int]) -> Floats:
         """Matrix (4, 4) clip_from_anchor of a period of the torus."""
         half_m = self.cascades.halves_m[self.level]
         middle_m = (2.0 * np.array(period) + 1.0) * half_m
@@ -106,7 +106,7 @@ class KeptCascades:
     def update(
         self,
         maps: DepthLevels,
-        viewpoint_m: Float64s,
+        viewpoint_m: Floats,
         drawer: CasterDrawer,
         world_from_objects: Poses,
     ) -> None:

@@ -13,8 +13,7 @@ from typing import NamedTuple
 import moderngl
 import numpy as np
 
-from omnisim.core.array_types import Float64s, Indices, Mask
-from omnisim.core.arrays import bounds_of
+from omnisim.core.arrays import Bools, Floats, Indices, bounds_of
 from omnisim.core.world import Poses, time_of
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl.buffers import written_buffer
@@ -33,8 +32,8 @@ class _Views(NamedTuple):
     """Views of all maps."""
 
     # (lights, cascades, 2) centers of the cascades, on which the matrices depend
-    middles_m: Float64s
-    clips: Float64s  # (maps, 4, 4) clip_from_anchor matrices
+    middles_m: Floats
+    clips: Floats  # (maps, 4, 4) clip_from_anchor matrices
 
 
 class ShadowMaps:
@@ -85,7 +84,7 @@ class ShadowMaps:
         at_anchor, _ = self._views(self.anchor_m)
         # empty if all casters have cubes
         self._block = written_buffer(context, plan.block_data(at_anchor.clips))
-        self._posed: tuple[float, Float64s] | None = None  # when, and where
+        self._posed: tuple[float, Floats] | None = None  # when, and where
         self._covered: Indices = np.empty((0, 4), dtype=np.intp)
         objects = np.array(
             [-1 if one.object_index is None else one.object_index for one in buffers.draw_items]
@@ -100,7 +99,7 @@ class ShadowMaps:
         """Defines of programs that look up shadows."""
         return (*self._plan.defines, f"LAMP_NEAR_M {LAMP_NEAR_M}")
 
-    def are_shared(self, poses: Sequence[tuple[Float64s, Sequence[Float64s]]]) -> bool:
+    def are_shared(self, poses: Sequence[tuple[Floats, Sequence[Floats]]]) -> bool:
         """Tell whether poses of rigs and of the dynamic objects all share their maps."""
         if self._drawer.has_dynamic and not _at_rest([objects for _, objects in poses]):
             return False
@@ -114,7 +113,7 @@ class ShadowMaps:
         if "u_shadow_maps" in program:
             program["u_shadow_maps"] = _UNIT
 
-    def prepare(self, viewpoint_m: Float64s, world_from_objects: Poses) -> None:
+    def prepare(self, viewpoint_m: Floats, world_from_objects: Poses) -> None:
         """Draw the maps that a frame needs, and bind them; see `ShadowSource`."""
         views, stale = self._views(viewpoint_m)
         clips = views.clips
@@ -135,7 +134,7 @@ class ShadowMaps:
         self._maps[-1].texture.use(_UNIT)
         self._block.bind_to_uniform_block(_BLOCK_BINDING)
 
-    def _views(self, viewpoint_m: Float64s) -> tuple[_Views, Mask]:
+    def _views(self, viewpoint_m: Floats) -> tuple[_Views, Bools]:
         """Views for a viewpoint (3,), world, and the mask (maps,) of those not yet drawn."""
         middles_m, drawn = self._middles_m(viewpoint_m), self._drawn
         if drawn is not None and np.array_equal(middles_m, drawn.middles_m):
@@ -145,10 +144,10 @@ class ShadowMaps:
             return _Views(middles_m, clips), np.ones(len(clips), dtype=np.bool_)
         return _Views(middles_m, clips), np.any(clips != drawn.clips, axis=(1, 2))
 
-    def _middles_m(self, viewpoint_m: Float64s) -> Float64s:
+    def _middles_m(self, viewpoint_m: Floats) -> Floats:
         return self._plan.middles_m(viewpoint_m - self.anchor_m)
 
-    def _draw_dynamic(self, clips: Float64s, stale: Mask, world_from_objects: Poses) -> None:
+    def _draw_dynamic(self, clips: Floats, stale: Bools, world_from_objects: Poses) -> None:
         """Draw the dynamic casters, and restore the static map where they were before."""
         poses, time_s = np.array(world_from_objects), 0.0
         if self._buffers.deforming.size:
@@ -179,7 +178,7 @@ class ShadowMaps:
         self._posed = time_s, poses
 
 
-def _at_rest(worlds: Sequence[Sequence[Float64s]]) -> bool:
+def _at_rest(worlds: Sequence[Sequence[Floats]]) -> bool:
     """Tell whether all worlds have the time and object poses of the first."""
     first = worlds[0]
     return all(
@@ -194,7 +193,7 @@ def _allocation(size_px: tuple[int, int]) -> AbstractContextManager[None]:
     )
 
 
-def _anchor_m(buffers: SceneBuffers, boxes_m: Float64s) -> Float64s:
+def _anchor_m(buffers: SceneBuffers, boxes_m: Floats) -> Floats:
     """Origin (3,) of the maps, world: the clusters' anchor, or the static geometry's center."""
     if buffers.clustered_geometry is not None:
         return buffers.clustered_geometry.anchor_m
@@ -203,7 +202,7 @@ def _anchor_m(buffers: SceneBuffers, boxes_m: Float64s) -> Float64s:
     return 0.5 * (boxes_m[:, 0].min(axis=0) + boxes_m[:, 1].max(axis=0))
 
 
-def _static_boxes_m(buffers: SceneBuffers) -> Float64s:
+def _static_boxes_m(buffers: SceneBuffers) -> Floats:
     """Minimum and maximum corners (n, 2, 3) of the static geometry, world."""
     boxes_m = []
     for item in buffers.draw_items:

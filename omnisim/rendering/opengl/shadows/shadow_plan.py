@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from omnisim.core.array_types import Float32s, Float64s, Indices, Mask
+from omnisim.core.arrays import Bools, Floats, Floats32, Indices
 from omnisim.scene.model import LAMP_NEAR_M, Light, Lighting, LightKind
 
 # Texels per map side, if they fit: of a single parallel map and of several, of a spot's map and of
@@ -33,7 +33,7 @@ class Block(NamedTuple):
     rows: int
 
     @property
-    def rectangles_px(self) -> Float64s:
+    def rectangles_px(self) -> Floats:
         """Left, top, width and height (maps, 4)."""
         row, column = np.divmod(np.arange(self.columns * self.rows), self.columns)
         size = np.full(len(row), self.size_px)
@@ -62,12 +62,12 @@ class ShadowPlan:
         return self.cascade_count > 1
 
     @property
-    def rectangles_px(self) -> Float64s:
+    def rectangles_px(self) -> Floats:
         """Left, top, width and height (maps, 4) of all maps."""
         return np.concatenate([block.rectangles_px for block in self.blocks])
 
     @property
-    def maps_that_follow(self) -> Mask:
+    def maps_that_follow(self) -> Bools:
         """Mask (maps,) of the maps that follow the viewpoint."""
         follow = np.zeros(sum(block.columns * block.rows for block in self.blocks), dtype=np.bool_)
         casting = sum(one is not None for one in self.cascades)
@@ -93,11 +93,11 @@ class ShadowPlan:
         """Point and spot lights that cast shadows."""
         return tuple(light for light in self.punctual if light.casts_shadow)
 
-    def middles_m(self, viewpoint_m: Float64s) -> Float64s:
+    def middles_m(self, viewpoint_m: Floats) -> Floats:
         """Centers (lights, cascades, 2) of cascades, for a viewpoint (3,) from the anchor."""
         return np.array([one.middles_m(viewpoint_m) for one in self.cascades if one is not None])
 
-    def clips(self, middles_m: Float64s, anchor_m: Float64s) -> Float64s:
+    def clips(self, middles_m: Floats, anchor_m: Floats) -> Floats:
         """Matrices (maps, 4, 4) clip_from_anchor, given the cascades' centers."""
         casting = [one for one in self.cascades if one is not None]
         clips = [
@@ -150,7 +150,7 @@ class ShadowPlan:
             scales.append(1.0 / punctual_view(light, block.size_px).tangent)
         return scales
 
-    def block_data(self, clips: Float64s) -> Float32s:
+    def block_data(self, clips: Floats) -> Floats32:
         """Uniform block (n, 4) of shadow_places.glsl, of matrices (maps, 4, 4) clip_from_anchor."""
         places = [np.zeros((0, 4))]
         cascades = [np.zeros((0, 4))]
@@ -173,7 +173,7 @@ class ShadowPlan:
         return np.concatenate((*places, *cascades)).astype(np.float32)
 
 
-def make_shadow_plan(lighting: Lighting, boxes_m: Float64s, max_size_px: int) -> ShadowPlan:
+def make_shadow_plan(lighting: Lighting, boxes_m: Floats, max_size_px: int) -> ShadowPlan:
     """Plan the maps of all lamps that cast shadows, at least one.
 
     If the maps of many lamps exceed the memory limit, all become smaller.
@@ -251,7 +251,7 @@ _GUTTER_PX = 3.0  # beyond the 90° of a face, because lookups are offset from t
 class PunctualView(NamedTuple):
     """Views of a point or spot light."""
 
-    axes: Float64s  # (faces, 3, 3), rows x, y and forward; one face, or the six of a cube
+    axes: Floats  # (faces, 3, 3), rows x, y and forward; one face, or the six of a cube
     tangent: float  # tangent of half of each face's field of view
 
 
@@ -269,7 +269,7 @@ def punctual_view(light: Light, size_px: int) -> PunctualView:
     return PunctualView(light_axes(light.direction)[None], _SPOT_MARGIN * tangent)
 
 
-def light_axes(direction: Float64s) -> Float64s:
+def light_axes(direction: Floats) -> Floats:
     """Axes (3, 3), rows x, y and forward, of a view along a unit direction (3,)."""
     helper = np.eye(3)[0 if abs(direction[2]) > 0.9 else 2]
     x = np.cross(helper, direction)
@@ -277,7 +277,7 @@ def light_axes(direction: Float64s) -> Float64s:
     return np.stack((x, np.cross(direction, x), direction))
 
 
-def perspective_clips(view: PunctualView, position_m: Float64s) -> Float64s:
+def perspective_clips(view: PunctualView, position_m: Floats) -> Floats:
     """Matrices (faces, 4, 4) clip_from_anchor of views from a position (3,)."""
     projection = np.zeros((4, 3))
     projection[0, 0] = projection[1, 1] = 1.0 / view.tangent
@@ -290,8 +290,8 @@ def perspective_clips(view: PunctualView, position_m: Float64s) -> Float64s:
 
 
 def orthographic_clip(
-    axes: Float64s, middle_m: Float64s, half_m: float, depths_m: tuple[float, float]
-) -> Float64s:
+    axes: Floats, middle_m: Floats, half_m: float, depths_m: tuple[float, float]
+) -> Floats:
     """Matrix (4, 4) clip_from_anchor of a parallel view.
 
     Args:
@@ -337,7 +337,7 @@ class Cascades:
         depth_scale: half the largest width as a share of the depth.
     """
 
-    def __init__(self, axes: Float64s, boxes_m: Float64s, count: int):
+    def __init__(self, axes: Floats, boxes_m: Floats, count: int):
         self.axes = axes
         low_m, high_m = _extent_m(axes, boxes_m)
         self._middle_m = 0.5 * (low_m + high_m)[:2]
@@ -350,24 +350,24 @@ class Cascades:
         near_m = 0.5 * float(low_m[2] + high_m[2] - half_m / self.depth_scale)
         self.depths_m = near_m, near_m + half_m / self.depth_scale
 
-    def middles_m(self, viewpoint_m: Float64s) -> Float64s:
+    def middles_m(self, viewpoint_m: Floats) -> Floats:
         """Centers (cascades, 2) along the axes, for a viewpoint (3,) relative to the anchor."""
-        near: Float64s = self._steps(viewpoint_m) * self._steps_m
+        near: Floats = self._steps(viewpoint_m) * self._steps_m
         return np.concatenate((near, self._middle_m[None]))
 
-    def first_cells(self, viewpoint_m: Float64s) -> Indices:
+    def first_cells(self, viewpoint_m: Floats) -> Indices:
         """First grid cells (following, 2) of the cascades that follow a viewpoint (3,).
 
         Cells are a step wide; a cascade has `CELLS` per side. Cell 0 begins at the anchor.
         """
         return self._steps(viewpoint_m).astype(np.intp) - STEPS
 
-    def _steps(self, viewpoint_m: Float64s) -> Float64s:
+    def _steps(self, viewpoint_m: Floats) -> Floats:
         """Centers (following, 2) of the cascades that follow a viewpoint, in steps."""
         return np.round(self.axes[:2] @ viewpoint_m / self._steps_m)
 
 
-def cascade_count(axes: Float64s, boxes_m: Float64s) -> int:
+def cascade_count(axes: Floats, boxes_m: Floats) -> int:
     """Number of cascades that a light needs."""
     half_m, count = _half_m(*_extent_m(axes, boxes_m)), 1
     while half_m > _MAX_SINGLE_M and count < MAX_CASCADES:
@@ -376,7 +376,7 @@ def cascade_count(axes: Float64s, boxes_m: Float64s) -> int:
     return count
 
 
-def _extent_m(axes: Float64s, boxes_m: Float64s) -> tuple[Float64s, Float64s]:
+def _extent_m(axes: Floats, boxes_m: Floats) -> tuple[Floats, Floats]:
     """Minimum and maximum coordinates (3,) of boxes (n, 2, 3) along axes."""
     if not len(boxes_m):
         return np.zeros(3), np.zeros(3)
@@ -385,7 +385,7 @@ def _extent_m(axes: Float64s, boxes_m: Float64s) -> tuple[Float64s, Float64s]:
     return (centers - extents).min(axis=0), (centers + extents).max(axis=0)
 
 
-def _half_m(low_m: Float64s, high_m: Float64s) -> float:
+def _half_m(low_m: Floats, high_m: Floats) -> float:
     return max(0.5 * float((high_m - low_m)[:2].max()), 0.01) * 1.01
 
 
@@ -394,11 +394,7 @@ _MARGIN_PX = 1.0
 
 
 def covered_px(
-    clips: Float64s,
-    rectangles_px: Float64s,
-    centers_m: Float64s,
-    radii_m: Float64s,
-    starts: Indices,
+    clips: Floats, rectangles_px: Floats, centers_m: Floats, radii_m: Floats, starts: Indices
 ) -> Indices:
     """Non-empty rectangles (n, 4), left, top, width and height, that bound objects in maps.
 

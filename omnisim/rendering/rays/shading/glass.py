@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from omnisim.core.array_types import Float32s, Float64s, Floats, Int32s, Mask
+from omnisim.core.arrays import AnyFloats, Bools, Floats, Floats32, Ints32
 from omnisim.rendering.rays.caster import RayHits, Rays
 from omnisim.scene.model import Material
 
@@ -30,17 +30,17 @@ class Refracted(NamedTuple):
     """Rays (m,) that pass surfaces of glass."""
 
     rays: Rays  # (m,) with virtual origins: ranges are those of the whole path
-    shares: Float32s  # (m, 3) transmitted share of the light, linear RGB; 0: total reflection
-    media: Int32s  # (m,) surfaces whose glass the rays are in, or `NO_MEDIUM`
+    shares: Floats32  # (m, 3) transmitted share of the light, linear RGB; 0: total reflection
+    media: Ints32  # (m,) surfaces whose glass the rays are in, or `NO_MEDIUM`
 
 
 class Glass(NamedTuple):
     """Glass parameters of a scene's surfaces."""
 
     # (surfaces,) transmitted share of the light that is not reflected; 0: no glass
-    transmission: Float64s
-    indices: Float64s  # (3, surfaces) refractive indices, for each channel
-    absorption: Float64s  # (surfaces, 3) absorption coefficients of Beer and Lambert's law, 1/m
+    transmission: Floats
+    indices: Floats  # (3, surfaces) refractive indices, for each channel
+    absorption: Floats  # (surfaces, 3) absorption coefficients of Beer and Lambert's law, 1/m
     is_dispersive: bool  # True if indices differ among the channels
 
     @classmethod
@@ -53,7 +53,7 @@ class Glass(NamedTuple):
         indices = np.maximum(np.stack((ior - spreads, ior, ior + spreads)), 1.0)
         return cls(shares, indices, absorption, bool(spreads[shares > 0.0].any()))
 
-    def attenuation(self, media: Int32s, lengths_m: Floats) -> Float32s:
+    def attenuation(self, media: Ints32, lengths_m: AnyFloats) -> Floats32:
         """Shares (n, 3) of light that remain after lengths (n,), up to infinity, in media (n,)."""
         shares = np.ones((len(media), 3), dtype=np.float32)
         inside = np.flatnonzero(media != NO_MEDIUM)
@@ -62,13 +62,13 @@ class Glass(NamedTuple):
         shares[inside] = np.exp(-absorption * lengths_m)
         return shares
 
-    def ratios(self, surfaces: Int32s, is_front: Mask, channel: int | None) -> Float64s:
+    def ratios(self, surfaces: Ints32, is_front: Bools, channel: int | None) -> Floats:
         """Refractive indices (n,) behind surfaces (n,), relative to before them, for a channel."""
         indices = self.indices[_GREEN if channel is None else channel, surfaces]
         return np.where(is_front, indices, 1.0 / indices)
 
 
-def interface_reflectance(cosines: Floats, ratios: Floats) -> Floats:
+def interface_reflectance(cosines: AnyFloats, ratios: AnyFloats) -> AnyFloats:
     """Fresnel's reflectance (n,) of interfaces; 1: total reflection.
 
     Args:
@@ -82,7 +82,7 @@ def interface_reflectance(cosines: Floats, ratios: Floats) -> Floats:
     return 0.5 * (across + along)
 
 
-def refracted_rays(rays: Rays, hits: RayHits, normals: Floats, ratios: Floats) -> Rays:
+def refracted_rays(rays: Rays, hits: RayHits, normals: AnyFloats, ratios: AnyFloats) -> Rays:
     """Rays (n,) behind hits with unit normals (n, 3), by `ratios` (n,) of refractive indices."""
     normals = normals.astype(np.float64)
     along = np.clip(-np.einsum("nc,nc->n", normals, rays.directions), 0.0, 1.0)
@@ -113,9 +113,9 @@ class Panes(NamedTuple):
     """Pane parameters of a scene's surfaces."""
 
     # (surfaces,) transmitted share of the light that is not reflected; 0: no pane
-    transmission: Float64s
-    ior: Float64s  # (surfaces,) refractive index
-    depths: Float64s  # (surfaces, 3) optical depths of slabs, see `SlabMaterial`
+    transmission: Floats
+    ior: Floats  # (surfaces,) refractive index
+    depths: Floats  # (surfaces, 3) optical depths of slabs, see `SlabMaterial`
 
     @classmethod
     def of(cls, materials: list[Material]) -> Panes:
@@ -124,20 +124,20 @@ class Panes(NamedTuple):
         depths = np.array([material.optical_depths for material in materials]).reshape(-1, 3)
         return cls(np.array(shares), np.array([material.ior for material in materials]), depths)
 
-    def transmitted(self, surfaces: Int32s, colors: Floats, cosines: Floats) -> Float32s:
+    def transmitted(self, surfaces: Ints32, colors: AnyFloats, cosines: AnyFloats) -> Floats32:
         """Transmittance (n, 3), linear RGB, by base colors (n, 3) and cosines of incidence (n,)."""
         passing = 1.0 - pane_reflectance(cosines, self.ior[surfaces])
         passing = passing * self.transmission[surfaces]
         return (passing[:, None] * colors).astype(np.float32)
 
-    def slab_colors(self, surfaces: Int32s, colors: Floats, cosines: Floats) -> Float64s:
+    def slab_colors(self, surfaces: Ints32, colors: AnyFloats, cosines: AnyFloats) -> Floats:
         """Tint (n, 3) of both faces of slabs and of the glass between, see `transmitted`."""
         inside = np.sqrt(1.0 - (1.0 - cosines**2) / self.ior[surfaces] ** 2)
         left = np.exp(-self.depths[surfaces] / np.maximum(inside, 1e-4)[:, None])
         return colors.astype(np.float64) ** 2 * left
 
 
-def pane_reflectance(cosines: Floats, ior: Floats) -> Floats:
+def pane_reflectance(cosines: AnyFloats, ior: AnyFloats) -> AnyFloats:
     """Reflectance (n,) of panes by the cosines (n,) of the angles of incidence."""
     once = interface_reflectance(cosines, ior)
     return 2.0 * once / (1.0 + once)

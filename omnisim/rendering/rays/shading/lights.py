@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from omnisim.core.array_types import Float32s, Float64s, Indices, Int32s, Mask
+from omnisim.core.arrays import Bools, Floats, Floats32, Indices, Ints32
 from omnisim.rendering.rays.caster import RayHits, Rays
 from omnisim.scene.model import LAMP_NEAR_M, Light, Lighting, LightKind
 
@@ -18,9 +18,9 @@ from omnisim.scene.model import LAMP_NEAR_M, Light, Lighting, LightKind
 class LampLight(NamedTuple):
     """Light of one lamp at points."""
 
-    color: Float32s  # (3,) or (n, 3) linear RGB on a surface that faces the lamp, at level 1
-    levels: Float32s  # (n,) factors of the color
-    directions: Float32s  # (n, 3) unit, toward the lamp; or (1, 3), the same for all points
+    color: Floats32  # (3,) or (n, 3) linear RGB on a surface that faces the lamp, at level 1
+    levels: Floats32  # (n,) factors of the color
+    directions: Floats32  # (n, 3) unit, toward the lamp; or (1, 3), the same for all points
 
     def take(self, indices: Indices) -> LampLight:
         """Light at the selected points."""
@@ -31,14 +31,14 @@ class LampLight(NamedTuple):
             directions if len(directions) == 1 else directions[indices],
         )
 
-    def facing(self, normals: Float32s) -> LampLight:
+    def facing(self, normals: Floats32) -> LampLight:
         """Light on surfaces with unit normals (n, 3) before normal maps: none from behind them."""
         is_facing = np.einsum("nc,nc->n", normals, self.directions) > 0.0
         return self._replace(levels=self.levels * is_facing)
 
 
 def lamps_at(
-    lighting: Lighting, points_m: Float64s, normals: Float32s, shadows: Shadows
+    lighting: Lighting, points_m: Floats, normals: Floats32, shadows: Shadows
 ) -> list[LampLight]:
     """Light of each lamp at points (n, 3) of surfaces with unit normals (n, 3)."""
     lamps = []
@@ -61,7 +61,7 @@ def lamps_at(
     return lamps
 
 
-def ambient_light(lighting: Lighting, normals: Float32s) -> Float32s:
+def ambient_light(lighting: Lighting, normals: Floats32) -> Floats32:
     """Environment light (n, 3) on white surfaces with unit normals (n, 3)."""
     total = np.tile(np.array(lighting.ambient, dtype=np.float32), (len(normals), 1))
     if lighting.environment is not None:
@@ -70,31 +70,31 @@ def ambient_light(lighting: Lighting, normals: Float32s) -> Float32s:
 
 
 def light_on_surfaces(
-    lighting: Lighting, lamps: Sequence[LampLight], normals: Float32s
-) -> Float32s:
+    lighting: Lighting, lamps: Sequence[LampLight], normals: Floats32
+) -> Floats32:
     """Linear RGB light (n, 3) of lamps and environment on white surfaces, by normals (n, 3)."""
     return _with_lamps(ambient_light(lighting, normals), lamps, normals)
 
 
-def light_of_lamps(lamps: Sequence[LampLight], normals: Float32s) -> Float32s:
+def light_of_lamps(lamps: Sequence[LampLight], normals: Floats32) -> Floats32:
     """Linear RGB light (n, 3) of lamps alone on white surfaces with unit normals (n, 3)."""
     return _with_lamps(np.zeros((len(normals), 3), dtype=np.float32), lamps, normals)
 
 
-def _with_lamps(total: Float32s, lamps: Sequence[LampLight], normals: Float32s) -> Float32s:
+def _with_lamps(total: Floats32, lamps: Sequence[LampLight], normals: Floats32) -> Floats32:
     for lamp in lamps:
         cosines = np.maximum(np.einsum("nc,nc->n", normals, lamp.directions), np.float32(0.0))
         total += (cosines * lamp.levels)[:, None] * lamp.color
     return total
 
 
-def _punctual(light: Light, points_m: Float64s) -> tuple[Float32s, Float32s]:
+def _punctual(light: Light, points_m: Floats) -> tuple[Floats32, Floats32]:
     """Levels (n,) divided by squared distance, within range and cone; directions (n, 3)."""
     away = (points_m - light.position_m).astype(np.float32)
     distance_m = np.maximum(np.sqrt(np.einsum("nc,nc->n", away, away)), np.float32(1e-3))
     away /= distance_m[:, None]
     window = np.clip(1.0 - (distance_m / light.range_m) ** 4, 0.0, 1.0)
-    levels: Float32s = (window / distance_m**2).astype(np.float32)
+    levels: Floats32 = (window / distance_m**2).astype(np.float32)
     if light.kind is LightKind.SPOT:
         inner, outer = light.cone_cosines
         along = np.einsum("nc,c->n", away, light.direction.astype(np.float32))
@@ -110,7 +110,7 @@ def _punctual(light: Light, points_m: Float64s) -> tuple[Float32s, Float32s]:
 _START_M, _START_SHARE = 1e-4, 1e-5
 
 # Function of rays (n,) from triangles (n,); it returns the shares (n, 1 or 3) of light that arrive.
-CastShadow = Callable[[Rays, Int32s], Float32s]
+CastShadow = Callable[[Rays, Ints32], Floats32]
 
 
 class Shadows(NamedTuple):
@@ -119,7 +119,7 @@ class Shadows(NamedTuple):
     hits: RayHits  # (n,) hits to shade
     cast: CastShadow  # function that casts shadow rays
 
-    def share(self, light: Light, points_m: Float64s, lit: Mask) -> Float32s:
+    def share(self, light: Light, points_m: Floats, lit: Bools) -> Floats32:
         """Shares (n, 1 or 3) of a light at points (n, 3); 0: blocked, or not `lit` (n,)."""
         share = lit.astype(np.float32)[:, None]
         indices = np.flatnonzero(lit)

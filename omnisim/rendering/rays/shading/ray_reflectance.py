@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from omnisim.core.array_types import Floats
+from omnisim.core.arrays import AnyFloats
 from omnisim.core.bilinear import sample
 from omnisim.rendering.rays.shading.lights import LampLight, ambient_light
 from omnisim.rendering.rays.shading.reflections import ABOVE, TracedGloss, facing_views
@@ -23,26 +23,26 @@ _MIN_COSINE = 1e-3
 class Reflectance(NamedTuple):
     """Reflectance of surfaces (n,) or (n, 3), as in shaders/scene/reflectance.glsl."""
 
-    body: Floats
-    dielectric_f0: Floats
-    f0: Floats
-    dielectric_f90: Floats
-    f90: Floats
-    roughness: Floats
-    coat: Floats
-    coat_roughness: Floats
-    occlusion: Floats
-    emissive: Floats
+    body: AnyFloats
+    dielectric_f0: AnyFloats
+    f0: AnyFloats
+    dielectric_f90: AnyFloats
+    f90: AnyFloats
+    roughness: AnyFloats
+    coat: AnyFloats
+    coat_roughness: AnyFloats
+    occlusion: AnyFloats
+    emissive: AnyFloats
 
 
 class SurfaceDirections(NamedTuple):
     """Normals and view directions at visible surfaces."""
 
     # (n, 3) normal-mapped unit normals of the surface and its clear coat
-    normals: Floats
-    coat_normals: Floats
-    shape_normals: Floats  # (n, 3) unit normals before normal mapping
-    views: Floats  # (n, 3) unit directions toward the origins of the rays
+    normals: AnyFloats
+    coat_normals: AnyFloats
+    shape_normals: AnyFloats  # (n, 3) unit normals before normal mapping
+    views: AnyFloats  # (n, 3) unit directions toward the origins of the rays
 
 
 class Traced(NamedTuple):
@@ -57,10 +57,10 @@ def reflected_light(
     directions: SurfaceDirections,
     lighting: Lighting,
     lamps: Sequence[LampLight],
-    surroundings: Floats | None = None,
+    surroundings: AnyFloats | None = None,
     traced: Traced | None = None,
-    spreads: Floats | None = None,
-) -> Floats:
+    spreads: AnyFloats | None = None,
+) -> AnyFloats:
     """Light (n, 3), linear RGB, that surfaces emit and reflect along the views.
 
     Args:
@@ -82,21 +82,21 @@ def reflected_light(
     return total
 
 
-def _widened(roughness: Floats, spreads: Floats) -> Floats:
+def _widened(roughness: AnyFloats, spreads: AnyFloats) -> AnyFloats:
     """Roughness (n,) of facets whose slopes are spread; 0 leaves it as it is."""
     wider = np.minimum((roughness**4 + spreads**2) ** 0.25, 1.0)
     return np.where(spreads > 0.0, wider, roughness)
 
 
-def coat_fresnel(strengths: Floats, directions: SurfaceDirections) -> Floats:
+def coat_fresnel(strengths: AnyFloats, directions: SurfaceDirections) -> AnyFloats:
     """Schlick's reflectance (n,) of clear coats with strengths (n,)."""
     grazing = (1.0 - _cosines(directions.coat_normals, directions.views)) ** 5
     return strengths * (COAT_F0 + (1.0 - COAT_F0) * grazing)
 
 
 def _lamp(
-    surface: Reflectance, directions: SurfaceDirections, coat: Floats, lamp: LampLight
-) -> Floats:
+    surface: Reflectance, directions: SurfaceDirections, coat: AnyFloats, lamp: LampLight
+) -> AnyFloats:
     toward = np.broadcast_to(lamp.directions, directions.views.shape)
     halfway = toward + directions.views
     halfway = halfway / np.maximum(np.linalg.norm(halfway, axis=1, keepdims=True), 1e-7)
@@ -117,11 +117,11 @@ def _lamp(
 def _environment(
     surface: Reflectance,
     directions: SurfaceDirections,
-    coat: Floats,
+    coat: AnyFloats,
     lighting: Lighting,
-    baked: Floats | None,
+    baked: AnyFloats | None,
     traced: Traced | None,
-) -> Floats:
+) -> AnyFloats:
     normals, views = directions.normals, directions.views
     shares = _shares(_cosines(normals, views), surface.roughness)
     lost = _between(surface.dielectric_f0, surface.dielectric_f90, shares[:, 2]).max(axis=1)
@@ -149,10 +149,10 @@ def _environment(
 def _radiance(
     lighting: Lighting,
     surface: SurfaceDirections,
-    normals: Floats,
-    roughness: Floats,
-    baked: Floats | None,
-) -> Floats:
+    normals: AnyFloats,
+    roughness: AnyFloats,
+    baked: AnyFloats | None,
+) -> AnyFloats:
     """Prefiltered radiance (n, 3) of the environment in the dominant direction of reflection.
 
     Directions of mapped normals that point into the surface are moved above it. With baked light,
@@ -162,7 +162,7 @@ def _radiance(
     """
     if baked is not None and lighting.environment is None:
         return baked
-    total: Floats = np.tile(np.array(lighting.ambient), (len(normals), 1))
+    total: AnyFloats = np.tile(np.array(lighting.ambient), (len(normals), 1))
     if lighting.environment is not None:
         is_mapped = (normals != surface.shape_normals).any(axis=1)
         views = np.where(is_mapped[:, None], facing_views(normals, surface.views), surface.views)
@@ -181,7 +181,7 @@ def _radiance(
     return total
 
 
-def _shares(cosines: Floats, roughness: Floats) -> Floats:
+def _shares(cosines: AnyFloats, roughness: AnyFloats) -> AnyFloats:
     table = environment_table()
     rows, columns = table.shape[:2]
     texels = np.stack((cosines * (columns - 1), roughness * (rows - 1)), axis=-1)
@@ -189,24 +189,24 @@ def _shares(cosines: Floats, roughness: Floats) -> Floats:
 
 
 def microfacets(
-    roughness: Floats, normals: Floats, halfway: Floats, light: Floats, view: Floats
-) -> Floats:
+    roughness: AnyFloats, normals: AnyFloats, halfway: AnyFloats, light: AnyFloats, view: AnyFloats
+) -> AnyFloats:
     """GGX distribution times visibility, times pi (n,)."""
     squared = roughness**4
     across, height = np.cross(normals, halfway), _dot(normals, halfway)
     spread = _dot(across, across) + height * height * squared
-    facets: Floats = squared / np.maximum(spread * spread, 1e-12)
+    facets: AnyFloats = squared / np.maximum(spread * spread, 1e-12)
     return facets * smith_visibility(light, view, squared)
 
 
-def _between(f0: Floats, f90: Floats, grazing: Floats) -> Floats:
+def _between(f0: AnyFloats, f90: AnyFloats, grazing: AnyFloats) -> AnyFloats:
     """Schlick's reflectance (n, 3) between f0 (n, 3) and f90 (n,)."""
     return f0 + (f90[:, None] - f0) * grazing[:, None]
 
 
-def _cosines(normals: Floats, views: Floats) -> Floats:
+def _cosines(normals: AnyFloats, views: AnyFloats) -> AnyFloats:
     return np.clip(np.abs(_dot(normals, views)), _MIN_COSINE, 1.0)
 
 
-def _dot(one: Floats, other: Floats) -> Floats:
+def _dot(one: AnyFloats, other: AnyFloats) -> AnyFloats:
     return np.einsum("nc,nc->n", one, other)

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 
 import numpy as np
-from numpy.typing import NDArray
 
-from omnisim.core.array_types import Float32s, Float64s, Indices, Mask
+from omnisim.core.arrays import Bools, Bytes, Floats, Floats32, Indices
 from omnisim.core.srgb import LINEAR_FROM_SRGB8
 from omnisim.rendering.rays.geometry import Surface
 from omnisim.scene.mipmaps import masked_mipmaps, mipmaps
@@ -56,7 +55,7 @@ class TextureTable:
         self._size = np.ones((len(textures), _MAX_LEVELS, 2), dtype=np.intp)  # width, height
         self._last_level = np.zeros(len(textures), dtype=np.float32)
         self._clamps = np.zeros((len(textures), 2), dtype=np.bool_)
-        texels: list[NDArray[np.uint8]] = [np.empty((0, 4), dtype=np.uint8)]
+        texels: list[Bytes] = [np.empty((0, 4), dtype=np.uint8)]
         count = 0
         for number, (texture, cutoff) in enumerate(textures):
             finer = mipmaps(texture.pixels, texture.is_linear) if cutoff is None else None
@@ -82,11 +81,11 @@ class TextureTable:
         # one lookup of four bytes is faster
         self._texels = np.ascontiguousarray(np.concatenate(texels)).view(np.uint32).ravel()
 
-    def sizes_px(self, textures: Indices) -> Float32s:
+    def sizes_px(self, textures: Indices) -> Floats32:
         """Widths and heights (n, 2) of the finest levels."""
         return self._size[textures, 0].astype(np.float32)
 
-    def place(self, textures: Indices, first: Float32s, second: Float32s | None) -> Float32s:
+    def place(self, textures: Indices, first: Floats32, second: Floats32 | None) -> Floats32:
         """Coordinates (n, k, 2) of textures (n,), from both coordinate sets (n, k, 2)."""
         if second is not None:
             first = np.where((self._uv_set[textures] == 1)[:, None, None], second, first)
@@ -94,10 +93,10 @@ class TextureTable:
             return first
         matrices = self._transforms[textures, None]  # einsum would take six times as long
         u, v = first[..., :1], first[..., 1:]
-        placed: Float32s = u * matrices[..., 0] + v * matrices[..., 1] + matrices[..., 2]
+        placed: Floats32 = u * matrices[..., 0] + v * matrices[..., 1] + matrices[..., 2]
         return placed
 
-    def lookup(self, textures: Indices, coordinates: Float32s, levels: Float32s) -> Float32s:
+    def lookup(self, textures: Indices, coordinates: Floats32, levels: Floats32) -> Floats32:
         """Linear RGBA (n, 4) at coordinates (n, 2) of textures (n,), trilinear in levels (n,)."""
         levels = np.clip(levels, np.float32(0.0), self._last_level[textures])
         finer = np.floor(levels).astype(np.intp)
@@ -109,11 +108,11 @@ class TextureTable:
             total[between] += share[between, None] * (coarse - total[between])
         return total
 
-    def _bilinear(self, textures: Indices, coordinates: Float32s, levels: Indices) -> Float32s:
+    def _bilinear(self, textures: Indices, coordinates: Floats32, levels: Indices) -> Floats32:
         first, clamps = self._first[textures, levels], self._clamps[textures]
         size = self._size[textures, levels]
         position = coordinates.astype(np.float64) * size - 0.5
-        low: Float64s = np.floor(position)
+        low: Floats = np.floor(position)
         weights = (position - low).astype(np.float32)
         low_px = low.astype(np.intp)
         total = np.zeros((len(textures), 4), dtype=np.float32)
@@ -132,7 +131,7 @@ class TextureTable:
         return total
 
 
-def _wrapped(texels: Indices, sizes: Indices, clamps: Mask) -> Indices:
+def _wrapped(texels: Indices, sizes: Indices, clamps: Bools) -> Indices:
     if (texels >= 0).all() and (texels < sizes).all():  # the common case, and faster
         return texels
     return np.where(clamps, np.clip(texels, 0, sizes - 1), texels % sizes)

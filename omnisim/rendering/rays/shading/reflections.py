@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from omnisim.core.array_types import Float32s, Floats, Indices, Int32s, Mask, UInt32s
+from omnisim.core.arrays import AnyFloats, Bools, Floats32, Indices, Ints32, Uints32
 from omnisim.core.random_numbers import pcg4d, uniform
 from omnisim.rendering.rays.caster import RayHits, Rays
 from omnisim.scene.surface_reflectance import MAX_TRACED_ROUGHNESS, MIN_ROUGHNESS, smith_visibility
@@ -38,20 +38,20 @@ _R2_STEPS = tuple(round(2.0**32 * 1.32471795724474602596**-power) for power in (
 class Paths(NamedTuple):
     """Paths (n,) of light: the seeds of their random numbers, and their weights."""
 
-    pixels: UInt32s  # (n,) uint32 indices of the paths' pixels
-    numbers: UInt32s  # (n,) uint32 indices of the paths within their pixel
-    weights: Float32s  # (n,) shares of the paths' light in their samples
+    pixels: Uints32  # (n,) uint32 indices of the paths' pixels
+    numbers: Uints32  # (n,) uint32 indices of the paths within their pixel
+    weights: Floats32  # (n,) shares of the paths' light in their samples
     key: int  # key of the camera's random numbers
     bounce: int = 0  # number of reflections so far
     # (n,) surfaces whose glass the paths are in, or `NO_MEDIUM`; None: all in air
-    media: Int32s | None = None
+    media: Ints32 | None = None
     channel: int | None = None  # channel for whose light glass refracts; None: see `Glass.ratios`
     # (n, 2) half angles in radians, and half widths in meters at range 0, of the lobes that rays
     # from rough facets stand for; angles of 0: no rough facet so far; None: all 0
-    cones: Floats | None = None
+    cones: AnyFloats | None = None
 
     @property
-    def is_split(self) -> Mask:
+    def is_split(self) -> Bools:
         """Mask (n,) of the paths that have left a rough facet."""
         return np.zeros(len(self.pixels), np.bool_) if self.cones is None else self.cones[:, 0] > 0
 
@@ -68,7 +68,7 @@ class Paths(NamedTuple):
 
 # Function of rays (n,), footprints (n, 2, 3), starting triangles (n,) and paths (n,); it returns
 # the radiance (n, 3) along the rays.
-Trace = Callable[[Rays, Float32s | None, Int32s, Paths], Float32s]
+Trace = Callable[[Rays, Floats32 | None, Ints32, Paths], Floats32]
 
 
 class Tracing(NamedTuple):
@@ -88,8 +88,8 @@ class Arrivals(NamedTuple):
     # see `View`
     rays: Rays
     hits: RayHits
-    footprints: Float32s | None
-    spreads: Floats  # (n,) slopes of the halfway vectors to the sides of the rays' cones
+    footprints: Floats32 | None
+    spreads: AnyFloats  # (n,) slopes of the halfway vectors to the sides of the rays' cones
 
     def take(self, indices: Indices) -> Arrivals:
         """Arrivals of the rays at indices (m,)."""
@@ -101,11 +101,11 @@ class Arrivals(NamedTuple):
 class Lobe(NamedTuple):
     """Specular lobes of surfaces (n,)."""
 
-    normals: Floats  # (n, 3) unit normals, world
-    roughness: Floats  # (n,) glTF roughness, 0 to 1
-    f0: Floats  # (n, 3) reflectance at normal incidence
-    f90: Floats  # (n,) reflectance at grazing incidence
-    strength: Floats  # (n,) factor of the reflected light; only the paths' weights use it
+    normals: AnyFloats  # (n, 3) unit normals, world
+    roughness: AnyFloats  # (n,) glTF roughness, 0 to 1
+    f0: AnyFloats  # (n, 3) reflectance at normal incidence
+    f90: AnyFloats  # (n,) reflectance at grazing incidence
+    strength: AnyFloats  # (n,) factor of the reflected light; only the paths' weights use it
 
     def take(self, indices: Indices) -> Lobe:
         """Lobes at indices (m,)."""
@@ -116,7 +116,7 @@ class TracedGloss(NamedTuple):
     """Reflected light (m, 3), linear RGB, of the surfaces at indices (m,)."""
 
     indices: Indices
-    light: Floats
+    light: AnyFloats
 
 
 def traced_gloss(
@@ -159,7 +159,7 @@ def traced_gloss(
     return TracedGloss(indices, total)
 
 
-def halfway_spreads(paths: Paths, ranges_m: Floats, curvatures_per_m: Floats) -> Floats:
+def halfway_spreads(paths: Paths, ranges_m: AnyFloats, curvatures_per_m: AnyFloats) -> AnyFloats:
     """Slopes (n,) of halfway vectors to the sides of the paths' cones, at hits of curvatures (n,).
 
     A mirror turns the halfway vector by half of the ray's angle, and by its normal's.
@@ -170,7 +170,7 @@ def halfway_spreads(paths: Paths, ranges_m: Floats, curvatures_per_m: Floats) ->
     return 0.5 * angles + curvatures_per_m * (widths_m + angles * ranges_m)
 
 
-def _cones(lobe: Lobe, arrivals: Arrivals, paths: Paths) -> Floats:
+def _cones(lobe: Lobe, arrivals: Arrivals, paths: Paths) -> AnyFloats:
     """Cones (n, 2) of the paths behind their hits, see `Paths`."""
     ranges_m = arrivals.hits.ranges_m
     before = np.zeros((len(ranges_m), 2)) if paths.cones is None else paths.cones
@@ -180,7 +180,7 @@ def _cones(lobe: Lobe, arrivals: Arrivals, paths: Paths) -> Floats:
     return np.stack((angles, widths_m), axis=1)
 
 
-def facing_views(normals: Floats, views: Floats) -> Floats:
+def facing_views(normals: AnyFloats, views: AnyFloats) -> AnyFloats:
     """Unit directions (n, 3) toward the viewer, mirrored to the front of normals seen from behind.
 
     Normal maps and interpolated normals may face away from a viewer who sees the surface.
@@ -191,7 +191,7 @@ def facing_views(normals: Floats, views: Floats) -> Floats:
 
 def _reflected(
     lobe: Lobe, arrivals: Arrivals, paths: Paths, transmits: bool
-) -> tuple[Rays, Float32s | None, Floats]:
+) -> tuple[Rays, Floats32 | None, AnyFloats]:
     """Reflected or transmitted rays (n,), their footprints (n, 2, 3), and their factors (n, 3)."""
     rays, hits, footprints, _ = arrivals
     facets = lobe.normals.astype(np.float64)
@@ -228,7 +228,7 @@ def _reflected(
     return mirrored, footprints, factors
 
 
-def _numbers(paths: Paths) -> tuple[Floats, Floats]:
+def _numbers(paths: Paths) -> tuple[AnyFloats, AnyFloats]:
     """Two random numbers (n,) in [0, 1) for each path.
 
     At the first rough surface, the numbers of a pixel's rays form one low-discrepancy sequence with
@@ -246,8 +246,8 @@ def _numbers(paths: Paths) -> tuple[Floats, Floats]:
 
 
 def _visible_facets(
-    normals: Floats, views: Floats, squared: Floats, numbers: tuple[Floats, Floats]
-) -> Floats:
+    normals: AnyFloats, views: AnyFloats, squared: AnyFloats, numbers: tuple[AnyFloats, AnyFloats]
+) -> AnyFloats:
     """Sample facet normals (n, 3) in proportion to their area visible from the view directions.
 
     Args:
@@ -282,7 +282,9 @@ def _visible_facets(
     return sampled / np.maximum(np.linalg.norm(sampled, axis=1, keepdims=True), 1e-30)
 
 
-def _shadowing(normals: Floats, views: Floats, directions: Floats, squared: Floats) -> Floats:
+def _shadowing(
+    normals: AnyFloats, views: AnyFloats, directions: AnyFloats, squared: AnyFloats
+) -> AnyFloats:
     """Shadowing G2 / G1 (n,) of height-correlated facets; 0 for directions below the surface."""
     view = _cosines(normals, views)
     light = np.einsum("nc,nc->n", normals, directions)
@@ -291,5 +293,5 @@ def _shadowing(normals: Floats, views: Floats, directions: Floats, squared: Floa
     return np.where(light > 0.0, both / seen, 0.0)
 
 
-def _cosines(normals: Floats, views: Floats) -> Floats:
+def _cosines(normals: AnyFloats, views: AnyFloats) -> AnyFloats:
     return np.clip(np.abs(np.einsum("nc,nc->n", normals, views)), 1e-3, 1.0)

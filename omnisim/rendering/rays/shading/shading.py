@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from omnisim.core.array_types import Float32s, Float64s, Indices, Int32s, Mask
+from omnisim.core.arrays import Bools, Floats, Floats32, Indices, Ints32
 from omnisim.core.world import Poses
 from omnisim.rendering.rays.caster import RayHits, Rays
 from omnisim.rendering.rays.geometry import Geometry
@@ -73,7 +73,7 @@ class View(NamedTuple):
     rays: Rays
     hits: RayHits
     world_from_objects: Poses
-    footprints: Float32s | None
+    footprints: Floats32 | None
 
     def take(self, indices: Indices) -> View:
         """View of the rays at indices (m,)."""
@@ -120,7 +120,7 @@ class Shading:
         self.hit_cutoff = np.array([m.hit_cutoff for m in materials], dtype=np.float32)
         self.shadow_cutoff = np.array([m.shadow_cutoff for m in materials], dtype=np.float32)
 
-    def surfaces(self, hits: RayHits) -> Int32s:
+    def surfaces(self, hits: RayHits) -> Ints32:
         """Surfaces (n,) of the hits."""
         return self._geometry.surface_of_triangle[hits.triangles]
 
@@ -129,8 +129,8 @@ class Shading:
         rays: Rays,
         hits: RayHits,
         world_from_objects: Poses = (),
-        footprints: Float32s | None = None,
-    ) -> Float32s:
+        footprints: Floats32 | None = None,
+    ) -> Floats32:
         """Linear RGBA (n, 4) base colors, before lighting; footprints (n, 2, 3) filter textures."""
         surfaces = self.surfaces(hits)
         colors = self._base_color[surfaces]
@@ -143,7 +143,7 @@ class Shading:
             colors[textured] *= self._sampled(self._textures, textures[textured], view, textured)
         return colors
 
-    def transmitted(self, rays: Rays, hits: RayHits, colors: Float32s, poses: Poses) -> Float32s:
+    def transmitted(self, rays: Rays, hits: RayHits, colors: Floats32, poses: Poses) -> Floats32:
         """Transmittance (n, 3) of panes with base colors (n, 3 or more); 0 at other surfaces."""
         surfaces = self.surfaces(hits)
         shares = np.zeros((len(surfaces), 3), dtype=np.float32)
@@ -156,7 +156,7 @@ class Shading:
             )
         return shares
 
-    def media(self, hits: RayHits, media: Int32s, world_from_objects: Poses) -> Int32s:
+    def media(self, hits: RayHits, media: Ints32, world_from_objects: Poses) -> Ints32:
         """Media (n,) before hits of rays that started in media (n,): glass, if its back is hit."""
         surfaces = self.surfaces(hits)
         glass = np.flatnonzero(self.is_glass[surfaces])
@@ -165,7 +165,7 @@ class Shading:
         media[leaving] = surfaces[leaving]
         return media
 
-    def refracted(self, view: View, colors: Float32s, channel: int | None) -> Refracted:
+    def refracted(self, view: View, colors: Floats32, channel: int | None) -> Refracted:
         """Rays that pass surfaces of thick glass, all hit, with base colors (n, 3 or more)."""
         surfaces = self.surfaces(view.hits)
         is_front = self.is_front(view.hits, view.world_from_objects)
@@ -181,7 +181,7 @@ class Shading:
             np.where(is_front, surfaces, np.int32(NO_MEDIUM)),
         )
 
-    def emitted(self, hits: RayHits) -> Float32s:
+    def emitted(self, hits: RayHits) -> Floats32:
         """Light (n, 3), linear RGB, that surfaces emit; all rays must hit."""
         nowhere = np.zeros((len(hits.triangles), 3))
         rays = Rays(nowhere, nowhere, hits.ranges_m, hits.ranges_m)
@@ -192,7 +192,7 @@ class Shading:
 
     def _sampled(
         self, table: TextureTable, textures: Indices, view: View, indices: Indices
-    ) -> Float32s:
+    ) -> Floats32:
         """Texels (m, 4) of textures (m,) at the hits with indices (m,)."""
         hits, geometry = view.hits.take(indices), self._geometry
         corners = self._corner_coordinates(table, textures, hits)
@@ -209,7 +209,7 @@ class Shading:
 
     def _corner_coordinates(
         self, table: TextureTable, textures: Indices, hits: RayHits
-    ) -> Float32s:
+    ) -> Floats32:
         """Texture coordinates (n, 3, 2) of the hit triangles' corners."""
         geometry = self._geometry
         vertices = geometry.corners[hits.triangles]
@@ -220,10 +220,10 @@ class Shading:
             None if second is None else second[vertices],
         )
 
-    def normals(self, hits: RayHits, world_from_objects: Poses = ()) -> Float32s:
+    def normals(self, hits: RayHits, world_from_objects: Poses = ()) -> Floats32:
         """Unit normals (n, 3) of the visible side, world: interpolated, or of the triangle."""
         of_corners = self._geometry.corner_normals(hits.triangles, world_from_objects)
-        normals: Float32s = np.einsum("nk,nkc->nc", hits.weights, of_corners)
+        normals: Floats32 = np.einsum("nk,nkc->nc", hits.weights, of_corners)
         for moved, pose in self._geometry.moved(hits.triangles, world_from_objects):
             normals[moved] = np.einsum("nj,ij->ni", normals[moved], pose[:3, :3])
         is_flat = ~normals.any(axis=1)
@@ -234,7 +234,7 @@ class Shading:
         normals /= np.maximum(lengths, np.float32(_DARKEST))[:, None]
         return normals
 
-    def materials(self, view: View) -> Float32s:
+    def materials(self, view: View) -> Floats32:
         """Roughness, metalness and emission (n, 5), see `Hits.materials`."""
         surfaces = self.surfaces(view.hits)
         materials = np.zeros((len(surfaces), 5), dtype=np.float32)
@@ -248,14 +248,14 @@ class Shading:
 
     def lit(
         self,
-        colors: Float32s,
+        colors: Floats32,
         rays: Rays,
         hits: RayHits,
         cast_shadow: CastShadow,
         world_from_objects: Poses = (),
-        footprints: Float32s | None = None,
+        footprints: Floats32 | None = None,
         tracing: Tracing | None = None,
-    ) -> Float32s:
+    ) -> Floats32:
         """Light (n, 3), linear RGB, from surfaces of base colors (n, 3 or more) toward the rays.
 
         With `tracing`, smooth surfaces reflect the scene; without it, only sky and lamps.
@@ -276,7 +276,7 @@ class Shading:
         lamps = [lamp.facing(normals[glossy]) for lamp in lamps]
         surroundings = None
         if baked is not None:  # without the light of lamps
-            beyond: Float32s = light[glossy] - light_of_lamps(lamps, normals[glossy])
+            beyond: Floats32 = light[glossy] - light_of_lamps(lamps, normals[glossy])
             surroundings = np.maximum(beyond, np.float32(0.0), out=beyond)
         light[self.is_unlit[surfaces]] = 1.0
         light *= colors[:, :3]
@@ -289,8 +289,8 @@ class Shading:
         return light
 
     def _baked_light(
-        self, baked: BakedLight, hits: RayHits, points_m: Float64s, normals: Float32s
-    ) -> Float32s:
+        self, baked: BakedLight, hits: RayHits, points_m: Floats, normals: Floats32
+    ) -> Floats32:
         """Baked light (n, 3) on white surfaces at points (n, 3) with unit normals (n, 3)."""
         light = np.empty((len(points_m), 3), dtype=np.float32)
         is_lightmapped = self._is_lightmapped[self.surfaces(hits)]
@@ -304,20 +304,20 @@ class Shading:
             light[others] = baked.probes.light(points_m[others], normals[others])
         return light
 
-    def is_front(self, hits: RayHits, world_from_objects: Poses = ()) -> Mask:
+    def is_front(self, hits: RayHits, world_from_objects: Poses = ()) -> Bools:
         """Mask (n,) of hits on the front of triangles; without poses, of static ones."""
         a, b, c = np.moveaxis(self._geometry.corners_m(hits.triangles, world_from_objects), 1, 0)
         return np.einsum("nc,nc->n", np.cross(b - a, c - a), hits.planes) > 0.0
 
     def _reflected(
         self,
-        colors: Float32s,
+        colors: Floats32,
         view: View,
         lamps: Sequence[LampLight],
-        normals: Float32s,
-        surroundings: Float32s | None,
+        normals: Floats32,
+        surroundings: Floats32 | None,
         tracing: Tracing | None,
-    ) -> Float32s:
+    ) -> Floats32:
         """Light (n, 3), linear RGB, from surfaces of which some are not matte."""
         surfaces, sampled = self.surfaces(view.hits), self.sampler(view)
         mapped, coat = (self._mapped(slot, normals, view, sampled) for slot in NORMAL_SCALES)
@@ -358,7 +358,7 @@ class Shading:
     def _scattered(
         self,
         surface: Reflectance,
-        colors: Float32s,
+        colors: Floats32,
         arrivals: Arrivals,
         directions: SurfaceDirections,
         tracing: Tracing,
@@ -411,13 +411,13 @@ class Shading:
         """Function that looks up textures at hits by their indices."""
         surfaces = self.surfaces(view.hits)
 
-        def sampled(slot: int, indices: Indices) -> Float32s:
+        def sampled(slot: int, indices: Indices) -> Floats32:
             table = self.table.maps[slot]
             return self._sampled(table, table.texture_of_surface[surfaces[indices]], view, indices)
 
         return sampled
 
-    def _mapped(self, slot: int, normals: Float32s, view: View, sampled: Sampler) -> Float32s:
+    def _mapped(self, slot: int, normals: Floats32, view: View, sampled: Sampler) -> Floats32:
         """Normals (n, 3) after applying the normal maps in a slot."""
         surfaces = self.surfaces(view.hits)
         indices, textures = self.table.textured(slot, surfaces)
@@ -433,7 +433,7 @@ class Shading:
         )  # fmt: skip
         return normals
 
-    def _interpolated(self, of_vertices: Float32s, hits: RayHits) -> Float32s:
+    def _interpolated(self, of_vertices: Floats32, hits: RayHits) -> Floats32:
         """Values (n, k) at the hits, interpolated from vertex values (vertices, k)."""
         return np.einsum(
             "nk,nkc->nc", hits.weights, of_vertices[self._geometry.corners[hits.triangles]]
@@ -463,8 +463,8 @@ def _traced(
 
 
 def _mip_levels(
-    corners_m: Float64s, corners_px: Float32s, directions: Float64s, steps_m: Float64s
-) -> Float32s:
+    corners_m: Floats, corners_px: Floats32, directions: Floats, steps_m: Floats
+) -> Floats32:
     """Mip levels (n,) at which a texel is as wide as a footprint.
 
     Args:
@@ -488,5 +488,5 @@ def _mip_levels(
     weights = np.stack((second, third), axis=-1) / squared[:, None, None]
     steps_px = np.einsum("nse,nec->nsc", weights, edges_px)
     longest = np.einsum("nsc,nsc->ns", steps_px, steps_px).max(axis=1)
-    levels: Float32s = (0.5 * np.log2(longest + _DARKEST)).astype(np.float32)
+    levels: Floats32 = (0.5 * np.log2(longest + _DARKEST)).astype(np.float32)
     return levels + np.float32(LEVEL_BIAS)

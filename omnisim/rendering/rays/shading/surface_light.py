@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from omnisim.core.array_types import Float32s, Float64s, Floats, Indices, Mask
+from omnisim.core.arrays import AnyFloats, Bools, Floats, Floats32, Indices
 from omnisim.rendering.rays.caster import RayCaster, RayHits, Rays
 from omnisim.rendering.rays.shading.glass import pane_reflectance
 from omnisim.rendering.rays.shading.ray_reflectance import Reflectance, microfacets
@@ -34,14 +34,14 @@ _BEAM_SQUARED = MIN_ROUGHNESS**4
 
 
 class SurfaceLight(NamedTuple):
-    """Float64s of the light that arrives at surfaces (n,), linear RGB."""
+    """Shares of the light that arrives at surfaces (n,), linear RGB."""
 
-    passed: Float64s  # (n, 3) share that passes straight through panes; 0 elsewhere
-    reflected: Float64s  # (n, 3) share that is reflected in the mirror's direction; 0 unless smooth
-    returned: Float64s  # (n, 3) intensity that returns to the source, see the module
-    normals: Float64s  # (n, 3) unit normals of the visible side
-    is_flat: Mask  # (n,) mask of surfaces that reflect like a plane
-    cosines: Float64s  # (n,) cosines of the angles of incidence
+    passed: Floats  # (n, 3) share that passes straight through panes; 0 elsewhere
+    reflected: Floats  # (n, 3) share that is reflected in the mirror's direction; 0 unless smooth
+    returned: Floats  # (n, 3) intensity that returns to the source, see the module
+    normals: Floats  # (n, 3) unit normals of the visible side
+    is_flat: Bools  # (n,) mask of surfaces that reflect like a plane
+    cosines: Floats  # (n,) cosines of the angles of incidence
 
     def take(self, indices: Indices) -> SurfaceLight:
         """The selected surfaces."""
@@ -88,18 +88,18 @@ def surface_light(shading: Shading, view: View) -> SurfaceLight:
     return SurfaceLight(passed, reflected, returned, normals, is_flat, cosines)
 
 
-def mirrored_shares(surface: Reflectance, cosines: Float64s) -> Float64s:
+def mirrored_shares(surface: Reflectance, cosines: Floats) -> Floats:
     """Shares (n, 3) that smooth gloss and coats reflect like mirrors, by cosines (n,)."""
     grazing = (1.0 - cosines) ** 5
     coat = surface.coat * (COAT_F0 + (1.0 - COAT_F0) * grazing)
     gloss = surface.f0 + (surface.f90[:, None] - surface.f0) * grazing[:, None]
     below = (1.0 - coat)[:, None]
-    mirrored: Float64s = np.where((surface.roughness <= _SMOOTH)[:, None], below * gloss, 0.0)
+    mirrored: Floats = np.where((surface.roughness <= _SMOOTH)[:, None], below * gloss, 0.0)
     mirrored += np.where(surface.coat_roughness <= _SMOOTH, coat, 0.0)[:, None]
     return mirrored
 
 
-def _of_gloss(surface: Reflectance, cosines: Float64s) -> tuple[Float64s, Float64s]:
+def _of_gloss(surface: Reflectance, cosines: Floats) -> tuple[Floats, Floats]:
     """Mirrored and returned shares (n, 3) of surfaces with gloss and clear coat."""
     grazing = (1.0 - cosines) ** 5
     below = (1.0 - surface.coat * (COAT_F0 + (1.0 - COAT_F0) * grazing))[:, None]
@@ -113,7 +113,7 @@ def _of_gloss(surface: Reflectance, cosines: Float64s) -> tuple[Float64s, Float6
     return mirrored_shares(surface, cosines), below**2 * (body + facets) + of_coat[:, None]
 
 
-def _facets(roughness: Floats, cosines: Float64s) -> Float64s:
+def _facets(roughness: AnyFloats, cosines: Floats) -> Floats:
     """Light (n,) that facets of reflectance 1 return, by the cosines (n,) of incidence.
 
     Smooth surfaces are flat. The beam's divergence takes the place of their facets: a Gaussian, as
@@ -136,7 +136,7 @@ def _facets(roughness: Floats, cosines: Float64s) -> Float64s:
 # count, as in images.
 
 
-def straight_shares(shading: Shading, view: View, colors: Float32s) -> Float32s:
+def straight_shares(shading: Shading, view: View, colors: Floats32) -> Floats32:
     """Shares (n, 3) of light that pass hits straight, linear RGB; 0 for all but panes and glass.
 
     Args:

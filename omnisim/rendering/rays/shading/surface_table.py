@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from omnisim.core.array_types import Float32s, Float64s, Floats, Indices, Int32s
+from omnisim.core.arrays import AnyFloats, Floats, Floats32, Indices, Ints32
 from omnisim.rendering.rays.geometry import Surface
 from omnisim.rendering.rays.shading.ray_reflectance import Reflectance
 from omnisim.rendering.rays.shading.ray_textures import TextureTable
@@ -21,7 +21,7 @@ from omnisim.scene.surface_reflectance import MIN_ROUGHNESS, dielectric_f0, tint
 # In the order of `Material.maps`.
 METALLIC_ROUGHNESS, NORMAL, OCCLUSION, EMISSIVE, SPECULAR, CLEARCOAT, CLEARCOAT_NORMAL = range(7)
 NORMAL_SCALES = {NORMAL: "normal_scale", CLEARCOAT_NORMAL: "clearcoat_normal_scale"}
-Sampler = Callable[[int, Indices], Float32s]
+Sampler = Callable[[int, Indices], Floats32]
 
 
 def _map_of(slot: int) -> Callable[[Material], Texture | None]:
@@ -31,10 +31,10 @@ def _map_of(slot: int) -> Callable[[Material], Texture | None]:
 class SurfaceValues(NamedTuple):
     """Material factors times maps at hits (n,)."""
 
-    metallic: Floats
-    roughness: Floats
-    occlusion: Floats
-    emissive: Floats
+    metallic: AnyFloats
+    roughness: AnyFloats
+    occlusion: AnyFloats
+    emissive: AnyFloats
 
 
 class SurfaceTable:
@@ -46,7 +46,7 @@ class SurfaceTable:
         shown = [] if self.is_matte.all() else surfaces
         self.maps = tuple(TextureTable(shown, _map_of(slot)) for slot in range(7))
 
-        def column(values: Sequence[object]) -> Float32s:
+        def column(values: Sequence[object]) -> Floats32:
             return np.array(values, dtype=np.float32)
 
         self._metallic = column([one.metallic for one in materials])
@@ -67,14 +67,14 @@ class SurfaceTable:
             for slot, name in NORMAL_SCALES.items()
         }
 
-    def textured(self, slot: int, surfaces: Int32s) -> tuple[Indices, Indices]:
+    def textured(self, slot: int, surfaces: Ints32) -> tuple[Indices, Indices]:
         """Indices of the surfaces (n,) with a given map, and their textures in it."""
         of_surface = self.maps[slot].texture_of_surface
         textures = of_surface[surfaces] if len(of_surface) else np.full(len(surfaces), -1)
         indices = np.flatnonzero(textures >= 0)
         return indices, textures[indices]
 
-    def values(self, surfaces: Int32s, sampled: Sampler) -> SurfaceValues:
+    def values(self, surfaces: Ints32, sampled: Sampler) -> SurfaceValues:
         """Values at hits of surfaces (n,); `sampled` looks up a map at selected hits."""
         metallic, roughness = self._metallic[surfaces], self._roughness[surfaces]
         occlusion = np.ones(len(surfaces), dtype=np.float32)
@@ -93,7 +93,7 @@ class SurfaceTable:
             emissive[indices] *= sampled(EMISSIVE, indices)[:, :3]
         return SurfaceValues(np.clip(metallic, 0.0, 1.0), roughness, occlusion, emissive)
 
-    def reflectance(self, surfaces: Int32s, colors: Floats, sampled: Sampler) -> Reflectance:
+    def reflectance(self, surfaces: Ints32, colors: AnyFloats, sampled: Sampler) -> Reflectance:
         """Reflectance at hits of surfaces (n,) with base colors (n, 3)."""
         values = self.values(surfaces, sampled)
         metallic, share = values.metallic, values.metallic[:, None]
@@ -130,13 +130,13 @@ class SurfaceTable:
 
 
 def mapped_normals(
-    normals: Float32s,
-    corners_m: Float64s,
-    coordinates: Float32s,
-    planes: Float32s,
-    texels: Float32s,
-    scales: Float32s,
-) -> Floats:
+    normals: Floats32,
+    corners_m: Floats,
+    coordinates: Floats32,
+    planes: Floats32,
+    texels: Floats32,
+    scales: Floats32,
+) -> AnyFloats:
     """Apply normal maps: unit normals (n, 3).
 
     Args:
@@ -166,6 +166,6 @@ def mapped_normals(
     return np.where(lengths > 0.0, mapped, normals)
 
 
-def _dot(one: Floats, other: Floats) -> Floats:
-    products: Floats = np.einsum("nc,nc->n", one, other)
+def _dot(one: AnyFloats, other: AnyFloats) -> AnyFloats:
+    products: AnyFloats = np.einsum("nc,nc->n", one, other)
     return products[:, None]

@@ -7,9 +7,9 @@ from collections.abc import Callable
 from contextlib import suppress
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras import KannalaBrandtCamera
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import MeasurementError
 from omnisim.core.poses import rotation_from_roll_pitch_yaw
 from omnisim.core.srgb import srgb_from_linear
@@ -21,7 +21,6 @@ from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
 from omnisim.report.report import Measure, ResultTable, Section
 from omnisim.validation.fixture import Fixture
 
-Floats = NDArray[np.float64]
 CAMERAS, QUICK_CAMERAS = 12, 4
 TURNING, QUICK_TURNING = 4, 1  # cameras before a turning board
 TIMES_S = (1e-3, 2e-3, 4e-3, 8e-3, 16e-3, 32e-3)

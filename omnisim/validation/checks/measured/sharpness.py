@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.special import j1, ndtr
 
+from omnisim.core.arrays import Floats, Floats32, Ints
 from omnisim.measurement.sharpness import MeasuredSharpness, measure_sharpness
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
 from omnisim.report.report import Measure, ResultTable, Section
@@ -22,7 +23,6 @@ SHARP_PX = 1e-3
 _RADII = np.linspace(0.1, 1.45, 10)  # in half of the shorter side; the corner is at 1.67
 PATCH_PX = 60
 DARK, BRIGHT = 0.08, 0.75
-Floats = NDArray[np.float64]
 STEP_PX = 0.005  # of the line spread's samples
 
 
@@ -102,7 +102,7 @@ def normalized_errors(measured: MeasuredSharpness, lens: AnalyticLens) -> list[f
     return errors
 
 
-def twin_charts(measured: MeasuredSharpness, lens: AnalyticLens) -> list[NDArray[np.float32]]:
+def twin_charts(measured: MeasuredSharpness, lens: AnalyticLens) -> list[Floats32]:
     """Images (height, width, 3) of an ideal lens with the measured degradations."""
     ideal = AnalyticLens(lens.size_px, (SHARP_PX,), (SHARP_PX,), (), ())
     geometry = ImageGeometry(*lens.size_px, measured.center_px)
@@ -197,7 +197,7 @@ class AnalyticLens:
         image += noise * random.normal(size=image.shape)
         return np.rint(65535.0 * image.clip(0.0, 1.0)).astype(np.uint16)
 
-    def _patch(self, angle_deg: float, point_px: Floats, corner_px: NDArray[np.int64]) -> Floats:
+    def _patch(self, angle_deg: float, point_px: Floats, corner_px: Ints) -> Floats:
         """Linear colors (PATCH_PX, PATCH_PX, 3) of a patch with an edge.
 
         The edge passes through `point_px`, relative to the patch's first pixel `corner_px`; its

@@ -5,9 +5,9 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.core import coordinate_frames as frames
+from omnisim.core.arrays import Floats
 from omnisim.core.srgb import srgb_from_linear
 from omnisim.plots.style import gallery
 from omnisim.rendering.camera.omnicamera import PAPER_POLYGONS, OmniCamera
@@ -88,9 +88,7 @@ def check(fixture: Fixture, title: str) -> Section:
     )  # fmt: skip
 
 
-def _marker_distances(
-    fixture: Fixture, sensor: OmniCamera, pose: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _marker_distances(fixture: Fixture, sensor: OmniCamera, pose: Floats) -> Floats:
     """Distances (n,) between the centers of markers in the traced image and in ours."""
     camera, world_from_optical = mirror_camera(sensor), _world_from_optical(sensor, pose)
     viewpoint_m = world_from_optical[:3, 3]
@@ -108,7 +106,7 @@ def _marker_distances(
     return np.linalg.norm(by_mitsuba - by_omnisim, axis=1)
 
 
-def _world_from_optical(sensor: OmniCamera, pose: NDArray[np.float64]) -> NDArray[np.float64]:
+def _world_from_optical(sensor: OmniCamera, pose: Floats) -> Floats:
     world_from_optical = pose @ sensor.base_from_rig
     world_from_optical[:3, :3] = world_from_optical[:3, :3] @ frames.RIG_FROM_OPTICAL_LOOKING_UP
     return world_from_optical
