@@ -7,12 +7,13 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from omnisim.core.arrays import Bytes
 from omnisim.core.short_repr import counted, short_repr
 
 if TYPE_CHECKING:  # channel and class names alone do not require NumPy
     import numpy as np
     from numpy.typing import NDArray
+
+    from omnisim.core.arrays import Bytes
 
 NOTHING = 0  # class and instance ID of pixels without a hit
 _GOLDEN = 0.61803398875  # hue step that keeps all hues well apart
