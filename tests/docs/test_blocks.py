@@ -4,11 +4,13 @@ A page's blocks share one empty folder with a link to `examples/`. Shell and Pyt
 a TOML block whose first line is `# name.toml` becomes that file. Other blocks are not for running.
 """
 
+import ast
 import json
 import os
 import re
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -48,6 +50,21 @@ def _text(page):
 
 def _blocks(page):
     return [block for block in BLOCK.findall(_text(page)) if block[0] in ("sh", "python", "toml")]
+
+
+def test_names_that_blocks_import_exist():
+    """Of all pages: those that take long are seldom run."""
+    missing = []
+    for page in PAGES:
+        for language, code in _blocks(page):
+            for node in ast.walk(ast.parse(code)) if language == "python" else ():
+                if isinstance(node, ast.ImportFrom) and node.module.startswith("omnisim"):
+                    for alias in node.names:
+                        try:
+                            getattr(import_module(node.module), alias.name)
+                        except (ImportError, AttributeError) as reason:
+                            missing.append(f"{page.relative_to(ROOT)}: {reason}")
+    assert not missing, "\n".join(missing)
 
 
 @pytest.fixture
