@@ -53,7 +53,7 @@ def _blocks(page):
 
 
 def test_names_that_blocks_import_exist():
-    """Of all pages: those that take long are seldom run."""
+    """Check all pages, as those that take long are seldom run."""
     missing = []
     for page in PAGES:
         for language, code in _blocks(page):
