@@ -129,7 +129,7 @@ class RepeatedFrame:
     def _draw_faces(self, passes: CameraBackend) -> None:
         renderer = self.renderer
         assert isinstance(passes, CubeCamera)
-        passes.cube.render(*renderer._poses_in(renderer._state(self.world_from_base)))
+        passes.cube.draw((renderer._poses_in(renderer._state(self.world_from_base)),))
 
 
 class _Marks:

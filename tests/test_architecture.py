@@ -35,7 +35,7 @@ OPENGL_LAYERS = (
     {"cube_backend"},
     {"parallax_camera"},
     {"opengl_camera"},
-    {"camera_frame", "ground_truth", "shadows"},
+    {"frame", "ground_truth", "shadows"},
     {"drawing"},
     {"geometry"},
     {"capture", "culling"},

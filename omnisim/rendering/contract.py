@@ -20,7 +20,7 @@ from omnisim.core.arrays import Bools, Bytes, Floats, Floats32, Indices
 from omnisim.core.errors import OpticsError
 from omnisim.core.extras import missing_packages
 from omnisim.core.pending import Pending
-from omnisim.core.world import ObjectPart
+from omnisim.core.world import ObjectPart, time_of
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits, ThroughHits
 from omnisim.ground_truth.label_names import Labels
 from omnisim.rendering.camera.degradations.effect import MAX_EV
@@ -58,6 +58,16 @@ class ScenePoses(NamedTuple):
     world_from_rig: Floats
     world_from_objects: Sequence[Floats] = ()
 
+    @property
+    def viewpoint_m(self) -> Floats:
+        """Origin (3,) of the rig, world."""
+        return self.world_from_rig[:3, 3]
+
+    @property
+    def time_s(self) -> float:
+        """Time of the objects' poses, s; 0 if they have none."""
+        return time_of(self.world_from_objects)
+
 
 class SubFrame(NamedTuple):
     """Part of an image's exposure time.
@@ -68,7 +78,7 @@ class SubFrame(NamedTuple):
     """
 
     poses: ScenePoses
-    row_weights: Floats32 | None
+    row_weights: Floats32 | None = None
 
 
 class ImageExposure(NamedTuple):
@@ -79,8 +89,8 @@ class ImageExposure(NamedTuple):
         frame_number: seeds the noise, which differs between frames.
     """
 
-    factors: tuple[float, float, float]
-    frame_number: int
+    factors: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    frame_number: int = 0
 
 
 class SubFrames(NamedTuple):
@@ -96,9 +106,9 @@ class SubFrames(NamedTuple):
     """
 
     parts: Sequence[SubFrame]
-    expose: Callable[[float | None], ImageExposure]
-    meter: Metering | None
-    linear: bool
+    expose: Callable[[float | None], ImageExposure] = lambda luminance: ImageExposure()
+    meter: Metering | None = None
+    linear: bool = False
     frame_number: int = 0
     is_exposed: bool = False
 

@@ -17,15 +17,16 @@ from omnisim.rendering.contract import (
     Readback,
     SceneBackend,
     ScenePoses,
+    SubFrame,
+    SubFrames,
     seen_background,
 )
 from omnisim.rendering.opengl.atlas.image_parts import image_parts
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan, whole_faces
-from omnisim.rendering.opengl.camera_frame import CameraFrame
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
-from omnisim.rendering.opengl.drawing.cube_pass import CubePass
 from omnisim.rendering.opengl.drawing.scene_view import VirtualCameras
 from omnisim.rendering.opengl.drawing.surface_program import SurfacePrograms
+from omnisim.rendering.opengl.frame import CameraFrame, CubePass
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl.context import collect_garbage, graphics_info
 from omnisim.rendering.opengl.gl.gpu_textures import check_image_size
@@ -106,7 +107,7 @@ class OpenGLCamera(CameraBackend, Generic[HitsT]):
         """Hits behind ground truth with these details."""
 
     def _begin_ideal(self, request: FrameRequest) -> Pending[Readback]:
-        return self.frame.begin(request.poses, request.linear)
+        return self.frame.begin(SubFrames((SubFrame(request.poses),), linear=request.linear))
 
     def _cube_pass(self, plan: TilePlan, whole: TilePlan | None = None) -> CubePass:
         return CubePass(self._drawn.buffers, self._drawn.programs, plan, self._cameras, whole)
@@ -117,7 +118,7 @@ class OpenGLCamera(CameraBackend, Generic[HitsT]):
         if not self._sensor.degradation.is_ideal:
             from omnisim.rendering.degraded_camera import DegradedCamera
 
-            self._degraded = DegradedCamera(self.world, self.setup, frame.begin_degraded).begin
+            self._degraded = DegradedCamera(self.world, self.setup, frame.begin).begin
 
     def _degradation_pass(self) -> DegradationPass | None:
         """Passes of the sensor's degradation; None: it is ideal."""
@@ -180,7 +181,7 @@ class CubeCamera(OpenGLCamera["CubeHits"]):
     def faces(self, poses: ScenePoses) -> dict[str, Floats32]:
         """Linear images (size, size, 3) of the virtual cameras by name, rendered for this call."""
         cube = self.whole_cube
-        cube.render(*poses)
+        cube.draw((poses,))
         return {tile.face_name: cube.read_face(tile) for tile in cube.plan.tiles}
 
     @cached_property

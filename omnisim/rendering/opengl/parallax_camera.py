@@ -22,11 +22,10 @@ from omnisim.ground_truth.hits import HitDetails
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.parallax_plan import parallax_tiles, sample_rays
 from omnisim.rendering.contract import CameraSetup, FrameRequest, SceneBackend, ScenePoses, Taken
-from omnisim.rendering.opengl.camera_frame import CameraFrame
 from omnisim.rendering.opengl.capture.parallax_pass import ChromaticPass, DepthPyramid, ParallaxPass
 from omnisim.rendering.opengl.capture.parallax_rays import ParallaxRays, SampleRays
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
-from omnisim.rendering.opengl.drawing.cube_pass import CubePass
+from omnisim.rendering.opengl.frame import CameraFrame, CubePass
 from omnisim.rendering.opengl.gl.context import Context
 from omnisim.rendering.opengl.gl.gpu_textures import check_image_size, fits_texture
 from omnisim.rendering.opengl.opengl_camera import DrawnScene, OpenGLCamera
@@ -176,7 +175,7 @@ class ParallaxFrame(CameraFrame):
         """Draw the encoded image and, on request, the linear one."""
         pose, cast = poses.world_from_rig.copy(), self._cast
         pose[:3, 3] += pose[:3, :3] @ self._viewpoint_m
-        atlas = self._cube.render(pose, poses.world_from_objects)
+        atlas = self._cube.draw((ScenePoses(pose, poses.world_from_objects),))
         self._parallax.draw(
             atlas,
             self._cube.depth,

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.arrays import Bytes, Floats, Indices
+from omnisim.rendering.contract import ScenePoses
 from omnisim.rendering.opengl.atlas.tile_plan import PosedViews, TilePlan, TileViews
 from omnisim.rendering.opengl.drawing.mirror_owner_program import MirrorOwnerProgram
 from omnisim.rendering.opengl.drawing.scene_drawer import SceneDrawer
@@ -143,27 +144,25 @@ class MirrorPass:
             indices=gpu_buffer(self._buffers.context, np.concatenate(triangles).astype("<u4")),
         )
 
-    def render(
-        self, view: SceneView, world_from_rig: Floats, world_from_objects: Sequence[Floats]
-    ) -> None:
-        """Render the mirrored views of a pose (4, 4).
+    def render(self, view: SceneView, shot: ScenePoses) -> None:
+        """Render the mirrored views of a shot.
 
         Shadow maps and tables are bound, and meshes are deformed.
         """
-        planes, sides = self._planes_at(world_from_rig[:3, 3], world_from_objects)
-        transforms = self._buffers.instance_transforms(world_from_rig[:3, 3], world_from_objects)
-        views = view.tiles.views.at(world_from_rig)
-        visible = self._visible(sides, self._whole_views.at(world_from_rig), transforms)
+        planes, sides = self._planes_at(shot)
+        transforms = self._buffers.instance_transforms(shot.viewpoint_m, shot.world_from_objects)
+        views = view.tiles.views.at(shot.world_from_rig)
+        visible = self._visible(sides, self._whole_views.at(shot.world_from_rig), transforms)
         self._planes = np.full_like(planes, _NOWHERE_M)
         self._planes[visible] = planes[visible]
-        self._world_from_rig = world_from_rig
+        self._world_from_rig = shot.world_from_rig
         if not visible:
             return
         self._draw_owners(view, views, transforms)
         self._state.use(self._target, has_depth=True)
         self._state.clear([(*self._background, 1.0)], CLEAR_DEPTH)
         for number in visible:
-            self._draw_view(number, world_from_rig, world_from_objects)
+            self._draw_view(number, shot)
 
     def use_plan(self, plan: TilePlan) -> None:
         """Draw other tiles, at most as many as at first, in an atlas of the same size."""
@@ -181,10 +180,8 @@ class MirrorPass:
         self._owners.use(MIRROR_UNITS["u_mirror_owners"])
         self._colors.use(MIRROR_UNITS["u_mirrored"])
 
-    def _planes_at(
-        self, viewpoint_m: Floats, world_from_objects: Sequence[Floats]
-    ) -> tuple[Floats, Indices]:
-        """Planes (mirrors, 4) and sides (mirrors,) that face a viewpoint (3,).
+    def _planes_at(self, shot: ScenePoses) -> tuple[Floats, Indices]:
+        """Planes (mirrors, 4) and sides (mirrors,) that face the viewpoint.
 
         Planes have unit normals toward the viewpoint, and its heights in meters.
         """
@@ -193,10 +190,10 @@ class MirrorPass:
         for number, mirror in enumerate(self._mirrors):
             normal, offset_m = mirror.normal, mirror.offset_m
             if mirror.object_index is not None:
-                pose = world_from_objects[mirror.object_index]
+                pose = shot.world_from_objects[mirror.object_index]
                 normal = pose[:3, :3] @ normal
                 offset_m += float(normal @ pose[:3, 3])
-            height_m = float(normal @ viewpoint_m) - offset_m
+            height_m = float(normal @ shot.viewpoint_m) - offset_m
             sides[number] = side = -1 if height_m < 0.0 else 1
             planes[number] = *(side * normal), abs(height_m)
         return planes, sides
@@ -227,13 +224,11 @@ class MirrorPass:
                 visible.append(number)
         return visible
 
-    def _draw_view(
-        self, number: int, world_from_rig: Floats, world_from_objects: Sequence[Floats]
-    ) -> None:
+    def _draw_view(self, number: int, shot: ScenePoses) -> None:
         """Draw the view in a mirror."""
         normal, height_m = self._planes[number, :3], self._planes[number, 3]
-        mirrored = world_from_rig.copy()
-        mirrored[:3, :3] -= 2.0 * np.outer(normal, normal @ world_from_rig[:3, :3])
+        mirrored = shot.world_from_rig.copy()
+        mirrored[:3, :3] -= 2.0 * np.outer(normal, normal @ mirrored[:3, :3])
         mirrored[:3, 3] -= 2.0 * height_m * normal
         self._owners.use(_OWNERS_UNIT)
         self._window.value = number + 1
@@ -242,7 +237,7 @@ class MirrorPass:
             self._triangle.render(moderngl.TRIANGLES, vertices=3)
         self._state.use(self._target, has_depth=True)
         plane = np.array((*normal, -height_m, self._spreads[number]))
-        self._view.draw(self._target, mirrored, world_from_objects, plane)
+        self._view.draw(self._target, (shot._replace(world_from_rig=mirrored),), plane)
 
 
 def _facet_slope(material: Material) -> float:

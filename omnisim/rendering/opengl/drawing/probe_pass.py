@@ -16,6 +16,7 @@ import numpy as np
 
 from omnisim.core.arrays import Bools, Floats, Floats32
 from omnisim.core.world import time_of
+from omnisim.rendering.contract import ScenePoses
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan, cube_plan
 from omnisim.rendering.opengl.drawing.probe_maps import Gloss, ProbeMaps
 from omnisim.rendering.opengl.drawing.scene_view import SceneParts, SceneView, VirtualCameras
@@ -56,12 +57,7 @@ class _OwnProbe:
         self.items = frozenset(one for one in planar if items[one].material.metallic > _METAL)
         self._items = [items[index] for index in self.items]
 
-    def connect(
-        self,
-        programs: Collection[SurfaceProgram],
-        viewpoint_m: Floats,
-        world_from_objects: Sequence[Floats],
-    ) -> None:
+    def connect(self, programs: Collection[SurfaceProgram], shot: ScenePoses) -> None:
         """Set the probe of the mirrors, whose center is the viewpoint, and bind it."""
         probe = np.array((0.0, 0.0, 0.0, self.number), dtype=np.float32)
         for program in programs:
@@ -156,25 +152,26 @@ class ProbePass:
     def _draw(self, number: int, world_from_objects: Sequence[Floats]) -> None:
         world_from_probe = np.eye(4)
         world_from_probe[:3, 3] = self._center_m(self._places[number], world_from_objects)
+        shot = ScenePoses(world_from_probe, world_from_objects)
         if self._programs.shadows is not None:
-            self._programs.shadows.prepare(world_from_probe[:3, 3], world_from_objects)
+            self._programs.shadows.prepare(shot.viewpoint_m, world_from_objects)
         self._programs.bind_tables()
         left_out, parts = self._left_out[number], SceneParts.ALL
         if self._has_static_copy(self._places[number]):
             parts = SceneParts.MOVING
-            self._copy_static(number, world_from_probe, world_from_objects)
+            self._copy_static(number, shot)
         else:
             self._view.tiles.begin(self._target, [(*self._background, 1.0)])
         self._view.select(left_out, parts)
         self._state.use(self._target, has_depth=True)
         self._own.number = number
-        self._view.draw(self._target, world_from_probe, world_from_objects)
+        self._view.draw(self._target, (shot,))
         self._maps.draw(number, self._colors, self._depths, self._gloss[number])
         if self._mirrors[number].any():
             self._programs.bind_tables()
             self._view.select(~self._mirrors[number])
             self._state.use(self._target, has_depth=True)
-            self._view.add_one_by_one(self._target, world_from_probe, world_from_objects)
+            self._view.add_one_by_one(self._target, shot)
             self._maps.draw(number, self._colors, self._depths, self._gloss[number])
 
     def _has_static_copy(self, place: ProbePlace) -> bool:
@@ -185,9 +182,7 @@ class ProbePass:
         is_fixed = place.object_index is None and place.deforming is None
         return is_fixed and self._has_moving and self._programs.shadows is None
 
-    def _copy_static(
-        self, number: int, world_from_probe: Floats, world_from_objects: Sequence[Floats]
-    ) -> None:
+    def _copy_static(self, number: int, shot: ScenePoses) -> None:
         """Copy the static opaque items, drawn once, into the atlas."""
         atlas = self._colors, self._depths
         if number not in self._static:
@@ -202,7 +197,7 @@ class ProbePass:
                 )
             self._view.select(self._left_out[number], SceneParts.STATIC)
             self._view.tiles.begin(self._target, [(*self._background, 1.0)])
-            self._view.draw_opaque(self._target, world_from_probe, world_from_objects)
+            self._view.draw_opaque(self._target, shot)
             copy_textures(dict(zip(atlas, copies, strict=True)))
             self._static[number] = copies
         else:
@@ -219,16 +214,11 @@ class ProbePass:
         pose = world_from_objects[place.object_index]
         return pose[:3, :3] @ center_m + pose[:3, 3]
 
-    def connect(
-        self,
-        programs: Collection[SurfaceProgram],
-        viewpoint_m: Floats,
-        world_from_objects: Sequence[Floats],
-    ) -> None:
-        """Set the probes of items, relative to a viewpoint (3,), in the programs, and bind them."""
+    def connect(self, programs: Collection[SurfaceProgram], shot: ScenePoses) -> None:
+        """Set the probes of items in the programs for a viewpoint, and bind them."""
         probes: dict[int, Floats32] = {}
         for number, place in enumerate(self._places):
-            center_m = self._center_m(place, world_from_objects) - viewpoint_m
+            center_m = self._center_m(place, shot.world_from_objects) - shot.viewpoint_m
             probe = np.array((*center_m, number), dtype=np.float32)
             probes |= {id(self._buffers.draw_items[index]): probe for index in place.surfaces}
         for program in programs:

@@ -13,8 +13,9 @@ import moderngl
 import numpy as np
 
 from omnisim.core.arrays import Bools, Floats, Indices
-from omnisim.core.world import ObjectPart, time_of
+from omnisim.core.world import ObjectPart
 from omnisim.rendering.camera.quality import DEFAULT_MIRRORS, DEFAULT_PROBES
+from omnisim.rendering.contract import ScenePoses
 from omnisim.rendering.opengl.atlas.tile_plan import PosedViews, TilePlan, TileViews, clips_from_rig
 from omnisim.rendering.opengl.culling.cluster_culling import (
     MIN_TRIANGLES_OF_PASSES,
@@ -42,10 +43,13 @@ from omnisim.rendering.opengl.drawing.surface_program import (
 from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem, InstanceTransforms
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
+from omnisim.rendering.opengl.gl.buffers import written_buffer
 from omnisim.rendering.opengl.gl.gpu_textures import CLEAR_DEPTH
 from omnisim.rendering.opengl.gl.shader_files import columns_first
 from omnisim.rendering.opengl.gl.state import GlState
 from omnisim.scene.planar_mirrors import is_rough_mirror
+
+_POSITIONS = 15  # binding, as in `scene/lighting.glsl`
 
 
 class SceneParts(Enum):
@@ -208,45 +212,34 @@ class TileRenderer:
     def draw(
         self,
         target: moderngl.Framebuffer,
-        world_from_rig: Floats,
-        world_from_objects: Sequence[Floats],
+        shots: Sequence[ScenePoses],
         drawer: SceneDrawer[P],
     ) -> None:
-        """Draw the clusters of all tiles, then the items.
+        """Draw the clusters of all tiles, then the items, which only a single shot may have.
 
         Args:
-            target: framebuffer, cleared by `begin`.
-            world_from_rig: (4, 4) pose of the camera's rig.
-            world_from_objects: (4, 4) each, poses of the dynamic objects.
+            target: framebuffer, cleared by `begin`, with a layer per shot if there are several.
+            shots: poses of the rig and the dynamic objects.
             drawer: drawer of the items.
         """
-        self.draw_clusters(target, world_from_rig, world_from_objects)
-        self.draw_one_by_one(target, world_from_rig, world_from_objects, drawer)
+        self.draw_clusters(target, shots)
+        self.draw_one_by_one(target, shots[0], drawer)
 
     def draw_one_by_one(
-        self,
-        target: moderngl.Framebuffer,
-        world_from_rig: Floats,
-        world_from_objects: Sequence[Floats],
-        drawer: SceneDrawer[P],
+        self, target: moderngl.Framebuffer, shot: ScenePoses, drawer: SceneDrawer[P]
     ) -> None:
         """Draw the items of all tiles, after the clusters."""
         if not self._items.size:
             return
-        transforms = self._buffers.instance_transforms(world_from_rig[:3, 3], world_from_objects)
+        transforms = self._buffers.instance_transforms(shot.viewpoint_m, shot.world_from_objects)
         drawer.begin(transforms)
         order = self._buffers.front_to_back(self._items, transforms)
-        self.draw_items(target, self.views.at(world_from_rig), transforms, order, drawer)
+        self.draw_items(target, self.views.at(shot.world_from_rig), transforms, order, drawer)
 
-    def draw_clusters(
-        self,
-        target: moderngl.Framebuffer,
-        worlds_from_rigs: Floats,
-        worlds_from_objects: Floats | Sequence[Floats],
-    ) -> None:
-        """Draw the clusters of all tiles, for one camera or several, see `Views.write`."""
+    def draw_clusters(self, target: moderngl.Framebuffer, shots: Sequence[ScenePoses]) -> None:
+        """Draw the clusters of all tiles, one layer of the target per shot."""
         if self.culler is not None:
-            self._cluster_views.write(worlds_from_rigs, worlds_from_objects)
+            self._cluster_views.write(shots)
             for pass_index in range(self.culler.passes):
                 self.culler.run(pass_index, target)
                 self._clusters.draw(pass_index)
@@ -274,7 +267,7 @@ class TileRenderer:
 
 
 class MirroredViews(Protocol):
-    """Rendered views in planar mirrors, or in panes."""
+    """Views in planar mirrors, or in panes."""
 
     @property
     def of_panes(self) -> bool:
@@ -284,6 +277,9 @@ class MirroredViews(Protocol):
     def items(self) -> frozenset[int]:
         """Indices of the items that show the views."""
 
+    def render(self, view: SceneView, shot: ScenePoses) -> None:
+        """Render the mirrored views that a view shows."""
+
     def connect(self, programs: Collection[SurfaceProgram]) -> None:
         """Set the mirrors' planes in the programs that show the views."""
 
@@ -292,19 +288,17 @@ class MirroredViews(Protocol):
 
 
 class Probes(Protocol):
-    """Rendered reflection probes."""
+    """Reflection probes."""
 
     @property
     def items(self) -> frozenset[int]:
         """Indices of the items that reflect a probe."""
 
-    def connect(
-        self,
-        programs: Collection[SurfaceProgram],
-        viewpoint_m: Floats,
-        world_from_objects: Sequence[Floats],
-    ) -> None:
-        """Set the probes of items, relative to a viewpoint (3,), in the programs, and bind them."""
+    def render(self, seen: Collection[int], world_from_objects: Sequence[Floats]) -> None:
+        """Render the probes that items at the given indices reflect."""
+
+    def connect(self, programs: Collection[SurfaceProgram], shot: ScenePoses) -> None:
+        """Set the probes of items in the programs for a viewpoint, and bind them."""
 
 
 class SceneView:
@@ -321,10 +315,11 @@ class SceneView:
         mirrors: views in mirrors, and in panes.
         is_mirrored: draw from mirrored rigs, clipped at the mirror.
         probes: reflection probes; None: all surfaces without mirrors reflect sky and lamps.
-        layers: number of cameras that `draw_layers` draws together; 0: one by `draw`.
+        layers: number of shots to draw together; 0: a single one.
 
     Attributes:
         tiles: renderer of the tiles.
+        mirrors, probes: see the arguments.
         sorted_items: blended items that the GPU sorts.
         blended_drawer: drawer of these items; None: there are none.
         programs: surface programs in use.
@@ -358,9 +353,11 @@ class SceneView:
         self.sorted_items = [items[index] for index in self._sorted]
         opaque = np.flatnonzero(shown & ~blended & (layers == 0))
         self._is_layered = layers > 0
+        if layers:
+            positions = layers * len(programs.positions_m)
+            self._positions = written_buffer(buffers.context, 16 * positions)
         self.programs: set[SurfaceProgram] = set()
-        self._mirrors = mirrors
-        self._probes = probes
+        self.mirrors, self.probes = mirrors, probes
         of_probes = set() if probes is None else {id(items[index]) for index in probes.items}
         of_mirrors = {id(items[index]) for one in mirrors for index in one.items}
 
@@ -418,86 +415,79 @@ class SceneView:
         self._has_all_sorted = not left_out[self._sorted].any()
         self.tiles.select(left_out, parts)
 
-    def sorts_blended(self, viewpoint_m: Floats, world_from_objects: Sequence[Floats]) -> bool:
-        """True if the GPU sorts all that the blended items show to a viewpoint (3,), world."""
-        showing = self._buffers.showing(self._unsorted, viewpoint_m, world_from_objects)
+    def sorts_blended(self, shot: ScenePoses) -> bool:
+        """True if the GPU sorts all that the blended items show to a viewpoint."""
+        showing = self._buffers.showing(self._unsorted, shot)
         return self._has_all_sorted and next(showing, None) is None
 
-    def draw_opaque(
-        self,
-        target: moderngl.Framebuffer,
-        world_from_rig: Floats,
-        world_from_objects: Sequence[Floats],
-    ) -> None:
+    def draw_opaque(self, target: moderngl.Framebuffer, shot: ScenePoses) -> None:
         """Draw the selected opaque items alone; arguments and conditions as of `draw`."""
-        for program in self.programs:
-            program.set_viewpoint(world_from_rig[:3, 3])
+        self._set_viewpoints((shot,))
         with self._state.drawing():
-            self.tiles.draw(target, world_from_rig, world_from_objects, self._drawer)
+            self.tiles.draw(target, (shot,), self._drawer)
 
-    def add_one_by_one(
-        self,
-        target: moderngl.Framebuffer,
-        world_from_rig: Floats,
-        world_from_objects: Sequence[Floats],
-    ) -> None:
+    def add_one_by_one(self, target: moderngl.Framebuffer, shot: ScenePoses) -> None:
         """Draw the selected opaque items outside of clusters, over a drawn view of this pose."""
         with self._state.drawing():
-            self.tiles.draw_one_by_one(target, world_from_rig, world_from_objects, self._drawer)
+            self.tiles.draw_one_by_one(target, shot, self._drawer)
 
     def draw(
         self,
         target: moderngl.Framebuffer,
-        world_from_rig: Floats,
-        world_from_objects: Sequence[Floats],
+        shots: Sequence[ScenePoses],
         mirror: Floats | None = None,
     ) -> None:
-        """Draw from a pose (4, 4) onto the bound target; `mirror`: see `SurfaceProgram.set_mirror`.
+        """Draw what the tiles see: opaque surfaces, the sky, and what blends, back to front.
 
         The target is cleared, shadow maps and tables are bound, and meshes are deformed.
+
+        Args:
+            target: framebuffer, with a layer per shot if the view has layers.
+            shots: poses of the rig and the dynamic objects; one, unless the view has layers, where
+                the GPU must sort all that is blended.
+            mirror: plane at which a mirrored view ends, see `SurfaceProgram.set_mirror`.
         """
-        is_sorted = self.sorts_blended(world_from_rig[:3, 3], world_from_objects)
-        one_by_one = None if is_sorted else self._blended_item_drawer  # its programs are set, too
-        for program in self.programs:
-            program.set_viewpoint(world_from_rig[:3, 3])
-            if mirror is not None:
+        shot, one_by_one = shots[0], None
+        if not self._is_layered and not self.sorts_blended(shot):
+            one_by_one = self._blended_item_drawer  # before the programs, as it may add to them
+        self._set_viewpoints(shots)
+        if mirror is not None:
+            for program in self.programs:
                 program.set_mirror(mirror)
-        for mirrors in self._mirrors:
+        for mirrors in self.mirrors:
             mirrors.connect(self.programs)
-        if self._probes is not None:
-            self._probes.connect(self.programs, world_from_rig[:3, 3], world_from_objects)
+        if self.probes is not None:
+            self.probes.connect(self.programs, shot)
         with self._state.drawing(), self._mirrored():
             with self._clipped():
                 self._bind_mirrors(of_panes=False)
-                self.tiles.draw(target, world_from_rig, world_from_objects, self._drawer)
+                self.tiles.draw(target, shots, self._drawer)
             if self._sky is not None:
-                self._sky.draw(world_from_rig[None])
+                self._sky.draw(np.array([one.world_from_rig for one in shots]))
             if one_by_one is None and self.blended_drawer is None:
                 return
             with self._state.blending(), self._clipped():
                 if one_by_one is not None:
                     self._bind_mirrors(of_panes=True)
-                    self._draw_back_to_front(target, world_from_rig, world_from_objects, one_by_one)
+                    self._draw_back_to_front(target, shot, one_by_one)
                 elif self.blended_drawer is not None:
                     self.blended_drawer.draw()
 
-    def draw_layers(
-        self, target: moderngl.Framebuffer, worlds_from_rigs: Floats, worlds_from_objects: Floats
-    ) -> None:
-        """Draw from poses (n, 4, 4) of rigs and (n, objects, 4, 4), one layer of the target each.
-
-        The target is cleared, tables are bound, and the GPU sorts all that is blended.
-        """
-        with self._state.drawing():
-            self.tiles.draw_clusters(target, worlds_from_rigs, worlds_from_objects)
-            if self._sky is not None:
-                self._sky.draw(worlds_from_rigs)
-            if self.blended_drawer is not None:
-                with self._state.blending():
-                    self.blended_drawer.draw()
+    def _set_viewpoints(self, shots: Sequence[ScenePoses]) -> None:
+        """Set the positions of lamps and shadow maps, relative to each viewpoint."""
+        if not self._is_layered:
+            for program in self.programs:
+                program.set_viewpoint(shots[0].viewpoint_m)
+            return
+        positions_m = self._surface_programs.positions_m
+        if len(positions_m):
+            positions = np.zeros((len(shots), len(positions_m), 4), dtype=np.float32)
+            positions[..., :3] = positions_m - np.array([one.viewpoint_m for one in shots])[:, None]
+            self._positions.write(positions)
+        self._positions.bind_to_storage_buffer(_POSITIONS)
 
     def _bind_mirrors(self, of_panes: bool) -> None:
-        for mirrors in self._mirrors:
+        for mirrors in self.mirrors:
             if mirrors.of_panes is of_panes:
                 mirrors.bind()
 
@@ -508,21 +498,17 @@ class SceneView:
         return self._state.clipped_at_mirror() if self._is_mirrored else nullcontext()
 
     def _draw_back_to_front(
-        self,
-        target: moderngl.Framebuffer,
-        world_from_rig: Floats,
-        world_from_objects: Sequence[Floats],
-        drawer: SceneDrawer[SurfaceProgram],
+        self, target: moderngl.Framebuffer, shot: ScenePoses, drawer: SceneDrawer[SurfaceProgram]
     ) -> None:
         """Sort visible blended items, and their triangles, back to front; draw them one by one."""
-        transforms = self._buffers.instance_transforms(world_from_rig[:3, 3], world_from_objects)
-        views, time_s = self.tiles.views.at(world_from_rig), time_of(world_from_objects)
+        transforms = self._buffers.instance_transforms(shot.viewpoint_m, shot.world_from_objects)
+        views = self.tiles.views.at(shot.world_from_rig)
         blended = self._blended[transforms.seen_in(views, self._blended).any(axis=0)]
         distances = np.linalg.norm(transforms.centers_m[blended], axis=1)
         blended = blended[np.argsort(-distances, kind="stable")]
         for index in blended:
             self._buffers.sort_triangles(
-                self._buffers.draw_items[index], transforms.viewpoint_from_mesh[index], time_s
+                self._buffers.draw_items[index], transforms.viewpoint_from_mesh[index], shot.time_s
             )
         drawer.begin(transforms)
         self.tiles.draw_items(target, views, transforms, blended, drawer)

@@ -16,6 +16,7 @@ from omnisim.core.arrays import Bools, Floats, Indices, bounds_of
 from omnisim.core.errors import GraphicsError
 from omnisim.core.world import ObjectPart, Poses, time_of
 from omnisim.rendering.camera.quality import MAX_PROBES
+from omnisim.rendering.contract import ScenePoses
 from omnisim.rendering.opengl.geometry.clustered_geometry import (
     ClusteredGeometry,
     build_clustered_geometry,
@@ -282,15 +283,13 @@ class SceneBuffers:
         table = self.triangles if triangles else None
         self._deformer.run(time_of(world_from_objects), self._store.allocated[0], table)
 
-    def showing(
-        self, items: Indices, viewpoint_m: Floats, world_from_objects: Poses
-    ) -> Iterator[int]:
-        """Items, among indices (n,), that show something to a viewpoint (3,), world, anywhere."""
+    def showing(self, items: Indices, shot: ScenePoses) -> Iterator[int]:
+        """Items, among indices (n,), that show something to a viewpoint, anywhere."""
         for index in items.tolist():
-            item, place_m = self.draw_items[index], viewpoint_m
+            item, place_m = self.draw_items[index], shot.viewpoint_m
             if item.object_index is not None:
-                pose = world_from_objects[item.object_index]
-                place_m = (viewpoint_m - pose[:3, 3]) @ pose[:3, :3]
+                pose = shot.world_from_objects[item.object_index]
+                place_m = (place_m - pose[:3, 3]) @ pose[:3, :3]
             if item.shows(place_m):
                 yield index
 

@@ -17,11 +17,10 @@ from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.contract import DeformingDraw, HitSource, ScenePoses
 from omnisim.rendering.opengl.atlas.image_parts import image_parts
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap, valid_pixels_array
-from omnisim.rendering.opengl.drawing.cube_pass import EXTENSIONS
 from omnisim.rendering.opengl.drawing.scene_view import VirtualCameras
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl.context import graphics_info
-from omnisim.rendering.opengl.gl.framebuffers import use_target
+from omnisim.rendering.opengl.gl.framebuffers import draws_layers, use_target
 from omnisim.rendering.opengl.gl.gpu_textures import check_image_size, renderbuffer
 from omnisim.rendering.opengl.gl.memory import gpu_allocation, slice_length
 from omnisim.rendering.opengl.gl.shader_files import uniform
@@ -204,7 +203,7 @@ class HitBatches:
         has_clusters = visibility.buffers.clustered_geometry is not None
         deforms = visibility.buffers.deforming.size > 0
         is_single = deforms or not has_clusters or len(passes.parts) > 1
-        if is_single or not context.extensions >= EXTENSIONS:
+        if is_single or not draws_layers(context):
             return 1
         width, height = passes.pixels.size_px
         texels = visibility.plan.width_px * visibility.plan.height_px

@@ -11,6 +11,7 @@ import numpy as np
 
 from omnisim.core.arrays import Floats, Indices
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails
+from omnisim.rendering.contract import ScenePoses
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.drawing.cluster_drawer import BucketProgram
 from omnisim.rendering.opengl.drawing.scene_drawer import SceneDrawer, material_tables
@@ -41,9 +42,6 @@ from omnisim.rendering.opengl.ground_truth.visibility_program import (
     atlas_formats,
     clear_colors,
 )
-
-# Pose (4, 4) of a camera's rig, and poses of the dynamic objects.
-CameraPoses = tuple[Floats, Sequence[Floats]]
 
 
 class Drawers(NamedTuple):
@@ -179,7 +177,7 @@ class VisibilityPass:
 
     def draw_items(
         self,
-        poses: Sequence[CameraPoses],
+        poses: Sequence[ScenePoses],
         layers: Sequence[moderngl.TextureArray],
         details: HitDetails,
     ) -> None:
@@ -199,7 +197,7 @@ class VisibilityPass:
                 for attachment, layer in zip(attachments, layers, strict=True):
                     attach_layer(target.glo, layer.glo, number, attachment)
                 self._state.use(target)
-                tiles.draw_one_by_one(target, *one, drawer)
+                tiles.draw_one_by_one(target, one, drawer)
         finally:
             for attachment, texture in zip(attachments, own, strict=True):
                 attach_texture(target.glo, texture.glo, attachment)
@@ -247,7 +245,7 @@ class VisibilityPass:
         self.buffers.deform(world_from_objects, triangles=True)
         tiles.begin(target, clear_colors(details))
         with self._state.drawing():
-            tiles.draw(target, world_from_rig, world_from_objects, drawer)
+            tiles.draw(target, (ScenePoses(world_from_rig, world_from_objects),), drawer)
         self.end()
 
 
@@ -287,15 +285,11 @@ class VisibilityLayers:
     def _find_program(self, bucket: Bucket) -> BucketProgram:
         return self._visibility.bucket_program(self._wanted, bucket, layered=True)
 
-    def draw(self, poses: Sequence[CameraPoses]) -> None:
+    def draw(self, poses: Sequence[ScenePoses]) -> None:
         """Draw from poses of the rigs and of the dynamic objects."""
         self._visibility.bind_materials(self._wanted)
         self._tiles.begin(self._target, clear_colors(self._wanted))
         with self._state.drawing():
-            self._tiles.draw_clusters(
-                self._target,
-                np.array([rig for rig, _ in poses]),
-                np.array([objects for _, objects in poses]),
-            )
+            self._tiles.draw_clusters(self._target, poses)
             self._visibility.draw_items(poses, self._layers, self._wanted)
         self._visibility.end()

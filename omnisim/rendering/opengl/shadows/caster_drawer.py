@@ -11,6 +11,7 @@ import numpy as np
 
 from omnisim.core.arrays import Bools, Floats, Indices
 from omnisim.core.world import Poses
+from omnisim.rendering.contract import ScenePoses
 from omnisim.rendering.opengl.atlas.tile_plan import frustum_planes
 from omnisim.rendering.opengl.culling.cluster_culling import ClusterCuller, Views
 from omnisim.rendering.opengl.drawing.cluster_drawer import (
@@ -123,7 +124,7 @@ class CasterDrawer:
         with self._state.drawing():
             if self._clusters is not None:
                 culler, drawer = self._clusters
-                culler.views.write(self._rig, world_from_objects)
+                culler.views.write((ScenePoses(self._rig, world_from_objects),))
                 seen = np.where(active[:, None, None], clips, _NOWHERE)
                 culler.views.clips_from_rig.write(columns_first(seen))
                 if self._shows_dynamic is not dynamic:
@@ -149,7 +150,7 @@ class CasterDrawer:
         with self._state.drawing():
             if self._part_clusters is not None:
                 culler, drawer = self._part_clusters
-                culler.views.write(self._rig, world_from_objects)
+                culler.views.write((ScenePoses(self._rig, world_from_objects),))
                 culler.views.clips_from_rig.write(columns_first(part.part_clip[None]))
                 culler.views.rectangles_px.write(np.array(part.part_px, dtype=np.float32))
                 culler.run(0)

@@ -8,6 +8,7 @@ import trimesh
 
 from omnisim.core.poses import pose as make_pose
 from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.contract import ScenePoses
 from omnisim.rendering.opengl.drawing import cluster_drawer
 from omnisim.rendering.stage import Stage
 from omnisim.scene.model import AlphaMode, Lighting, Material, Mesh, Texture, Wrap
@@ -118,9 +119,9 @@ def test_others_that_turn_away_leave_the_sorting_to_the_gpu():
         cube = renderer._passes.cube
         images = [renderer.render(pose).rgba for pose in POSES]
         assert all(map(np.array_equal, images, expected))
-        assert all(cube._view.sorts_blended(pose[:3, 3], [pose]) for pose in POSES)
+        assert all(cube._view.sorts_blended(ScenePoses(pose, [pose])) for pose in POSES)
         batch = renderer.render_batch(np.stack(POSES))
-        assert cube._layers is not None
+        assert renderer._passes.frame._batch.layers.drawn is not None
         assert all(map(np.array_equal, batch, colors))
 
 

@@ -7,10 +7,11 @@ import pytest
 
 from omnisim import OmniCamera, open_sensor
 from omnisim.core.poses import pose
+from omnisim.rendering.contract import ScenePoses
 from omnisim.rendering.opengl.drawing import scene_view
-from omnisim.rendering.opengl.drawing.cube_pass import CubePass
 from omnisim.rendering.opengl.drawing.scene_view import VirtualCameras
 from omnisim.rendering.opengl.drawing.surface_program import SurfacePrograms
+from omnisim.rendering.opengl.frame import CubePass
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.sensor_tiles import sensor_tiles
 from omnisim.scene import load_scene
@@ -42,7 +43,7 @@ def test_the_image_is_that_of_instances_drawn_one_by_one(context, samples):
     for position_m in POSITIONS_M:
         base = sensor.base_pose(position_m)
         atlases = [
-            np.frombuffer(one.render(base).read(), dtype=np.float16).astype(np.float32)
+            np.frombuffer(one.draw((ScenePoses(base),)).read(), dtype=np.float16).astype(np.float32)
             for one in (clustered, reference)
         ]
         differs = np.abs(atlases[0] - atlases[1]) > 0.02
