@@ -8,11 +8,6 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.rendering.opengl.drawing.surface_program import (
-    SurfaceProgram,
-    SurfacePrograms,
-    variant_of,
-)
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.geometry.vertex_format import vertex_array
@@ -24,6 +19,11 @@ from omnisim.rendering.opengl.gl.gpu_textures import (
     renderbuffer,
 )
 from omnisim.rendering.opengl.gl.shader_files import columns_first, find_uniform, uniform
+from omnisim.rendering.opengl.surfaces.surface_program import (
+    SurfaceProgram,
+    SurfacePrograms,
+    variant_of,
+)
 from omnisim.scene.model import Material, Scene
 
 SHADERS = Path(__file__).parent / "shaders"

@@ -21,7 +21,7 @@ WAYS: dict[str, tuple[str, ...]] = {
         "rendering.opengl.frame:CameraFrame.draw",
         "rendering.opengl.frame:CubePass.draw",
         "rendering.opengl.culling.cluster_culling:ClusterCuller.run",
-        "rendering.opengl.drawing.cluster_drawer:ClusterDrawer.draw",
+        "rendering.opengl.surfaces.cluster_drawer:ClusterDrawer.draw",
         "rendering.opengl.capture.image_pass:RemapPass.draw",
         "ground_truth.frame:Frame.save",
     ),

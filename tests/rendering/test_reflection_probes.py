@@ -7,7 +7,7 @@ import pytest
 
 from omnisim.core.poses import pose
 from omnisim.core.world import WorldState
-from omnisim.rendering.opengl.drawing import probe_pass
+from omnisim.rendering.opengl.reflect import probe_pass
 from omnisim.rendering.rays.shading import reflections
 from omnisim.rendering.stage import Stage, open_sensor
 from omnisim.scene.model import Fog, Instance, Material, Texture

@@ -20,7 +20,6 @@ from omnisim.rendering.contract import (
     RangeFinder,
     SceneBackend,
 )
-from omnisim.rendering.opengl.drawing.surface_program import SurfacePrograms
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl.context import (
     check_process,
@@ -34,6 +33,7 @@ from omnisim.rendering.opengl.gl.context import (
 )
 from omnisim.rendering.opengl.opengl_camera import CubeCamera, DrawnScene
 from omnisim.rendering.opengl.shadows.shadow_maps import ShadowMaps
+from omnisim.rendering.opengl.surfaces.surface_program import SurfacePrograms
 from omnisim.scene import Scene
 
 if TYPE_CHECKING:  # imported where they are made: few images need them
@@ -129,7 +129,7 @@ class CubeBackend(SceneBackend):
         limits: EchoLimits | None = None,
     ) -> RangeFinder:
         """Beams of a scanner; needs the current context, as do the pass's methods."""
-        from omnisim.rendering.opengl.drawing.range_pass import RangePass
+        from omnisim.rendering.opengl.ground_truth.range_pass import RangePass
         from omnisim.rendering.rays.beams import Beams
         from omnisim.rendering.rays.followed_beams import FollowedRanges
 

@@ -22,12 +22,9 @@ from omnisim.core.short_repr import counted
 from omnisim.rendering.contract import Readback, ScenePoses, SubFrames
 from omnisim.rendering.opengl.atlas.image_parts import ImagePart
 from omnisim.rendering.opengl.atlas.tile_plan import Tile, TilePlan
+from omnisim.rendering.opengl.capture.atlas_levels import AtlasLevels
 from omnisim.rendering.opengl.capture.image_pass import RemapPass, image_pass
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
-from omnisim.rendering.opengl.drawing.atlas_levels import AtlasLevels
-from omnisim.rendering.opengl.drawing.scene_view import SceneView, TileRenderer, VirtualCameras
-from omnisim.rendering.opengl.drawing.sky_pass import SkyPass
-from omnisim.rendering.opengl.drawing.surface_program import SurfacePrograms
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl.framebuffers import (
     attach_layer,
@@ -53,11 +50,14 @@ from omnisim.rendering.opengl.gl.pixel_readback import (
     Reading,
     read_once,
 )
+from omnisim.rendering.opengl.scene_view import SceneView, TileRenderer, VirtualCameras
+from omnisim.rendering.opengl.surfaces.sky_pass import SkyPass
+from omnisim.rendering.opengl.surfaces.surface_program import SurfacePrograms
 
 if TYPE_CHECKING:
     from omnisim.rendering.opengl.degradation.degradation_pass import DegradationPass
-    from omnisim.rendering.opengl.drawing.mirror_pass import MirrorPass
-    from omnisim.rendering.opengl.drawing.probe_pass import ProbePass
+    from omnisim.rendering.opengl.reflect.mirror_pass import MirrorPass
+    from omnisim.rendering.opengl.reflect.probe_pass import ProbePass
 
 _PIXEL_BYTES = 4
 _LAYER_TEXEL_BYTES = 12  # color and depth
@@ -339,7 +339,7 @@ class CubePass:
         places = self._buffers.probe_places[: self._cameras.reflection_probes]
         if self._cameras.unlit or not places:
             return None
-        from omnisim.rendering.opengl.drawing.probe_pass import shared_probes  # few scenes need it
+        from omnisim.rendering.opengl.reflect.probe_pass import shared_probes  # few scenes need it
 
         return shared_probes(self._buffers, self._programs, places, self._background)
 
@@ -351,7 +351,7 @@ class CubePass:
         planes = ((buffers.mirrors, False), (buffers.pane_mirrors, True))
         if not any(mirrors for mirrors, _ in planes):
             return []
-        from omnisim.rendering.opengl.drawing.mirror_pass import MirrorPass  # few scenes need it
+        from omnisim.rendering.opengl.reflect.mirror_pass import MirrorPass  # few scenes need it
 
         return [
             MirrorPass(

@@ -8,11 +8,11 @@ import pytest
 from omnisim import OmniCamera, open_sensor
 from omnisim.core.poses import pose
 from omnisim.rendering.contract import ScenePoses
-from omnisim.rendering.opengl.drawing import scene_view
-from omnisim.rendering.opengl.drawing.scene_view import VirtualCameras
-from omnisim.rendering.opengl.drawing.surface_program import SurfacePrograms
+from omnisim.rendering.opengl import scene_view
 from omnisim.rendering.opengl.frame import CubePass
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
+from omnisim.rendering.opengl.scene_view import VirtualCameras
+from omnisim.rendering.opengl.surfaces.surface_program import SurfacePrograms
 from omnisim.rendering.sensor_tiles import sensor_tiles
 from omnisim.scene import load_scene
 from tests.rendering.opengl.commands import count_triangles, show_all

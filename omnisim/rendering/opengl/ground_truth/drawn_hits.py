@@ -17,7 +17,6 @@ from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.contract import DeformingDraw, HitSource, ScenePoses
 from omnisim.rendering.opengl.atlas.image_parts import image_parts
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap, valid_pixels_array
-from omnisim.rendering.opengl.drawing.scene_view import VirtualCameras
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl.context import graphics_info
 from omnisim.rendering.opengl.gl.framebuffers import draws_layers, use_target
@@ -27,6 +26,7 @@ from omnisim.rendering.opengl.gl.shader_files import uniform
 from omnisim.rendering.opengl.ground_truth.occlusion_pass import OcclusionPass
 from omnisim.rendering.opengl.ground_truth.ray_hit_pass import RayHitPass, bind_details, hits_target
 from omnisim.rendering.opengl.ground_truth.visibility_pass import VisibilityLayers, VisibilityPass
+from omnisim.rendering.opengl.scene_view import VirtualCameras
 from omnisim.rendering.sensor_tiles import sensor_tiles
 from omnisim.scene.planar_mirrors import specular_mask
 

@@ -17,7 +17,6 @@ from omnisim.core.poses import pose_from_rotation, rotation_from_yaw
 from omnisim.core.world import ObjectPart
 from omnisim.ground_truth.lidar_beams import BeamHits, LidarBeams, LidarPoses, Revolution, Slice
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan, plan_tiles
-from omnisim.rendering.opengl.drawing.scene_view import VirtualCameras
 from omnisim.rendering.opengl.geometry.draw_item import InstanceTransforms
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl.framebuffers import framebuffer, within
@@ -27,6 +26,7 @@ from omnisim.rendering.opengl.gl.pixel_readback import PixelReadback
 from omnisim.rendering.opengl.gl.shader_files import build_program, columns_first, uniform
 from omnisim.rendering.opengl.ground_truth.hit_tables import HitTables
 from omnisim.rendering.opengl.ground_truth.visibility_pass import VisibilityPass
+from omnisim.rendering.opengl.scene_view import VirtualCameras
 from omnisim.rendering.rays.geometry import Geometry, PlacedMesh
 
 # A triangle is hit if a texel near the beam shows it or an adjacent one. Measured in mapping: 0.06

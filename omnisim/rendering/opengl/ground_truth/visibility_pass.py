@@ -13,9 +13,6 @@ from omnisim.core.arrays import Floats, Indices
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails
 from omnisim.rendering.contract import ScenePoses
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
-from omnisim.rendering.opengl.drawing.cluster_drawer import BucketProgram
-from omnisim.rendering.opengl.drawing.scene_drawer import SceneDrawer, material_tables
-from omnisim.rendering.opengl.drawing.scene_view import TileRenderer, VirtualCameras
 from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
@@ -42,6 +39,9 @@ from omnisim.rendering.opengl.ground_truth.visibility_program import (
     atlas_formats,
     clear_colors,
 )
+from omnisim.rendering.opengl.scene_view import TileRenderer, VirtualCameras
+from omnisim.rendering.opengl.surfaces.cluster_drawer import BucketProgram
+from omnisim.rendering.opengl.surfaces.scene_drawer import SceneDrawer, material_tables
 
 
 class Drawers(NamedTuple):

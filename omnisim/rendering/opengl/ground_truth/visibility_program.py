@@ -8,14 +8,14 @@ from typing import NamedTuple
 import moderngl
 
 from omnisim.ground_truth.hits import HitDetails
-from omnisim.rendering.opengl.drawing.scene_drawer import (
+from omnisim.rendering.opengl.geometry.draw_item import DrawItem
+from omnisim.rendering.opengl.gl.shader_files import build_program, find_uniform, uniform
+from omnisim.rendering.opengl.materials.scene_textures import TextureArray
+from omnisim.rendering.opengl.surfaces.scene_drawer import (
     ItemProgram,
     connect_material,
     reflectance_defines,
 )
-from omnisim.rendering.opengl.geometry.draw_item import DrawItem
-from omnisim.rendering.opengl.gl.shader_files import build_program, find_uniform, uniform
-from omnisim.rendering.opengl.materials.scene_textures import TextureArray
 
 
 class VisibilityVariant(NamedTuple):

@@ -14,18 +14,18 @@ from omnisim.core.world import Poses
 from omnisim.rendering.contract import ScenePoses
 from omnisim.rendering.opengl.atlas.tile_plan import frustum_planes
 from omnisim.rendering.opengl.culling.cluster_culling import ClusterCuller, Views
-from omnisim.rendering.opengl.drawing.cluster_drawer import (
-    BucketProgram,
-    ClusterDrawer,
-    DrawBatches,
-)
-from omnisim.rendering.opengl.drawing.scene_drawer import ItemProgram, SceneDrawer
 from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket, ClusteredGeometry
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.geometry.vertex_records import INSTANCE
 from omnisim.rendering.opengl.gl.shader_files import build_program, columns_first
 from omnisim.rendering.opengl.gl.state import GlState
+from omnisim.rendering.opengl.surfaces.cluster_drawer import (
+    BucketProgram,
+    ClusterDrawer,
+    DrawBatches,
+)
+from omnisim.rendering.opengl.surfaces.scene_drawer import ItemProgram, SceneDrawer
 from omnisim.scene.model import LAMP_NEAR_M
 
 # For maps that are not drawn: every point is nearer than the near plane.

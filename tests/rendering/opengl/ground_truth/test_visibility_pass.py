@@ -6,12 +6,12 @@ import pytest
 from omnisim.core.poses import pose as make_pose
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails
 from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.opengl import scene_view
 from omnisim.rendering.opengl.atlas.tile_plan import plan_tiles
-from omnisim.rendering.opengl.drawing import scene_view
-from omnisim.rendering.opengl.drawing.scene_view import VirtualCameras
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.ground_truth.triangle_ids import TriangleIds, cluster_triangle_entries
 from omnisim.rendering.opengl.ground_truth.visibility_pass import VisibilityPass
+from omnisim.rendering.opengl.scene_view import VirtualCameras
 from omnisim.scene.model import AlphaMode, Material
 from tests.rendering.opengl.geometry.test_clustered_geometry import corners_m
 from tests.rendering.opengl.sheets import sheet

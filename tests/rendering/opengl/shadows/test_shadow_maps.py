@@ -10,8 +10,8 @@ from omnisim.cameras import pixel_grid
 from omnisim.core.poses import pose
 from omnisim.core.world import WorldState
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.opengl.drawing.scene_view import SceneView
 from omnisim.rendering.opengl.gl.functions import gl_function
+from omnisim.rendering.opengl.scene_view import SceneView
 from omnisim.rendering.opengl.shadows import shadow_plan
 from omnisim.rendering.opengl.shadows.caster_drawer import CasterDrawer
 from omnisim.rendering.opengl.shadows.kept_cascades import LEVELS

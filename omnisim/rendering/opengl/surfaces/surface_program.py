@@ -16,12 +16,6 @@ from omnisim.core.errors import GraphicsError
 from omnisim.core.world import Poses
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.capture.pixel_map import bind_tiles
-from omnisim.rendering.opengl.drawing.scene_drawer import (
-    ItemProgram,
-    connect_material,
-    material_tables,
-    reflectance_defines,
-)
 from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket, Shading
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem, LightSource
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
@@ -40,6 +34,12 @@ from omnisim.rendering.opengl.materials.scene_textures import (
     connect_baked_light,
     filtered_texture,
     sky_texture,
+)
+from omnisim.rendering.opengl.surfaces.scene_drawer import (
+    ItemProgram,
+    connect_material,
+    material_tables,
+    reflectance_defines,
 )
 from omnisim.scene.model import MAX_LIGHTS, AlphaMode, Lighting, LightKind
 from omnisim.scene.planar_mirrors import MAX_PLANES

@@ -7,9 +7,9 @@ import pytest
 
 from omnisim.core.poses import pose
 from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.opengl import scene_view
 from omnisim.rendering.opengl.culling import cluster_culling
 from omnisim.rendering.opengl.culling.cluster_culling import BANDS, command_slices
-from omnisim.rendering.opengl.drawing import scene_view
 from omnisim.rendering.stage import Stage
 from omnisim.scene import load_scene
 from tests.rendering.opengl.sheets import LAMP, dynamic_object, mixed_scene

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from omnisim.core.arrays import Bools, Floats, Indices
 from omnisim.rendering.opengl.culling.cluster_culling import BANDS, ClusterCuller, CommandRange
-from omnisim.rendering.opengl.drawing.scene_drawer import map_units
 from omnisim.rendering.opengl.geometry.clustered_geometry import (
     Bucket,
     ClusteredGeometry,
@@ -31,6 +30,7 @@ from omnisim.rendering.opengl.gl.functions import IndirectDraws, StorageBindings
 from omnisim.rendering.opengl.gl.shader_files import build_compute_shader
 from omnisim.rendering.opengl.gl.state import GlState
 from omnisim.rendering.opengl.materials.scene_textures import TextureArray
+from omnisim.rendering.opengl.surfaces.scene_drawer import map_units
 
 
 class BucketProgram(NamedTuple):

@@ -9,11 +9,11 @@ import trimesh
 from omnisim.core.poses import pose as make_pose
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.contract import ScenePoses
-from omnisim.rendering.opengl.drawing import cluster_drawer
+from omnisim.rendering.opengl.surfaces import cluster_drawer
 from omnisim.rendering.stage import Stage
 from omnisim.scene.model import AlphaMode, Lighting, Material, Mesh, Texture, Wrap
-from tests.rendering.opengl.drawing.test_cluster_drawer import assert_same, reference_stage
 from tests.rendering.opengl.sheets import LAMP, SUN, sheet
+from tests.rendering.opengl.surfaces.test_cluster_drawer import assert_same, reference_stage
 from tests.scenes import room, scene_of
 
 CAMERA = OmniCamera().with_quality("fast").resized(160)

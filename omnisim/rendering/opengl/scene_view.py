@@ -22,24 +22,6 @@ from omnisim.rendering.opengl.culling.cluster_culling import (
     ClusterCuller,
     Views,
 )
-from omnisim.rendering.opengl.drawing.cluster_drawer import (
-    BlendedDrawer,
-    BucketProgram,
-    ClusterDrawer,
-    DrawBatches,
-    arrays_of,
-    can_sort,
-)
-from omnisim.rendering.opengl.drawing.scene_drawer import P, SceneDrawer
-from omnisim.rendering.opengl.drawing.sky_pass import SkyPass
-from omnisim.rendering.opengl.drawing.surface_program import (
-    SurfaceProgram,
-    SurfacePrograms,
-    SurfaceVariant,
-    variant_of,
-    variant_of_blended,
-    variant_of_bucket,
-)
 from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem, InstanceTransforms
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
@@ -47,6 +29,24 @@ from omnisim.rendering.opengl.gl.buffers import written_buffer
 from omnisim.rendering.opengl.gl.gpu_textures import CLEAR_DEPTH
 from omnisim.rendering.opengl.gl.shader_files import columns_first
 from omnisim.rendering.opengl.gl.state import GlState
+from omnisim.rendering.opengl.surfaces.cluster_drawer import (
+    BlendedDrawer,
+    BucketProgram,
+    ClusterDrawer,
+    DrawBatches,
+    arrays_of,
+    can_sort,
+)
+from omnisim.rendering.opengl.surfaces.scene_drawer import P, SceneDrawer
+from omnisim.rendering.opengl.surfaces.sky_pass import SkyPass
+from omnisim.rendering.opengl.surfaces.surface_program import (
+    SurfaceProgram,
+    SurfacePrograms,
+    SurfaceVariant,
+    variant_of,
+    variant_of_blended,
+    variant_of_bucket,
+)
 from omnisim.scene.planar_mirrors import is_rough_mirror
 
 _POSITIONS = 15  # binding, as in `scene/lighting.glsl`

@@ -18,16 +18,7 @@ from numpy.typing import NDArray
 from omnisim.core.arrays import Bytes, Floats, Indices
 from omnisim.rendering.contract import ScenePoses
 from omnisim.rendering.opengl.atlas.tile_plan import PosedViews, TilePlan, TileViews
-from omnisim.rendering.opengl.drawing.mirror_owner_program import MirrorOwnerProgram
-from omnisim.rendering.opengl.drawing.scene_drawer import SceneDrawer
-from omnisim.rendering.opengl.drawing.scene_view import Probes, SceneView, VirtualCameras
-from omnisim.rendering.opengl.drawing.sky_pass import SkyPass
-from omnisim.rendering.opengl.drawing.surface_program import (
-    MIRROR_UNITS,
-    SurfaceProgram,
-    SurfacePrograms,
-)
-from omnisim.rendering.opengl.geometry.draw_item import InstanceTransforms
+from omnisim.rendering.opengl.geometry.draw_item import DrawItem, InstanceTransforms
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl.buffers import gpu_buffer
 from omnisim.rendering.opengl.gl.framebuffers import framebuffer
@@ -35,11 +26,21 @@ from omnisim.rendering.opengl.gl.gpu_textures import CLEAR_DEPTH, depth_texture,
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.shader_files import build_program, uniform
 from omnisim.rendering.opengl.gl.state import GlState
+from omnisim.rendering.opengl.scene_view import Probes, SceneView, VirtualCameras
+from omnisim.rendering.opengl.surfaces.scene_drawer import ItemProgram, SceneDrawer
+from omnisim.rendering.opengl.surfaces.sky_pass import SkyPass
+from omnisim.rendering.opengl.surfaces.surface_program import (
+    MIRROR_UNITS,
+    SurfaceProgram,
+    SurfacePrograms,
+)
 from omnisim.scene.model import Material
 from omnisim.scene.planar_mirrors import MirrorPlane, is_rough_mirror
 from omnisim.scene.surface_reflectance import MIN_ROUGHNESS
 
 _OWNERS_UNIT = 0
+_ROW_TRIANGLES = 4096  # of the table of owners
+_NUMBERS_UNIT = 0
 _NOWHERE_M = 1e9  # height above a plane without a view
 
 
@@ -238,6 +239,29 @@ class MirrorPass:
         self._state.use(self._target, has_depth=True)
         plane = np.array((*normal, -height_m, self._spreads[number]))
         self._view.draw(self._target, (shot._replace(world_from_rig=mirrored),), plane)
+
+
+class MirrorOwnerProgram(ItemProgram):
+    """Program that draws the numbers (n,) of the triangles' mirrors; 0: none."""
+
+    def __init__(self, context: moderngl.Context, numbers: Bytes):
+        files = "scene/mirror_owner.vert", "scene/mirror_owner.frag"
+        super().__init__(build_program(context, *files))
+        self._first_triangle = uniform(self.program, "u_first_triangle")
+        uniform(self.program, "u_numbers").value = _NUMBERS_UNIT
+        rows = -(-len(numbers) // _ROW_TRIANGLES)
+        padded = np.zeros((rows, _ROW_TRIANGLES), dtype=np.uint8)
+        padded.ravel()[: len(numbers)] = numbers
+        self._numbers = texture_2d(context, (_ROW_TRIANGLES, rows), 1, padded, dtype="u1")
+
+    def bind_material(self, item: DrawItem) -> None:
+        """Bind the table of numbers."""
+        self._numbers.use(_NUMBERS_UNIT)
+
+    def draw(self, array: moderngl.VertexArray, first: int, count: int, first_id: int) -> None:
+        """Draw `count` indices of a vertex array; `first_id`: its first triangle, and number."""
+        self._first_triangle.value = first_id
+        array.render(moderngl.TRIANGLES, vertices=count, first=3 * first_id)
 
 
 def _facet_slope(material: Material) -> float:

@@ -7,8 +7,8 @@ from omnisim.core.poses import pose as make_pose
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.stage import Stage
 from omnisim.scene.model import AlphaMode, Lighting, Material, Texture, Wrap
-from tests.rendering.opengl.drawing.test_cluster_drawer import assert_same, reference_stage
 from tests.rendering.opengl.sheets import SUN, sheet
+from tests.rendering.opengl.surfaces.test_cluster_drawer import assert_same, reference_stage
 from tests.scenes import room, scene_of
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")
