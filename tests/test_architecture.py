@@ -35,7 +35,7 @@ OPENGL_LAYERS = (
     {"cube_backend"},
     {"parallax_camera"},
     {"opengl_camera"},
-    {"frame", "ground_truth"},
+    {"camera_frame", "ground_truth"},
     {"reflect", "shadows"},
     {"scene_view"},
     {"surfaces"},

@@ -17,9 +17,9 @@ WAYS: dict[str, tuple[str, ...]] = {
     "a frame": (
         "rendering.renderer:Renderer.render",
         "rendering.contract:CameraBackend.begin",
-        "rendering.opengl.frame:CameraFrame.begin",
-        "rendering.opengl.frame:CameraFrame.draw",
-        "rendering.opengl.frame:CubePass.draw",
+        "rendering.opengl.camera_frame:CameraFrame.begin",
+        "rendering.opengl.camera_frame:CameraFrame.draw",
+        "rendering.opengl.camera_frame:CubePass.draw",
         "rendering.opengl.culling.cluster_culling:ClusterCuller.run",
         "rendering.opengl.surfaces.cluster_drawer:ClusterDrawer.draw",
         "rendering.opengl.capture.image_pass:RemapPass.draw",

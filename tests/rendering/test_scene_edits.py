@@ -11,7 +11,7 @@ from omnisim.core.poses import pose
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.contract import ScenePoses
 from omnisim.rendering.opengl.atlas.tile_plan import whole_faces
-from omnisim.rendering.opengl.frame import CubePass
+from omnisim.rendering.opengl.camera_frame import CubePass
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.scene_view import VirtualCameras
 from omnisim.rendering.opengl.surfaces.surface_program import SurfacePrograms

@@ -23,8 +23,8 @@ from omnisim.rendering.contract import (
 )
 from omnisim.rendering.opengl.atlas.image_parts import image_parts
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan, whole_faces
+from omnisim.rendering.opengl.camera_frame import CameraFrame, CubePass
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
-from omnisim.rendering.opengl.frame import CameraFrame, CubePass
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl.context import collect_garbage, graphics_info
 from omnisim.rendering.opengl.gl.gpu_textures import check_image_size

@@ -22,10 +22,10 @@ from omnisim.ground_truth.hits import HitDetails
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.parallax_plan import parallax_tiles, sample_rays
 from omnisim.rendering.contract import CameraSetup, FrameRequest, SceneBackend, ScenePoses, Taken
+from omnisim.rendering.opengl.camera_frame import CameraFrame, CubePass
 from omnisim.rendering.opengl.capture.parallax_pass import ChromaticPass, DepthPyramid, ParallaxPass
 from omnisim.rendering.opengl.capture.parallax_rays import ParallaxRays, SampleRays
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
-from omnisim.rendering.opengl.frame import CameraFrame, CubePass
 from omnisim.rendering.opengl.gl.context import Context
 from omnisim.rendering.opengl.gl.gpu_textures import check_image_size, fits_texture
 from omnisim.rendering.opengl.opengl_camera import DrawnScene, OpenGLCamera

@@ -9,7 +9,7 @@ from omnisim import OmniCamera, open_sensor
 from omnisim.core.poses import pose
 from omnisim.rendering.contract import ScenePoses
 from omnisim.rendering.opengl import scene_view
-from omnisim.rendering.opengl.frame import CubePass
+from omnisim.rendering.opengl.camera_frame import CubePass
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.scene_view import VirtualCameras
 from omnisim.rendering.opengl.surfaces.surface_program import SurfacePrograms
