@@ -29,8 +29,8 @@ from omnisim.rendering.opengl.capture.pixel_map import PixelMap
 from omnisim.rendering.opengl.drawing.cube_pass import CubePass
 from omnisim.rendering.opengl.drawing.scene_view import VirtualCameras
 from omnisim.rendering.opengl.drawing.surface_program import SurfacePrograms
-from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl.context import open_context
+from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
 from omnisim.scene import Scene, load_scene
 from tests.camera_examples import CAMERA_EXAMPLES
 

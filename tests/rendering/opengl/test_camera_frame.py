@@ -13,7 +13,7 @@ from omnisim.rendering.opengl.capture.pixel_map import PixelMap
 from omnisim.rendering.opengl.drawing.cube_pass import CubePass
 from omnisim.rendering.opengl.drawing.scene_view import VirtualCameras
 from omnisim.rendering.opengl.drawing.surface_program import SurfacePrograms
-from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
+from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
 from tests.camera_examples import camera_examples
 from tests.scenes import ROOM_HALF_M, next_to_another_face, room, room_color, room_hit, scene_of
 

@@ -17,7 +17,6 @@ from omnisim.rendering.opengl.drawing.atlas_levels import AtlasLevels
 from omnisim.rendering.opengl.drawing.scene_view import SceneView, TileRenderer, VirtualCameras
 from omnisim.rendering.opengl.drawing.sky_pass import SkyPass
 from omnisim.rendering.opengl.drawing.surface_program import SurfacePrograms
-from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl.buffers import written_buffer
 from omnisim.rendering.opengl.gl.framebuffers import (
     attach_layer,
@@ -29,6 +28,7 @@ from omnisim.rendering.opengl.gl.framebuffers import (
 from omnisim.rendering.opengl.gl.gpu_textures import DEPTH, depth_texture, renderbuffer, texture_2d
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.pixel_readback import Pixels, read_once
+from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
 
 if TYPE_CHECKING:
     from omnisim.rendering.opengl.drawing.mirror_pass import MirrorPass

@@ -7,9 +7,9 @@ import numpy as np
 
 from omnisim.core.arrays import Bytes
 from omnisim.rendering.opengl.drawing.scene_drawer import ItemProgram
-from omnisim.rendering.opengl.geometry.draw_item import DrawItem
 from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
 from omnisim.rendering.opengl.gl.shader_files import build_program, uniform
+from omnisim.rendering.opengl.world.draw_item import DrawItem
 
 _ROW_TRIANGLES = 4096
 _NUMBERS_UNIT = 0

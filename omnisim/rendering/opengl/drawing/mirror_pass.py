@@ -26,14 +26,14 @@ from omnisim.rendering.opengl.drawing.surface_program import (
     SurfaceProgram,
     SurfacePrograms,
 )
-from omnisim.rendering.opengl.geometry.draw_item import InstanceTransforms
-from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl.buffers import gpu_buffer
 from omnisim.rendering.opengl.gl.framebuffers import framebuffer
 from omnisim.rendering.opengl.gl.gpu_textures import CLEAR_DEPTH, depth_texture, texture_2d
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.shader_files import build_program, uniform
 from omnisim.rendering.opengl.gl.state import GlState
+from omnisim.rendering.opengl.world.draw_item import InstanceTransforms
+from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
 from omnisim.scene.model import Material
 from omnisim.scene.planar_mirrors import MirrorPlane, is_rough_mirror
 from omnisim.scene.surface_reflectance import MIN_ROUGHNESS

@@ -25,7 +25,6 @@ from omnisim.rendering.opengl.drawing.surface_program import (
     SurfaceProgram,
     SurfacePrograms,
 )
-from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl.framebuffers import framebuffer
 from omnisim.rendering.opengl.gl.gpu_textures import (
     bind_texture,
@@ -35,6 +34,7 @@ from omnisim.rendering.opengl.gl.gpu_textures import (
 )
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.state import GlState
+from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
 from omnisim.scene.reflection_probes import ProbePlace, lobe_roughnesses
 
 SIZE_PX = 128  # of a face

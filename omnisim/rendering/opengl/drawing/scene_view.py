@@ -39,12 +39,12 @@ from omnisim.rendering.opengl.drawing.surface_program import (
     variant_of_blended,
     variant_of_bucket,
 )
-from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket
-from omnisim.rendering.opengl.geometry.draw_item import DrawItem, InstanceTransforms
-from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl.gpu_textures import CLEAR_DEPTH
 from omnisim.rendering.opengl.gl.shader_files import columns_first
 from omnisim.rendering.opengl.gl.state import GlState
+from omnisim.rendering.opengl.world.clustered_geometry import Bucket
+from omnisim.rendering.opengl.world.draw_item import DrawItem, InstanceTransforms
+from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
 from omnisim.scene.planar_mirrors import is_rough_mirror
 
 

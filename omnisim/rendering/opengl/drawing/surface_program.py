@@ -22,9 +22,6 @@ from omnisim.rendering.opengl.drawing.scene_drawer import (
     material_tables,
     reflectance_defines,
 )
-from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket, Shading
-from omnisim.rendering.opengl.geometry.draw_item import DrawItem, LightSource
-from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl.gpu_textures import bind_textures, texture_2d
 from omnisim.rendering.opengl.gl.shader_files import (
     build_program,
@@ -34,7 +31,10 @@ from omnisim.rendering.opengl.gl.shader_files import (
     write_fog,
 )
 from omnisim.rendering.opengl.gl.state import GlState
-from omnisim.rendering.opengl.materials.scene_textures import (
+from omnisim.rendering.opengl.world.clustered_geometry import Bucket, Shading
+from omnisim.rendering.opengl.world.draw_item import DrawItem, LightSource
+from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
+from omnisim.rendering.opengl.world.scene_textures import (
     BakedTextures,
     TextureArray,
     connect_baked_light,

@@ -19,12 +19,12 @@ from omnisim.rendering.opengl.drawing.cluster_drawer import (
     DrawBatches,
 )
 from omnisim.rendering.opengl.drawing.scene_drawer import ItemProgram, SceneDrawer
-from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket, ClusteredGeometry
-from omnisim.rendering.opengl.geometry.draw_item import DrawItem
-from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
-from omnisim.rendering.opengl.geometry.vertex_records import INSTANCE
 from omnisim.rendering.opengl.gl.shader_files import build_program, columns_first
 from omnisim.rendering.opengl.gl.state import GlState
+from omnisim.rendering.opengl.world.clustered_geometry import Bucket, ClusteredGeometry
+from omnisim.rendering.opengl.world.draw_item import DrawItem
+from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
+from omnisim.rendering.opengl.world.vertex_records import INSTANCE
 from omnisim.scene.model import LAMP_NEAR_M
 
 # For maps that are not drawn: every point is nearer than the near plane.

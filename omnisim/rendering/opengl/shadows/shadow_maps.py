@@ -15,7 +15,6 @@ import numpy as np
 
 from omnisim.core.arrays import Bools, Floats, Indices, bounds_of
 from omnisim.core.world import Poses, time_of
-from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl.buffers import written_buffer
 from omnisim.rendering.opengl.gl.framebuffers import use_target
 from omnisim.rendering.opengl.gl.gpu_textures import CLEAR_DEPTH
@@ -23,6 +22,7 @@ from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.shadows.caster_drawer import CasterDrawer
 from omnisim.rendering.opengl.shadows.kept_cascades import DepthLevels, KeptCascades
 from omnisim.rendering.opengl.shadows.shadow_plan import covered_px, make_shadow_plan
+from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
 from omnisim.scene.model import LAMP_NEAR_M, Lighting
 
 _UNIT, _BLOCK_BINDING = 13, 1  # as in shaders/scene/shadow.glsl
