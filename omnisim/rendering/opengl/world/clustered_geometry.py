@@ -82,7 +82,8 @@ def shadings(
     values: NDArray[np.int8] = agree.astype(np.int8) * np.int8(Shading.NORMALS_AGREE.value)
     if any(light.kind is not LightKind.DIRECTIONAL for light in lighting.lights):
         return values, normals
-    bend = np.maximum(_squared(second - normals), _squared(third - normals))
+    bends = (_dot(turned, turned) for turned in (second - normals, third - normals))
+    bend = np.maximum(*bends)
     baked = agree & (bend < _SAME_NORMAL**2)
     has_normal: Bools = np.any(units, axis=1)
     if not has_normal.all():
@@ -118,13 +119,9 @@ def _dot(one: Floats32, other: Floats32) -> Floats32:
     return np.einsum("nc,nc->n", one, other)
 
 
-def _squared(vectors: Floats32) -> Floats32:
-    return _dot(vectors, vectors)
-
-
 def _units(vectors: Floats32) -> Floats32:
     """Normalize vectors (n, 3); zero vectors stay zero."""
-    lengths = np.sqrt(_squared(vectors))[:, None]
+    lengths = np.sqrt(_dot(vectors, vectors))[:, None]
     return np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0.0)
 
 
@@ -138,8 +135,7 @@ class Bucket(NamedTuple):
     cutoff: bool  # their materials discard low alpha
     shading: Shading  # shading of their triangles
     array: TextureArray | None  # array of their textures; None: untextured
-    # arrays of their maps, see `Reflectance`; None: matte
-    maps: tuple[TextureArray | None, ...] | None = None
+    maps: tuple[TextureArray | None, ...] | None = None  # see `Reflectance`; None: matte
     second_coordinates: bool = False  # True if a map uses the second texture coordinates
     light: LightSource = LightSource.COMPUTED  # source of the light on them
 
@@ -151,22 +147,17 @@ class ClusteredGeometry:
     buckets: tuple[Bucket, ...]  # buckets in the order of the hierarchy
     anchor_m: Floats  # (3,) float64 world position of the origin of object 0, the static geometry
     objects: int  # number of objects: the static one and the dynamic ones
-    # clusters of one bucket and one object each; it orders the triangles of all contained draw
-    # items
-    hierarchy: ClusterHierarchy
+    hierarchy: ClusterHierarchy  # clusters of one bucket and object each; orders all triangles
     contains: Bools  # (items,), mask of the scene's draw items in here
     vertices: moderngl.Buffer  # buffer of `CLUSTER_VERTEX`, in the frames of their objects
     normals: moderngl.Buffer | None  # buffer of their normals, 3 floats each; None: no mesh has any
     palette: moderngl.Texture  # texture of their palette
     bucket_of_cluster: Indices  # (clusters,) bucket index
     triangles_of_item: Indices  # number of triangles of each contained draw item
-    # index buffer of the triangles, cluster by cluster; degenerate for hidden items
-    indices: moderngl.Buffer
+    indices: moderngl.Buffer  # of the triangles, cluster by cluster; degenerate for hidden items
     buffers: ClusterBuffers  # buffers of clusters and groups, for culling
-    # vertex details, see `vertex_details`; None: all materials are matte
-    details: moderngl.Texture | None
-    # lightmap coordinates of the vertices; None: no baked light
-    light_coordinates: moderngl.Buffer | None
+    details: moderngl.Texture | None  # see `vertex_details`; None: all materials are matte
+    light_coordinates: moderngl.Buffer | None  # see `light_coordinates`; None: no baked light
 
     @cached_property
     def triangles(self) -> Uints32:
@@ -245,6 +236,12 @@ def build_clustered_geometry(
     double_sided = np.array([one.double_sided for one in buckets])[bucket_of_group]
     with gpu_allocation(f"clusters of {counts.sum()} triangles", "make the scene smaller"):
         index_buffer = written_buffer(context, made.triangles[hierarchy.order])
+    reflectances, details = [item.texture_layer.reflectance for item in items], None
+    if any(reflectances):
+        records = [0 if one is None else one.record for one in reflectances]
+        details = vertex_details(
+            context, list(zip([item.mesh for item in items], records, _bases(items), strict=True))
+        )
     return ClusteredGeometry(
         buckets=buckets,
         anchor_m=anchor_m,
@@ -264,22 +261,8 @@ def build_clustered_geometry(
             object_of_group,
             bucket_of_group,
         ),
-        details=_details(context, items),
+        details=details,
         light_coordinates=item_light_coordinates(context, items),
-    )
-
-
-def _details(context: moderngl.Context, items: Sequence[DrawItem]) -> moderngl.Texture | None:
-    """Vertex details of items; None: all are matte."""
-    reflectances = [item.texture_layer.reflectance for item in items]
-    if all(one is None for one in reflectances):
-        return None
-    return vertex_details(
-        context,
-        [
-            (item.mesh, 0 if found is None else found.record)
-            for item, found in zip(items, reflectances, strict=True)
-        ],
     )
 
 
@@ -292,14 +275,11 @@ def _buckets(
     for kind in np.flatnonzero(np.bincount(kinds)).tolist():
         item, shading = items[kind // len(Shading)], Shading(kind % len(Shading))
         material, reflectance = item.material, item.texture_layer.reflectance
-        maps, second = (
-            (None, False)
-            if reflectance is None
-            else (reflectance.maps, reflectance.second_coordinates)
-        )
         of_kind[kind] = Bucket(
             material.unlit, material.alpha_mode, material.double_sided,
-            material.hit_cutoff > 0.0, shading, item.texture_layer.array, maps, second, item.light,
+            material.hit_cutoff > 0.0, shading, item.texture_layer.array,
+            reflectance and reflectance.maps,
+            reflectance is not None and reflectance.second_coordinates, item.light,
         )  # fmt: skip
     buckets = sorted(set(of_kind.values()), key=_state_order)
     numbers = np.zeros(len(Shading) * len(items), dtype=np.int32)
@@ -340,11 +320,18 @@ def item_light_coordinates(
     """Lightmap coordinates of the vertices of `object_triangles`; None: no baked light."""
     if not any(item.light.is_baked for item in items):
         return None
-    bases = np.cumsum([0, *(len(item.mesh.positions) for item in items)]).tolist()
     parts = [
-        (base, item.mesh, item.light_rectangles) for base, item in zip(bases, items, strict=False)
+        (base, item.mesh, item.light_rectangles)
+        for base, item in zip(_bases(items), items, strict=True)
     ]
-    return gpu_buffer(context, light_coordinates(parts, bases[-1]))
+    count = sum(len(item.mesh.positions) for item in items)
+    return gpu_buffer(context, light_coordinates(parts, count))
+
+
+def _bases(items: Sequence[DrawItem]) -> list[int]:
+    """First vertex of each item, if they follow one another."""
+    counts = [len(item.mesh.positions) for item in items]
+    return [0, *np.cumsum(counts[:-1]).tolist()]
 
 
 # Triangles of draw items for clusters: in the frames of their objects, with baked light.
@@ -448,19 +435,21 @@ def _shading(
     item_of_triangle = np.repeat(
         np.arange(len(items), dtype=np.int32), [item.triangles for item in items]
     )
-    is_static = np.array([item.object_index is None for item in items])
-    is_bakeable = is_static & (lighting.baked is None)
-    static = is_bakeable[item_of_triangle]
+    is_bakeable = [item.object_index is None and lighting.baked is None for item in items]
+    static = np.array(is_bakeable)[item_of_triangle]
     shading, normals = shadings(vertices, vertex_normals, triangles, lighting, static)
-    # double-sided or unlit: facts about the front face do not apply
-    ignores = [item.material.double_sided or item.material.unlit for item in items]
-    shading[np.array(ignores)[item_of_triangle]] = Shading.UNKNOWN.value
-    # view-dependent light cannot be baked
     reflective = np.array([item.texture_layer.reflectance is not None for item in items])
-    shading[reflective[item_of_triangle] & (shading == Shading.BAKED.value)] = Shading.UNKNOWN.value
-    # the lightmap holds all light of matte surfaces, for any normals
-    in_lightmap = np.array([item.light is LightSource.LIGHTMAP for item in items])
-    shading[(in_lightmap & ~reflective)[item_of_triangle]] = Shading.UNKNOWN.value
+    # view-dependent light cannot be baked
+    unknown = reflective[item_of_triangle] & (shading == Shading.BAKED.value)
+    # double-sided or unlit: facts about the front face do not apply; and the lightmap holds all
+    # light of matte surfaces, for any normals
+    ignores = [
+        item.material.double_sided
+        or item.material.unlit
+        or (item.light is LightSource.LIGHTMAP and item.texture_layer.reflectance is None)
+        for item in items
+    ]
+    shading[unknown | np.array(ignores)[item_of_triangle]] = Shading.UNKNOWN.value
     return shading, normals
 
 

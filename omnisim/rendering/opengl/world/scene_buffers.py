@@ -26,7 +26,7 @@ from omnisim.rendering.opengl.world.mesh_deformer import MeshDeformer
 from omnisim.rendering.opengl.world.scene_textures import (
     MaterialTable,
     MaterialTextures,
-    placed_details,
+    vertex_details,
 )
 from omnisim.rendering.opengl.world.triangle_table import (
     MAX_WINDOWS,
@@ -156,7 +156,7 @@ class SceneBuffers:
 
     @property
     def item_details(self) -> moderngl.Texture | None:
-        """Vertex details, see `placed_details`; None: no item has second texture coordinates."""
+        """Vertex details, see `vertex_details`; None: no item has second texture coordinates."""
         ranges = self._store.ranges
         if self._item_details is None or self._item_details[0] != len(ranges):
             placed = [
@@ -164,7 +164,7 @@ class SceneBuffers:
                 for one in ranges
                 if one.mesh.second_texture_coordinates is not None
             ]
-            details = placed_details(self.context, placed) if placed else None
+            details = vertex_details(self.context, placed) if placed else None
             self._item_details = len(ranges), details
         return self._item_details[1]
 

@@ -23,8 +23,7 @@ from omnisim.rendering.opengl.gl.gpu_textures import (
 )
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.shader_files import set_uniforms
-from omnisim.scene.light.baked_light import BakedLight, Probes
-from omnisim.scene.light.environment import Environment
+from omnisim.scene.light.baked_light import BakedLight
 from omnisim.scene.mipmaps import masked_mipmaps, mipmaps
 from omnisim.scene.model import AlphaMode, Material, Mesh, Texture, Wrap
 from omnisim.scene.surface_reflectance import dielectric_f0, tinted_reflectance
@@ -84,21 +83,24 @@ _LIGHTMAP_UNIT, _PROBES_UNIT = 7, 8
 _BLOCK = 4  # as in shaders/scene/baked_light.glsl
 
 
-class BakedTextures:
-    """Textures of a scene's baked light.
+def baked_textures(context: moderngl.Context, baked: BakedLight) -> dict[int, AnyTexture]:
+    """Textures of a scene's baked light by unit, for connected programs.
 
     Raises:
         GraphicsError: larger than the GPU allows.
     """
-
-    def __init__(self, context: moderngl.Context, baked: BakedLight):
-        self._lightmap = _lightmap(context, baked)
-        self._probes = _probes(context, baked.probes)
-
-    @property
-    def units(self) -> dict[int, AnyTexture]:
-        """Textures by unit, for connected programs."""
-        return {_LIGHTMAP_UNIT: self._lightmap, _PROBES_UNIT: self._probes}
+    height, width = baked.irradiance.shape[:2]
+    # four numbers per texel, which are fetched faster than three
+    texels = np.ones((height, width, 4), dtype=np.float16)
+    texels[..., :3] = baked.irradiance
+    with gpu_allocation(f"baked light of {width} × {height} texels", "bake it coarser"):
+        lightmap = texture_2d(context, (width, height), 4, texels, dtype="f2", is_linear=True)
+    columns, rows, layers, numbers = baked.probes.texels.shape
+    blocks = baked.probes.texels.reshape(columns, rows, layers, numbers // _BLOCK, _BLOCK)
+    ordered = np.ascontiguousarray(blocks.transpose(3, 2, 1, 0, 4))
+    with gpu_allocation(f"{baked.probes.valid.size} probes of baked light", "bake it coarser"):
+        probes = texture_3d(context, (columns, rows, layers * len(ordered)), ordered)
+    return {_LIGHTMAP_UNIT: lightmap, _PROBES_UNIT: probes}
 
 
 def connect_baked_light(program: moderngl.Program, baked: BakedLight) -> None:
@@ -108,39 +110,11 @@ def connect_baked_light(program: moderngl.Program, baked: BakedLight) -> None:
     set_uniforms(program, {**units, "u_probes_per_m": per_m})
 
 
-def _lightmap(context: moderngl.Context, baked: BakedLight) -> moderngl.Texture:
-    height, width = baked.irradiance.shape[:2]
-    # four numbers per texel, which are fetched faster than three
-    texels = np.ones((height, width, 4), dtype=np.float16)
-    texels[..., :3] = baked.irradiance
-    with gpu_allocation(f"baked light of {width} × {height} texels", "bake it coarser"):
-        return texture_2d(context, (width, height), 4, texels, dtype="f2", is_linear=True)
-
-
-def _probes(context: moderngl.Context, probes: Probes) -> moderngl.Texture3D:
-    columns, rows, layers, numbers = probes.texels.shape
-    blocks = probes.texels.reshape(columns, rows, layers, numbers // _BLOCK, _BLOCK)
-    ordered = np.ascontiguousarray(blocks.transpose(3, 2, 1, 0, 4))
-    size = (columns, rows, layers * len(ordered))
-    with gpu_allocation(f"{probes.valid.size} probes of baked light", "bake it coarser"):
-        return texture_3d(context, size, ordered)
-
-
-# Textures of environment maps: the visible sky, and its filtered reflections.
 _MAX_HALF = 65504.0  # largest half float
 
 
-def sky_texture(context: moderngl.Context, environment: Environment) -> moderngl.Texture:
-    """Texture of the visible sky, with mip levels."""
-    return _map(context, environment.pyramid)
-
-
-def filtered_texture(context: moderngl.Context, environment: Environment) -> moderngl.Texture:
-    """Texture of the filtered map, one mip level per roughness."""
-    return _map(context, environment.filtered)
-
-
-def _map(context: moderngl.Context, levels: tuple[Floats32, ...]) -> moderngl.Texture:
+def environment_texture(context: moderngl.Context, levels: Sequence[Floats32]) -> moderngl.Texture:
+    """Texture of an environment map, given the mip levels of the sky or of its reflections."""
     height, width = levels[0].shape[:2]
     with gpu_allocation(f"an environment map of {width} × {height} texels", "make it smaller"):
         texture = texture_2d(context, (width, height), 3, dtype="f2", levels=len(levels))
@@ -156,7 +130,6 @@ def _map(context: moderngl.Context, levels: tuple[Floats32, ...]) -> moderngl.Te
 #
 # Textures of equal size and wrapping are layers of one array, so that a call draws many materials.
 
-
 # Identity of a texture's pixels, alpha cutoff of its mip levels, storage and wrapping.
 _Key = tuple[int, float | None, bool, tuple[bool, bool]]
 
@@ -164,8 +137,7 @@ _Key = tuple[int, float | None, bool, tuple[bool, bool]]
 class MaterialTexture(NamedTuple):
     """Texture of a material as a layer of an array, and its reflectance."""
 
-    # array shared with textures of the same size; None: an untextured material
-    array: TextureArray | None
+    array: TextureArray | None  # shared with textures of the same size; None: untextured
     layer: int  # index in the array
     texture: moderngl.Texture  # the layer as a texture; white for untextured materials
     reflectance: Reflectance | None = None  # reflectance on its mesh; None: matte
@@ -195,7 +167,7 @@ class MaterialTextures:
         Raises:
             GraphicsError: larger than the GPU allows.
         """
-        key = _key(material, mesh)
+        key = _base_key(material, mesh)
         if any(one not in self._layers for one in self._uses(material, mesh)):
             self.share([(material, mesh)])
         texture = self._white if key is None else self._layers[key]
@@ -238,7 +210,7 @@ class MaterialTextures:
         """Reflectance of a material on a mesh, whose maps are uploaded."""
         if self._is_matte or material.is_matte:
             return None
-        keys = [None if one is None else _map_key(one, mesh) for one in material.maps]
+        keys = [_map_key(one, mesh) for one in material.maps]
         name = id(material), *keys
         if name not in self._reflectances:
             textures = [None if key is None else self._layers[key] for key in keys]
@@ -254,8 +226,8 @@ class MaterialTextures:
     def _uses(self, material: Material, mesh: Mesh) -> dict[_Key, Texture]:
         """Textures of a material on a mesh."""
         maps = () if self._is_matte or material.is_matte else material.maps
-        pairs = [(material.texture, _key(material, mesh))]
-        pairs += [(one, None if one is None else _map_key(one, mesh)) for one in maps]
+        pairs = [(material.texture, _base_key(material, mesh))]
+        pairs += [(one, _map_key(one, mesh)) for one in maps]
         return {key: one for one, key in pairs if one is not None and key is not None}
 
     def _check_size(self, material: Material, texture: Texture) -> None:
@@ -268,22 +240,22 @@ class MaterialTextures:
             )
 
 
-def _key(material: Material, mesh: Mesh) -> _Key | None:
+def _base_key(material: Material, mesh: Mesh) -> _Key | None:
+    """Key of a material's base color; None: it has no texture on the mesh."""
     if material.texture is None or mesh.texture_coordinates is None:
         return None
-    cutoff = material.alpha_cutoff if material.alpha_mode is AlphaMode.MASK else None
-    texture = material.texture
-    return id(texture.pixels), cutoff, texture.is_linear, _repeats(texture)
+    is_masked = material.alpha_mode is AlphaMode.MASK
+    return _key(material.texture, material.alpha_cutoff if is_masked else None)
 
 
-def _map_key(texture: Texture, mesh: Mesh) -> _Key | None:
-    if mesh.coordinates_of(texture) is None:
-        return None
-    return id(texture.pixels), None, texture.is_linear, _repeats(texture)
+def _map_key(texture: Texture | None, mesh: Mesh) -> _Key | None:
+    return None if texture is None or mesh.coordinates_of(texture) is None else _key(texture)
 
 
-def _repeats(texture: Texture) -> tuple[bool, bool]:
-    return texture.wrap_u is not Wrap.CLAMP_TO_EDGE, texture.wrap_v is not Wrap.CLAMP_TO_EDGE
+def _key(texture: Texture, cutoff: float | None = None) -> _Key:
+    wraps = texture.wrap_u, texture.wrap_v
+    repeats = wraps[0] is not Wrap.CLAMP_TO_EDGE, wraps[1] is not Wrap.CLAMP_TO_EDGE
+    return id(texture.pixels), cutoff, texture.is_linear, repeats
 
 
 def _levels(texture: Texture, cutoff: float | None) -> list[Bytes]:
@@ -296,7 +268,6 @@ def _levels(texture: Texture, cutoff: float | None) -> list[Bytes]:
 
 # Reflectance tables for shaders: records of materials, and details of vertices.
 
-
 # As in shaders/scene/reflective_material.glsl.
 _TEXELS, _FIRST_MAP, _IN_ROW = 20, 5, 256
 _ROW_VERTICES = 4096
@@ -306,8 +277,7 @@ class Reflectance(NamedTuple):
     """Reflectance of a glossy, metallic or mapped material on a mesh."""
 
     record: int  # index of its record in the table
-    # arrays of its maps, in the order of `Material.maps`; None for missing maps
-    maps: tuple[TextureArray | None, ...]
+    maps: tuple[TextureArray | None, ...]  # arrays of `Material.maps`; None for missing maps
     second_coordinates: bool  # True if a map uses the second texture coordinates
 
 
@@ -322,7 +292,26 @@ class MaterialTable:
 
     def append(self, material: Material, layers: Sequence[int | None]) -> int:
         """Append a material, given the array layers of its maps; return the index of its record."""
-        self._records.append(_record(material, layers))
+        record = np.zeros((_TEXELS, 4), dtype=np.float32)
+        f0 = dielectric_f0(material.ior, material.specular, material.specular_color)
+        record[0] = *f0, material.specular
+        record[1] = (
+            material.metallic, material.roughness, material.normal_scale,
+            material.occlusion_strength,
+        )  # fmt: skip
+        record[2] = *material.emissive, material.pane_transmission
+        record[3] = (
+            material.clearcoat, material.clearcoat_roughness, material.clearcoat_normal_scale,
+            material.ior,
+        )  # fmt: skip
+        record[4] = *tinted_reflectance(material.ior, material.specular_color), material.is_slab
+        record[19, :3] = material.optical_depths
+        for number, (texture, layer) in enumerate(zip(material.maps, layers, strict=True)):
+            if texture is not None and layer is not None:
+                across, down = texture.uv_transform
+                record[_FIRST_MAP + 2 * number] = *across, layer
+                record[_FIRST_MAP + 2 * number + 1] = *down, texture.uv_set
+        self._records.append(record)
         return len(self._records) - 1
 
     @property
@@ -339,18 +328,9 @@ class MaterialTable:
 
 
 def vertex_details(
-    context: moderngl.Context, meshes: Sequence[tuple[Mesh, int]]
-) -> moderngl.Texture:
-    """Second texture coordinates and material record of each vertex, mesh after mesh."""
-    bases = np.cumsum([0, *(len(mesh.positions) for mesh, _ in meshes)]).tolist()
-    placed = [(mesh, record, base) for (mesh, record), base in zip(meshes, bases, strict=False)]
-    return placed_details(context, placed)
-
-
-def placed_details(
     context: moderngl.Context, meshes: Sequence[tuple[Mesh, int, int]]
 ) -> moderngl.Texture:
-    """Details as from `vertex_details`, with the first vertex of each mesh."""
+    """Second texture coordinates and material of each vertex, by mesh, record and first vertex."""
     count = max(base + len(mesh.positions) for mesh, _, base in meshes)
     rows = max(1, -(-count // _ROW_VERTICES))
     values = np.zeros((rows * _ROW_VERTICES, 4), dtype=np.float32)
@@ -360,25 +340,3 @@ def placed_details(
             part[:, :2] = mesh.second_texture_coordinates
         part[:, 2] = record
     return texture_2d(context, (_ROW_VERTICES, rows), 4, values)
-
-
-def _record(material: Material, layers: Sequence[int | None]) -> Floats32:
-    record = np.zeros((_TEXELS, 4), dtype=np.float32)
-    f0 = dielectric_f0(material.ior, material.specular, material.specular_color)
-    record[0] = *f0, material.specular
-    record[1] = (
-        material.metallic, material.roughness, material.normal_scale, material.occlusion_strength
-    )  # fmt: skip
-    record[2] = *material.emissive, material.pane_transmission
-    record[3] = (
-        material.clearcoat, material.clearcoat_roughness, material.clearcoat_normal_scale,
-        material.ior,
-    )  # fmt: skip
-    record[4] = *tinted_reflectance(material.ior, material.specular_color), material.is_slab
-    record[19, :3] = material.optical_depths
-    for number, (texture, layer) in enumerate(zip(material.maps, layers, strict=True)):
-        if texture is not None and layer is not None:
-            across, down = texture.uv_transform
-            record[_FIRST_MAP + 2 * number] = *across, layer
-            record[_FIRST_MAP + 2 * number + 1] = *down, texture.uv_set
-    return record

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import moderngl
 import numpy as np
 
-from omnisim.core.arrays import Floats32, Indices, Uints32
+from omnisim.core.arrays import Floats32, Uints32
 from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.world.vertex_records import CLUSTER_VERTEX, INSTANCE, VERTEX
@@ -27,7 +27,20 @@ def vertex_array(
     light_coordinates: moderngl.Buffer | None = None,
 ) -> moderngl.VertexArray:
     """Vertex array for a program; attributes that it does not use are skipped."""
-    content = [(vertices, *_layout(program, VERTEX)), *_light(program, light_coordinates)]
+    layout, names = [], []
+    for name in VERTEX.names or ():
+        field = VERTEX[name]
+        if name in program:
+            layout.append(f"{int(np.prod(field.shape))}f{field.base.itemsize}")
+            names.append(name)
+        else:
+            layout.append(f"{field.itemsize}x")
+    content = [(vertices, " ".join(layout), *names)]
+    if light_coordinates is not None and _LIGHT_COORDINATE in program:
+        attribute = program[_LIGHT_COORDINATE]
+        is_one_side = isinstance(attribute, moderngl.Attribute) and attribute.dimension == 2
+        form = "2f4 8x" if is_one_side else "4f4"
+        content.append((light_coordinates, form, _LIGHT_COORDINATE))
     return context.vertex_array(program, content, indices, index_element_size=4)
 
 
@@ -76,29 +89,6 @@ def _bind_attributes(
             form = f"{columns}{field.base.kind}{field.base.itemsize}"
             array.bind(location, kind, buffer, form, at, record.itemsize, divisor)
             location += 1
-
-
-def _light(
-    program: moderngl.Program, light_coordinates: moderngl.Buffer | None
-) -> list[tuple[moderngl.Buffer, str, str]]:
-    if light_coordinates is None or _LIGHT_COORDINATE not in program:
-        return []
-    attribute = program[_LIGHT_COORDINATE]
-    is_one_side = isinstance(attribute, moderngl.Attribute) and attribute.dimension == 2
-    return [(light_coordinates, "2f4 8x" if is_one_side else "4f4", _LIGHT_COORDINATE)]
-
-
-def _layout(program: moderngl.Program, vertex: np.dtype[np.void]) -> list[str]:
-    """Buffer format, and the names of the attributes that a program uses."""
-    layout, names = [], []
-    for name in vertex.names or ():
-        field = vertex[name]
-        if name in program:
-            layout.append(f"{int(np.prod(field.shape))}f{field.base.itemsize}")
-            names.append(name)
-        else:
-            layout.append(f"{field.itemsize}x")
-    return [" ".join(layout), *names]
 
 
 # Palette of vertices: color, texture layer, alpha cutoff and baked light, each combination once.
@@ -160,7 +150,12 @@ class VertexPalette:
         rows = np.column_stack((indices, lights.view(np.uint32)))
         # neighbors have mostly the same
         starts = np.append(True, (rows[1:] != rows[:-1]).any(axis=1))
-        first, entry = _distinct(rows[starts])
+        numbers = [  # of the halves of each row of four
+            np.unique(half, return_inverse=True)[1].astype(np.uint64)
+            for half in np.ascontiguousarray(rows[starts]).view(np.uint64).T
+        ]
+        pairs = numbers[0] << np.uint64(32) | numbers[1]
+        _, first, entry = np.unique(pairs, return_index=True, return_inverse=True)
         at = np.flatnonzero(starts)[first]
         entries = np.empty((len(at), 3, 4), dtype=np.float32)
         entries[:, 0], entries[:, 1] = self._texels[indices[at]], self._texels[indices[at] + 1]
@@ -189,13 +184,3 @@ class VertexPalette:
             self._texels = np.concatenate((self._texels, more))
         self._texels[first : self._used] = entries.reshape(-1, 4)
         return np.arange(first, self._used, texels, dtype=np.uint32)
-
-
-def _distinct(rows: Uints32) -> tuple[Indices, Indices]:
-    """Position of each distinct row of four among rows (n, 4), and the number (n,) of each row."""
-    numbers = [
-        np.unique(half, return_inverse=True)[1].astype(np.uint64)
-        for half in np.ascontiguousarray(rows).view(np.uint64).T
-    ]
-    pairs = numbers[0] << np.uint64(32) | numbers[1]
-    return np.unique(pairs, return_index=True, return_inverse=True)[1:]
