@@ -6,8 +6,8 @@ from pathlib import Path
 
 from omnisim.core.files.sources import note_sources, recorded_sources
 from omnisim.core.package_files import SCENES
-from omnisim.rendering.opengl.geometry import clustered_geometry
-from omnisim.rendering.opengl.materials import scene_textures as textures
+from omnisim.rendering.opengl.world import clustered_geometry
+from omnisim.rendering.opengl.world import scene_textures as textures
 from omnisim.scene.files import load
 
 _MAX_SCENES = 24

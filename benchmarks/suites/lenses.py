@@ -26,10 +26,10 @@ from omnisim.rendering.contract import ScenePoses, SubFrame, SubFrames
 from omnisim.rendering.opengl.atlas.tile_plan import plan_tiles
 from omnisim.rendering.opengl.camera_frame import CameraFrame, CubePass
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
-from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl.context import open_context
 from omnisim.rendering.opengl.scene_view import VirtualCameras
 from omnisim.rendering.opengl.surfaces.surface_program import SurfacePrograms
+from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
 from omnisim.scene import Scene, load_scene
 from tests.camera_examples import CAMERA_EXAMPLES
 

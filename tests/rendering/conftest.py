@@ -19,6 +19,6 @@ def _coarse(request):
 def untraced_reflections(monkeypatch):
     """Reflections of sky and lamps alone, in both back ends."""
     monkeypatch.setattr(reflections, "MAX_BOUNCES", 0)
-    buffers = "omnisim.rendering.opengl.geometry.scene_buffers"
+    buffers = "omnisim.rendering.opengl.world.scene_buffers"
     monkeypatch.setattr(f"{buffers}.find_mirrors", lambda surfaces, is_mirror: ())
     monkeypatch.setattr(f"{buffers}.find_probes", lambda surfaces, planes, possible: ())

@@ -12,7 +12,7 @@ from omnisim.ground_truth.channels import FLOWS
 from omnisim.ground_truth.hits import NO_DETAILS
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.opengl.gl import framebuffers, memory
-from omnisim.rendering.opengl.ground_truth.visibility_pass import VisibilityPass
+from omnisim.rendering.opengl.hits.visibility_pass import VisibilityPass
 from omnisim.rendering.stage import Stage
 from tests.rendering.opengl.sheets import mixed_scene
 

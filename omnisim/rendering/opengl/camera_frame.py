@@ -25,7 +25,6 @@ from omnisim.rendering.opengl.atlas.tile_plan import Tile, TilePlan
 from omnisim.rendering.opengl.capture.atlas_levels import AtlasLevels
 from omnisim.rendering.opengl.capture.image_pass import RemapPass, image_pass
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
-from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl.framebuffers import (
     attach_layer,
     attach_texture,
@@ -53,6 +52,7 @@ from omnisim.rendering.opengl.gl.pixel_readback import (
 from omnisim.rendering.opengl.scene_view import SceneView, TileRenderer, VirtualCameras
 from omnisim.rendering.opengl.surfaces.sky_pass import SkyPass
 from omnisim.rendering.opengl.surfaces.surface_program import SurfacePrograms
+from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
 
 if TYPE_CHECKING:
     from omnisim.rendering.opengl.degradation.degradation_pass import DegradationPass

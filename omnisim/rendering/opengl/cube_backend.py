@@ -20,7 +20,6 @@ from omnisim.rendering.contract import (
     RangeFinder,
     SceneBackend,
 )
-from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl.context import (
     check_process,
     collect_garbage,
@@ -34,6 +33,7 @@ from omnisim.rendering.opengl.gl.context import (
 from omnisim.rendering.opengl.opengl_camera import CubeCamera, DrawnScene
 from omnisim.rendering.opengl.shadows.shadow_maps import ShadowMaps
 from omnisim.rendering.opengl.surfaces.surface_program import SurfacePrograms
+from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
 from omnisim.scene import Scene
 
 if TYPE_CHECKING:  # imported where they are made: few images need them
@@ -129,7 +129,7 @@ class CubeBackend(SceneBackend):
         limits: EchoLimits | None = None,
     ) -> RangeFinder:
         """Beams of a scanner; needs the current context, as do the pass's methods."""
-        from omnisim.rendering.opengl.ground_truth.range_pass import RangePass
+        from omnisim.rendering.opengl.hits.range_pass import RangePass
         from omnisim.rendering.rays.beams import Beams
         from omnisim.rendering.rays.followed_beams import FollowedRanges
 
@@ -146,7 +146,7 @@ class CubeBackend(SceneBackend):
 
     def beam_caster(self, beams: LidarBeams, hidden: frozenset[ObjectPart]) -> BeamCaster:
         """Beams of a spinning lidar; needs the current context, as do the pass's methods."""
-        from omnisim.rendering.opengl.ground_truth.lidar_pass import LidarPass
+        from omnisim.rendering.opengl.hits.lidar_pass import LidarPass
         from omnisim.rendering.rays.beams import LidarCaster
         from omnisim.rendering.rays.followed_beams import FollowedBeams
 

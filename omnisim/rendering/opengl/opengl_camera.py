@@ -25,16 +25,16 @@ from omnisim.rendering.opengl.atlas.image_parts import image_parts
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan, whole_faces
 from omnisim.rendering.opengl.camera_frame import CameraFrame, CubePass
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
-from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl.context import collect_garbage, graphics_info
 from omnisim.rendering.opengl.gl.gpu_textures import check_image_size
 from omnisim.rendering.opengl.scene_view import VirtualCameras
 from omnisim.rendering.opengl.surfaces.surface_program import SurfacePrograms
+from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
 from omnisim.rendering.sensor_tiles import sensor_tiles
 
 if TYPE_CHECKING:  # for frames with ground truth, or that are degraded
     from omnisim.rendering.opengl.degradation.degradation_pass import DegradationPass
-    from omnisim.rendering.opengl.ground_truth.drawn_hits import CubeHits, DrawnHits
+    from omnisim.rendering.opengl.hits.drawn_hits import CubeHits, DrawnHits
     from omnisim.rendering.rays.through import ThroughCaster
 
 
@@ -174,7 +174,7 @@ class CubeCamera(OpenGLCamera["CubeHits"]):
         return self.frame.begin_batch(poses, out)
 
     def _make_hits(self, details: HitDetails) -> CubeHits:
-        from omnisim.rendering.opengl.ground_truth.drawn_hits import CubeHits
+        from omnisim.rendering.opengl.hits.drawn_hits import CubeHits
 
         return CubeHits(self._drawn.buffers, self._sensor, self._cameras, details)
 

@@ -32,7 +32,7 @@ from omnisim.rendering.opengl.opengl_camera import DrawnScene, OpenGLCamera
 
 if TYPE_CHECKING:
     from omnisim.rendering.opengl.degradation.degradation_pass import DegradationPass
-    from omnisim.rendering.opengl.ground_truth.parallax_hits import ParallaxHits
+    from omnisim.rendering.opengl.hits.parallax_hits import ParallaxHits
 
 # Linear RGB (n, 3) along rays (n,), with the scene at some poses.
 CastAt = Callable[[ScenePoses, SampleRays], Floats32]
@@ -97,7 +97,7 @@ class ParallaxCamera(OpenGLCamera["ParallaxHits"]):
 
     def make_hits(self, details: HitDetails, casts: bool) -> ParallaxHits:
         """Hits behind ground truth; `casts`: cast undecided pixels as rays."""
-        from omnisim.rendering.opengl.ground_truth.parallax_hits import ParallaxHits
+        from omnisim.rendering.opengl.hits.parallax_hits import ParallaxHits
 
         return ParallaxHits(
             self._drawn.buffers,

@@ -22,9 +22,6 @@ from omnisim.rendering.opengl.culling.cluster_culling import (
     ClusterCuller,
     Views,
 )
-from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket
-from omnisim.rendering.opengl.geometry.draw_item import DrawItem, InstanceTransforms
-from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl.buffers import written_buffer
 from omnisim.rendering.opengl.gl.gpu_textures import CLEAR_DEPTH
 from omnisim.rendering.opengl.gl.shader_files import columns_first
@@ -47,6 +44,9 @@ from omnisim.rendering.opengl.surfaces.surface_program import (
     variant_of_blended,
     variant_of_bucket,
 )
+from omnisim.rendering.opengl.world.clustered_geometry import Bucket
+from omnisim.rendering.opengl.world.draw_item import DrawItem, InstanceTransforms
+from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
 from omnisim.scene.planar_mirrors import is_rough_mirror
 
 _POSITIONS = 15  # binding, as in `scene/lighting.glsl`

@@ -18,8 +18,6 @@ from numpy.typing import NDArray
 from omnisim.core.arrays import Bytes, Floats, Indices
 from omnisim.rendering.contract import ScenePoses
 from omnisim.rendering.opengl.atlas.tile_plan import PosedViews, TilePlan, TileViews
-from omnisim.rendering.opengl.geometry.draw_item import DrawItem, InstanceTransforms
-from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl.buffers import gpu_buffer
 from omnisim.rendering.opengl.gl.framebuffers import framebuffer
 from omnisim.rendering.opengl.gl.gpu_textures import CLEAR_DEPTH, depth_texture, texture_2d
@@ -34,6 +32,8 @@ from omnisim.rendering.opengl.surfaces.surface_program import (
     SurfaceProgram,
     SurfacePrograms,
 )
+from omnisim.rendering.opengl.world.draw_item import DrawItem, InstanceTransforms
+from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
 from omnisim.scene.model import Material
 from omnisim.scene.planar_mirrors import MirrorPlane, is_rough_mirror
 from omnisim.scene.surface_reflectance import MIN_ROUGHNESS

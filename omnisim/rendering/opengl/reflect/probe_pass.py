@@ -21,7 +21,6 @@ from omnisim.core.world import time_of
 from omnisim.rendering.contract import ScenePoses
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan, cube_plan
 from omnisim.rendering.opengl.capture.pixel_map import bind_tiles
-from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl.framebuffers import attach_layer, framebuffer
 from omnisim.rendering.opengl.gl.gpu_textures import (
     bind_texture,
@@ -41,6 +40,7 @@ from omnisim.rendering.opengl.surfaces.surface_program import (
     SurfaceProgram,
     SurfacePrograms,
 )
+from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
 from omnisim.scene.reflection_probes import ProbePlace, lobe_roughnesses
 from omnisim.scene.surface_reflectance import MIN_ROUGHNESS
 

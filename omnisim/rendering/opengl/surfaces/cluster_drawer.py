@@ -13,24 +13,24 @@ from numpy.typing import NDArray
 
 from omnisim.core.arrays import Bools, Floats, Indices
 from omnisim.rendering.opengl.culling.cluster_culling import BANDS, ClusterCuller, CommandRange
-from omnisim.rendering.opengl.geometry.clustered_geometry import (
+from omnisim.rendering.opengl.gl.buffers import gpu_buffer
+from omnisim.rendering.opengl.gl.functions import IndirectDraws, StorageBindings, constant_call
+from omnisim.rendering.opengl.gl.shader_files import build_compute_shader
+from omnisim.rendering.opengl.gl.state import GlState
+from omnisim.rendering.opengl.surfaces.scene_drawer import map_units
+from omnisim.rendering.opengl.world.clustered_geometry import (
     Bucket,
     ClusteredGeometry,
     item_light_coordinates,
     object_triangles,
 )
-from omnisim.rendering.opengl.geometry.draw_item import DrawItem
-from omnisim.rendering.opengl.geometry.vertex_format import (
+from omnisim.rendering.opengl.world.draw_item import DrawItem
+from omnisim.rendering.opengl.world.scene_textures import TextureArray
+from omnisim.rendering.opengl.world.vertex_format import (
     PALETTE_UNIT,
     VertexPalette,
     cluster_vertex_array,
 )
-from omnisim.rendering.opengl.gl.buffers import gpu_buffer
-from omnisim.rendering.opengl.gl.functions import IndirectDraws, StorageBindings, constant_call
-from omnisim.rendering.opengl.gl.shader_files import build_compute_shader
-from omnisim.rendering.opengl.gl.state import GlState
-from omnisim.rendering.opengl.materials.scene_textures import TextureArray
-from omnisim.rendering.opengl.surfaces.scene_drawer import map_units
 
 
 class BucketProgram(NamedTuple):

@@ -10,13 +10,13 @@ import moderngl
 import numpy as np
 
 from omnisim.core.arrays import Floats32, Indices
-from omnisim.rendering.opengl.geometry.draw_item import DrawItem, InstanceTransforms
-from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
-from omnisim.rendering.opengl.geometry.vertex_format import vertex_array
 from omnisim.rendering.opengl.gl.gpu_textures import AnyTexture
 from omnisim.rendering.opengl.gl.shader_files import columns_first, find_uniform, set_uniforms
 from omnisim.rendering.opengl.gl.state import GlState
-from omnisim.rendering.opengl.materials.scene_textures import MAP_UNITS, bind_maps
+from omnisim.rendering.opengl.world.draw_item import DrawItem, InstanceTransforms
+from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
+from omnisim.rendering.opengl.world.scene_textures import MAP_UNITS, bind_maps
+from omnisim.rendering.opengl.world.vertex_format import vertex_array
 
 
 class ItemProgram:

@@ -16,10 +16,7 @@ from omnisim.core.errors import GraphicsError
 from omnisim.core.world import Poses
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.capture.pixel_map import bind_tiles
-from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket, Shading
-from omnisim.rendering.opengl.geometry.draw_item import DrawItem, LightSource
-from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
-from omnisim.rendering.opengl.gl.gpu_textures import bind_textures, texture_2d
+from omnisim.rendering.opengl.gl.gpu_textures import AnyTexture, bind_textures, texture_2d
 from omnisim.rendering.opengl.gl.shader_files import (
     build_program,
     columns_first,
@@ -28,18 +25,20 @@ from omnisim.rendering.opengl.gl.shader_files import (
     write_fog,
 )
 from omnisim.rendering.opengl.gl.state import GlState
-from omnisim.rendering.opengl.materials.scene_textures import (
-    BakedTextures,
-    TextureArray,
-    connect_baked_light,
-    filtered_texture,
-    sky_texture,
-)
 from omnisim.rendering.opengl.surfaces.scene_drawer import (
     ItemProgram,
     connect_material,
     material_tables,
     reflectance_defines,
+)
+from omnisim.rendering.opengl.world.clustered_geometry import Bucket, Shading
+from omnisim.rendering.opengl.world.draw_item import DrawItem, LightSource
+from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
+from omnisim.rendering.opengl.world.scene_textures import (
+    TextureArray,
+    baked_textures,
+    connect_baked_light,
+    environment_texture,
 )
 from omnisim.scene.model import MAX_LIGHTS, AlphaMode, Lighting, LightKind
 from omnisim.scene.planar_mirrors import MAX_PLANES
@@ -389,7 +388,7 @@ class SurfacePrograms:
 
     def bind_tables(self) -> None:
         """Bind baked light, and the lookup tables of reflective materials, if there are any."""
-        tables = {} if self._baked_textures is None else self._baked_textures.units
+        tables = dict(self._baked_textures)
         if self._buffers.materials.texture is not None:
             needed = any(one.needs_item_details for one in self._programs.values())
             tables |= material_tables(self._buffers, needed)
@@ -404,18 +403,18 @@ class SurfacePrograms:
 
     @cached_property
     def _sky(self) -> moderngl.Texture | None:
-        environment = self._lighting.environment
-        return None if environment is None else sky_texture(self._context, environment)
+        sky = self._lighting.environment
+        return None if sky is None else environment_texture(self._context, sky.pyramid)
 
     @cached_property
     def _filtered_sky(self) -> moderngl.Texture | None:
-        environment = self._lighting.environment
-        return None if environment is None else filtered_texture(self._context, environment)
+        sky = self._lighting.environment
+        return None if sky is None else environment_texture(self._context, sky.filtered)
 
     @cached_property
-    def _baked_textures(self) -> BakedTextures | None:
+    def _baked_textures(self) -> dict[int, AnyTexture]:
         baked = self._lighting.baked
-        return None if baked is None else BakedTextures(self._context, baked)
+        return {} if baked is None else baked_textures(self._context, baked)
 
     @cached_property
     def _environment_table(self) -> moderngl.Texture:

@@ -9,7 +9,7 @@ from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.contract import ScenePoses
 from omnisim.rendering.opengl.atlas.tile_plan import TileViews, clips_from_rig, plan_tiles
 from omnisim.rendering.opengl.culling.cluster_culling import ClusterCuller, Views
-from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
+from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
 from omnisim.scene.model import AlphaMode, Material, Mesh
 from tests.rendering.opengl.cluster_readback import read_vertices
 from tests.rendering.opengl.commands import submitted_commands

@@ -9,7 +9,7 @@ import pytest
 from omnisim.core.poses import pose as make_pose
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.opengl import scene_view
-from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
+from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
 from omnisim.rendering.stage import Stage
 from omnisim.scene import load_scene
 from tests.rendering.opengl.commands import count_triangles, show_occluded

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from omnisim.core.srgb import linear_from_srgb, srgb_from_linear
-from omnisim.rendering.opengl.materials.scene_textures import SRGB8_ALPHA8, TextureArray
+from omnisim.rendering.opengl.world.scene_textures import SRGB8_ALPHA8, TextureArray
 from omnisim.scene.mipmaps import mipmaps
 
 

@@ -4,7 +4,7 @@ import moderngl
 import numpy as np
 import pytest
 
-from omnisim.rendering.opengl.materials.scene_textures import MaterialTextures
+from omnisim.rendering.opengl.world.scene_textures import MaterialTextures
 from omnisim.rendering.rays.geometry import Surface
 from omnisim.rendering.rays.shading.ray_textures import TextureTable
 from omnisim.scene.model import AlphaMode, Material, Texture, Wrap
