@@ -11,8 +11,8 @@ import numpy as np
 
 from omnisim.core.arrays import Bytes
 from omnisim.core.pending import Pending
+from omnisim.rendering.atlas.image_parts import ImagePart
 from omnisim.rendering.contract import Readback, ScenePoses, SubFrames
-from omnisim.rendering.opengl.atlas.image_parts import ImagePart
 from omnisim.rendering.opengl.capture.image_pass import RemapPass, image_pass
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
 from omnisim.rendering.opengl.drawing.atlas_levels import AtlasLevels

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
 from omnisim.core.arrays import Bytes, Floats32
 from omnisim.core.pending import Pending
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails
+from omnisim.rendering.atlas.image_parts import image_parts
+from omnisim.rendering.atlas.tile_plan import TilePlan, sensor_tiles, whole_faces
 from omnisim.rendering.contract import (
     CameraBackend,
     CameraSetup,
@@ -19,8 +21,6 @@ from omnisim.rendering.contract import (
     ScenePoses,
     seen_background,
 )
-from omnisim.rendering.opengl.atlas.image_parts import image_parts
-from omnisim.rendering.opengl.atlas.tile_plan import TilePlan, whole_faces
 from omnisim.rendering.opengl.camera_frame import CameraFrame
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
 from omnisim.rendering.opengl.drawing.cube_pass import CubePass
@@ -29,7 +29,6 @@ from omnisim.rendering.opengl.drawing.surface_program import SurfacePrograms
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl.context import collect_garbage, graphics_info
 from omnisim.rendering.opengl.gl.gpu_textures import check_image_size
-from omnisim.rendering.sensor_tiles import sensor_tiles
 
 if TYPE_CHECKING:  # for frames with ground truth, or that are degraded
     from omnisim.rendering.opengl.degradation.degradation_pass import DegradationPass

@@ -10,9 +10,9 @@ import numpy as np
 
 from omnisim.core.arrays import Bools, Floats32, Indices
 from omnisim.core.cube import FACE_FROM_RIG, FACE_NAMES
-from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
+from omnisim.rendering.atlas.parallax_plan import MARGIN_PX, ParallaxRays, SampleRays
+from omnisim.rendering.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.capture.image_pass import image_array
-from omnisim.rendering.opengl.capture.parallax_rays import MARGIN_PX, ParallaxRays, SampleRays
 from omnisim.rendering.opengl.capture.pixel_map import valid_pixels_array
 from omnisim.rendering.opengl.gl.buffers import gpu_buffer
 from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer, use_target

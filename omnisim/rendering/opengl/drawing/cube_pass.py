@@ -12,7 +12,7 @@ from omnisim.core.arrays import Floats, Floats32
 from omnisim.core.errors import GraphicsError
 from omnisim.core.short_repr import counted
 from omnisim.core.world import Pose, Poses
-from omnisim.rendering.opengl.atlas.tile_plan import Tile, TilePlan
+from omnisim.rendering.atlas.tile_plan import Tile, TilePlan
 from omnisim.rendering.opengl.drawing.atlas_levels import AtlasLevels
 from omnisim.rendering.opengl.drawing.scene_view import SceneView, TileRenderer, VirtualCameras
 from omnisim.rendering.opengl.drawing.sky_pass import SkyPass

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.arrays import Bytes, Floats, Indices
-from omnisim.rendering.opengl.atlas.tile_plan import PosedViews, TilePlan, TileViews
+from omnisim.rendering.atlas.tile_plan import PosedViews, TilePlan, TileViews
 from omnisim.rendering.opengl.drawing.mirror_owner_program import MirrorOwnerProgram
 from omnisim.rendering.opengl.drawing.scene_drawer import SceneDrawer
 from omnisim.rendering.opengl.drawing.scene_view import Probes, SceneView, VirtualCameras

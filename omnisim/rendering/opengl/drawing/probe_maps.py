@@ -9,7 +9,7 @@ from enum import Enum
 import moderngl
 import numpy as np
 
-from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
+from omnisim.rendering.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.capture.pixel_map import bind_tiles
 from omnisim.rendering.opengl.gl.framebuffers import attach_layer, framebuffer
 from omnisim.rendering.opengl.gl.gpu_textures import (

@@ -16,7 +16,7 @@ import numpy as np
 
 from omnisim.core.arrays import Bools, Floats, Floats32
 from omnisim.core.world import time_of
-from omnisim.rendering.opengl.atlas.tile_plan import TilePlan, cube_plan
+from omnisim.rendering.atlas.tile_plan import TilePlan, cube_plan
 from omnisim.rendering.opengl.drawing.probe_maps import Gloss, ProbeMaps
 from omnisim.rendering.opengl.drawing.scene_view import SceneParts, SceneView, VirtualCameras
 from omnisim.rendering.opengl.drawing.sky_pass import SkyPass

@@ -13,9 +13,10 @@ from omnisim.core.arrays import Bools, Floats, Floats32
 from omnisim.core.extras import require_extra
 from omnisim.core.pending import Pending
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits, ThroughHits
+from omnisim.rendering.atlas.image_parts import image_parts
+from omnisim.rendering.atlas.tile_plan import sensor_tiles
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.contract import DeformingDraw, HitSource, ScenePoses
-from omnisim.rendering.opengl.atlas.image_parts import image_parts
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap, valid_pixels_array
 from omnisim.rendering.opengl.drawing.cube_pass import EXTENSIONS
 from omnisim.rendering.opengl.drawing.scene_view import VirtualCameras
@@ -28,7 +29,6 @@ from omnisim.rendering.opengl.gl.shader_files import uniform
 from omnisim.rendering.opengl.ground_truth.occlusion_pass import OcclusionPass
 from omnisim.rendering.opengl.ground_truth.ray_hit_pass import RayHitPass, bind_details, hits_target
 from omnisim.rendering.opengl.ground_truth.visibility_pass import VisibilityLayers, VisibilityPass
-from omnisim.rendering.sensor_tiles import sensor_tiles
 from omnisim.scene.planar_mirrors import specular_mask
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ from omnisim.core.coordinate_frames import BASE_FROM_OPTICAL_LOOKING_AHEAD
 from omnisim.core.poses import pose_from_rotation, rotation_from_yaw
 from omnisim.core.world import ObjectPart
 from omnisim.ground_truth.lidar_beams import BeamHits, LidarBeams, LidarPoses, Revolution, Slice
-from omnisim.rendering.opengl.atlas.tile_plan import TilePlan, plan_tiles
+from omnisim.rendering.atlas.tile_plan import TilePlan, plan_tiles
 from omnisim.rendering.opengl.drawing.scene_view import VirtualCameras
 from omnisim.rendering.opengl.geometry.draw_item import InstanceTransforms
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers

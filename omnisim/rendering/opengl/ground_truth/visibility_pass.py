@@ -11,7 +11,7 @@ import numpy as np
 
 from omnisim.core.arrays import Floats, Indices
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails
-from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
+from omnisim.rendering.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.drawing.cluster_drawer import BucketProgram
 from omnisim.rendering.opengl.drawing.scene_drawer import SceneDrawer, material_tables
 from omnisim.rendering.opengl.drawing.scene_view import TileRenderer, VirtualCameras

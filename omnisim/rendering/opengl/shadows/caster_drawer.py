@@ -11,7 +11,7 @@ import numpy as np
 
 from omnisim.core.arrays import Bools, Floats, Indices
 from omnisim.core.world import Poses
-from omnisim.rendering.opengl.atlas.tile_plan import frustum_planes
+from omnisim.rendering.atlas.tile_plan import frustum_planes
 from omnisim.rendering.opengl.culling.cluster_culling import ClusterCuller, Views
 from omnisim.rendering.opengl.drawing.cluster_drawer import (
     BucketProgram,

@@ -7,12 +7,12 @@ import pytest
 
 from omnisim import OmniCamera, open_sensor
 from omnisim.core.poses import pose
+from omnisim.rendering.atlas.tile_plan import sensor_tiles
 from omnisim.rendering.opengl.drawing import scene_view
 from omnisim.rendering.opengl.drawing.cube_pass import CubePass
 from omnisim.rendering.opengl.drawing.scene_view import VirtualCameras
 from omnisim.rendering.opengl.drawing.surface_program import SurfacePrograms
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
-from omnisim.rendering.sensor_tiles import sensor_tiles
 from omnisim.scene import load_scene
 from tests.rendering.opengl.commands import count_triangles, show_all
 from tests.scenes import room, scene_of

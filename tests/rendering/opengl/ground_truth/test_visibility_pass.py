@@ -5,8 +5,8 @@ import pytest
 
 from omnisim.core.poses import pose as make_pose
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails
+from omnisim.rendering.atlas.tile_plan import plan_tiles
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.opengl.atlas.tile_plan import plan_tiles
 from omnisim.rendering.opengl.drawing import scene_view
 from omnisim.rendering.opengl.drawing.scene_view import VirtualCameras
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
