@@ -21,7 +21,7 @@ from omnisim.rendering.atlas.parallax_plan import SampleRays, parallax_tiles, ra
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.contract import CameraSetup, FrameRequest, SceneBackend, ScenePoses, Taken
 from omnisim.rendering.opengl.camera_frame import CameraFrame
-from omnisim.rendering.opengl.capture.parallax_pass import ChromaticPass, DepthPyramid, ParallaxPass
+from omnisim.rendering.opengl.capture.parallax_pass import DepthPyramid, ParallaxPass
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
 from omnisim.rendering.opengl.drawing.cube_pass import CubePass
 from omnisim.rendering.opengl.gl.context import Context
@@ -66,16 +66,11 @@ class ParallaxCamera(OpenGLCamera["ParallaxHits"]):
         longest_m = max(rays.longest_m for rays in colors)
         pyramid = DepthPyramid(context, plan, sensor.near_m, sensor.far_m, longest_m)
         fog = None if setup.unlit else world.scene.lighting.fog
-        parallax = (
-            ParallaxPass(context, colors[0], plan, pyramid, fog=fog)
-            if len(colors) == 1
-            else ChromaticPass(context, colors, plan, pyramid, fog)
-        )
         self._casts = not missing_packages("rays")
         self._parallax = ParallaxFrame(
             self.cube,
             PixelMap(context, sensor.supersampled_model),
-            parallax,
+            ParallaxPass(context, colors, plan, pyramid, fog),
             viewpoint_m,
             self._cast if self._casts else None,
             sensor.supersampling,
@@ -156,7 +151,7 @@ class ParallaxFrame(CameraFrame):
         self,
         cube: CubePass,
         samples: PixelMap,
-        parallax: ParallaxPass | ChromaticPass,
+        parallax: ParallaxPass,
         viewpoint_m: Floats,
         cast: CastAt | None,
         supersampling: int,
@@ -195,8 +190,8 @@ def _check_atlas(context: Context, sensor: OmniCamera) -> None:
     if scale < _MIN_SCALE:
         return
     colors, _ = rays_by_color(dataclasses.replace(sensor, model=model.scaled(1.0 / scale)))
-    plan = parallax_tiles(colors, sensor.texels_per_pixel, sensor.near_m)
-    texels, side_px = scale**2 * plan.texels, int(context.info["GL_MAX_TEXTURE_SIZE"])
+    texels = scale**2 * parallax_tiles(colors, sensor.texels_per_pixel, sensor.near_m).texels
+    side_px = int(context.info["GL_MAX_TEXTURE_SIZE"])
     if not fits_texture((side_px, math.ceil(texels / side_px)), has_half_floats=True):
         raise GraphicsError(
             f"an optical system's image of {model.width_px} × {model.height_px} px needs about "
