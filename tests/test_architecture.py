@@ -42,9 +42,10 @@ OPENGL_LAYERS = (
     {"world"},
     {"capture", "culling"},
     {"degradation"},
-    {"atlas"},
     {"gl"},
 )
+# What plans of the atlas import: they are arrays, of any back end and without one.
+PLANNED_FROM = ("core", "cameras", "rendering.camera", "rendering.atlas")
 HOMES = {
     "moderngl": {"rendering.opengl"},
     "mapbox_earcut": {"scene"},
@@ -160,6 +161,18 @@ def test_imports_point_down(package, layers):
     modules = [module for module in MODULES if module.startswith(f"{package}.")]
     assert len(modules) > 50
     _check(fault for module in modules for fault in _faults_of_layers(layers, package, module))
+
+
+def test_plans_know_no_back_end():
+    plans = [module for module in MODULES if module.startswith("omnisim.rendering.atlas.")]
+    assert plans
+    _check(
+        f"{module} imports {name}"
+        for module in plans
+        for name in _imports(module)
+        if name.partition(".")[0] == "omnisim"
+        and not any(f"{name}.".startswith(f"omnisim.{room}.") for room in PLANNED_FROM)
+    )
 
 
 def test_each_library_has_one_home():

@@ -22,8 +22,8 @@ from omnisim.cameras import CentralCamera, EquidistantCamera
 from omnisim.core import poses
 from omnisim.plots import style
 from omnisim.plots.style import Figure
+from omnisim.rendering.atlas.tile_plan import plan_tiles
 from omnisim.rendering.contract import ScenePoses, SubFrame, SubFrames
-from omnisim.rendering.opengl.atlas.tile_plan import plan_tiles
 from omnisim.rendering.opengl.camera_frame import CameraFrame, CubePass
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
 from omnisim.rendering.opengl.gl.context import open_context

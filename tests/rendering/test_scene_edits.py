@@ -8,15 +8,14 @@ import pytest
 from omnisim.cameras import EquidistantCamera
 from omnisim.core.errors import SceneError
 from omnisim.core.poses import pose
+from omnisim.rendering.atlas.tile_plan import sensor_tiles, whole_faces
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.contract import ScenePoses
-from omnisim.rendering.opengl.atlas.tile_plan import whole_faces
 from omnisim.rendering.opengl.camera_frame import CubePass
 from omnisim.rendering.opengl.scene_view import VirtualCameras
 from omnisim.rendering.opengl.surfaces.surface_program import SurfacePrograms
 from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
 from omnisim.rendering.scene_edits import EditableScene
-from omnisim.rendering.sensor_tiles import sensor_tiles
 from omnisim.rendering.stage import Stage, open_sensor
 from omnisim.scene import Scene
 from omnisim.sensors import LaserScanner

@@ -19,9 +19,9 @@ from omnisim.core.arrays import Bytes, Floats32
 from omnisim.core.errors import GraphicsError
 from omnisim.core.pending import Pending
 from omnisim.core.short_repr import counted
+from omnisim.rendering.atlas.image_parts import ImagePart
+from omnisim.rendering.atlas.tile_plan import Tile, TilePlan
 from omnisim.rendering.contract import Readback, ScenePoses, SubFrames
-from omnisim.rendering.opengl.atlas.image_parts import ImagePart
-from omnisim.rendering.opengl.atlas.tile_plan import Tile, TilePlan
 from omnisim.rendering.opengl.capture.atlas_levels import AtlasLevels
 from omnisim.rendering.opengl.capture.image_pass import RemapPass, image_pass
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap

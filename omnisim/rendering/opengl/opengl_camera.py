@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
 from omnisim.core.arrays import Bytes, Floats32
 from omnisim.core.pending import Pending
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails
+from omnisim.rendering.atlas.image_parts import image_parts
+from omnisim.rendering.atlas.tile_plan import TilePlan, sensor_tiles, whole_faces
 from omnisim.rendering.contract import (
     CameraBackend,
     CameraSetup,
@@ -21,8 +23,6 @@ from omnisim.rendering.contract import (
     SubFrames,
     seen_background,
 )
-from omnisim.rendering.opengl.atlas.image_parts import image_parts
-from omnisim.rendering.opengl.atlas.tile_plan import TilePlan, whole_faces
 from omnisim.rendering.opengl.camera_frame import CameraFrame, CubePass
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
 from omnisim.rendering.opengl.gl.context import collect_garbage, graphics_info
@@ -30,7 +30,6 @@ from omnisim.rendering.opengl.gl.gpu_textures import check_image_size
 from omnisim.rendering.opengl.scene_view import VirtualCameras
 from omnisim.rendering.opengl.surfaces.surface_program import SurfacePrograms
 from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
-from omnisim.rendering.sensor_tiles import sensor_tiles
 
 if TYPE_CHECKING:  # for frames with ground truth, or that are degraded
     from omnisim.rendering.opengl.degradation.degradation_pass import DegradationPass

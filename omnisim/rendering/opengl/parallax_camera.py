@@ -12,19 +12,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from omnisim.cameras import NonCentralCamera
-from omnisim.cameras.optics.centrality import common_point
 from omnisim.core.arrays import Floats, Floats32
 from omnisim.core.errors import GraphicsError
 from omnisim.core.extras import missing_packages
 from omnisim.core.pending import Pending
 from omnisim.ground_truth.hits import HitDetails
+from omnisim.rendering.atlas.parallax_plan import (
+    SampleRays,
+    parallax_tiles,
+    rays_by_color,
+)
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.camera.parallax_plan import parallax_tiles, sample_rays
 from omnisim.rendering.contract import CameraSetup, FrameRequest, SceneBackend, ScenePoses, Taken
 from omnisim.rendering.opengl.camera_frame import CameraFrame, CubePass
-from omnisim.rendering.opengl.capture.parallax_pass import ChromaticPass, DepthPyramid, ParallaxPass
-from omnisim.rendering.opengl.capture.parallax_rays import ParallaxRays, SampleRays
+from omnisim.rendering.opengl.capture.parallax_pass import DepthPyramid, ParallaxPass
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
 from omnisim.rendering.opengl.gl.context import Context
 from omnisim.rendering.opengl.gl.gpu_textures import check_image_size, fits_texture
@@ -61,23 +62,18 @@ class ParallaxCamera(OpenGLCamera["ParallaxHits"]):
             )
         context = drawn.buffers.context
         _check_atlas(context, sensor)
-        colors, viewpoint_m = _rays_by_color(sensor)
+        colors, viewpoint_m = rays_by_color(sensor)
         self._viewpoint_m = viewpoint_m
         plan = parallax_tiles(colors, sensor.texels_per_pixel, sensor.near_m)
         self.cube = self._cube_pass(plan)
         longest_m = max(rays.longest_m for rays in colors)
         pyramid = DepthPyramid(context, plan, sensor.near_m, sensor.far_m, longest_m)
         fog = None if setup.unlit else world.scene.lighting.fog
-        parallax = (
-            ParallaxPass(context, colors[0], plan, pyramid, fog=fog)
-            if len(colors) == 1
-            else ChromaticPass(context, colors, plan, pyramid, fog)
-        )
         self._casts = not missing_packages("rays")
         self._parallax = ParallaxFrame(
             self.cube,
             PixelMap(context, sensor.supersampled_model),
-            parallax,
+            ParallaxPass(context, colors, plan, pyramid, fog),
             viewpoint_m,
             self._cast if self._casts else None,
             sensor.supersampling,
@@ -158,7 +154,7 @@ class ParallaxFrame(CameraFrame):
         self,
         cube: CubePass,
         samples: PixelMap,
-        parallax: ParallaxPass | ChromaticPass,
+        parallax: ParallaxPass,
         viewpoint_m: Floats,
         cast: CastAt | None,
         supersampling: int,
@@ -196,9 +192,9 @@ def _check_atlas(context: Context, sensor: OmniCamera) -> None:
     scale = max(model.width_px, model.height_px) / _ESTIMATE_PX
     if scale < _MIN_SCALE:
         return
-    colors, _ = _rays_by_color(dataclasses.replace(sensor, model=model.scaled(1.0 / scale)))
-    plan = parallax_tiles(colors, sensor.texels_per_pixel, sensor.near_m)
-    texels, side_px = scale**2 * plan.texels, int(context.info["GL_MAX_TEXTURE_SIZE"])
+    colors, _ = rays_by_color(dataclasses.replace(sensor, model=model.scaled(1.0 / scale)))
+    texels = scale**2 * parallax_tiles(colors, sensor.texels_per_pixel, sensor.near_m).texels
+    side_px = int(context.info["GL_MAX_TEXTURE_SIZE"])
     if not fits_texture((side_px, math.ceil(texels / side_px)), has_half_floats=True):
         raise GraphicsError(
             f"an optical system's image of {model.width_px} × {model.height_px} px needs about "
@@ -206,20 +202,3 @@ def _check_atlas(context: Context, sensor: OmniCamera) -> None:
             "only central cameras are drawn in parts: make it smaller, or choose --quality fast or "
             "--backend rays"
         )
-
-
-def _rays_by_color(sensor: OmniCamera) -> tuple[list[ParallaxRays], Floats]:
-    """Sample rays from the viewpoint, one set or one each for R, G and B; and the viewpoint (3,).
-
-    Raises:
-        GraphicsError: no ray sees anything.
-    """
-    assert isinstance(sensor.model, NonCentralCamera)
-    cameras = sensor.model.by_color()
-    rays = [sample_rays(one, sensor.supersampling, sensor.mesh_polygons) for one in cameras]
-    if not all(one.shown.any() for one in rays):
-        raise GraphicsError("camera: no pixel of the image sees anything of the scene")
-    directions, origins_m = rays[len(rays) // 2].centers()
-    every = slice(None, None, max(1, len(directions) // 10_000))
-    viewpoint_m = common_point(origins_m[every], directions[every])
-    return [one.seen_from(viewpoint_m) for one in rays], viewpoint_m

@@ -14,9 +14,9 @@ import numpy as np
 
 from omnisim.core.arrays import Bools, Floats, Indices
 from omnisim.core.world import ObjectPart
+from omnisim.rendering.atlas.tile_plan import PosedViews, TilePlan, TileViews, clips_from_rig
 from omnisim.rendering.camera.quality import DEFAULT_MIRRORS, DEFAULT_PROBES
 from omnisim.rendering.contract import ScenePoses
-from omnisim.rendering.opengl.atlas.tile_plan import PosedViews, TilePlan, TileViews, clips_from_rig
 from omnisim.rendering.opengl.culling.cluster_culling import (
     MIN_TRIANGLES_OF_PASSES,
     ClusterCuller,

@@ -6,8 +6,8 @@ from omnisim.cameras import pixel_grid
 from omnisim.core import poses
 from omnisim.core.cube import FACE_NAMES, face_index
 from omnisim.core.srgb import srgb_from_linear
+from omnisim.rendering.atlas.tile_plan import plan_tiles
 from omnisim.rendering.contract import ScenePoses, SubFrame, SubFrames
-from omnisim.rendering.opengl.atlas.tile_plan import plan_tiles
 from omnisim.rendering.opengl.camera_frame import CameraFrame, CubePass
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
 from omnisim.rendering.opengl.scene_view import VirtualCameras

@@ -7,13 +7,13 @@ import pytest
 
 from omnisim import OmniCamera, open_sensor
 from omnisim.core.poses import pose
+from omnisim.rendering.atlas.tile_plan import sensor_tiles
 from omnisim.rendering.contract import ScenePoses
 from omnisim.rendering.opengl import scene_view
 from omnisim.rendering.opengl.camera_frame import CubePass
 from omnisim.rendering.opengl.scene_view import VirtualCameras
 from omnisim.rendering.opengl.surfaces.surface_program import SurfacePrograms
 from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
-from omnisim.rendering.sensor_tiles import sensor_tiles
 from omnisim.scene import load_scene
 from tests.rendering.opengl.commands import count_triangles, show_all
 from tests.scenes import room, scene_of

@@ -13,9 +13,10 @@ from omnisim.core.arrays import Bools, Floats, Floats32
 from omnisim.core.extras import require_extra
 from omnisim.core.pending import Pending
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits, ThroughHits
+from omnisim.rendering.atlas.image_parts import image_parts
+from omnisim.rendering.atlas.tile_plan import sensor_tiles
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.contract import DeformingDraw, HitSource, ScenePoses
-from omnisim.rendering.opengl.atlas.image_parts import image_parts
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap, valid_pixels_array
 from omnisim.rendering.opengl.gl.context import graphics_info
 from omnisim.rendering.opengl.gl.framebuffers import draws_layers, use_target
@@ -27,7 +28,6 @@ from omnisim.rendering.opengl.hits.ray_hit_pass import RayHitPass, bind_details,
 from omnisim.rendering.opengl.hits.visibility_pass import VisibilityLayers, VisibilityPass
 from omnisim.rendering.opengl.scene_view import VirtualCameras
 from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
-from omnisim.rendering.sensor_tiles import sensor_tiles
 from omnisim.scene.planar_mirrors import specular_mask
 
 if TYPE_CHECKING:

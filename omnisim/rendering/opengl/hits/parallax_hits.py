@@ -15,12 +15,11 @@ from omnisim.cameras import Rays
 from omnisim.core.arrays import Bools, Bytes, Floats
 from omnisim.core.pending import Pending
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
+from omnisim.rendering.atlas.parallax_plan import MARGIN_PX, ParallaxRays, parallax_tiles
+from omnisim.rendering.atlas.sampling_density import MAX_ANISOTROPY
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.camera.parallax_plan import parallax_tiles
 from omnisim.rendering.contract import ScenePoses
-from omnisim.rendering.opengl.atlas.sampling_density import MAX_ANISOTROPY
 from omnisim.rendering.opengl.capture.parallax_pass import DepthPyramid
-from omnisim.rendering.opengl.capture.parallax_rays import MARGIN_PX, ParallaxRays
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
 from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
 from omnisim.rendering.opengl.gl.shader_files import uniform

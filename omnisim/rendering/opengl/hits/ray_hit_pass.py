@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from omnisim.core.arrays import Floats
 from omnisim.core.pending import Pending
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
-from omnisim.rendering.opengl.atlas.image_parts import ImagePart
+from omnisim.rendering.atlas.image_parts import ImagePart
 from omnisim.rendering.opengl.capture.pixel_map import (
     RAYS_UNIT,
     PixelMap,

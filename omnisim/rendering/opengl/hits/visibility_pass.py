@@ -11,8 +11,8 @@ import numpy as np
 
 from omnisim.core.arrays import Floats, Indices
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails
+from omnisim.rendering.atlas.tile_plan import TilePlan
 from omnisim.rendering.contract import ScenePoses
-from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.gl.framebuffers import (
     COLORS,
     DEPTH,

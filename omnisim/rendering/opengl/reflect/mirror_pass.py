@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.arrays import Bytes, Floats, Indices
+from omnisim.rendering.atlas.tile_plan import PosedViews, TilePlan, TileViews
 from omnisim.rendering.contract import ScenePoses
-from omnisim.rendering.opengl.atlas.tile_plan import PosedViews, TilePlan, TileViews
 from omnisim.rendering.opengl.gl.buffers import gpu_buffer
 from omnisim.rendering.opengl.gl.framebuffers import framebuffer
 from omnisim.rendering.opengl.gl.gpu_textures import CLEAR_DEPTH, depth_texture, texture_2d

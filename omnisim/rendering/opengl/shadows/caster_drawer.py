@@ -11,8 +11,8 @@ import numpy as np
 
 from omnisim.core.arrays import Bools, Floats, Indices
 from omnisim.core.world import Poses
+from omnisim.rendering.atlas.tile_plan import frustum_planes
 from omnisim.rendering.contract import ScenePoses
-from omnisim.rendering.opengl.atlas.tile_plan import frustum_planes
 from omnisim.rendering.opengl.culling.cluster_culling import ClusterCuller, Views
 from omnisim.rendering.opengl.gl.shader_files import build_program, columns_first
 from omnisim.rendering.opengl.gl.state import GlState

@@ -6,7 +6,7 @@ import moderngl
 import numpy as np
 
 from omnisim.core.arrays import Floats
-from omnisim.rendering.opengl.atlas.tile_plan import TilePlan, clips_from_rig
+from omnisim.rendering.atlas.tile_plan import TilePlan, clips_from_rig
 from omnisim.rendering.opengl.gl.buffers import written_buffer
 from omnisim.rendering.opengl.gl.shader_files import build_program
 from omnisim.rendering.opengl.gl.state import GlState

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from omnisim.core.arrays import Floats, Floats32
 from omnisim.core.errors import GraphicsError
 from omnisim.core.world import Poses
-from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
+from omnisim.rendering.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.capture.pixel_map import bind_tiles
 from omnisim.rendering.opengl.gl.gpu_textures import AnyTexture, bind_textures, texture_2d
 from omnisim.rendering.opengl.gl.shader_files import (

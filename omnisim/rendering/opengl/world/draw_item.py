@@ -11,7 +11,7 @@ import moderngl
 import numpy as np
 
 from omnisim.core.arrays import Bools, Floats, Indices, bounds_of
-from omnisim.rendering.opengl.atlas.tile_plan import PosedViews
+from omnisim.rendering.atlas.tile_plan import PosedViews
 from omnisim.rendering.opengl.world.scene_textures import MaterialTexture
 from omnisim.scene.model import Material, Mesh
 from omnisim.scene.motion.deformation import Sphere

@@ -5,9 +5,9 @@ import pytest
 
 from omnisim.core.cube import FACE_FROM_RIG
 from omnisim.core.poses import pose
+from omnisim.rendering.atlas.tile_plan import TileViews, clips_from_rig, plan_tiles
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.contract import ScenePoses
-from omnisim.rendering.opengl.atlas.tile_plan import TileViews, clips_from_rig, plan_tiles
 from omnisim.rendering.opengl.culling.cluster_culling import ClusterCuller, Views
 from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
 from omnisim.scene.model import AlphaMode, Material, Mesh

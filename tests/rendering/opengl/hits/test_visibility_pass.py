@@ -5,9 +5,9 @@ import pytest
 
 from omnisim.core.poses import pose as make_pose
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails
+from omnisim.rendering.atlas.tile_plan import plan_tiles
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.opengl import scene_view
-from omnisim.rendering.opengl.atlas.tile_plan import plan_tiles
 from omnisim.rendering.opengl.hits.triangle_ids import TriangleIds, cluster_triangle_entries
 from omnisim.rendering.opengl.hits.visibility_pass import VisibilityPass
 from omnisim.rendering.opengl.scene_view import VirtualCameras

@@ -1,4 +1,4 @@
-"""Atlas tiles: the parts of the cube faces that a camera needs, and their texels."""
+"""Atlas tiles: the parts of the cube faces that a camera needs, their texels, and their views."""
 
 from __future__ import annotations
 
@@ -9,17 +9,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from omnisim.cameras import CentralCamera
+from omnisim.cameras import CentralCamera, HyperbolicCamera
+from omnisim.cameras.mirrors import tessellate
 from omnisim.core.arrays import Bools, Floats
+from omnisim.core.coordinate_frames import MIRROR_FROM_OPTICAL
 from omnisim.core.cube import FACE_FROM_RIG, FACE_NAMES, face_index, face_tangents
 from omnisim.core.errors import GraphicsError
-from omnisim.rendering.opengl.atlas.sampling_density import (
+from omnisim.rendering.atlas.sampling_density import (
     GRID,
     WHOLE_FACE,
     RegionDensity,
     SamplingDensity,
     density_of_camera,
 )
+from omnisim.rendering.camera.omnicamera import OmniCamera
 
 # The largest density lies between two samples at worst: a margin of 1 %.
 DENSITY_MARGIN = 1.01
@@ -29,6 +32,10 @@ MAX_TILES = 64
 # all texels, so that large images keep few tiles.
 TILE_TEXELS = 8000.0
 TILE_SHARE = 0.005
+# Mip level bias: at 1 sample per pixel, sampling half a level finer than the pixel's footprint
+# gains 1 to 2.5 dB; with more samples, which are averaged, a whole level does, and most cameras
+# then need no mip levels.
+ONE_SAMPLE_BIAS, SUPERSAMPLED_BIAS = -0.5, -1.0
 
 
 @dataclass(frozen=True)
@@ -37,15 +44,13 @@ class Tile:
 
     face: int  # index into `omnisim.core.cube.FACE_NAMES`
     face_size_px: int  # texels across the 90° of the whole face
-    # first texel (right, down) from the face's top left corner; negative if the tile begins
-    # outside of the face
+    # first texel (right, down) from the face's top left corner; negative: outside of the face
     origin_px: tuple[int, int]
     size_px: tuple[int, int]  # width and height, gutter included
     # tangents (right, down) of the top left and the bottom right corner of the region that is
     # looked up in this tile only
     region: tuple[tuple[float, float], tuple[float, float]]
-    # position in the atlas
-    left_px: int = 0
+    left_px: int = 0  # in the atlas
     top_px: int = 0
 
     @property
@@ -72,8 +77,7 @@ class TilePlan:
     tiles: tuple[Tile, ...]  # tiles of the atlas, sorted by face
     max_level: int  # highest mip level that lookups reach
     level_bias: float  # offset from the mip level whose texels are as wide as a lookup's footprint
-    # size of the atlas
-    width_px: int
+    width_px: int  # of the atlas
     height_px: int
 
     @property
@@ -90,6 +94,41 @@ class TilePlan:
     def rectangles_px(self) -> Floats:
         """Left, top, width and height (tiles, 4) of each tile in the atlas."""
         return np.array([(one.left_px, one.top_px, *one.size_px) for one in self.tiles], np.float64)
+
+
+def sensor_tiles(
+    sensor: OmniCamera,
+    camera: CentralCamera,
+    texels_per_pixel: float,
+    face_size_px: int | None = None,
+    subdivide: bool = False,
+) -> TilePlan:
+    """Plan the tiles of a sensor.
+
+    Args:
+        camera: its camera model, or that of its supersampled image.
+        texels_per_pixel: texels per side of that camera's smallest pixels.
+        face_size_px: texels across the 90° of every face; None: as the image requires.
+        subdivide: see `plan_tiles`.
+
+    Raises:
+        GraphicsError: the camera sees nothing.
+    """
+    past_rim = None
+    if sensor.mesh_polygons is not None and isinstance(camera, HyperbolicCamera):
+        mesh = tessellate(camera.mirror, sensor.mesh_polygons)
+        # a fine mesh has many edges; only those on the rim extend past it
+        middles_m = mesh.rim_middles_m if sensor.polygons == "auto" else mesh.edge_middles_m
+        past_rim = middles_m @ MIRROR_FROM_OPTICAL
+    return plan_tiles(
+        camera,
+        camera.rig_from_optical,
+        texels_per_pixel,
+        face_size_px=face_size_px,
+        also_seen=past_rim,
+        subdivide=subdivide,
+        level_bias=ONE_SAMPLE_BIAS if sensor.supersampling == 1 else SUPERSAMPLED_BIAS,
+    )
 
 
 def plan_tiles(
@@ -162,20 +201,39 @@ def plan_densities(
     whole = [(face, one) for face, density in enumerate(densities) for one in density.whole()]
     if not whole:
         raise GraphicsError("camera: no pixel of the image sees anything of the scene")
-    plan = _plan(whole, texels_per_pixel, face_size_px, level_bias, max_level, gutter_px)
-    if subdivide and face_size_px is None:
-        texels = sum(_texels(region, texels_per_pixel) for _, region in whole)
-        tile_texels = max(TILE_TEXELS, TILE_SHARE * texels)
-        parts = [
-            (face, part)
-            for face, density in enumerate(densities)
-            for part in density.subdivide(texels_per_pixel, tile_texels)
+
+    def plan(regions: list[tuple[int, RegionDensity]]) -> TilePlan:
+        """One tile per region of a face."""
+        sizes, minification = [], 0.0
+        for _, one in regions:
+            needed = math.ceil(2.0 * DENSITY_MARGIN * texels_per_pixel * one.max_px_per_tan)
+            sizes.append(face_size_px or max(MIN_FACE_PX, needed))
+            minification = max(minification, 0.5 * sizes[-1] / one.min_px_per_tan)
+        level = round(math.log2(minification) + level_bias) if max_level is None else max_level
+        level = max(0, min(level, int(math.log2(min(sizes)))))
+        step = max(1 << level, gutter_px)
+        tiles = [
+            _tile(face, size, one.region, one.seen_region, step)
+            for size, (face, one) in zip(sizes, regions, strict=True)
         ]
-        if 0 < len(parts) <= MAX_TILES:
-            # a gutter is as wide as the largest mip texel: it may cost what cutting saves
-            cut = _plan(parts, texels_per_pixel, face_size_px, level_bias, max_level, gutter_px)
-            plan = min(cut, plan, key=lambda one: one.texels)
-    return plan
+        return pack_tiles(tiles, level, level_bias)
+
+    if not subdivide or face_size_px is not None:
+        return plan(whole)
+    texels = 0.0
+    for _, one in whole:
+        extent = one.seen_region[1] - one.seen_region[0]
+        texels += float(np.prod(extent * texels_per_pixel * one.max_px_per_tan))
+    tile_texels = max(TILE_TEXELS, TILE_SHARE * texels)
+    parts = [
+        (face, part)
+        for face, density in enumerate(densities)
+        for part in density.subdivide(texels_per_pixel, tile_texels)
+    ]
+    if not 0 < len(parts) <= MAX_TILES:
+        return plan(whole)
+    # a gutter is as wide as the largest mip texel: it may cost what cutting saves
+    return min(plan(parts), plan(whole), key=lambda one: one.texels)
 
 
 def whole_faces(plan: TilePlan) -> TilePlan:
@@ -183,48 +241,18 @@ def whole_faces(plan: TilePlan) -> TilePlan:
     sizes: dict[int, int] = {}
     for tile in plan.tiles:
         sizes[tile.face] = max(tile.face_size_px, sizes.get(tile.face, 0))
-    tiles = [_tile(face, size_px, WHOLE_FACE, WHOLE_FACE, 1) for face, size_px in sizes.items()]
-    return pack_tiles(tiles, 0, 0.0)
+    return _whole_faces(sizes)
 
 
 def cube_plan(face_size_px: int) -> TilePlan:
     """Plan with all six faces whole, without mip levels."""
-    faces = range(len(FACE_NAMES))
-    tiles = [_tile(face, face_size_px, WHOLE_FACE, WHOLE_FACE, 1) for face in faces]
+    return _whole_faces(dict.fromkeys(range(len(FACE_NAMES)), face_size_px))
+
+
+def _whole_faces(sizes_px: dict[int, int]) -> TilePlan:
+    """Plan of whole faces by their sizes."""
+    tiles = [_tile(face, size_px, WHOLE_FACE, WHOLE_FACE, 1) for face, size_px in sizes_px.items()]
     return pack_tiles(tiles, 0, 0.0)
-
-
-def _plan(
-    regions: list[tuple[int, RegionDensity]],
-    texels_per_pixel: float,
-    face_size_px: int | None,
-    level_bias: float,
-    max_level: int | None,
-    gutter_px: int,
-) -> TilePlan:
-    """One tile per region of a face."""
-    sizes = [
-        max(MIN_FACE_PX, math.ceil(2.0 * DENSITY_MARGIN * texels_per_pixel * one.max_px_per_tan))
-        if face_size_px is None
-        else face_size_px
-        for _, one in regions
-    ]
-    minification = max(
-        0.5 * size / one.min_px_per_tan for size, (_, one) in zip(sizes, regions, strict=True)
-    )
-    level = round(math.log2(minification) + level_bias) if max_level is None else max_level
-    level = max(0, min(level, int(math.log2(min(sizes)))))
-    tiles = [
-        _tile(face, size, one.region, one.seen_region, max(1 << level, gutter_px))
-        for size, (face, one) in zip(sizes, regions, strict=True)
-    ]
-    return pack_tiles(tiles, level, level_bias)
-
-
-def _texels(region: RegionDensity, texels_per_pixel: float) -> float:
-    """Approximate number of texels of a tile."""
-    extent = region.seen_region[1] - region.seen_region[0]
-    return float(np.prod(extent * texels_per_pixel * region.max_px_per_tan))
 
 
 def _tile(face: int, face_size_px: int, region: Floats, seen_region: Floats, step: int) -> Tile:
@@ -238,9 +266,8 @@ def _tile(face: int, face_size_px: int, region: Floats, seen_region: Floats, ste
     first = step * (np.floor(texels[0]).astype(int) - 1)
     last = step * (np.ceil(texels[1]).astype(int) + 1)
     (left, top), (width, height) = first.tolist(), (last - first).tolist()
-    (first_x, first_y), (last_x, last_y) = region.tolist()
-    corners = ((first_x, first_y), (last_x, last_y))
-    return Tile(face, face_size_px, (left, top), (width, height), corners)
+    (x, y), (last_x, last_y) = region.tolist()
+    return Tile(face, face_size_px, (left, top), (width, height), ((x, y), (last_x, last_y)))
 
 
 def pack_tiles(tiles: Sequence[Tile], level: int, level_bias: float) -> TilePlan:
@@ -261,16 +288,14 @@ def pack_tiles(tiles: Sequence[Tile], level: int, level_bias: float) -> TilePlan
     return TilePlan(tuple(packed), level, level_bias, used_px, top_px + row_px)
 
 
-# Views of the tiles from a pose: matrices and frustum planes of the virtual cameras.
 _MIN_LENGTH = 1e-30  # of a normal: an infinitely far plane has a normal of 0
 
 
 class PosedViews(NamedTuple):
     """Views of all tiles in one frame, in the viewpoint frame."""
 
-    tiles: tuple[Tile, ...]  # the tiles
-    # (tiles, 4, 4) projections from the viewpoint frame to clip space
-    clips_from_viewpoint: Floats
+    tiles: tuple[Tile, ...]
+    clips_from_viewpoint: Floats  # (tiles, 4, 4) projections from the viewpoint frame to clip space
     # (tiles, 6, 4), inward unit normals and distances of left, right, top, bottom, near and far.
     # A point is inside if n · (x, y, z) + d ≥ 0
     frustum_planes: Floats
@@ -321,17 +346,12 @@ def _projection(tile: Tile, near_m: float, far_m: float) -> Floats:
     Depth is 1 at the near plane and 0 at the far plane, which may be infinite.
     """
     first, last = tile.padded_region
-    (x_scale, y_scale), (x_shift, y_shift) = 2.0 / (last - first), -(last + first) / (last - first)
+    clip_from_face = np.zeros((4, 4))
+    clip_from_face[[0, 1], [0, 1]] = 2.0 / (last - first)
+    clip_from_face[:2, 2] = -(last + first) / (last - first)
     if math.isinf(far_m):
-        z_scale, z_shift = 0.0, near_m
+        clip_from_face[2, 3] = near_m
     else:
-        z_scale = -near_m / (far_m - near_m)
-        z_shift = far_m * near_m / (far_m - near_m)
-    return np.array(
-        [
-            [x_scale, 0.0, x_shift, 0.0],
-            [0.0, y_scale, y_shift, 0.0],
-            [0.0, 0.0, z_scale, z_shift],
-            [0.0, 0.0, 1.0, 0.0],
-        ]
-    )
+        clip_from_face[2, 2:] = np.array((-near_m, far_m * near_m)) / (far_m - near_m)
+    clip_from_face[3, 2] = 1.0
+    return clip_from_face

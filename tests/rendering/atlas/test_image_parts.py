@@ -9,9 +9,9 @@ from omnisim.cameras import EquidistantCamera, HyperbolicCamera, OrthographicCam
 from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.core.cube import face_index, face_tangents
 from omnisim.core.errors import GraphicsError
-from omnisim.rendering.opengl.atlas import image_parts as parts_of_images
-from omnisim.rendering.opengl.atlas.image_parts import image_parts
-from omnisim.rendering.opengl.atlas.tile_plan import plan_tiles
+from omnisim.rendering.atlas import image_parts as parts_of_images
+from omnisim.rendering.atlas.image_parts import image_parts
+from omnisim.rendering.atlas.tile_plan import plan_tiles
 from tests.camera_examples import camera_examples
 
 SIDE_PX = 16384

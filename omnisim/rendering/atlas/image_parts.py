@@ -16,8 +16,8 @@ from omnisim.cameras import CentralCamera
 from omnisim.core.arrays import AnyFloats, Floats, Indices
 from omnisim.core.cube import FACE_FROM_RIG
 from omnisim.core.errors import GraphicsError
-from omnisim.rendering.opengl.atlas.sampling_density import dilate
-from omnisim.rendering.opengl.atlas.tile_plan import Tile, TilePlan, pack_tiles
+from omnisim.rendering.atlas.sampling_density import dilate
+from omnisim.rendering.atlas.tile_plan import Tile, TilePlan, pack_tiles
 
 # Number of texels of an atlas, and of samples of an image, above which the image is drawn in parts,
 # and the longest side of a part's atlas and samples. A texel takes 12 bytes of color and depth, and

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import reduce
 from typing import Any, NamedTuple
 
@@ -9,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera
-from omnisim.core.arrays import Bools, Floats
+from omnisim.core.arrays import Bools, Floats, Indices
 
 # Samples per face edge, corners included: a rim first reaches a face at the middle of an edge or at
 # a corner.
@@ -27,39 +29,27 @@ _STEP = 1e-5  # step of a tangent for derivatives: far above rounding errors, fa
 class RegionDensity(NamedTuple):
     """Sampling density of the image in a region of a face."""
 
-    # pixels per tangent of 1
-    min_px_per_tan: float
+    min_px_per_tan: float  # pixels per tangent of 1
     max_px_per_tan: float
-    # (2, 2) lower and upper bounds of the region's tangents (right, down); regions of a face do
-    # not overlap
+    # (2, 2) lower and upper bounds of tangents (right, down); regions of a face do not overlap
     region: Floats
     seen_region: Floats  # (2, 2) bounds of the part of the region that the image samples
 
 
+@dataclass(frozen=True, eq=False)
 class SamplingDensity:
-    """Sampling density of the image on a face, from samples spread over the face.
+    """Sampling density of the image on a face, from samples spread over the face."""
 
-    Args:
-        tangents: (n, 2) tangents of the samples; the grid comes first, row by row.
-        seen: (n,) True for samples that the image looks up.
-        max_px_per_tan, min_px_per_tan: (n,) pixels per tangent of 1, in the directions of the
-            largest and smallest density; 0 and infinity: unknown.
-    """
-
-    def __init__(
-        self, tangents: Floats, seen: Bools, max_px_per_tan: Floats, min_px_per_tan: Floats
-    ):
-        self._tangents, self._seen, self._max, self._min = (
-            tangents,
-            seen,
-            max_px_per_tan,
-            min_px_per_tan,
-        )
-        self._is_seen = bool(seen.any())
+    tangents: Floats  # (n, 2) of the samples; the grid comes first, row by row
+    seen: Bools  # (n,) samples that the image looks up
+    # (n,) pixels per tangent of 1, in the directions of the largest and smallest density; 0 and
+    # infinity: unknown
+    max_px_per_tan: Floats
+    min_px_per_tan: Floats
 
     def whole(self) -> list[RegionDensity]:
         """Density of the whole face; empty if the image sees nothing of it."""
-        return self._densities([WHOLE_FACE]) if self._is_seen else []
+        return self._densities([WHOLE_FACE]) if self.seen.any() else []
 
     def subdivide(self, texels_per_pixel: float, tile_texels: float) -> list[RegionDensity]:
         """Densities of the face's regions after the cuts that save texels.
@@ -72,11 +62,16 @@ class SamplingDensity:
             texels_per_pixel: texels per pixel side.
             tile_texels: cost of an additional tile, texels.
         """
-        if not self._is_seen:
+        if not self.seen.any():
             return []
-        density, seen = self._on_grid()
+        count = GRID * GRID
+        seen = self.seen[:count].reshape(GRID, GRID).copy()
+        for corners in _corners(self.tangents[count:]):
+            seen[corners] = True
+        # a cell between samples takes their larger density, and is seen if one of them is
+        density = dilate(self.max_px_per_tan[:count].reshape(GRID, GRID)) * texels_per_pixel
         whole = ((0, 0), (GRID - 1, GRID - 1))
-        cells = _cut_cell(density * texels_per_pixel, seen, tile_texels, *whole)
+        cells = _cut_cell(density, dilate(seen), tile_texels, *whole)
         return self._densities([-1.0 + GRID_STEP * np.array(cell, dtype=float) for cell in cells])
 
     def _densities(self, regions: list[Floats]) -> list[RegionDensity]:
@@ -85,40 +80,22 @@ class SamplingDensity:
 
     def _density(self, region: Floats) -> RegionDensity | None:
         # the visible part may begin anywhere between two samples
-        near = np.all(
-            (self._tangents >= region[0] - GRID_STEP) & (self._tangents <= region[1] + GRID_STEP),
-            axis=-1,
-        )
-        seen = self._tangents[near & self._seen]
+        first, last = region[0] - GRID_STEP, region[1] + GRID_STEP
+        near = np.all((self.tangents >= first) & (self.tangents <= last), axis=-1)
+        seen = self.tangents[near & self.seen]
         if not len(seen):
             return None
         seen_region = np.stack((seen.min(axis=0) - GRID_STEP, seen.max(axis=0) + GRID_STEP))
         seen_region = np.clip(seen_region, region[0], region[1])
         if np.any(seen_region[0] >= seen_region[1]):
             return None
-        densest = float(self._max[near].max())
+        densest = float(self.max_px_per_tan[near].max())
         if densest == 0.0:  # no derivative here: take the face's
-            densest = float(self._max.max())
+            densest = float(self.max_px_per_tan.max())
             near = np.ones_like(near)
-        sparsest = float(self._min[near].min()) if densest > 0.0 else 1.0
+        sparsest = float(self.min_px_per_tan[near].min()) if densest > 0.0 else 1.0
         sparsest = max(sparsest, MIN_DENSITY_SHARE * densest, 1e-6)
         return RegionDensity(sparsest, densest, region, seen_region)
-
-    def _on_grid(self) -> tuple[Floats, Bools]:
-        """Maximum density in pixels per tangent of 1, and visibility, (GRID, GRID), rows down.
-
-        A cell between samples takes their larger density, and is seen if one of them is.
-        """
-        count = GRID * GRID
-        density = self._max[:count].reshape(GRID, GRID)
-        seen = self._seen[:count].reshape(GRID, GRID).copy()
-        column, row = np.clip(
-            np.floor((self._tangents[count:].T + 1.0) / GRID_STEP).astype(int), 0, GRID - 2
-        )
-        for down in (0, 1):
-            for right in (0, 1):
-                seen[row + down, column + right] = True
-        return dilate(density), dilate(seen)
 
 
 def density_of_camera(
@@ -162,10 +139,8 @@ def density_of_camera(
 def density_of_rays(tangents: Floats, px_per_tan: Floats) -> SamplingDensity:
     """Density from rays at tangents (n, 2) of a face, with pixels per tangent of 1 (n,)."""
     density = np.zeros((GRID, GRID))
-    column, row = np.clip(np.floor((tangents.T + 1.0) / GRID_STEP).astype(int), 0, GRID - 2)
-    for down in (0, 1):
-        for right in (0, 1):
-            np.maximum.at(density, (row + down, column + right), px_per_tan)
+    for corners in _corners(tangents):
+        np.maximum.at(density, corners, px_per_tan)
     flat = density.ravel()
     return SamplingDensity(_grid(), flat > 0.0, flat, np.where(flat > 0.0, flat, np.inf))
 
@@ -180,7 +155,16 @@ def _singular_values(matrices: Floats) -> tuple[Floats, Floats]:
     return 0.5 * (conformal + anticonformal), 0.5 * np.abs(conformal - anticonformal)
 
 
+def _corners(tangents: Floats) -> Iterator[tuple[Indices, Indices]]:
+    """Row and column (n,) of the four samples of the grid around tangents (n, 2), one by one."""
+    column, row = np.clip(np.floor((tangents.T + 1.0) / GRID_STEP).astype(int), 0, GRID - 2)
+    for down in (0, 1):
+        for right in (0, 1):
+            yield row + down, column + right
+
+
 def _grid() -> Floats:
+    """Tangents (GRID², 2) of the samples spread over a face, row by row."""
     line = np.linspace(-1.0, 1.0, GRID)
     return np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
 

@@ -7,7 +7,7 @@ from omnisim.cameras import HyperbolicCamera, pixel_grid
 from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.core.coordinate_frames import RIG_FROM_OPTICAL_LOOKING_UP
 from omnisim.core.cube import face_index, face_tangents
-from omnisim.rendering.opengl.atlas.tile_plan import plan_tiles, whole_faces
+from omnisim.rendering.atlas.tile_plan import plan_tiles, whole_faces
 
 
 def _plan(theta_max_deg=105.0, size_px=360, **options):

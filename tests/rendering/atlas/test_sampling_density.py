@@ -7,9 +7,8 @@ import pytest
 
 from omnisim import OmniCamera
 from omnisim.core.cube import face_index, face_tangents
-from omnisim.rendering.opengl.atlas.sampling_density import MAX_ANISOTROPY
-from omnisim.rendering.opengl.atlas.tile_plan import MAX_TILES, plan_tiles
-from omnisim.rendering.sensor_tiles import sensor_tiles
+from omnisim.rendering.atlas.sampling_density import MAX_ANISOTROPY
+from omnisim.rendering.atlas.tile_plan import MAX_TILES, plan_tiles, sensor_tiles
 from tests.camera_examples import CAMERA_EXAMPLES
 
 examples = pytest.mark.parametrize("name", CAMERA_EXAMPLES)
