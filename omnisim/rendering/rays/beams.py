@@ -6,10 +6,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from omnisim.core.arrays import Floats, Indices
+from omnisim.core.arrays import Floats, Indices, Ints32, Uints32
 from omnisim.core.world import ObjectPart, Poses
 from omnisim.ground_truth.lidar_beams import BeamHits, EchoLimits, LidarBeams, Revolution, Slice
-from omnisim.rendering.contract import BeamCaster
 from omnisim.rendering.rays.caster import NO_TRIANGLE, RayHits, Rays
 from omnisim.rendering.rays.echoes import Returns, direct_intensities, no_returns, replace_specular
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
@@ -83,7 +82,6 @@ class LidarCaster:
     Args:
         scene: scene to cast at, in its current state; earlier states are not kept.
         hidden: parts of dynamic objects that beams pass through.
-        drawn: caster that finds the triangles instead of the scene's; None: the scene does.
     """
 
     def __init__(
@@ -91,27 +89,20 @@ class LidarCaster:
         scene: Callable[[], RayScene],
         beams: LidarBeams,
         hidden: frozenset[ObjectPart],
-        drawn: BeamCaster | None = None,
     ):
-        self._scene, self._beams, self._hidden, self._drawn = scene, beams, hidden, drawn
-        self._directions = beams.directions
+        self._scene, self._beams, self._hidden = scene, beams, hidden
 
     @property
     def draws(self) -> Sequence[ObjectPart]:
         """Dynamic object and name of each instance, indexed by `BeamHits.draw_ids` − 1."""
-        return self._scene().caster.geometry.draws if self._drawn is None else self._drawn.draws
+        return self._scene().caster.geometry.draws
 
     def refresh(self) -> None:
-        """Adapt to the scene; each cast uses the current one."""
-        if self._drawn is not None:
-            self._drawn.refresh()
+        """Do nothing: each cast uses the current scene."""
 
     def cast(self, revolution: Revolution) -> BeamHits:
         """Hits of all beams of a revolution."""
-        scene = self._scene()
-        if self._drawn is not None:
-            return self._lit(scene, revolution, self._drawn.cast(revolution))
-        size = self._directions.shape[:2]
+        scene, size = self._scene(), self._beams.directions.shape[:2]
         limits = self._beams.echo_limits if scene.shading.is_specular.any() else None
         hits = _no_hits(size)
         if limits is not None and limits.returns > 1:
@@ -122,7 +113,7 @@ class LidarCaster:
         def cast_part(part: tuple[Slice, int, int]) -> None:
             one, first, last = part
             firings = slice(first, last)
-            rays, shares = self._rays(revolution, one, firings)
+            rays, shares = _rays(self._beams, revolution, one, firings)
             returns = self._cast_slice(scene, one, rays, shares, limits)
             for number, target in enumerate(targets):
                 target.ranges_m[:, firings] = returns.ranges_m[number].reshape(size[0], -1)
@@ -133,41 +124,6 @@ class LidarCaster:
 
         scene.in_threads(cast_part, parts)
         return hits
-
-    def _rays(self, revolution: Revolution, one: Slice, firings: slice) -> tuple[Rays, Floats]:
-        """Rays (n,) of some firings of a slice, ring by ring, and their times as shares of it."""
-        directions = np.einsum(
-            "fij,rfj->rfi", revolution.rotations[firings], self._directions[:, firings]
-        )
-        elapsed = (np.arange(firings.start, firings.stop) - one.first) / (one.last - one.first)
-        shares = np.broadcast_to(elapsed, directions.shape[:2]).ravel()
-        origins_m = one.start.origin_m + shares[:, None] * one.path_m
-        far_m = np.full(len(shares), self._beams.max_range_m)
-        return Rays(origins_m, directions.reshape(-1, 3), np.zeros(len(shares)), far_m), shares
-
-    def _lit(self, scene: RayScene, revolution: Revolution, hits: BeamHits) -> BeamHits:
-        """Drawn hits with the intensities of their surfaces."""
-        assert hits.triangles is not None
-        geometry, intensities = scene.caster.geometry, np.zeros(hits.ranges_m.shape)
-        at_once = max(1, _POINTS_AT_ONCE // len(intensities))
-        for one in revolution.slices:
-            for first in range(one.first, one.last, at_once):
-                firings = slice(first, min(first + at_once, one.last))
-                rays, shares = self._rays(revolution, one, firings)
-                triangles = hits.triangles[:, firings].ravel()
-                hit = np.flatnonzero(hits.draw_ids[:, firings].ravel())
-                rays, triangles = rays.take(hit), triangles[hit].astype(np.int32)
-                _follow_objects(rays, one, geometry.part_of_triangles(triangles), shares[hit])
-                poses, unknown = one.middle.world_from_objects, np.zeros((len(hit), 3), np.float32)
-                found = RayHits(triangles, np.zeros(len(hit)), unknown, unknown)
-                with np.errstate(divide="ignore", invalid="ignore"):  # triangles seen edge-on
-                    exact = scene.caster.exact(rays, found, poses)
-                weights = np.nan_to_num(exact.weights, nan=1.0 / 3.0, posinf=1.0, neginf=0.0)
-                exact = exact._replace(weights=weights.clip(0.0, 1.0))
-                values = np.zeros(len(shares))
-                values[hit] = direct_intensities(scene.shading, rays, exact, poses)
-                intensities[:, firings] = values.reshape(len(intensities), -1)
-        return hits._replace(intensities=intensities)
 
     def _parts(self, scene: RayScene, one: Slice) -> list[tuple[Slice, int, int]]:
         """Ranges of firings that are cast at once, each with its slice or part of a slice."""
@@ -217,6 +173,53 @@ class LidarCaster:
         if limits is not None:
             replace_specular(returns, scene, beams, objects, limits)
         return returns
+
+
+def intensities_of(
+    scene: RayScene,
+    beams: LidarBeams,
+    revolution: Revolution,
+    draw_ids: Uints32,
+    triangles: Ints32,
+) -> Floats:
+    """Intensities (rings, firings) of the beams of a revolution that hit known triangles.
+
+    Args:
+        draw_ids: (rings, firings) 0 where a beam hits nothing.
+        triangles: (rings, firings) indices into the scene's geometry.
+    """
+    intensities = np.zeros(draw_ids.shape)
+    at_once = max(1, _POINTS_AT_ONCE // len(intensities))
+    for one in revolution.slices:
+        for first in range(one.first, one.last, at_once):
+            firings = slice(first, min(first + at_once, one.last))
+            rays, shares = _rays(beams, revolution, one, firings)
+            hit = np.flatnonzero(draw_ids[:, firings].ravel())
+            rays, own = rays.take(hit), triangles[:, firings].ravel()[hit].astype(np.int32)
+            _follow_objects(rays, one, scene.caster.geometry.part_of_triangles(own), shares[hit])
+            poses, unknown = one.middle.world_from_objects, np.zeros((len(hit), 3), np.float32)
+            found = RayHits(own, np.zeros(len(hit)), unknown, unknown)
+            with np.errstate(divide="ignore", invalid="ignore"):  # triangles seen edge-on
+                exact = scene.caster.exact(rays, found, poses)
+            weights = np.nan_to_num(exact.weights, nan=1.0 / 3.0, posinf=1.0, neginf=0.0)
+            exact = exact._replace(weights=weights.clip(0.0, 1.0))
+            values = np.zeros(len(shares))
+            values[hit] = direct_intensities(scene.shading, rays, exact, poses)
+            intensities[:, firings] = values.reshape(len(intensities), -1)
+    return intensities
+
+
+def _rays(
+    beams: LidarBeams, revolution: Revolution, one: Slice, firings: slice
+) -> tuple[Rays, Floats]:
+    """Rays (n,) of some firings of a slice, ring by ring, and their times as shares of it."""
+    rotations, directions = revolution.rotations[firings], beams.directions[:, firings]
+    directions = np.einsum("fij,rfj->rfi", rotations, directions)
+    elapsed = (np.arange(firings.start, firings.stop) - one.first) / (one.last - one.first)
+    shares = np.broadcast_to(elapsed, directions.shape[:2]).ravel()
+    origins_m = one.start.origin_m + shares[:, None] * one.path_m
+    far_m = np.full(len(shares), beams.max_range_m)
+    return Rays(origins_m, directions.reshape(-1, 3), np.zeros(len(shares)), far_m), shares
 
 
 def _no_hits(size: tuple[int, int]) -> BeamHits:
