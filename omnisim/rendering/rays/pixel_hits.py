@@ -13,7 +13,7 @@ from omnisim.ground_truth.hits import HitDetails, Hits
 from omnisim.rendering.pixel_rays import PixelRays, starts_of_rays
 from omnisim.rendering.rays.caster import NO_TRIANGLE, DepthLimits, Rays
 from omnisim.rendering.rays.ray_scene import MAX_LAYERS, ObjectState, RayScene
-from omnisim.rendering.rays.shading.reflections import MAX_BOUNCES
+from omnisim.rendering.rays.shading.ray_optics import MAX_BOUNCES
 from omnisim.rendering.rays.shading.shading import View
 from omnisim.rendering.rays.shading.surface_light import mirrored_rays, surface_light
 

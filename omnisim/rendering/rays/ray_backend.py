@@ -36,7 +36,7 @@ from omnisim.rendering.rays.caster import DepthLimits
 from omnisim.rendering.rays.pixel_hits import PixelHits
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
 from omnisim.rendering.rays.scene_rays import CastCamera, CastScene
-from omnisim.rendering.rays.shading.reflections import Paths
+from omnisim.rendering.rays.shading.ray_optics import Paths
 from omnisim.scene import Scene
 
 
