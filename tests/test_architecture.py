@@ -213,6 +213,23 @@ def test_no_two_folders_import_each_other():
     assert circles == KNOWN_CIRCLES
 
 
+@pytest.mark.parametrize("side", ["opengl", "rays", "baking", "truth", "contract", "pixel_rays"])
+def test_back_ends_know_nothing_of_each_other(side):
+    """`shared_scene` hands OpenGL the contract's rays; what both need belongs to neither."""
+    own = f"omnisim.rendering.{side}"
+    others = {f"omnisim.rendering.{one}." for one in ("opengl", "rays", "baking")} - {f"{own}."}
+    if side == "baking":  # casts the back end's rays
+        others.remove("omnisim.rendering.rays.")
+    modules = [module for module in MODULES if f"{module}.".startswith(f"{own}.")]
+    assert modules
+    _check(
+        f"{module} imports {name}"
+        for module in modules
+        for name in _imports(module)
+        if f"{name}.".startswith(tuple(others))
+    )
+
+
 def test_only_the_checks_import_the_validation():
     users = {
         _folder(module)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera
-from omnisim.core.arrays import Bools, Bytes, Floats, Floats32, Indices
+from omnisim.core.arrays import Bools, Bytes, Floats, Floats32, Indices, Uints32
 from omnisim.core.errors import OpticsError
 from omnisim.core.extras import missing_packages
 from omnisim.core.pending import Pending
@@ -33,7 +33,7 @@ from omnisim.scene.planar_mirrors import has_specular
 
 if TYPE_CHECKING:
     from omnisim.ground_truth.lidar_beams import BeamHits, EchoLimits, LidarBeams, Revolution
-    from omnisim.rendering.rays.ray_scene import RayScene
+    from omnisim.rendering.pixel_rays import Band
 
 
 class Readback(NamedTuple):
@@ -278,6 +278,105 @@ class BeamCaster(Passes, Protocol):
         """Hits of all beams of a revolution."""
 
 
+class CameraRays(Protocol):
+    """Rays of one camera's pixels, which pass the parts of its vehicle that it does not see.
+
+    `numbers` are the draw IDs of instances that are drawn. All methods raise an OmnisimError if
+    embreex is not installed.
+    """
+
+    def radiance(
+        self, poses: ScenePoses, origins_m: Floats, directions: Floats, footprints: Floats32
+    ) -> Floats32:
+        """Linear RGB (n, 3) along rays (n,), rig frame, with footprints (n, 2, 3)."""
+
+    def hits(
+        self,
+        poses: ScenePoses,
+        band: Band,
+        viewpoint_m: Floats,
+        numbers: Mapping[ObjectPart, int],
+        details: HitDetails,
+    ) -> Hits:
+        """Hits (n,) of a band's rays, with points relative to a viewpoint (3,), world."""
+
+    def occluded(
+        self,
+        poses: ScenePoses,
+        starts_m: Floats,
+        points_m: Floats,
+        draw_ids: Uints32,
+        triangles: Uints32,
+        numbers: Mapping[ObjectPart, int],
+    ) -> Bools:
+        """Mask (n,) of the points of hits that rays from starts (n, 3) do not reach.
+
+        Args:
+            starts_m, points_m: (n, 3) viewpoint frame; directions where nothing is hit.
+            draw_ids, triangles: (n,) as in `Hits`.
+        """
+
+    def through(
+        self,
+        poses: ScenePoses,
+        hits: Hits,
+        is_specular: Bools,
+        numbers: Mapping[ObjectPart, int],
+    ) -> ThroughHits:
+        """Surfaces behind glass and after mirrors, given the first hits.
+
+        Args:
+            is_specular: (draws,) mask of the instances that are glass or mirrors.
+        """
+
+
+class PlacedMesh(NamedTuple):
+    """Object, name, pose as bytes and number of triangles of an instance, which identify it."""
+
+    object_index: int | None
+    name: str
+    object_from_mesh: bytes
+    triangles: int
+
+
+class SceneRays(Protocol):
+    """Rays at a scene, for a back end that draws what a viewpoint sees.
+
+    Methods raise an OmnisimError if embreex is not installed, but for `with_intensities`.
+    """
+
+    def update(self, scene: Scene) -> None:
+        """Replace the static scene."""
+
+    def range_finder(
+        self,
+        angles_rad: Floats,
+        max_range_m: float,
+        hidden: frozenset[ObjectPart],
+        limits: EchoLimits | None = None,
+    ) -> RangeFinder:
+        """Beams of a scanner, see `SceneBackend.range_finder`."""
+
+    def beam_caster(self, beams: LidarBeams, hidden: frozenset[ObjectPart]) -> BeamCaster:
+        """Beams of a spinning lidar, see `SceneBackend.beam_caster`."""
+
+    def with_intensities(
+        self,
+        beams: LidarBeams,
+        revolution: Revolution,
+        draws: Sequence[PlacedMesh],
+        hits: BeamHits,
+    ) -> BeamHits:
+        """Hits of a revolution, given with their triangles, with the surfaces' intensities.
+
+        Args:
+            draws: instances by draw ID − 1; the same object as long as none has changed.
+        """
+
+    def camera(self, setup: CameraSetup) -> CameraRays:
+        """Rays of a camera's pixels."""
+
+
 class SceneBackend(ABC):
     """Scene and dynamic objects, ready for cameras."""
 
@@ -316,13 +415,10 @@ class SceneBackend(ABC):
             self._specular = self.scene, has_specular(self.scene, self.objects.values())
         return self._specular[1] and not missing_packages("rays")
 
+    @property
     @abstractmethod
-    def ray_scene(self) -> RayScene:
-        """Scene to cast rays at, in its current state.
-
-        Raises:
-            OmnisimError: embreex is not installed.
-        """
+    def rays(self) -> SceneRays:
+        """Rays at the scene in its current state."""
 
     @abstractmethod
     def camera(self, setup: CameraSetup) -> CameraBackend:

@@ -14,6 +14,7 @@ from omnisim.rendering.atlas.image_parts import image_parts
 from omnisim.rendering.atlas.tile_plan import TilePlan, sensor_tiles, whole_faces
 from omnisim.rendering.contract import (
     CameraBackend,
+    CameraRays,
     CameraSetup,
     FrameRequest,
     Readback,
@@ -34,7 +35,6 @@ from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
 if TYPE_CHECKING:  # for frames with ground truth, or that are degraded
     from omnisim.rendering.opengl.degradation.degradation_pass import DegradationPass
     from omnisim.rendering.opengl.hits.drawn_hits import CubeHits, DrawnHits
-    from omnisim.rendering.rays.through import ThroughCaster
 
 
 class DrawnScene(NamedTuple):
@@ -91,15 +91,13 @@ class OpenGLCamera(CameraBackend, Generic[HitsT]):
         needed = details.of_texels.joined(NO_DETAILS if held is None else held.details)
         if held is None or needed != held.details:
             self._hit_source = held = self._make_hits(needed)
-            held.through_caster = self._through_caster
+            held.camera_rays = self._camera_rays
             collect_garbage(self._drawn.buffers.context)
         return held
 
     @cached_property
-    def _through_caster(self) -> ThroughCaster:
-        from omnisim.rendering.rays.through import ThroughCaster
-
-        return ThroughCaster(self.world.ray_scene, self.setup)
+    def _camera_rays(self) -> CameraRays:
+        return self.world.rays.camera(self.setup)
 
     @abstractmethod
     def _make_hits(self, details: HitDetails) -> HitsT:

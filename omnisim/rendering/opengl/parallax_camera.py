@@ -10,8 +10,6 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from omnisim.core.arrays import Floats, Floats32
 from omnisim.core.errors import GraphicsError
 from omnisim.core.extras import missing_packages
@@ -37,7 +35,6 @@ if TYPE_CHECKING:
 
 # Linear RGB (n, 3) along rays (n,), with the scene at some poses.
 CastAt = Callable[[ScenePoses, SampleRays], Floats32]
-_RAYS_PER_BATCH = 1 << 12
 # Longer side of the image by which the atlas of a larger one is estimated, and how much larger.
 _ESTIMATE_PX, _MIN_SCALE = 256, 6.0
 
@@ -101,7 +98,7 @@ class ParallaxCamera(OpenGLCamera["ParallaxHits"]):
             self._cameras,
             self._viewpoint_m,
             details,
-            self.world.ray_scene if casts else None,
+            self._camera_rays if casts else None,
         )
 
     def faces(self, poses: ScenePoses) -> dict[str, Floats32]:
@@ -114,25 +111,8 @@ class ParallaxCamera(OpenGLCamera["ParallaxHits"]):
 
     def _cast(self, poses: ScenePoses, rays: SampleRays) -> Floats32:
         """Linear RGB (n, 3) along rays (n,) with their own origins, rig frame."""
-        from omnisim.rendering.rays.caster import DepthLimits
-        from omnisim.rendering.rays.ray_scene import ObjectState
-
-        scene, rotation = self.world.ray_scene(), poses.world_from_rig[:3, :3]
-        aimed = DepthLimits(self._sensor.near_m, self._sensor.far_m).aim(
-            rays.directions, poses.world_from_rig
-        )
-        offsets_m = np.einsum("nj,ij->ni", rays.origins_m + self._viewpoint_m, rotation)
-        aimed = aimed._replace(origins_m=aimed.origins_m + offsets_m)
-        footprints = np.einsum("nsj,ij->nsi", rays.footprints, rotation.astype(np.float32))
-        objects = ObjectState(poses.world_from_objects, self.setup.hidden)
-
-        def of_batch(first: int) -> Floats32:
-            batch = np.arange(first, min(first + _RAYS_PER_BATCH, len(footprints)))
-            return scene.radiance(aimed.take(batch), footprints[batch], objects, self.setup.unlit)
-
-        return np.concatenate(
-            scene.in_threads(of_batch, range(0, len(footprints), _RAYS_PER_BATCH))
-        )
+        origins_m = rays.origins_m + self._viewpoint_m
+        return self._camera_rays.radiance(poses, origins_m, rays.directions, rays.footprints)
 
 
 class ParallaxFrame(CameraFrame):

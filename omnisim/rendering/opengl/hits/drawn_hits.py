@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import moderngl
 import numpy as np
@@ -12,11 +11,12 @@ import numpy as np
 from omnisim.core.arrays import Bools, Floats, Floats32
 from omnisim.core.extras import require_extra
 from omnisim.core.pending import Pending
+from omnisim.core.world import ObjectPart
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits, ThroughHits
 from omnisim.rendering.atlas.image_parts import image_parts
 from omnisim.rendering.atlas.tile_plan import sensor_tiles
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.contract import DeformingDraw, HitSource, ScenePoses
+from omnisim.rendering.contract import CameraRays, DeformingDraw, HitSource, ScenePoses
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap, valid_pixels_array
 from omnisim.rendering.opengl.gl.context import graphics_info
 from omnisim.rendering.opengl.gl.framebuffers import draws_layers, use_target
@@ -29,9 +29,6 @@ from omnisim.rendering.opengl.hits.visibility_pass import VisibilityLayers, Visi
 from omnisim.rendering.opengl.scene_view import VirtualCameras
 from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
 from omnisim.scene.planar_mirrors import specular_mask
-
-if TYPE_CHECKING:
-    from omnisim.rendering.rays.through import ThroughCaster
 
 # A triangle is hit if a texel near the ray shows it or an adjacent one. Measured in the warehouse:
 # 0.1 % of the rays miss one at 1 texel per pixel, 0.05 % at 1.5, mostly at silhouettes.
@@ -53,10 +50,10 @@ class DrawnHits(HitSource):
 
     Attributes:
         details: see the arguments.
-        through_caster: caster of rays at glass and mirrors; its camera sets it.
+        camera_rays: rays at what virtual cameras do not see; its camera sets them.
     """
 
-    through_caster: ThroughCaster | None = None
+    camera_rays: CameraRays | None = None
 
     def __init__(
         self,
@@ -79,8 +76,8 @@ class DrawnHits(HitSource):
         if not self._is_specular[draws[draws > 0] - 1].any():
             return ThroughHits.of_first(hits)
         require_extra("rays", "what pixels show behind glass and in mirrors")
-        assert self.through_caster is not None
-        return self.through_caster.cast(poses, hits, self._is_specular, self.draws)
+        assert self.camera_rays is not None
+        return self.camera_rays.through(poses, hits, self._is_specular, self._numbers)
 
     @cached_property
     def _is_specular(self) -> Bools:
@@ -88,10 +85,17 @@ class DrawnHits(HitSource):
         materials = [item.material for item in self._buffers.draw_items]
         return specular_mask(materials, self._buffers.is_matte)
 
+    @cached_property
+    def _numbers(self) -> dict[ObjectPart, int]:
+        """Draw IDs of the instances that are drawn."""
+        shown = np.flatnonzero(self._buffers.shown())
+        return {self.draws[number]: 1 + number for number in shown.tolist()}
+
     def _find_draws(self) -> None:
         items = self._buffers.draw_items
         self.draws = [(item.object_index, item.name) for item in items]
-        self.__dict__.pop("_is_specular", None)
+        for name in ("_is_specular", "_numbers"):
+            self.__dict__.pop(name, None)
         self.deforming = {
             index: DeformingDraw(
                 items[index].mesh, items[index].object_index, items[index].object_from_mesh

@@ -6,7 +6,7 @@ import pytest
 
 from omnisim.rendering.opengl.world.scene_textures import MaterialTextures
 from omnisim.rendering.rays.geometry import Surface
-from omnisim.rendering.rays.shading.ray_textures import TextureTable
+from omnisim.rendering.rays.shading.surface_table import TextureTable
 from omnisim.scene.model import AlphaMode, Material, Texture, Wrap
 from omnisim.scene.parts import IDENTITY_UV
 from tests.scenes import square

@@ -11,7 +11,7 @@ from omnisim.rendering.opengl.capture.pixel_map import PixelMap
 
 pytest.importorskip("embreex", reason="embreex, which casts the rays, is missing")
 
-from omnisim.rendering.rays.pixel_rays import PixelRays
+from omnisim.rendering.pixel_rays import PixelRays
 
 SMALL = OmniCamera().resized(90)
 FISHEYE = OmniCamera(
