@@ -16,12 +16,11 @@ from omnisim.scene.planar_mirrors import (
     MirrorPlane,
     SceneSurface,
     find_mirrors,
-    is_clear_pane,
-    is_planar_mirror,
     is_surface_planar,
     scene_surfaces,
 )
-from omnisim.scene.reflection_probes import ProbePlace, find_probes, reflects_scene
+from omnisim.scene.reflection_probes import ProbePlace, find_probes
+from omnisim.scene.surface_kind import SurfaceKind
 
 
 class ReflectionKind(StrEnum):
@@ -51,8 +50,8 @@ class Reflectors(NamedTuple):
 def find_reflectors(scene: Scene) -> Reflectors:
     """Find the mirrors, panes and probes of a scene that is not matte."""
     surfaces = scene_surfaces(scene, [one.shape for one in scene.objects])
-    mirrors = find_mirrors(surfaces, is_planar_mirror)
-    panes = find_mirrors(surfaces, is_clear_pane)
+    mirrors = find_mirrors(surfaces, SurfaceKind.PLANAR_MIRROR)
+    panes = find_mirrors(surfaces, SurfaceKind.PLANAR_PANE)
     return Reflectors(surfaces, mirrors, panes, find_probes(surfaces, (*mirrors, *panes)))
 
 
@@ -74,7 +73,7 @@ def reflection_kinds(
     planes = (ReflectionKind.MIRROR, found.mirrors), (ReflectionKind.PANE, found.panes)
     kinds: dict[str, set[ReflectionKind]] = {}
     for number, instance in enumerate(scene.instances):
-        if not reflects_scene(found.surfaces[number].material):
+        if not found.surfaces[number].kind & SurfaceKind.REFLECTING:
             continue
         own = kinds.setdefault(instance.name, set())
         own.update(kind for kind, some in planes if any(number in one.parts for one in some))
@@ -121,7 +120,7 @@ def reflection_notes(
     unreflected = {
         id(one.material)
         for number, one in surfaces.items()
-        if reflects_scene(one.material) and number not in probed and number not in flat
+        if one.kind & SurfaceKind.REFLECTING and number not in probed and number not in flat
     }
     notes = []
     curved = probed - flat
@@ -157,7 +156,7 @@ def reflection_notes(
             "reflectors within reflections reflect only sky and lamps (19 to 29 dB within them): "
             "--backend rays traces them"
         )
-    glass = {number for number, one in surfaces.items() if one.material.glass_transmission}
+    glass = {number for number, one in surfaces.items() if one.kind & SurfaceKind.GLASS}
     clear = {id(surfaces[number].material) for number in glass & probed}
     opaque = {id(surfaces[number].material) for number in glass - probed}
     if clear:
@@ -198,7 +197,7 @@ def frosted_notes(scene: Scene, is_traced: bool) -> list[str]:
     frosted = {
         id(one.material)
         for one in surfaces.values()
-        if one.material.frosted_transmission and (one.material.thickness_m or not is_traced)
+        if one.kind & (SurfaceKind.FROSTED_GLASS if is_traced else SurfaceKind.FROSTED)
     }
     if not frosted:
         return []

@@ -6,7 +6,7 @@ A plane counts if it holds at least `MIN_PLANE_SHARE` of its mesh's area, and is
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
@@ -14,8 +14,8 @@ import numpy as np
 
 from omnisim.core.arrays import Bools, Floats
 from omnisim.scene.model import Scene
-from omnisim.scene.parts import AlphaMode, Material, Mesh
-from omnisim.scene.surface_reflectance import MAX_MIRRORED_ROUGHNESS, MIN_ROUGHNESS
+from omnisim.scene.parts import Material, Mesh
+from omnisim.scene.surface_kind import SurfaceKind, kind_of
 
 MIN_PLANE_SHARE, MAX_PLANES = 0.05, 64
 # Differences within one plane: of unit normals, of heights as a share of the mesh's size, and of
@@ -35,6 +35,10 @@ class ShownSurface(Protocol):
     @property
     def material(self) -> Material:
         """Material of the mesh."""
+
+    @property
+    def kind(self) -> SurfaceKind:
+        """Kind of the surface, as the scene shows it."""
 
     @property
     def object_index(self) -> int | None:
@@ -82,59 +86,20 @@ class _PlacedPart(NamedTuple):
     triangles: Bools
 
 
-def is_smooth(material: Material, max_roughness: float) -> bool:
-    """True for metal, gloss or clear coats that somewhere are at most this rough."""
-    if material.is_matte:
-        return False
-    roughness = material.roughness
-    if material.metallic_roughness_map is not None:
-        roughness *= float(material.metallic_roughness_map.pixels[..., 1].min()) / 255.0
-    is_glossy = bool(material.metallic or material.specular)
-    is_coated = bool(material.clearcoat) and material.clearcoat_roughness <= max_roughness
-    return is_coated or (is_glossy and roughness <= max_roughness)
-
-
-def is_planar_mirror(material: Material) -> bool:
-    """True for smooth, opaque materials without normal maps."""
-    return (
-        _is_flat(material)
-        and not material.pane_transmission
-        and is_smooth(material, MAX_MIRRORED_ROUGHNESS)
-    )
-
-
-def is_rough_mirror(material: Material) -> bool:
-    """True for planar mirrors whose gloss or coat may be rougher than a perfect mirror."""
-    is_rough = material.roughness > MIN_ROUGHNESS and bool(material.metallic or material.specular)
-    is_coated = material.clearcoat > 0.0 and material.clearcoat_roughness > MIN_ROUGHNESS
-    return not material.pane_transmission and (is_rough or is_coated)
-
-
-def is_clear_pane(material: Material) -> bool:
-    """True for panes without normal maps; they reflect like mirrors."""
-    return _is_flat(material) and material.pane_transmission > 0.0
-
-
-def _is_flat(material: Material) -> bool:
-    """True without holes, blending and normal maps."""
-    has_normal_map = material.normal_map or material.clearcoat_normal_map
-    return material.alpha_mode is AlphaMode.OPAQUE and has_normal_map is None
-
-
 def find_mirrors(
-    surfaces: Mapping[int, ShownSurface], is_mirror: Callable[[Material], bool]
+    surfaces: Mapping[int, ShownSurface], asked: SurfaceKind
 ) -> tuple[MirrorPlane, ...]:
-    """Find the planes of planar mirrors, largest first.
+    """Find the planes of planar mirrors or panes, largest first.
 
     Args:
         surfaces: surfaces of the scene and of its dynamic objects, by index.
-        is_mirror: tells whether planes of a material are mirrors.
+        asked: kinds of the surfaces whose planes to find.
     """
     of_mesh: dict[int, list[FlatPart]] = {}
     parts: list[_PlacedPart] = []
     for index, surface in surfaces.items():
-        mesh, material = surface.mesh, surface.material
-        if mesh.deformation is None and is_mirror(material):
+        mesh = surface.mesh
+        if mesh.deformation is None and surface.kind & asked:
             if id(mesh) not in of_mesh:
                 of_mesh[id(mesh)] = flat_parts(mesh)
             parts += [_placed(index, surface, part) for part in of_mesh[id(mesh)]]
@@ -248,6 +213,7 @@ class SceneSurface(NamedTuple):
 
     mesh: Mesh
     material: Material
+    kind: SurfaceKind
     object_from_mesh: Floats
     object_index: int | None
 
@@ -259,17 +225,13 @@ def scene_surfaces(scene: Scene, objects: Iterable[Scene]) -> dict[int, SceneSur
         scene: static scene.
         objects: shapes of the dynamic objects.
     """
-    shapes = [(None, scene), *enumerate(objects)]
-    surfaces = [
-        SceneSurface(
-            shape.meshes[one.mesh],
-            shape.materials[shape.meshes[one.mesh].material],
-            one.world_from_mesh,
-            index,
-        )
-        for index, shape in shapes
-        for one in shape.instances
-    ]
+    surfaces: list[SceneSurface] = []
+    for index, shape in [(None, scene), *enumerate(objects)]:
+        for one in shape.instances:
+            mesh = shape.meshes[one.mesh]
+            material = shape.materials[mesh.material]
+            kind = kind_of(material, scene.lighting.is_matte)
+            surfaces.append(SceneSurface(mesh, material, kind, one.world_from_mesh, index))
     return dict(enumerate(surfaces))
 
 
@@ -279,36 +241,7 @@ def is_surface_planar(number: int, planes: Sequence[MirrorPlane]) -> bool:
     return bool(masks) and bool(np.any(masks, axis=0).all())
 
 
-# Specular materials: glass and mirrors, where light passes or is reflected in one direction.
-
-
-def is_specular(material: Material) -> bool:
-    """True for thin panes and for opaque, smooth gloss, metal or clear coats without normal maps.
-
-    Smooth is a roughness of at most `MIN_ROUGHNESS`, anywhere on the surface.
-    """
-    has_normal_map = material.normal_map or material.clearcoat_normal_map
-    if material.alpha_mode is not AlphaMode.OPAQUE or has_normal_map is not None:
-        return False
-    return material.pane_transmission > 0.0 or is_smooth(material, MIN_ROUGHNESS)
-
-
-def specular_mask(materials: Sequence[Material], is_matte: bool) -> Bools:
-    """Mask (n,) of specular materials; none is if the scene is shaded as matte."""
-    if is_matte:
-        return np.zeros(len(materials), dtype=np.bool_)
-    known: dict[int, bool] = {}
-    for one in materials:
-        if id(one) not in known:
-            known[id(one)] = is_specular(one)
-    return np.array([known[id(one)] for one in materials], dtype=np.bool_)
-
-
-def has_specular(scene: Scene, others: Iterable[Scene] = ()) -> bool:
-    """True if a scene, or one of its dynamic objects, has visible specular surfaces."""
-    materials = [
-        part.materials[part.meshes[instance.mesh].material]
-        for part in (scene, *others)
-        for instance in part.instances
-    ]
-    return bool(specular_mask(materials, scene.lighting.is_matte).any())
+def has_specular(scene: Scene, objects: Iterable[Scene]) -> bool:
+    """True if a scene, or one of its dynamic objects, has visible glass or mirrors."""
+    surfaces = scene_surfaces(scene, objects)
+    return any(one.kind & SurfaceKind.SPECULAR for one in surfaces.values())

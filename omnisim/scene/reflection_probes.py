@@ -16,8 +16,9 @@ import numpy as np
 
 from omnisim.core.arrays import Floats
 from omnisim.scene.parts import Material
-from omnisim.scene.planar_mirrors import MirrorPlane, ShownSurface, is_smooth, is_surface_planar
-from omnisim.scene.surface_reflectance import COAT_F0, MAX_TRACED_ROUGHNESS, dielectric_f0
+from omnisim.scene.planar_mirrors import MirrorPlane, ShownSurface, is_surface_planar
+from omnisim.scene.surface_kind import SurfaceKind, transmitted
+from omnisim.scene.surface_reflectance import COAT_F0, dielectric_f0
 
 # Mean cosine between outward directions and normals: 1 for a ball, −1 for a room.
 _COMPACT, _HOLLOW = 0.25, -0.1
@@ -79,25 +80,6 @@ class _Boxes:
         return frozenset(one for one in held.tolist() if self._objects[one] == own)
 
 
-def reflects_scene(material: Material) -> bool:
-    """True if the ray back end traces reflections: glass, smooth metal, gloss or clear coat."""
-    transmission = material.pane_transmission + material.glass_transmission
-    return transmission > 0.0 or is_smooth(material, MAX_TRACED_ROUGHNESS)
-
-
-def lobe_roughnesses(material: Material) -> list[float]:
-    """Roughnesses that the gloss and the coat of a material have somewhere."""
-    roughness = []
-    if material.metallic or material.specular:
-        roughness.append(material.roughness)
-        if material.metallic_roughness_map is not None:
-            least = float(material.metallic_roughness_map.pixels[..., 1].min()) / 255.0
-            roughness.append(least * material.roughness)
-    if material.clearcoat:
-        roughness.append(material.clearcoat_roughness)
-    return roughness
-
-
 def find_probes(
     surfaces: Mapping[int, ShownSurface],
     planes: Sequence[MirrorPlane],
@@ -116,9 +98,9 @@ def find_probes(
         index
         for index, one in surfaces.items()
         if (possible is None or index in possible)
-        and reflects_scene(one.material)
+        and one.kind & SurfaceKind.REFLECTING
         and len(one.mesh.triangles)
-        and (one.material.glass_transmission or not is_surface_planar(index, planes))
+        and (one.kind & SurfaceKind.GLASS or not is_surface_planar(index, planes))
     ]
     if not own:
         return ()
@@ -157,7 +139,7 @@ def _strength(material: Material) -> float:
     gloss = metallic * max(material.base_color[:3]) + (1.0 - metallic) * max(tinted)
     coat = COAT_F0 * material.clearcoat
     return max(
-        material.glass_transmission,
+        transmitted(material, SurfaceKind.GLASS),
         gloss * (1.0 - material.roughness),
         coat * (1.0 - material.clearcoat_roughness),
     )

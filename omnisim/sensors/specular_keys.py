@@ -13,10 +13,10 @@ from omnisim.scene import Scene
 from omnisim.scene.planar_mirrors import (
     find_mirrors,
     has_specular,
-    is_specular,
     is_surface_planar,
     scene_surfaces,
 )
+from omnisim.scene.surface_kind import SurfaceKind
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -53,9 +53,9 @@ def specular_notes(scene: Scene, objects: Collection[Scene], backend: BackendNam
     surfaces = {
         number: one
         for number, one in scene_surfaces(scene, objects).items()
-        if is_specular(one.material)
+        if one.kind & SurfaceKind.SPECULAR
     }
-    planes = find_mirrors(surfaces, is_specular)
+    planes = find_mirrors(surfaces, SurfaceKind.SPECULAR)
     curved = {
         id(one.material)
         for number, one in surfaces.items()

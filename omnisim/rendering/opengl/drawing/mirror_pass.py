@@ -35,7 +35,8 @@ from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.shader_files import build_program, uniform
 from omnisim.rendering.opengl.gl.state import GlState
 from omnisim.scene.model import Material
-from omnisim.scene.planar_mirrors import MirrorPlane, is_rough_mirror
+from omnisim.scene.planar_mirrors import MirrorPlane
+from omnisim.scene.surface_kind import SurfaceKind, kind_of
 from omnisim.scene.surface_reflectance import MIN_ROUGHNESS
 
 _OWNERS_UNIT = 0
@@ -252,4 +253,5 @@ def _facet_slope(material: Material) -> float:
         roughness *= float(material.metallic_roughness_map.pixels[..., 1].mean()) / 255.0
     if material.clearcoat:
         roughness = min(roughness, material.clearcoat_roughness)
-    return roughness**2 if is_rough_mirror(material) and roughness > MIN_ROUGHNESS else 0.0
+    is_rough = SurfaceKind.ROUGH_MIRROR in kind_of(material) and roughness > MIN_ROUGHNESS
+    return roughness**2 if is_rough else 0.0

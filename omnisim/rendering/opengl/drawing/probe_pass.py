@@ -35,7 +35,8 @@ from omnisim.rendering.opengl.gl.gpu_textures import (
 )
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.state import GlState
-from omnisim.scene.reflection_probes import ProbePlace, lobe_roughnesses
+from omnisim.scene.reflection_probes import ProbePlace
+from omnisim.scene.surface_kind import lobe_roughnesses
 
 SIZE_PX = 128  # of a face
 _METAL = 0.5  # metalness from which a surface shows reflections alone

@@ -41,9 +41,10 @@ from omnisim.rendering.opengl.materials.scene_textures import (
     filtered_texture,
     sky_texture,
 )
-from omnisim.scene.model import MAX_LIGHTS, AlphaMode, Lighting, LightKind
+from omnisim.scene.model import MAX_LIGHTS, Lighting, LightKind
 from omnisim.scene.planar_mirrors import MAX_PLANES
 from omnisim.scene.slabs import normal_of_slabs
+from omnisim.scene.surface_kind import SurfaceKind, transmitted
 from omnisim.scene.surface_reflectance import environment_table
 
 
@@ -78,12 +79,22 @@ MIRROR_UNITS = {"u_mirror_owners": 2, "u_mirrored": 15}
 PROBE_UNIT = 18
 
 
+# Defines of the kinds that the surface shader distinguishes.
+_KIND_DEFINES = {
+    SurfaceKind.CUTOUT: "ALPHA_MASK",
+    SurfaceKind.BLENDED: "ALPHA_BLEND",
+    SurfaceKind.PANE: "PANE",
+    SurfaceKind.GLASS: "GLASS",
+    SurfaceKind.PLANAR_MIRROR: f"PLANAR_MIRRORS {MAX_PLANES}",
+    SurfaceKind.ROUGH_MIRROR: "MIRROR_GLOSS",
+}
+
+
 class SurfaceVariant(NamedTuple):
     """Compiled version of the surface shader."""
 
-    # properties of the material
-    lit: bool
-    alpha_mode: AlphaMode
+    # kind of the surfaces, as far as the shader distinguishes it and the view shows it
+    kind: SurfaceKind
     textured: bool
     shading: Shading = Shading.UNKNOWN  # shading of the triangles
     clustered: bool = False  # True: draws clusters; False: single items
@@ -95,12 +106,25 @@ class SurfaceVariant(NamedTuple):
     in_fog: bool = True  # True if drawn with the scene's fog, if it has one
     light: LightSource = LightSource.COMPUTED  # source of the light on lit surfaces
     both_sides: bool = False  # each side has its own light in the lightmap
-    is_pane: bool = False  # the surface is a pane of glass
-    is_planar_mirror: bool = False  # shows the mirrored views of `MirrorPass`
-    is_rough_mirror: bool = False  # shows them through rough gloss, too
     in_mirror: bool = False  # drawn from a mirrored rig, clipped at the mirror
     has_probe: bool = False  # reflects a probe of `ProbePass`
-    is_glass: bool = False  # body of thick glass, which shows its probe
+
+    @property
+    def lit(self) -> bool:
+        """True if the scene's light is on the surfaces."""
+        return SurfaceKind.UNLIT not in self.kind
+
+    def in_light(self, unlit: bool) -> SurfaceVariant:
+        """Variant without light, if the camera shows plain base colors or the surfaces do."""
+        if self.lit and not unlit:
+            return self
+        return SurfaceVariant(
+            self.kind & SurfaceKind.HOLES | SurfaceKind.UNLIT,
+            self.textured,
+            clustered=self.clustered,
+            blended_arrays=self.blended_arrays,
+            in_fog=not unlit,
+        )
 
     @property
     def computes_light(self) -> bool:
@@ -139,16 +163,12 @@ class SurfaceVariant(NamedTuple):
             defines += self.light.defines
         others = {
             "BOTH_SIDES": self.both_sides,
-            "PANE": self.is_pane,
-            f"PLANAR_MIRRORS {MAX_PLANES}": self.is_planar_mirror,
-            "MIRROR_GLOSS": self.is_rough_mirror,
+            **{name: kind in self.kind for kind, name in _KIND_DEFINES.items()},
             "IN_MIRROR": self.in_mirror,
             "REFLECTION_PROBE": self.has_probe,
-            "GLASS": self.is_glass,
             "POSITION": is_placed or self.in_mirror,
             "FOG": in_fog,
             "TEXTURED": self.textured,
-            f"ALPHA_{self.alpha_mode.name}": self.alpha_mode is not AlphaMode.OPAQUE,
             "CLUSTERED": self.clustered,
             "LAYERED": self.layered,
             f"BLENDED_ARRAYS {self.blended_arrays}": self.blended_arrays is not None,
@@ -156,64 +176,66 @@ class SurfaceVariant(NamedTuple):
         return (*defines, *(name for name, is_defined in others.items() if is_defined))
 
 
-def variant_of(item: DrawItem, unlit: bool) -> SurfaceVariant:
-    """Variant that draws an item; `unlit`: plain base colors."""
-    material, reflectance = item.material, item.texture_layer.reflectance
-    textured = material.texture is not None
-    if unlit or material.unlit:
-        return SurfaceVariant(False, material.alpha_mode, textured, in_fog=not unlit)
-    variant = SurfaceVariant(True, material.alpha_mode, textured)._replace(
-        light=item.light, both_sides=material.double_sided and item.light.is_mapped
-    )
-    return (
-        variant
-        if reflectance is None
-        else _reflective(
-            variant._replace(is_pane=item.is_pane), reflectance.maps, reflectance.second_coordinates
-        )
-    )
-
-
-def _reflective(
-    variant: SurfaceVariant, maps: Sequence[TextureArray | None], second_coordinates: bool
+def variant_of(
+    item: DrawItem, unlit: bool, in_mirrors: bool = False, has_probe: bool = False
 ) -> SurfaceVariant:
-    has_maps = tuple(one is not None for one in maps)
-    return variant._replace(maps=has_maps, second_coordinates=second_coordinates)
+    """Variant that draws an item.
+
+    Args:
+        unlit: show plain base colors.
+        in_mirrors: show mirrored views of the scene.
+        has_probe: show a reflection probe.
+    """
+    kind = item.kind & (SurfaceKind.UNLIT | SurfaceKind.HOLES | SurfaceKind.PANE)
+    if in_mirrors:
+        kind |= SurfaceKind.PLANAR_MIRROR | item.kind & SurfaceKind.ROUGH_MIRROR
+    if has_probe:
+        kind |= item.kind & SurfaceKind.GLASS
+    reflectance = item.texture_layer.reflectance
+    variant = SurfaceVariant(
+        kind,
+        item.material.texture is not None,
+        maps=None if reflectance is None else _are_used(reflectance.maps),
+        second_coordinates=reflectance is not None and reflectance.second_coordinates,
+        light=item.light,
+        both_sides=item.material.double_sided and item.light.is_mapped,
+        has_probe=has_probe,
+    )
+    return variant.in_light(unlit)
 
 
 def variant_of_bucket(bucket: Bucket, unlit: bool) -> SurfaceVariant:
     """Variant that draws the clusters of a bucket; `unlit`: plain base colors."""
-    textured = bucket.array is not None
-    if unlit or bucket.unlit:
-        return SurfaceVariant(False, bucket.alpha_mode, textured, clustered=True, in_fog=not unlit)
     variant = SurfaceVariant(
-        True,
-        bucket.alpha_mode,
-        textured,
+        bucket.kind,
+        bucket.array is not None,
         bucket.shading,
         clustered=True,
+        maps=None if bucket.maps is None else _are_used(bucket.maps),
+        second_coordinates=bucket.second_coordinates,
         light=bucket.light,
         both_sides=bucket.double_sided and bucket.light.is_mapped,
     )
-    if bucket.maps is None:
-        return variant
-    return _reflective(variant, bucket.maps, bucket.second_coordinates)
+    return variant.in_light(unlit)
 
 
 def variant_of_blended(arrays: int, unlit: bool, items: Sequence[DrawItem]) -> SurfaceVariant:
     """Variant that draws all blended items, which use `arrays` texture arrays."""
     sources = {item.light for item in items}
     light = sources.pop() if len(sources) == 1 else LightSource.LIGHTMAP_OR_PROBES
-    return SurfaceVariant(
-        not unlit,
-        AlphaMode.BLEND,
+    variant = SurfaceVariant(
+        SurfaceKind.BLENDED,
         arrays > 0,
         clustered=True,
         blended_arrays=arrays,
-        in_fog=not unlit,
-        light=LightSource.COMPUTED if unlit else light,
-        both_sides=light.is_mapped and not unlit,
+        light=light,
+        both_sides=light.is_mapped,
     )
+    return variant.in_light(unlit)
+
+
+def _are_used(maps: Sequence[TextureArray | None]) -> tuple[bool, ...]:
+    return tuple(one is not None for one in maps)
 
 
 class SurfaceProgram(ItemProgram):
@@ -223,7 +245,7 @@ class SurfaceProgram(ItemProgram):
         shadows: shadow maps of its lights; None: no shadows.
 
     Attributes:
-        is_pane: see `SurfaceVariant`.
+        is_pane: draws panes of glass.
     """
 
     def __init__(
@@ -245,7 +267,7 @@ class SurfaceProgram(ItemProgram):
             connect_baked_light(program, lighting.baked)
         if shadows is not None:
             shadows.connect(program)
-        self._is_textured, self.is_pane = variant.textured, variant.is_pane
+        self._is_textured, self.is_pane = variant.textured, SurfaceKind.PANE in variant.kind
         self._state = GlState()
         # the compiler removes both if ambient light alone is left
         self._viewpoint_from_mesh = find_uniform(program, "u_viewpoint_from_mesh")
@@ -269,7 +291,7 @@ class SurfaceProgram(ItemProgram):
         self._glass = find_uniform(program, "u_glass")
         self._glass_absorption = find_uniform(program, "u_glass_absorption_per_m")
         self._slab_normal = find_uniform(program, "u_slab_normal")
-        if variant.is_planar_mirror:
+        if SurfaceKind.PLANAR_MIRROR in variant.kind:
             set_uniforms(program, MIRROR_UNITS)
         if lighting.fog is not None and variant.in_fog:
             write_fog(program, lighting.fog)
@@ -328,10 +350,11 @@ class SurfaceProgram(ItemProgram):
         if self._probe is not None:
             self._probe.write(self._probes[id(item)])
         if self._glass is not None and self._glass_absorption is not None:
-            self._glass.value = item.material.glass_transmission, item.material.ior
+            self._glass.value = transmitted(item.material, SurfaceKind.GLASS), item.material.ior
             self._glass_absorption.value = item.material.absorption_per_m
         if self._slab_normal is not None:
-            normal = normal_of_slabs(item.mesh) if item.material.is_slab else np.zeros(3)
+            is_slab = SurfaceKind.SLAB in item.kind
+            normal = normal_of_slabs(item.mesh) if is_slab else np.zeros(3)
             self._slab_normal.write(normal.astype(np.float32))
         if self._is_textured:
             item.texture.use(0)

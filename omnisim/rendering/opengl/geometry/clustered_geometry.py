@@ -37,7 +37,8 @@ from omnisim.rendering.opengl.geometry.vertex_records import (
 from omnisim.rendering.opengl.gl.buffers import gpu_buffer, read_buffer, written_buffer
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.materials.scene_textures import TextureArray, vertex_details
-from omnisim.scene.model import AlphaMode, Lighting, LightKind
+from omnisim.scene.model import Lighting, LightKind
+from omnisim.scene.surface_kind import SurfaceKind
 
 # Unit normals that differ by less count as equal: light then differs by less than a tenth of an
 # 8-bit step, even in the dark, where steps are finest, for a light that makes a surface white.
@@ -132,10 +133,8 @@ class Bucket(NamedTuple):
     """Kind of clusters that one call can draw."""
 
     # properties of their materials
-    unlit: bool
-    alpha_mode: AlphaMode
+    kind: SurfaceKind  # unlit or not, with holes or not
     double_sided: bool
-    cutoff: bool  # their materials discard low alpha
     shading: Shading  # shading of their triangles
     array: TextureArray | None  # array of their textures; None: untextured
     # arrays of their maps, see `Reflectance`; None: matte
@@ -298,8 +297,8 @@ def _buckets(
             else (reflectance.maps, reflectance.second_coordinates)
         )
         of_kind[kind] = Bucket(
-            material.unlit, material.alpha_mode, material.double_sided,
-            material.hit_cutoff > 0.0, shading, item.texture_layer.array, maps, second, item.light,
+            item.kind & (SurfaceKind.UNLIT | SurfaceKind.CUTOUT), material.double_sided,
+            shading, item.texture_layer.array, maps, second, item.light,
         )  # fmt: skip
     buckets = sorted(set(of_kind.values()), key=_state_order)
     numbers = np.zeros(len(Shading) * len(items), dtype=np.int32)
@@ -312,7 +311,7 @@ def _state_order(bucket: Bucket) -> tuple[object, ...]:
     """Sort key that minimizes state changes: program first, then texture."""
     arrays = [0 if one is None else one.array.glo for one in (bucket.array, *(bucket.maps or ()))]
     return (
-        bucket.alpha_mode.value != AlphaMode.OPAQUE.value, bucket.double_sided, bucket.unlit,
+        SurfaceKind.CUTOUT in bucket.kind, bucket.double_sided, SurfaceKind.UNLIT in bucket.kind,
         bucket.shading.value, bucket.maps is not None, bucket.light.value, arrays,
         bucket.second_coordinates,
     )  # fmt: skip

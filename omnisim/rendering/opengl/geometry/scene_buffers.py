@@ -35,8 +35,9 @@ from omnisim.rendering.opengl.materials.scene_textures import (
 )
 from omnisim.scene.model import Instance, Scene
 from omnisim.scene.parts import LightRectangle
-from omnisim.scene.planar_mirrors import MirrorPlane, find_mirrors, is_clear_pane, is_planar_mirror
+from omnisim.scene.planar_mirrors import MirrorPlane, find_mirrors
 from omnisim.scene.reflection_probes import ProbePlace, find_probes
+from omnisim.scene.surface_kind import SurfaceKind, kind_of
 
 # Extensions of OpenGL 4.5 that are part of 4.6.
 _CALLS_OF_CLUSTERS = {"GL_ARB_indirect_parameters", "GL_ARB_shader_draw_parameters"}
@@ -121,8 +122,8 @@ class SceneBuffers:
             return
         numbers = np.flatnonzero(possible).tolist()
         surfaces = {number: self.draw_items[number] for number in numbers}
-        self.mirrors = find_mirrors(surfaces, is_planar_mirror)
-        self.pane_mirrors = find_mirrors(surfaces, is_clear_pane)
+        self.mirrors = find_mirrors(surfaces, SurfaceKind.PLANAR_MIRROR)
+        self.pane_mirrors = find_mirrors(surfaces, SurfaceKind.PLANAR_PANE)
         drawn = np.flatnonzero(self._is_drawn).tolist()
         surfaces = {number: self.draw_items[number] for number in drawn}
         planes = (*self.mirrors, *self.pane_mirrors)
@@ -204,7 +205,8 @@ class SceneBuffers:
         offsets = []
         for instance in added:
             mesh = scene.meshes[instance.mesh]
-            offsets.append(self._store.place(mesh, scene.materials[mesh.material].is_see_through))
+            is_sorted = bool(kind_of(scene.materials[mesh.material]) & SurfaceKind.SEE_THROUGH)
+            offsets.append(self._store.place(mesh, is_sorted))
         if self._store.is_overgrown:
             self._build(scene)
             return

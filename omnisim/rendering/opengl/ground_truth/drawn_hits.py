@@ -29,7 +29,7 @@ from omnisim.rendering.opengl.ground_truth.occlusion_pass import OcclusionPass
 from omnisim.rendering.opengl.ground_truth.ray_hit_pass import RayHitPass, bind_details, hits_target
 from omnisim.rendering.opengl.ground_truth.visibility_pass import VisibilityLayers, VisibilityPass
 from omnisim.rendering.sensor_tiles import sensor_tiles
-from omnisim.scene.planar_mirrors import specular_mask
+from omnisim.scene.surface_kind import SurfaceKind, mask_of
 
 if TYPE_CHECKING:
     from omnisim.rendering.rays.through import ThroughCaster
@@ -86,8 +86,7 @@ class DrawnHits(HitSource):
     @cached_property
     def _is_specular(self) -> Bools:
         """Mask (draws,) of glass and mirrors."""
-        materials = [item.material for item in self._buffers.draw_items]
-        return specular_mask(materials, self._buffers.is_matte)
+        return mask_of([item.kind for item in self._buffers.draw_items], SurfaceKind.SPECULAR)
 
     def _find_draws(self) -> None:
         items = self._buffers.draw_items

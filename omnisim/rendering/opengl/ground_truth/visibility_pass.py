@@ -41,6 +41,7 @@ from omnisim.rendering.opengl.ground_truth.visibility_program import (
     atlas_formats,
     clear_colors,
 )
+from omnisim.scene.surface_kind import SurfaceKind
 
 # Pose (4, 4) of a camera's rig, and poses of the dynamic objects.
 CameraPoses = tuple[Floats, Sequence[Floats]]
@@ -161,7 +162,7 @@ class VisibilityPass:
         )
 
     def _item_program(self, details: HitDetails, item: DrawItem) -> VisibilityProgram:
-        variant = VisibilityVariant(item.material.hit_cutoff > 0.0, details)
+        variant = VisibilityVariant(bool(item.kind & SurfaceKind.HOLES), details)
         found = item.texture_layer.reflectance
         if found is not None:
             variant = variant.with_maps(found.maps, found.second_coordinates)
@@ -213,7 +214,9 @@ class VisibilityPass:
         self, details: HitDetails, bucket: Bucket, layered: bool = False
     ) -> BucketProgram:
         """Program of a bucket's IDs and details."""
-        variant = VisibilityVariant(bucket.cutoff, details, bucket.array is not None, True, layered)
+        variant = VisibilityVariant(
+            SurfaceKind.CUTOUT in bucket.kind, details, bucket.array is not None, True, layered
+        )
         variant = variant.with_maps(bucket.maps, bucket.second_coordinates)
         program = self._program(variant)
         program.first_plus_one.value = self.triangle_ids.first_of_clusters + 1

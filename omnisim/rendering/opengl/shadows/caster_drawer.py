@@ -26,6 +26,7 @@ from omnisim.rendering.opengl.geometry.vertex_records import INSTANCE
 from omnisim.rendering.opengl.gl.shader_files import build_program, columns_first
 from omnisim.rendering.opengl.gl.state import GlState
 from omnisim.scene.model import LAMP_NEAR_M
+from omnisim.scene.surface_kind import SurfaceKind
 
 # For maps that are not drawn: every point is nearer than the near plane.
 _NOWHERE = np.zeros((4, 4))
@@ -206,12 +207,13 @@ class CasterDrawer:
         return culler, ClusterDrawer(context, geometry, culler, batches)
 
     def _program_of(self, item: DrawItem) -> CasterProgram:
-        material = item.material
-        textured = material.texture is not None
-        return self._program(CasterVariant(material.hit_cutoff > 0.0, textured))
+        textured = item.material.texture is not None
+        return self._program(CasterVariant(bool(item.kind & SurfaceKind.HOLES), textured))
 
     def _program_of_bucket(self, bucket: Bucket) -> BucketProgram:
-        variant = CasterVariant(bucket.cutoff, bucket.array is not None, clustered=True)
+        variant = CasterVariant(
+            SurfaceKind.CUTOUT in bucket.kind, bucket.array is not None, clustered=True
+        )
         return BucketProgram(self._program(variant).program)
 
     def _program(self, variant: CasterVariant) -> CasterProgram:

@@ -23,7 +23,8 @@ import numpy as np
 from omnisim.core.arrays import AnyFloats, Bools, Floats32, Indices, Ints32, Uints32
 from omnisim.core.random_numbers import pcg4d, uniform
 from omnisim.rendering.rays.caster import RayHits, Rays
-from omnisim.scene.surface_reflectance import MAX_TRACED_ROUGHNESS, MIN_ROUGHNESS, smith_visibility
+from omnisim.scene.surface_kind import MAX_TRACED_ROUGHNESS
+from omnisim.scene.surface_reflectance import MIN_ROUGHNESS, smith_visibility
 
 MAX_BOUNCES = 6  # reflections along a path; the next surface is shaded as if it were rough
 RAYS_PER_SAMPLE = 8  # at the first rough surface of a path; further bounces take one

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from omnisim.core.arrays import AnyFloats, Floats, Floats32, Indices, Ints32
+from omnisim.core.arrays import AnyFloats, Bools, Floats, Floats32, Indices, Ints32
 from omnisim.rendering.rays.geometry import Surface
 from omnisim.rendering.rays.shading.ray_reflectance import Reflectance
 from omnisim.rendering.rays.shading.ray_textures import TextureTable
@@ -38,12 +38,17 @@ class SurfaceValues(NamedTuple):
 
 
 class SurfaceTable:
-    """Material factors of all surfaces, and the tables of their maps, as in `Material.maps`."""
+    """Material factors of all surfaces, and the tables of their maps, as in `Material.maps`.
 
-    def __init__(self, surfaces: Sequence[Surface], is_matte: bool):
+    Args:
+        surfaces: all surfaces.
+        is_matte: (surfaces,) mask of surfaces without gloss, metal, maps and emission.
+    """
+
+    def __init__(self, surfaces: Sequence[Surface], is_matte: Bools):
         materials = [surface.material for surface in surfaces]
-        self.is_matte = np.array([is_matte or one.is_matte for one in materials], dtype=np.bool_)
-        shown = [] if self.is_matte.all() else surfaces
+        self.is_matte = is_matte
+        shown = [] if is_matte.all() else surfaces
         self.maps = tuple(TextureTable(shown, _map_of(slot)) for slot in range(7))
 
         def column(values: Sequence[object]) -> Floats32:
