@@ -13,7 +13,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from omnisim.core.arrays import Floats
+from omnisim.core.arrays import Floats, triangle_crosses
 from omnisim.scene.parts import AlphaMode, Instance, Material, Mesh, SlabMaterial
 from omnisim.scene.surface_kind import SurfaceKind, kind_of
 
@@ -105,7 +105,7 @@ def _parts(mesh: Mesh) -> list[Floats]:
 
 def _faces(corners: Floats) -> _Faces | None:
     """Normal (3,) and distance of the two faces of a slab with triangles (n, 3, 3)."""
-    crosses = 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    crosses = 0.5 * triangle_crosses(corners)
     areas = np.linalg.norm(crosses, axis=1)
     if not areas.any():
         return None

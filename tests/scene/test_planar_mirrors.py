@@ -1,14 +1,13 @@
 """Planes of planar mirrors: of boxes, sheets and curved meshes."""
 
 import dataclasses
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from omnisim.core.poses import pose
 from omnisim.scene.model import Material, Texture
-from omnisim.scene.planar_mirrors import MAX_PLANES, find_mirrors, flat_parts
+from omnisim.scene.planar_mirrors import MAX_PLANES, SceneSurface, find_mirrors, flat_parts
 from omnisim.scene.surface_kind import SurfaceKind, kind_of
 from omnisim.validation.material_chart import sphere
 from tests.rendering.opengl.sheets import sheet
@@ -20,13 +19,8 @@ MAP = Texture(np.full((2, 2, 4), 128, dtype=np.uint8))
 
 
 def _surface(mesh, place=None, object_index=None, material=CHROME):
-    return SimpleNamespace(
-        mesh=mesh,
-        material=material,
-        kind=kind_of(material),
-        object_index=object_index,
-        object_from_mesh=np.eye(4) if place is None else place,
-    )
+    place = np.eye(4) if place is None else place
+    return SceneSurface(mesh, material, kind_of(material), place, object_index)
 
 
 def test_planes_of_a_box():

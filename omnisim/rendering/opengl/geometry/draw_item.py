@@ -16,6 +16,7 @@ from omnisim.rendering.opengl.materials.scene_textures import MaterialTexture
 from omnisim.scene.model import Material, Mesh
 from omnisim.scene.motion.deformation import Sphere
 from omnisim.scene.parts import BLENDED_CUTOFF, LightRectangle
+from omnisim.scene.planar_mirrors import SceneSurface
 from omnisim.scene.surface_kind import SurfaceKind, clear_share, kind_of
 
 MAX_DISTANCE_M = 2048.0  # up to which float32 rounds to 0.07 mm, and beyond to 0.13 mm
@@ -152,6 +153,13 @@ class DrawItem:
     def kind(self) -> SurfaceKind:
         """Kind of the surface, as the scene shows it."""
         return kind_of(self.material, is_matte=self.texture_layer.reflectance is None)
+
+    @property
+    def surface(self) -> SceneSurface:
+        """Surface for the search of mirrors and probes."""
+        return SceneSurface(
+            self.mesh, self.material, self.kind, self.object_from_mesh, self.object_index
+        )
 
     @property
     def casts_shadow(self) -> bool:

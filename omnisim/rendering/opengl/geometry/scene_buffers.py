@@ -114,20 +114,19 @@ class SceneBuffers:
         self._find_mirrors(np.ones(len(items), dtype=np.bool_))
 
     def _find_mirrors(self, possible: Bools) -> None:
-        """Find planar mirrors, panes and reflection probes among the possible items (n,)."""
+        """Find planar mirrors, panes and probes among the possible items (n,), which are drawn."""
         self.mirrors: tuple[MirrorPlane, ...] = ()
         self.pane_mirrors: tuple[MirrorPlane, ...] = ()
         self.probe_places: tuple[ProbePlace, ...] = ()
         if self._lighting.is_matte:
             return
-        numbers = np.flatnonzero(possible).tolist()
-        surfaces = {number: self.draw_items[number] for number in numbers}
-        self.mirrors = find_mirrors(surfaces, SurfaceKind.PLANAR_MIRROR)
-        self.pane_mirrors = find_mirrors(surfaces, SurfaceKind.PLANAR_PANE)
         drawn = np.flatnonzero(self._is_drawn).tolist()
-        surfaces = {number: self.draw_items[number] for number in drawn}
+        surfaces = {number: self.draw_items[number].surface for number in drawn}
+        some = {number: surfaces[number] for number in np.flatnonzero(possible).tolist()}
+        self.mirrors = find_mirrors(some, SurfaceKind.PLANAR_MIRROR)
+        self.pane_mirrors = find_mirrors(some, SurfaceKind.PLANAR_PANE)
         planes = (*self.mirrors, *self.pane_mirrors)
-        self.probe_places = find_probes(surfaces, planes, set(numbers))[:MAX_PROBES]
+        self.probe_places = find_probes(surfaces, planes, some.keys())[:MAX_PROBES]
 
     def _set_items(self, items: Sequence[DrawItem]) -> None:
         self.draw_items = tuple(items)
