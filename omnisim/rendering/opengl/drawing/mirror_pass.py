@@ -13,12 +13,10 @@ from dataclasses import replace
 
 import moderngl
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.core.arrays import Bytes, Floats, Indices
 from omnisim.rendering.opengl.atlas.tile_plan import PosedViews, TilePlan, TileViews
-from omnisim.rendering.opengl.drawing.mirror_owner_program import MirrorOwnerProgram
-from omnisim.rendering.opengl.drawing.scene_drawer import SceneDrawer
+from omnisim.rendering.opengl.drawing.scene_drawer import ItemProgram, SceneDrawer
 from omnisim.rendering.opengl.drawing.scene_view import Probes, SceneView, VirtualCameras
 from omnisim.rendering.opengl.drawing.sky_pass import SkyPass
 from omnisim.rendering.opengl.drawing.surface_program import (
@@ -26,7 +24,7 @@ from omnisim.rendering.opengl.drawing.surface_program import (
     SurfaceProgram,
     SurfacePrograms,
 )
-from omnisim.rendering.opengl.geometry.draw_item import InstanceTransforms
+from omnisim.rendering.opengl.geometry.draw_item import DrawItem, InstanceTransforms
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl.buffers import gpu_buffer
 from omnisim.rendering.opengl.gl.framebuffers import framebuffer
@@ -39,7 +37,8 @@ from omnisim.scene.planar_mirrors import MirrorPlane
 from omnisim.scene.surface_kind import SurfaceKind, kind_of
 from omnisim.scene.surface_reflectance import MIN_ROUGHNESS
 
-_OWNERS_UNIT = 0
+_OWNERS_UNIT, _NUMBERS_UNIT = 0, 0
+_ROW_TRIANGLES = 4096
 _NOWHERE_M = 1e9  # height above a plane without a view
 
 
@@ -115,33 +114,28 @@ class MirrorPass:
         self._window = uniform(window, "u_number")
         self._triangle = context.vertex_array(window, [])
 
-    def _make_owner_drawer(self) -> SceneDrawer[MirrorOwnerProgram]:
+    def _make_owner_drawer(self) -> SceneDrawer[_OwnerProgram]:
         """Drawer of the mirrors' numbers."""
-        items = self._buffers.draw_items
-        first_of_item: dict[int, int] = {}
-        numbers: list[Bytes] = []
-        # of their own, since panes are sorted in the scene's
-        triangles: list[NDArray[np.uint32]] = []
-        count = 0
+        # triangles of their own, since panes are sorted in the scene's; all mirrors may be hidden
+        numbers, triangles = [np.zeros(1, np.uint8)], [np.zeros((1, 3), np.uint32)]
+        first_of_item, count = {}, 1
         for index in self._items.tolist():
+            item = self._buffers.draw_items[index]
             first_of_item[index] = count
-            count += items[index].triangles
-            triangles.append(items[index].mesh.triangles + np.uint32(items[index].base))
-            of_triangles = np.zeros(items[index].triangles, dtype=np.uint8)
+            count += item.triangles
+            triangles.append(item.mesh.triangles + np.uint32(item.base))
+            numbers.append(np.zeros(item.triangles, dtype=np.uint8))
             for number, plane in enumerate(self._mirrors, start=1):
                 if index in plane.parts:
-                    of_triangles[plane.parts[index]] = number
-            numbers.append(of_triangles)
-        # all mirrors may be hidden
-        numbers.append(np.zeros(1, dtype=np.uint8))
-        triangles.append(np.zeros((1, 3), dtype=np.uint32))
-        program = MirrorOwnerProgram(self._buffers.context, np.concatenate(numbers))
+                    numbers[-1][plane.parts[index]] = number
+        context = self._buffers.context
+        program = _OwnerProgram(context, np.concatenate(numbers))
         return SceneDrawer(
             self._buffers,
             self._items,
             lambda item: program,
             first_of_item,
-            indices=gpu_buffer(self._buffers.context, np.concatenate(triangles).astype("<u4")),
+            indices=gpu_buffer(context, np.concatenate(triangles).astype("<u4")),
         )
 
     def render(
@@ -160,7 +154,13 @@ class MirrorPass:
         self._world_from_rig = world_from_rig
         if not visible:
             return
-        self._draw_owners(view, views, transforms)
+        # the number of the nearest mirror, in exactly the texels that show it
+        view.tiles.begin(self._owners_target, [None])
+        self._owner_drawer.begin(transforms)
+        with self._state.drawing():
+            view.tiles.draw_items(
+                self._owners_target, views, transforms, self._items, self._owner_drawer
+            )
         self._state.use(self._target, has_depth=True)
         self._state.clear([(*self._background, 1.0)], CLEAR_DEPTH)
         for number in visible:
@@ -202,17 +202,6 @@ class MirrorPass:
             planes[number] = *(side * normal), abs(height_m)
         return planes, sides
 
-    def _draw_owners(
-        self, view: SceneView, views: PosedViews, transforms: InstanceTransforms
-    ) -> None:
-        """Draw the number of the nearest mirror, in exactly the texels that show it."""
-        view.tiles.begin(self._owners_target, [None])
-        self._owner_drawer.begin(transforms)
-        with self._state.drawing():
-            view.tiles.draw_items(
-                self._owners_target, views, transforms, self._items, self._owner_drawer
-            )
-
     def _visible(
         self, sides: Indices, views: PosedViews, transforms: InstanceTransforms
     ) -> list[int]:
@@ -244,6 +233,33 @@ class MirrorPass:
         self._state.use(self._target, has_depth=True)
         plane = np.array((*normal, -height_m, self._spreads[number]))
         self._view.draw(self._target, mirrored, world_from_objects, plane)
+
+
+class _OwnerProgram(ItemProgram):
+    """Draws, in each texel, the number of the mirror that it shows.
+
+    Args:
+        numbers: (n,) numbers of the triangles' mirrors; 0: none.
+    """
+
+    def __init__(self, context: moderngl.Context, numbers: Bytes):
+        files = "scene/mirror_owner.vert", "scene/mirror_owner.frag"
+        super().__init__(build_program(context, *files))
+        self._first_triangle = uniform(self.program, "u_first_triangle")
+        uniform(self.program, "u_numbers").value = _NUMBERS_UNIT
+        rows = -(-len(numbers) // _ROW_TRIANGLES)
+        padded = np.zeros((rows, _ROW_TRIANGLES), dtype=np.uint8)
+        padded.ravel()[: len(numbers)] = numbers
+        self._numbers = texture_2d(context, (_ROW_TRIANGLES, rows), 1, padded, dtype="u1")
+
+    def bind_material(self, item: DrawItem) -> None:
+        """Bind the table of numbers."""
+        self._numbers.use(_NUMBERS_UNIT)
+
+    def draw(self, array: moderngl.VertexArray, first: int, count: int, first_id: int) -> None:
+        """Draw `count` indices of a vertex array; `first_id`: its first triangle, and number."""
+        self._first_triangle.value = first_id
+        array.render(moderngl.TRIANGLES, vertices=count, first=3 * first_id)
 
 
 def _facet_slope(material: Material) -> float:

@@ -29,7 +29,6 @@ from omnisim.rendering.opengl.gl.gpu_textures import bind_textures, texture_2d
 from omnisim.rendering.opengl.gl.shader_files import (
     build_program,
     columns_first,
-    find_uniform,
     set_uniforms,
     write_fog,
 )
@@ -258,39 +257,20 @@ class SurfaceProgram(ItemProgram):
         files = "scene/surface.vert", "scene/surface.frag"
         program = build_program(context, *files, variant.defines(lighting, shadows))
         super().__init__(program)
-        self._shadows = shadows
-        self._shadow_viewpoint = find_uniform(program, "u_shadow_viewpoint")
-        self._probes_viewpoint = find_uniform(program, "u_probes_viewpoint")
-        self._light_rectangles = find_uniform(program, "u_light_rectangles")
-        self._baked = lighting.baked
+        self._shadows, self._lighting, self._state = shadows, lighting, GlState()
+        self._probes: Mapping[int, Floats32] = {}
+        self.is_pane = SurfaceKind.PANE in variant.kind
+        self.needs_item_details = variant.second_coordinates and not variant.clustered
+        self._light_positions_m = np.array([one.position_m for one in lighting.by_kind()[1]])
         if lighting.baked is not None:
             connect_baked_light(program, lighting.baked)
         if shadows is not None:
             shadows.connect(program)
-        self._is_textured, self.is_pane = variant.textured, SurfaceKind.PANE in variant.kind
-        self._state = GlState()
-        # the compiler removes both if ambient light alone is left
-        self._viewpoint_from_mesh = find_uniform(program, "u_viewpoint_from_mesh")
-        self._normal_from_mesh = find_uniform(program, "u_normal_from_mesh")
-        self._light_positions = find_uniform(program, "u_punctual_position")
-        self._light_positions_m = np.array([one.position_m for one in lighting.by_kind()[1]])
-        if variant.textured:
-            arrays = variant.blended_arrays or 1
-            units = 0 if arrays == 1 else tuple(range(arrays))
-            program["u_textures" if variant.clustered else "u_texture"] = units
-        self.needs_item_details = variant.second_coordinates and not variant.clustered
+        if (variant.blended_arrays or 0) > 1:
+            program["u_textures"] = tuple(range(variant.blended_arrays or 0))
         if variant.maps is not None:
             connect_material(program, variant.clustered)
             set_uniforms(program, _ENVIRONMENT_UNITS)
-        self._rig_from_world = find_uniform(program, "u_rig_from_world")
-        self._mirror_planes = find_uniform(program, "u_mirror_planes")
-        self._mirror = find_uniform(program, "u_mirror")
-        self._mirror_spread = find_uniform(program, "u_mirror_spread")
-        self._probe = find_uniform(program, "u_probe")
-        self._probes: Mapping[int, Floats32] = {}
-        self._glass = find_uniform(program, "u_glass")
-        self._glass_absorption = find_uniform(program, "u_glass_absorption_per_m")
-        self._slab_normal = find_uniform(program, "u_slab_normal")
         if SurfaceKind.PLANAR_MIRROR in variant.kind:
             set_uniforms(program, MIRROR_UNITS)
         if lighting.fog is not None and variant.in_fog:
@@ -298,69 +278,50 @@ class SurfaceProgram(ItemProgram):
         if variant.computes_light:
             _write_lights(program, lighting)
             if lighting.environment is not None:
-                irradiance = lighting.environment.irradiance.astype(np.float32)
-                set_uniforms(program, {"u_irradiance": irradiance})
+                self.write("u_irradiance", lighting.environment.irradiance)
 
     def set_viewpoint(self, viewpoint_m: Floats) -> None:
         """Set the viewpoint (3,), world: positions of lights and shadow maps are relative to it."""
-        if self._light_positions is not None:
-            positions_m = self._light_positions_m - viewpoint_m
-            self._light_positions.write(positions_m.astype(np.float32))
-        if self._shadow_viewpoint is not None and self._shadows is not None:
-            offset_m = viewpoint_m - self._shadows.anchor_m
-            self._shadow_viewpoint.write(offset_m.astype(np.float32))
-        if self._probes_viewpoint is not None and self._baked is not None:
-            offset_m = viewpoint_m - self._baked.probes.origin_m
-            self._probes_viewpoint.write(offset_m.astype(np.float32))
+        if len(self._light_positions_m):
+            self.write("u_punctual_position", self._light_positions_m - viewpoint_m)
+        if self._shadows is not None:
+            self.write("u_shadow_viewpoint", viewpoint_m - self._shadows.anchor_m)
+        if self._lighting.baked is not None:
+            self.write("u_probes_viewpoint", viewpoint_m - self._lighting.baked.probes.origin_m)
 
     def set_mirrors(self, planes: Floats, plan: TilePlan, world_from_rig: Floats) -> None:
         """Set the planes (n, 4) of the mirrors of a rig's pose (4, 4): normals and heights."""
-        if self._rig_from_world is not None:
-            self._rig_from_world.write(columns_first(world_from_rig[:3, :3].T))
+        if "u_rig_from_world" in self._uniforms:
+            self.write("u_rig_from_world", columns_first(world_from_rig[:3, :3].T))
             bind_tiles(self.program, plan, np.eye(3))
-        if self._mirror_planes is not None:
-            padded = np.zeros((MAX_PLANES, 4), dtype=np.float32)
-            padded[: len(planes)] = planes
-            self._mirror_planes.write(padded)
+        padded = np.zeros((MAX_PLANES, 4), dtype=np.float32)
+        padded[: len(planes)] = planes
+        self.write("u_mirror_planes", padded)
 
     def set_mirror(self, plane: Floats) -> None:
         """Set the plane (5,) of a mirrored view: unit normal, viewpoint's height, facets' slope."""
-        if self._mirror is not None:
-            self._mirror.write(plane[:4].astype(np.float32))
-        if self._mirror_spread is not None:
-            self._mirror_spread.write(plane[4:].astype(np.float32))
+        self.write("u_mirror", plane[:4])
+        self.write("u_mirror_spread", plane[4:])
 
     def set_probes(self, probes: Mapping[int, Floats32]) -> None:
         """Set the probes (4,) of items, by their identity: center, viewpoint frame; and index."""
         self._probes = probes
 
-    def set_matrices(
-        self, clip_from_mesh: Floats32, viewpoint_from_mesh: Floats32, normal_from_mesh: Floats32
-    ) -> None:
-        """Set the matrices (4, 4) and (3, 3), column-major, for the next draw call."""
-        super().set_matrices(clip_from_mesh, viewpoint_from_mesh, normal_from_mesh)
-        if self._viewpoint_from_mesh is not None:
-            self._viewpoint_from_mesh.write(viewpoint_from_mesh)
-        if self._normal_from_mesh is not None:
-            self._normal_from_mesh.write(normal_from_mesh)
-
     def bind_material(self, item: DrawItem) -> None:
         """Bind an item's material for the next draw call."""
         super().bind_material(item)
-        if self._probe is not None:
-            self._probe.write(self._probes[id(item)])
-        if self._glass is not None and self._glass_absorption is not None:
-            self._glass.value = transmitted(item.material, SurfaceKind.GLASS), item.material.ior
-            self._glass_absorption.value = item.material.absorption_per_m
-        if self._slab_normal is not None:
+        material = item.material
+        if "u_probe" in self._uniforms:
+            self.write("u_probe", self._probes[id(item)])
+        if "u_glass" in self._uniforms:
+            self.write("u_glass", (transmitted(material, SurfaceKind.GLASS), material.ior))
+            self.write("u_glass_absorption_per_m", material.absorption_per_m)
+        if "u_slab_normal" in self._uniforms:
             is_slab = SurfaceKind.SLAB in item.kind
-            normal = normal_of_slabs(item.mesh) if is_slab else np.zeros(3)
-            self._slab_normal.write(normal.astype(np.float32))
-        if self._is_textured:
-            item.texture.use(0)
-        if self._light_rectangles is not None and item.light_rectangles:
-            sides = item.light_rectangles[: self._light_rectangles.array_length]
-            self._light_rectangles.write(np.array(sides, dtype=np.float32))
+            self.write("u_slab_normal", normal_of_slabs(item.mesh) if is_slab else np.zeros(3))
+        if "u_light_rectangles" in self._uniforms and item.light_rectangles:
+            sides = self._uniforms["u_light_rectangles"].array_length
+            self.write("u_light_rectangles", item.light_rectangles[:sides])
 
     def draw(self, array: moderngl.VertexArray, first: int, count: int, first_id: int) -> None:
         """Draw `count` indices of a vertex array from `first`; `first_id` is unused."""

@@ -68,7 +68,7 @@ class CasterDrawer:
     ):
         self._context, self._buffers, self.anchor_m = buffers.context, buffers, anchor_m
         self._rectangles_px, self._state = rectangles_px, GlState()
-        self._programs: dict[CasterVariant, CasterProgram] = {}
+        self._programs: dict[CasterVariant, ItemProgram] = {}
         self._rig = np.eye(4)
         self._rig[:3, 3] = anchor_m
         self._clusters: tuple[ClusterCuller, ClusterDrawer] | None = None
@@ -206,7 +206,7 @@ class CasterDrawer:
         )  # fmt: skip
         return culler, ClusterDrawer(context, geometry, culler, batches)
 
-    def _program_of(self, item: DrawItem) -> CasterProgram:
+    def _program_of(self, item: DrawItem) -> ItemProgram:
         textured = item.material.texture is not None
         return self._program(CasterVariant(bool(item.kind & SurfaceKind.HOLES), textured))
 
@@ -216,11 +216,14 @@ class CasterDrawer:
         )
         return BucketProgram(self._program(variant).program)
 
-    def _program(self, variant: CasterVariant) -> CasterProgram:
+    def _program(self, variant: CasterVariant) -> ItemProgram:
         if not variant.holes:
             variant = variant._replace(textured=False)
         if variant not in self._programs:
-            self._programs[variant] = CasterProgram(self._context, variant)
+            program = build_program(
+                self._context, "scene/caster.vert", "scene/caster.frag", variant.defines
+            )
+            self._programs[variant] = ItemProgram(program)
         return self._programs[variant]
 
 
@@ -240,20 +243,3 @@ class CasterVariant(NamedTuple):
             "CLUSTERED": self.clustered,
         }
         return tuple(name for name, is_defined in defined.items() if is_defined)
-
-
-class CasterProgram(ItemProgram):
-    """Compiled variant with its uniforms."""
-
-    def __init__(self, context: moderngl.Context, variant: CasterVariant):
-        files = "scene/caster.vert", "scene/caster.frag"
-        super().__init__(program := build_program(context, *files, variant.defines))
-        self._is_textured = "TEXTURED" in variant.defines
-        if self._is_textured:
-            program["u_textures" if variant.clustered else "u_texture"] = 0
-
-    def bind_material(self, item: DrawItem) -> None:
-        """Bind an item's material for the next draw calls."""
-        super().bind_material(item)
-        if self._is_textured:
-            item.texture.use(0)
