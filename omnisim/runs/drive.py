@@ -34,6 +34,7 @@ from omnisim.core.world import Pose, WorldState
 from omnisim.ground_truth.channel_files import ChannelFormat
 from omnisim.rendering.camera.omnicamera import CAMERA_POSES
 from omnisim.rendering.missed_surfaces import viewpoint_notes
+from omnisim.rendering.reflection_kinds import specular_notes
 from omnisim.rendering.sensor import Moment, Mount, Reading, SensorSettings
 from omnisim.rendering.shared_scene import BackendName
 from omnisim.rendering.stage import Sensor, Stage
@@ -61,7 +62,6 @@ from omnisim.runs.true_states import write_states
 from omnisim.scene import Scene
 from omnisim.scene.labels import BODY, find_labels
 from omnisim.sensors.sensor_names import folder_name
-from omnisim.sensors.specular_keys import specular_notes
 
 MAX_SEED = 2**63 - 1
 MAX_BEGUN = 8  # measurements of a step in progress; more of them are written at once

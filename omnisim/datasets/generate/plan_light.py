@@ -16,7 +16,7 @@ from omnisim.datasets.generate.distributions import Shares
 from omnisim.datasets.generate.plan import VaryLightTable, VarySkyTable, VaryTable
 from omnisim.scene import Scene
 from omnisim.scene.files.scene_file import SceneFile
-from omnisim.scene.light.sky import sun_position, with_sky
+from omnisim.scene.light.lit_scene import sun_position, with_sky
 from omnisim.scene.parts import Light, LightKind
 
 YEAR = datetime(2026, 1, 1, tzinfo=UTC)

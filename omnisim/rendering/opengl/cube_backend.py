@@ -36,6 +36,7 @@ from omnisim.rendering.opengl.shadows.shadow_maps import ShadowMaps
 from omnisim.rendering.opengl.surfaces.surface_program import SurfacePrograms
 from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
 from omnisim.scene import Scene
+from omnisim.scene.surface_kind import SurfaceKind, kind_of
 
 if TYPE_CHECKING:  # imported where they are made: few images need them
     from omnisim.ground_truth.lidar_beams import BeamHits, EchoLimits, LidarBeams, Revolution
@@ -233,7 +234,5 @@ def has_computed_shadows(parts: Sequence[Scene]) -> bool:
     lighting = parts[0].lighting
     if lighting.baked is None:
         return lighting.has_shadows
-    materials = [one for part in parts for one in part.materials]
-    return lighting.has_shadows and not (
-        lighting.is_matte or all(one.is_matte for one in materials)
-    )
+    kinds = [kind_of(one, lighting.is_matte) for part in parts for one in part.materials]
+    return lighting.has_shadows and not all(SurfaceKind.MATTE in kind for kind in kinds)

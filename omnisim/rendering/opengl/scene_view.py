@@ -47,7 +47,7 @@ from omnisim.rendering.opengl.surfaces.surface_program import (
 from omnisim.rendering.opengl.world.clustered_geometry import Bucket
 from omnisim.rendering.opengl.world.draw_item import DrawItem, InstanceTransforms
 from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
-from omnisim.scene.planar_mirrors import is_rough_mirror
+from omnisim.scene.surface_kind import SurfaceKind, mask_of
 
 _POSITIONS = 15  # binding, as in `scene/lighting.glsl`
 
@@ -343,9 +343,9 @@ class SceneView:
         self._sky, self._state, self._is_mirrored = sky, GlState(), is_mirrored
         shown = buffers.shown_one_by_one(cameras.hidden)
         items = buffers.draw_items
-        blended = np.array([item.is_blended for item in items], dtype=np.bool_)
-        if cameras.unlit:  # panes are opaque
-            blended = np.array([item.material.is_blended for item in items], dtype=np.bool_)
+        # unlit panes are opaque
+        is_blended = SurfaceKind.BLENDED if cameras.unlit else SurfaceKind.SEE_THROUGH
+        blended = mask_of([item.kind for item in items], is_blended)
         self._blended = self._all_blended = np.flatnonzero(shown & blended)
         is_sorted = can_sort([items[one] for one in self._blended], buffers.clustered_geometry)
         self._sorted, self._all_unsorted = self._blended[is_sorted], self._blended[~is_sorted]
@@ -362,14 +362,8 @@ class SceneView:
         of_mirrors = {id(items[index]) for one in mirrors for index in one.items}
 
         def find_item_program(item: DrawItem) -> SurfaceProgram:
-            variant = variant_of(item, cameras.unlit)
-            if id(item) in of_mirrors:
-                is_rough = is_rough_mirror(item.material)
-                variant = variant._replace(is_planar_mirror=True, is_rough_mirror=is_rough)
-            if id(item) in of_probes:
-                is_glass = item.material.glass_transmission > 0.0
-                variant = variant._replace(has_probe=True, is_glass=is_glass)
-            return self._program(variant)
+            in_mirrors, has_probe = id(item) in of_mirrors, id(item) in of_probes
+            return self._program(variant_of(item, cameras.unlit, in_mirrors, has_probe))
 
         def find_program(bucket: Bucket) -> BucketProgram:
             return BucketProgram(self._program(variant_of_bucket(bucket, cameras.unlit)).program)

@@ -33,8 +33,7 @@ from omnisim.scene.model import (
     Texture,
 )
 from omnisim.scene.motion.object_motion import Along, FreeBody, Orbit, Rest, Rolling, Shuttle
-from omnisim.scene.planar_mirrors import is_smooth
-from omnisim.scene.surface_reflectance import MIN_ROUGHNESS
+from omnisim.scene.surface_kind import SurfaceKind, kind_of
 
 if TYPE_CHECKING:
     from omnisim.core.trajectories import Trajectory
@@ -202,7 +201,7 @@ def _changed(material: Material, changes: Mapping[str, Any]) -> Material:
     """Material with other properties; one that begins to transmit light is no longer blended."""
     properties = dict(changes)
     alpha = material.base_color[3]
-    if properties.get("transmission") and material.is_blended:
+    if properties.get("transmission") and material.alpha_mode is AlphaMode.BLEND:
         properties["alpha_mode"], alpha = AlphaMode.OPAQUE, 1.0
     red, green, blue = properties.get("base_color", material.base_color[:3])
     properties["base_color"] = (red, green, blue, alpha)
@@ -227,7 +226,7 @@ def _with_changed(scene: Scene, changed: Mapping[int, Material]) -> Scene:
 
 def _lit_properties(material: Material) -> tuple[Any, ...]:
     """Plain properties on which light depends; textures and arrays are left out."""
-    if not (material.transmission or is_smooth(material, MIN_ROUGHNESS)):
+    if not (material.transmission or kind_of(material) & SurfaceKind.MIRROR):
         return material.base_color, material.alpha_mode, material.emissive
     values = (getattr(material, field.name) for field in dataclasses.fields(material))
     return tuple(one for one in values if not isinstance(one, Texture | np.ndarray))

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from omnisim.core.arrays import Floats, Floats32
+from omnisim.core.arrays import Floats, Floats32, triangle_crosses
 from omnisim.scene.light.environment import Environment
 from omnisim.scene.parts import MAX_LIGHTS, Instance, Light, Lighting, LightKind, Mesh
 
@@ -142,7 +142,7 @@ def _surface_samples(
             for instance in instances
         ]
     )
-    doubled = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    doubled = triangle_crosses(corners)
     length = np.linalg.norm(doubled, axis=1)
     keep = length > 0.0
     return corners.mean(axis=1)[keep], doubled[keep] / length[keep, None], 0.5 * length[keep]

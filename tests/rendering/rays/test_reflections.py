@@ -8,7 +8,8 @@ import pytest
 from omnisim.core.bilinear import sample
 from omnisim.core.poses import pose
 from omnisim.scene.model import Fog, Light, Lighting, LightKind, Material
-from omnisim.scene.surface_reflectance import MAX_TRACED_ROUGHNESS, environment_table
+from omnisim.scene.surface_kind import MAX_TRACED_ROUGHNESS
+from omnisim.scene.surface_reflectance import environment_table
 from tests.rendering.rays.test_caster import rays_from
 from tests.scenes import room, room_color, room_hit, scene_of, square
 

@@ -28,7 +28,7 @@ from omnisim.rendering.opengl.hits.ray_hit_pass import RayHitPass, bind_details,
 from omnisim.rendering.opengl.hits.visibility_pass import VisibilityLayers, VisibilityPass
 from omnisim.rendering.opengl.scene_view import VirtualCameras
 from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
-from omnisim.scene.planar_mirrors import specular_mask
+from omnisim.scene.surface_kind import SurfaceKind, mask_of
 
 # A triangle is hit if a texel near the ray shows it or an adjacent one. Measured in the warehouse:
 # 0.1 % of the rays miss one at 1 texel per pixel, 0.05 % at 1.5, mostly at silhouettes.
@@ -82,8 +82,7 @@ class DrawnHits(HitSource):
     @cached_property
     def _is_specular(self) -> Bools:
         """Mask (draws,) of glass and mirrors."""
-        materials = [item.material for item in self._buffers.draw_items]
-        return specular_mask(materials, self._buffers.is_matte)
+        return mask_of([item.kind for item in self._buffers.draw_items], SurfaceKind.SPECULAR)
 
     @cached_property
     def _numbers(self) -> dict[ObjectPart, int]:

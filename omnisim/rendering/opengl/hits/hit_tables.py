@@ -13,6 +13,7 @@ from omnisim.rendering.opengl.gl.shader_files import uniform
 from omnisim.rendering.opengl.hits.visibility_pass import VisibilityPass
 from omnisim.rendering.opengl.world.draw_item import DrawItem, InstanceTransforms
 from omnisim.rendering.opengl.world.triangle_table import table_texture, write_table
+from omnisim.scene.surface_kind import SurfaceKind
 
 _DRAW_ITEM = np.dtype(  # as in shaders/ground_truth/tables.glsl
     [
@@ -106,7 +107,7 @@ class HitTables:
 
 def _flags(draw: DrawItem, both_sides: bool) -> int:
     return (
-        _MASKED * (draw.material.hit_cutoff > 0.0)
+        _MASKED * bool(draw.kind & SurfaceKind.HOLES)
         + _DOUBLE_SIDED * (draw.material.double_sided or both_sides)
         + _FLIPS_WINDING * draw.flips_winding
     )

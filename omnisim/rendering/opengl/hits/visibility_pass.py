@@ -42,6 +42,7 @@ from omnisim.rendering.opengl.surfaces.scene_drawer import SceneDrawer, material
 from omnisim.rendering.opengl.world.clustered_geometry import Bucket
 from omnisim.rendering.opengl.world.draw_item import DrawItem
 from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
+from omnisim.scene.surface_kind import SurfaceKind
 
 
 class Drawers(NamedTuple):
@@ -159,7 +160,7 @@ class VisibilityPass:
         )
 
     def _item_program(self, details: HitDetails, item: DrawItem) -> VisibilityProgram:
-        variant = VisibilityVariant(item.material.hit_cutoff > 0.0, details)
+        variant = VisibilityVariant(bool(item.kind & SurfaceKind.HOLES), details)
         found = item.texture_layer.reflectance
         if found is not None:
             variant = variant.with_maps(found.maps, found.second_coordinates)
@@ -211,7 +212,9 @@ class VisibilityPass:
         self, details: HitDetails, bucket: Bucket, layered: bool = False
     ) -> BucketProgram:
         """Program of a bucket's IDs and details."""
-        variant = VisibilityVariant(bucket.cutoff, details, bucket.array is not None, True, layered)
+        variant = VisibilityVariant(
+            SurfaceKind.CUTOUT in bucket.kind, details, bucket.array is not None, True, layered
+        )
         variant = variant.with_maps(bucket.maps, bucket.second_coordinates)
         program = self._program(variant)
         program.first_plus_one.value = self.triangle_ids.first_of_clusters + 1

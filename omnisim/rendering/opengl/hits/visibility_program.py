@@ -110,7 +110,6 @@ class VisibilityProgram(ItemProgram):
         super().bind_material(item)
         if self._samplers:
             texture = item.texture
-            texture.use(0)
             self._samplers[texture.repeat_x, texture.repeat_y].use(0)
 
     def draw(self, array: moderngl.VertexArray, first: int, count: int, first_id: int) -> None:

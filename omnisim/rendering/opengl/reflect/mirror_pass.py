@@ -13,7 +13,6 @@ from dataclasses import replace
 
 import moderngl
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.core.arrays import Bytes, Floats, Indices
 from omnisim.rendering.atlas.tile_plan import PosedViews, TilePlan, TileViews
@@ -35,7 +34,8 @@ from omnisim.rendering.opengl.surfaces.surface_program import (
 from omnisim.rendering.opengl.world.draw_item import DrawItem, InstanceTransforms
 from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
 from omnisim.scene.model import Material
-from omnisim.scene.planar_mirrors import MirrorPlane, is_rough_mirror
+from omnisim.scene.planar_mirrors import MirrorPlane
+from omnisim.scene.surface_kind import SurfaceKind, kind_of
 from omnisim.scene.surface_reflectance import MIN_ROUGHNESS
 
 _OWNERS_UNIT = 0
@@ -116,33 +116,28 @@ class MirrorPass:
         self._window = uniform(window, "u_number")
         self._triangle = context.vertex_array(window, [])
 
-    def _make_owner_drawer(self) -> SceneDrawer[MirrorOwnerProgram]:
+    def _make_owner_drawer(self) -> SceneDrawer[_OwnerProgram]:
         """Drawer of the mirrors' numbers."""
-        items = self._buffers.draw_items
-        first_of_item: dict[int, int] = {}
-        numbers: list[Bytes] = []
-        # of their own, since panes are sorted in the scene's
-        triangles: list[NDArray[np.uint32]] = []
-        count = 0
+        # triangles of their own, since panes are sorted in the scene's; all mirrors may be hidden
+        numbers, triangles = [np.zeros(1, np.uint8)], [np.zeros((1, 3), np.uint32)]
+        first_of_item, count = {}, 1
         for index in self._items.tolist():
+            item = self._buffers.draw_items[index]
             first_of_item[index] = count
-            count += items[index].triangles
-            triangles.append(items[index].mesh.triangles + np.uint32(items[index].base))
-            of_triangles = np.zeros(items[index].triangles, dtype=np.uint8)
+            count += item.triangles
+            triangles.append(item.mesh.triangles + np.uint32(item.base))
+            numbers.append(np.zeros(item.triangles, dtype=np.uint8))
             for number, plane in enumerate(self._mirrors, start=1):
                 if index in plane.parts:
-                    of_triangles[plane.parts[index]] = number
-            numbers.append(of_triangles)
-        # all mirrors may be hidden
-        numbers.append(np.zeros(1, dtype=np.uint8))
-        triangles.append(np.zeros((1, 3), dtype=np.uint32))
-        program = MirrorOwnerProgram(self._buffers.context, np.concatenate(numbers))
+                    numbers[-1][plane.parts[index]] = number
+        context = self._buffers.context
+        program = _OwnerProgram(context, np.concatenate(numbers))
         return SceneDrawer(
             self._buffers,
             self._items,
             lambda item: program,
             first_of_item,
-            indices=gpu_buffer(self._buffers.context, np.concatenate(triangles).astype("<u4")),
+            indices=gpu_buffer(context, np.concatenate(triangles).astype("<u4")),
         )
 
     def render(self, view: SceneView, shot: ScenePoses) -> None:
@@ -159,7 +154,13 @@ class MirrorPass:
         self._world_from_rig = shot.world_from_rig
         if not visible:
             return
-        self._draw_owners(view, views, transforms)
+        # the number of the nearest mirror, in exactly the texels that show it
+        view.tiles.begin(self._owners_target, [None])
+        self._owner_drawer.begin(transforms)
+        with self._state.drawing():
+            view.tiles.draw_items(
+                self._owners_target, views, transforms, self._items, self._owner_drawer
+            )
         self._state.use(self._target, has_depth=True)
         self._state.clear([(*self._background, 1.0)], CLEAR_DEPTH)
         for number in visible:
@@ -198,17 +199,6 @@ class MirrorPass:
             sides[number] = side = -1 if height_m < 0.0 else 1
             planes[number] = *(side * normal), abs(height_m)
         return planes, sides
-
-    def _draw_owners(
-        self, view: SceneView, views: PosedViews, transforms: InstanceTransforms
-    ) -> None:
-        """Draw the number of the nearest mirror, in exactly the texels that show it."""
-        view.tiles.begin(self._owners_target, [None])
-        self._owner_drawer.begin(transforms)
-        with self._state.drawing():
-            view.tiles.draw_items(
-                self._owners_target, views, transforms, self._items, self._owner_drawer
-            )
 
     def _visible(
         self, sides: Indices, views: PosedViews, transforms: InstanceTransforms
@@ -264,6 +254,33 @@ class MirrorOwnerProgram(ItemProgram):
         array.render(moderngl.TRIANGLES, vertices=count, first=3 * first_id)
 
 
+class _OwnerProgram(ItemProgram):
+    """Draws, in each texel, the number of the mirror that it shows.
+
+    Args:
+        numbers: (n,) numbers of the triangles' mirrors; 0: none.
+    """
+
+    def __init__(self, context: moderngl.Context, numbers: Bytes):
+        files = "scene/mirror_owner.vert", "scene/mirror_owner.frag"
+        super().__init__(build_program(context, *files))
+        self._first_triangle = uniform(self.program, "u_first_triangle")
+        uniform(self.program, "u_numbers").value = _NUMBERS_UNIT
+        rows = -(-len(numbers) // _ROW_TRIANGLES)
+        padded = np.zeros((rows, _ROW_TRIANGLES), dtype=np.uint8)
+        padded.ravel()[: len(numbers)] = numbers
+        self._numbers = texture_2d(context, (_ROW_TRIANGLES, rows), 1, padded, dtype="u1")
+
+    def bind_material(self, item: DrawItem) -> None:
+        """Bind the table of numbers."""
+        self._numbers.use(_NUMBERS_UNIT)
+
+    def draw(self, array: moderngl.VertexArray, first: int, count: int, first_id: int) -> None:
+        """Draw `count` indices of a vertex array; `first_id`: its first triangle, and number."""
+        self._first_triangle.value = first_id
+        array.render(moderngl.TRIANGLES, vertices=count, first=3 * first_id)
+
+
 def _facet_slope(material: Material) -> float:
     """Squared roughness of a mirror's smoothest lobe, the mean over its map; 0: it is smooth."""
     roughness = material.roughness
@@ -271,4 +288,5 @@ def _facet_slope(material: Material) -> float:
         roughness *= float(material.metallic_roughness_map.pixels[..., 1].mean()) / 255.0
     if material.clearcoat:
         roughness = min(roughness, material.clearcoat_roughness)
-    return roughness**2 if is_rough_mirror(material) and roughness > MIN_ROUGHNESS else 0.0
+    is_rough = SurfaceKind.ROUGH_MIRROR in kind_of(material) and roughness > MIN_ROUGHNESS
+    return roughness**2 if is_rough else 0.0

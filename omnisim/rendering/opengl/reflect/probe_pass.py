@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import weakref
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from enum import Enum
 
 import moderngl
@@ -41,15 +41,17 @@ from omnisim.rendering.opengl.surfaces.surface_program import (
     SurfacePrograms,
 )
 from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
-from omnisim.scene.reflection_probes import ProbePlace, lobe_roughnesses
+from omnisim.scene.parts import Material
+from omnisim.scene.reflection_probes import ProbePlace
+from omnisim.scene.surface_kind import lobe_roughnesses
 from omnisim.scene.surface_reflectance import MIN_ROUGHNESS
 
 SIZE_PX = 128  # of a face
 _METAL = 0.5  # metalness from which a surface shows reflections alone
 _NEAR_SHARE, _MAX_NEAR_M = 0.05, 0.05  # near plane, as a share of the smallest probe's radius
-LEVELS = 6
+_LEVELS = 6
 # Squared roughness of each level, as in shaders/scene/reflection_probe.glsl.
-_ALPHAS = (0.0, *(0.024 * 2.0**level for level in range(LEVELS - 1)))
+_ALPHAS = (0.0, *(0.024 * 2.0**level for level in range(_LEVELS - 1)))
 _FACES = 6
 _MIN_ROUGH = 0.25  # roughness from which level 2 and further ones are looked up
 _COLORS_UNIT, _DEPTHS_UNIT, _CUBES_UNIT = 0, 1, 0
@@ -115,14 +117,15 @@ class ProbePass:
             self._colors = texture_2d(context, size, 4, dtype="f2")
             self._depths = depth_texture(context, size)
         self._target = framebuffer(context, [self._colors], self._depths)
-        self._maps = ProbeMaps(context, plan, near_m, len(places))
+        self._maps = _ProbeMaps(context, plan, near_m, len(places))
         self._own = _OwnProbe(buffers, self._maps.name)
         self._is_mirror = self._mask(self._own.items)
         self._view = self._make_view(plan, near_m)
         self.items = frozenset(index for one in places for index in one.surfaces)
         self._left_out = [self._mask(one.left_out) | self._is_mirror for one in places]
         self._mirrors = [self._is_mirror & ~self._mask(one.left_out) for one in places]
-        self._gloss = [self._gloss_of(one) for one in places]
+        items = buffers.draw_items
+        self._gloss = [_Gloss.of(items[one].material for one in place.surfaces) for place in places]
         self._states: list[bytes | None] = [None] * len(places)
         self._static: dict[int, tuple[moderngl.Texture, moderngl.Texture]] = {}
         self._has_moving = any(item.moves for item in buffers.draw_items)
@@ -146,11 +149,6 @@ class ProbePass:
         mask = np.zeros(len(self._buffers.draw_items), dtype=np.bool_)
         mask[list(left_out)] = True
         return mask
-
-    def _gloss_of(self, place: ProbePlace) -> Gloss:
-        """Gloss of a probe's surfaces."""
-        materials = [self._buffers.draw_items[one].material for one in place.surfaces]
-        return Gloss.of([value for one in materials for value in lobe_roughnesses(one)])
 
     def render(self, seen: Collection[int], world_from_objects: Sequence[Floats]) -> None:
         """Render the probes that items at the given indices reflect.
@@ -260,7 +258,7 @@ def shared_probes(
     return shared
 
 
-class Gloss(Enum):
+class _Gloss(Enum):
     """Numbers of samples of level 1, and of each further level, by the gloss of a probe's surfaces.
 
     Levels of perfect mirrors filter small reflections. Level 1 is looked up by smooth gloss, where
@@ -272,15 +270,16 @@ class Gloss(Enum):
     ROUGH = (12, 24)
 
     @classmethod
-    def of(cls, roughness: Collection[float]) -> Gloss:
-        """Gloss of surfaces of the given roughnesses."""
-        rough = [one for one in roughness if one > MIN_ROUGHNESS]
+    def of(cls, materials: Iterable[Material]) -> _Gloss:
+        """Gloss of surfaces of the given materials."""
+        roughnesses = [value for one in materials for value in lobe_roughnesses(one)]
+        rough = [one for one in roughnesses if one > MIN_ROUGHNESS]
         if not rough:
             return cls.MIRROR
         return cls.SMOOTH if min(rough) < _MIN_ROUGH else cls.ROUGH
 
 
-class ProbeMaps:
+class _ProbeMaps:
     """Array of cube maps: light and inverse distance, then light filtered for roughness.
 
     Args:
@@ -298,7 +297,7 @@ class ProbeMaps:
             f"{cubes} reflection probes of {self._size_px} px",
             "make virtual_cameras.reflection_probes smaller",
         ):
-            self.name = cube_array(context, self._size_px, LEVELS, cubes)
+            self.name = cube_array(context, self._size_px, _LEVELS, cubes)
             attached = texture_2d(context, (1, 1), 4, dtype="f2")  # until a face is
         dropped = weakref.finalize(self, context.extra.dropped_textures.append, self.name)
         dropped.atexit = False  # the end of the process frees it
@@ -314,7 +313,7 @@ class ProbeMaps:
         self._gloss_triangle = context.vertex_array(self._gloss, [])
 
     def draw(
-        self, cube: int, colors: moderngl.Texture, depths: moderngl.Texture, gloss: Gloss
+        self, cube: int, colors: moderngl.Texture, depths: moderngl.Texture, gloss: _Gloss
     ) -> None:
         """Copy a probe from its atlas, and filter its levels.
 
@@ -328,13 +327,13 @@ class ProbeMaps:
         self._draw_level(cube, 0, self._faces, self._face_triangle)
         bind_texture(_CUBES_UNIT, self.name)
         uniform(self._gloss, "u_cube").value = float(cube)
-        for level in range(1, LEVELS):
+        for level in range(1, _LEVELS):
             uniform(self._gloss, "u_facets").value = gloss.value[level > 1]
             between = (_ALPHAS[level] ** _POWER - _ALPHAS[level - 1] ** _POWER) ** (1.0 / _POWER)
             uniform(self._gloss, "u_alpha").value = between
             limit_levels(self.name, level - 1, level - 1)
             self._draw_level(cube, level, self._gloss, self._gloss_triangle)
-        limit_levels(self.name, 0, LEVELS - 1)
+        limit_levels(self.name, 0, _LEVELS - 1)
 
     def _draw_level(
         self, cube: int, level: int, program: moderngl.Program, triangle: moderngl.VertexArray

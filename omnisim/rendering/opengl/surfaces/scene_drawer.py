@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Callable, Mapping, Sequence
 from typing import Generic, TypeVar
 
 import moderngl
 import numpy as np
+from numpy.typing import ArrayLike
 
 from omnisim.core.arrays import Floats32, Indices
 from omnisim.rendering.opengl.gl.gpu_textures import AnyTexture
@@ -24,28 +24,32 @@ class ItemProgram:
 
     def __init__(self, program: moderngl.Program):
         self.program = program
-        self._clip_from_mesh = find_uniform(program, "u_clip_from_mesh")
-        self._base_color = find_uniform(program, "u_base_color")
-        self._alpha_cutoff = find_uniform(program, "u_alpha_cutoff")
-        self._record = find_uniform(program, "u_record")
+        found = {name: find_uniform(program, name) for name in program}
+        self._uniforms = {name: one for name, one in found.items() if one is not None}
+
+    def write(self, name: str, values: ArrayLike) -> None:
+        """Set a uniform of floats, unless the program lacks it."""
+        if name in self._uniforms:
+            self._uniforms[name].write(np.asarray(values, dtype=np.float32))
 
     def set_matrices(
         self, clip_from_mesh: Floats32, viewpoint_from_mesh: Floats32, normal_from_mesh: Floats32
     ) -> None:
         """Set the matrices (4, 4) and (3, 3), column-major, that the next draw calls need."""
-        if self._clip_from_mesh is not None:
-            self._clip_from_mesh.write(clip_from_mesh)
+        self.write("u_clip_from_mesh", clip_from_mesh)
+        self.write("u_viewpoint_from_mesh", viewpoint_from_mesh)
+        self.write("u_normal_from_mesh", normal_from_mesh)
 
     def bind_material(self, item: DrawItem) -> None:
         """Bind an item's material for the next draw calls."""
         material, reflectance = item.material, item.texture_layer.reflectance
-        if self._base_color is not None:
-            self._base_color.write(struct.pack("4f", *material.base_color))
-        if self._alpha_cutoff is not None:
-            self._alpha_cutoff.value = material.hit_cutoff
-        if self._record is not None and reflectance is not None:
-            self._record.value = reflectance.record
+        self.write("u_base_color", material.base_color)
+        self.write("u_alpha_cutoff", [material.hit_cutoff])
+        if "u_record" in self._uniforms and reflectance is not None:
+            self._uniforms["u_record"].value = reflectance.record
             bind_maps(reflectance.maps)
+        if "u_texture" in self._uniforms:
+            item.texture.use(0)
 
     def draw(self, array: moderngl.VertexArray, first: int, count: int, first_id: int) -> None:
         """Draw `count` indices of a vertex array; the first triangle gets the ID `first_id`."""

@@ -20,7 +20,6 @@ from omnisim.rendering.opengl.gl.gpu_textures import AnyTexture, bind_textures, 
 from omnisim.rendering.opengl.gl.shader_files import (
     build_program,
     columns_first,
-    find_uniform,
     set_uniforms,
     write_fog,
 )
@@ -40,9 +39,10 @@ from omnisim.rendering.opengl.world.scene_textures import (
     connect_baked_light,
     environment_texture,
 )
-from omnisim.scene.model import MAX_LIGHTS, AlphaMode, Lighting, LightKind
+from omnisim.scene.model import MAX_LIGHTS, Lighting, LightKind
 from omnisim.scene.planar_mirrors import MAX_PLANES
 from omnisim.scene.slabs import normal_of_slabs
+from omnisim.scene.surface_kind import SurfaceKind, transmitted
 from omnisim.scene.surface_reflectance import environment_table
 
 
@@ -77,12 +77,22 @@ MIRROR_UNITS = {"u_mirror_owners": 2, "u_mirrored": 15}
 PROBE_UNIT = 18
 
 
+# Defines of the kinds that the surface shader distinguishes.
+_KIND_DEFINES = {
+    SurfaceKind.CUTOUT: "ALPHA_MASK",
+    SurfaceKind.BLENDED: "ALPHA_BLEND",
+    SurfaceKind.PANE: "PANE",
+    SurfaceKind.GLASS: "GLASS",
+    SurfaceKind.PLANAR_MIRROR: f"PLANAR_MIRRORS {MAX_PLANES}",
+    SurfaceKind.ROUGH_MIRROR: "MIRROR_GLOSS",
+}
+
+
 class SurfaceVariant(NamedTuple):
     """Compiled version of the surface shader."""
 
-    # properties of the material
-    lit: bool
-    alpha_mode: AlphaMode
+    # kind of the surfaces, as far as the shader distinguishes it and the view shows it
+    kind: SurfaceKind
     textured: bool
     shading: Shading = Shading.UNKNOWN  # shading of the triangles
     clustered: bool = False  # True: draws clusters; False: single items
@@ -94,12 +104,25 @@ class SurfaceVariant(NamedTuple):
     in_fog: bool = True  # True if drawn with the scene's fog, if it has one
     light: LightSource = LightSource.COMPUTED  # source of the light on lit surfaces
     both_sides: bool = False  # each side has its own light in the lightmap
-    is_pane: bool = False  # the surface is a pane of glass
-    is_planar_mirror: bool = False  # shows the mirrored views of `MirrorPass`
-    is_rough_mirror: bool = False  # shows them through rough gloss, too
     in_mirror: bool = False  # drawn from a mirrored rig, clipped at the mirror
     has_probe: bool = False  # reflects a probe of `ProbePass`
-    is_glass: bool = False  # body of thick glass, which shows its probe
+
+    @property
+    def lit(self) -> bool:
+        """True if the scene's light is on the surfaces."""
+        return SurfaceKind.UNLIT not in self.kind
+
+    def in_light(self, unlit: bool) -> SurfaceVariant:
+        """Variant without light, if the camera shows plain base colors or the surfaces do."""
+        if self.lit and not unlit:
+            return self
+        return SurfaceVariant(
+            self.kind & SurfaceKind.HOLES | SurfaceKind.UNLIT,
+            self.textured,
+            clustered=self.clustered,
+            blended_arrays=self.blended_arrays,
+            in_fog=not unlit,
+        )
 
     @property
     def computes_light(self) -> bool:
@@ -138,16 +161,12 @@ class SurfaceVariant(NamedTuple):
             defines += self.light.defines
         others = {
             "BOTH_SIDES": self.both_sides,
-            "PANE": self.is_pane,
-            f"PLANAR_MIRRORS {MAX_PLANES}": self.is_planar_mirror,
-            "MIRROR_GLOSS": self.is_rough_mirror,
+            **{name: kind in self.kind for kind, name in _KIND_DEFINES.items()},
             "IN_MIRROR": self.in_mirror,
             "REFLECTION_PROBE": self.has_probe,
-            "GLASS": self.is_glass,
             "POSITION": is_placed or self.in_mirror,
             "FOG": in_fog,
             "TEXTURED": self.textured,
-            f"ALPHA_{self.alpha_mode.name}": self.alpha_mode is not AlphaMode.OPAQUE,
             "CLUSTERED": self.clustered,
             "LAYERED": self.layered,
             f"BLENDED_ARRAYS {self.blended_arrays}": self.blended_arrays is not None,
@@ -155,64 +174,66 @@ class SurfaceVariant(NamedTuple):
         return (*defines, *(name for name, is_defined in others.items() if is_defined))
 
 
-def variant_of(item: DrawItem, unlit: bool) -> SurfaceVariant:
-    """Variant that draws an item; `unlit`: plain base colors."""
-    material, reflectance = item.material, item.texture_layer.reflectance
-    textured = material.texture is not None
-    if unlit or material.unlit:
-        return SurfaceVariant(False, material.alpha_mode, textured, in_fog=not unlit)
-    variant = SurfaceVariant(True, material.alpha_mode, textured)._replace(
-        light=item.light, both_sides=material.double_sided and item.light.is_mapped
-    )
-    return (
-        variant
-        if reflectance is None
-        else _reflective(
-            variant._replace(is_pane=item.is_pane), reflectance.maps, reflectance.second_coordinates
-        )
-    )
-
-
-def _reflective(
-    variant: SurfaceVariant, maps: Sequence[TextureArray | None], second_coordinates: bool
+def variant_of(
+    item: DrawItem, unlit: bool, in_mirrors: bool = False, has_probe: bool = False
 ) -> SurfaceVariant:
-    has_maps = tuple(one is not None for one in maps)
-    return variant._replace(maps=has_maps, second_coordinates=second_coordinates)
+    """Variant that draws an item.
+
+    Args:
+        unlit: show plain base colors.
+        in_mirrors: show mirrored views of the scene.
+        has_probe: show a reflection probe.
+    """
+    kind = item.kind & (SurfaceKind.UNLIT | SurfaceKind.HOLES | SurfaceKind.PANE)
+    if in_mirrors:
+        kind |= SurfaceKind.PLANAR_MIRROR | item.kind & SurfaceKind.ROUGH_MIRROR
+    if has_probe:
+        kind |= item.kind & SurfaceKind.GLASS
+    reflectance = item.texture_layer.reflectance
+    variant = SurfaceVariant(
+        kind,
+        item.material.texture is not None,
+        maps=None if reflectance is None else _are_used(reflectance.maps),
+        second_coordinates=reflectance is not None and reflectance.second_coordinates,
+        light=item.light,
+        both_sides=item.material.double_sided and item.light.is_mapped,
+        has_probe=has_probe,
+    )
+    return variant.in_light(unlit)
 
 
 def variant_of_bucket(bucket: Bucket, unlit: bool) -> SurfaceVariant:
     """Variant that draws the clusters of a bucket; `unlit`: plain base colors."""
-    textured = bucket.array is not None
-    if unlit or bucket.unlit:
-        return SurfaceVariant(False, bucket.alpha_mode, textured, clustered=True, in_fog=not unlit)
     variant = SurfaceVariant(
-        True,
-        bucket.alpha_mode,
-        textured,
+        bucket.kind,
+        bucket.array is not None,
         bucket.shading,
         clustered=True,
+        maps=None if bucket.maps is None else _are_used(bucket.maps),
+        second_coordinates=bucket.second_coordinates,
         light=bucket.light,
         both_sides=bucket.double_sided and bucket.light.is_mapped,
     )
-    if bucket.maps is None:
-        return variant
-    return _reflective(variant, bucket.maps, bucket.second_coordinates)
+    return variant.in_light(unlit)
 
 
 def variant_of_blended(arrays: int, unlit: bool, items: Sequence[DrawItem]) -> SurfaceVariant:
     """Variant that draws all blended items, which use `arrays` texture arrays."""
     sources = {item.light for item in items}
     light = sources.pop() if len(sources) == 1 else LightSource.LIGHTMAP_OR_PROBES
-    return SurfaceVariant(
-        not unlit,
-        AlphaMode.BLEND,
+    variant = SurfaceVariant(
+        SurfaceKind.BLENDED,
         arrays > 0,
         clustered=True,
         blended_arrays=arrays,
-        in_fog=not unlit,
-        light=LightSource.COMPUTED if unlit else light,
-        both_sides=light.is_mapped and not unlit,
+        light=light,
+        both_sides=light.is_mapped,
     )
+    return variant.in_light(unlit)
+
+
+def _are_used(maps: Sequence[TextureArray | None]) -> tuple[bool, ...]:
+    return tuple(one is not None for one in maps)
 
 
 class SurfaceProgram(ItemProgram):
@@ -222,7 +243,7 @@ class SurfaceProgram(ItemProgram):
         shadows: shadow maps of its lights; None: no shadows.
 
     Attributes:
-        is_pane: see `SurfaceVariant`.
+        is_pane: draws panes of glass.
     """
 
     def __init__(
@@ -235,108 +256,71 @@ class SurfaceProgram(ItemProgram):
         files = "scene/surface.vert", "scene/surface.frag"
         program = build_program(context, *files, variant.defines(lighting, shadows))
         super().__init__(program)
-        self._shadows = shadows
-        self._shadow_viewpoint = find_uniform(program, "u_shadow_viewpoint")
-        self._probes_viewpoint = find_uniform(program, "u_probes_viewpoint")
-        self._light_rectangles = find_uniform(program, "u_light_rectangles")
-        self._baked = lighting.baked
+        self._shadows, self._lighting, self._state = shadows, lighting, GlState()
+        self._probes: Mapping[int, Floats32] = {}
+        self.is_pane = SurfaceKind.PANE in variant.kind
+        self.needs_item_details = variant.second_coordinates and not variant.clustered
+        self._light_positions_m = np.array([one.position_m for one in lighting.by_kind()[1]])
         if lighting.baked is not None:
             connect_baked_light(program, lighting.baked)
         if shadows is not None:
             shadows.connect(program)
-        self._is_textured, self.is_pane = variant.textured, variant.is_pane
-        self._state = GlState()
-        # the compiler removes both if ambient light alone is left
-        self._viewpoint_from_mesh = find_uniform(program, "u_viewpoint_from_mesh")
-        self._normal_from_mesh = find_uniform(program, "u_normal_from_mesh")
-        self._light_positions = find_uniform(program, "u_punctual_position")
-        self._light_positions_m = np.array([one.position_m for one in lighting.by_kind()[1]])
-        if variant.textured:
-            arrays = variant.blended_arrays or 1
-            units = 0 if arrays == 1 else tuple(range(arrays))
-            program["u_textures" if variant.clustered else "u_texture"] = units
-        self.needs_item_details = variant.second_coordinates and not variant.clustered
+        if (variant.blended_arrays or 0) > 1:
+            program["u_textures"] = tuple(range(variant.blended_arrays or 0))
         if variant.maps is not None:
             connect_material(program, variant.clustered)
             set_uniforms(program, _ENVIRONMENT_UNITS)
-        self._rig_from_world = find_uniform(program, "u_rig_from_world")
-        self._mirror_planes = find_uniform(program, "u_mirror_planes")
-        self._mirror = find_uniform(program, "u_mirror")
-        self._mirror_spread = find_uniform(program, "u_mirror_spread")
-        self._probe = find_uniform(program, "u_probe")
-        self._probes: Mapping[int, Floats32] = {}
-        self._glass = find_uniform(program, "u_glass")
-        self._glass_absorption = find_uniform(program, "u_glass_absorption_per_m")
-        self._slab_normal = find_uniform(program, "u_slab_normal")
-        if variant.is_planar_mirror:
+        if SurfaceKind.PLANAR_MIRROR in variant.kind:
             set_uniforms(program, MIRROR_UNITS)
         if lighting.fog is not None and variant.in_fog:
             write_fog(program, lighting.fog)
         if variant.computes_light:
             _write_lights(program, lighting)
             if lighting.environment is not None:
-                irradiance = lighting.environment.irradiance.astype(np.float32)
-                set_uniforms(program, {"u_irradiance": irradiance})
+                self.write("u_irradiance", lighting.environment.irradiance)
 
     def set_viewpoint(self, viewpoint_m: Floats) -> None:
         """Set the viewpoint (3,), world: positions of lights and shadow maps are relative to it."""
-        if self._light_positions is not None:
-            positions_m = self._light_positions_m - viewpoint_m
-            self._light_positions.write(positions_m.astype(np.float32))
-        if self._shadow_viewpoint is not None and self._shadows is not None:
-            offset_m = viewpoint_m - self._shadows.anchor_m
-            self._shadow_viewpoint.write(offset_m.astype(np.float32))
-        if self._probes_viewpoint is not None and self._baked is not None:
-            offset_m = viewpoint_m - self._baked.probes.origin_m
-            self._probes_viewpoint.write(offset_m.astype(np.float32))
+        if len(self._light_positions_m):
+            self.write("u_punctual_position", self._light_positions_m - viewpoint_m)
+        if self._shadows is not None:
+            self.write("u_shadow_viewpoint", viewpoint_m - self._shadows.anchor_m)
+        if self._lighting.baked is not None:
+            self.write("u_probes_viewpoint", viewpoint_m - self._lighting.baked.probes.origin_m)
 
     def set_mirrors(self, planes: Floats, plan: TilePlan, world_from_rig: Floats) -> None:
         """Set the planes (n, 4) of the mirrors of a rig's pose (4, 4): normals and heights."""
-        if self._rig_from_world is not None:
-            self._rig_from_world.write(columns_first(world_from_rig[:3, :3].T))
+        if "u_rig_from_world" in self._uniforms:
+            self.write("u_rig_from_world", columns_first(world_from_rig[:3, :3].T))
             bind_tiles(self.program, plan, np.eye(3))
-        if self._mirror_planes is not None:
-            padded = np.zeros((MAX_PLANES, 4), dtype=np.float32)
-            padded[: len(planes)] = planes
-            self._mirror_planes.write(padded)
+        padded = np.zeros((MAX_PLANES, 4), dtype=np.float32)
+        padded[: len(planes)] = planes
+        self.write("u_mirror_planes", padded)
 
     def set_mirror(self, plane: Floats) -> None:
         """Set the plane (5,) of a mirrored view: unit normal, viewpoint's height, facets' slope."""
-        if self._mirror is not None:
-            self._mirror.write(plane[:4].astype(np.float32))
-        if self._mirror_spread is not None:
-            self._mirror_spread.write(plane[4:].astype(np.float32))
+        self.write("u_mirror", plane[:4])
+        self.write("u_mirror_spread", plane[4:])
 
     def set_probes(self, probes: Mapping[int, Floats32]) -> None:
         """Set the probes (4,) of items, by their identity: center, viewpoint frame; and index."""
         self._probes = probes
 
-    def set_matrices(
-        self, clip_from_mesh: Floats32, viewpoint_from_mesh: Floats32, normal_from_mesh: Floats32
-    ) -> None:
-        """Set the matrices (4, 4) and (3, 3), column-major, for the next draw call."""
-        super().set_matrices(clip_from_mesh, viewpoint_from_mesh, normal_from_mesh)
-        if self._viewpoint_from_mesh is not None:
-            self._viewpoint_from_mesh.write(viewpoint_from_mesh)
-        if self._normal_from_mesh is not None:
-            self._normal_from_mesh.write(normal_from_mesh)
-
     def bind_material(self, item: DrawItem) -> None:
         """Bind an item's material for the next draw call."""
         super().bind_material(item)
-        if self._probe is not None:
-            self._probe.write(self._probes[id(item)])
-        if self._glass is not None and self._glass_absorption is not None:
-            self._glass.value = item.material.glass_transmission, item.material.ior
-            self._glass_absorption.value = item.material.absorption_per_m
-        if self._slab_normal is not None:
-            normal = normal_of_slabs(item.mesh) if item.material.is_slab else np.zeros(3)
-            self._slab_normal.write(normal.astype(np.float32))
-        if self._is_textured:
-            item.texture.use(0)
-        if self._light_rectangles is not None and item.light_rectangles:
-            sides = item.light_rectangles[: self._light_rectangles.array_length]
-            self._light_rectangles.write(np.array(sides, dtype=np.float32))
+        material = item.material
+        if "u_probe" in self._uniforms:
+            self.write("u_probe", self._probes[id(item)])
+        if "u_glass" in self._uniforms:
+            self.write("u_glass", (transmitted(material, SurfaceKind.GLASS), material.ior))
+            self.write("u_glass_absorption_per_m", material.absorption_per_m)
+        if "u_slab_normal" in self._uniforms:
+            is_slab = SurfaceKind.SLAB in item.kind
+            self.write("u_slab_normal", normal_of_slabs(item.mesh) if is_slab else np.zeros(3))
+        if "u_light_rectangles" in self._uniforms and item.light_rectangles:
+            sides = self._uniforms["u_light_rectangles"].array_length
+            self.write("u_light_rectangles", item.light_rectangles[:sides])
 
     def draw(self, array: moderngl.VertexArray, first: int, count: int, first_id: int) -> None:
         """Draw `count` indices of a vertex array from `first`; `first_id` is unused."""

@@ -36,8 +36,9 @@ from omnisim.rendering.opengl.world.triangle_table import (
 )
 from omnisim.scene.model import Instance, Scene
 from omnisim.scene.parts import LightRectangle
-from omnisim.scene.planar_mirrors import MirrorPlane, find_mirrors, is_clear_pane, is_planar_mirror
+from omnisim.scene.planar_mirrors import MirrorPlane, find_mirrors
 from omnisim.scene.reflection_probes import ProbePlace, find_probes
+from omnisim.scene.surface_kind import SurfaceKind, kind_of
 
 # Extensions of OpenGL 4.5 that are part of 4.6.
 _CALLS_OF_CLUSTERS = {"GL_ARB_indirect_parameters", "GL_ARB_shader_draw_parameters"}
@@ -114,20 +115,19 @@ class SceneBuffers:
         self._find_mirrors(np.ones(len(items), dtype=np.bool_))
 
     def _find_mirrors(self, possible: Bools) -> None:
-        """Find planar mirrors, panes and reflection probes among the possible items (n,)."""
+        """Find planar mirrors, panes and probes among the possible items (n,), which are drawn."""
         self.mirrors: tuple[MirrorPlane, ...] = ()
         self.pane_mirrors: tuple[MirrorPlane, ...] = ()
         self.probe_places: tuple[ProbePlace, ...] = ()
         if self._lighting.is_matte:
             return
-        numbers = np.flatnonzero(possible).tolist()
-        surfaces = {number: self.draw_items[number] for number in numbers}
-        self.mirrors = find_mirrors(surfaces, is_planar_mirror)
-        self.pane_mirrors = find_mirrors(surfaces, is_clear_pane)
         drawn = np.flatnonzero(self._is_drawn).tolist()
-        surfaces = {number: self.draw_items[number] for number in drawn}
+        surfaces = {number: self.draw_items[number].surface for number in drawn}
+        some = {number: surfaces[number] for number in np.flatnonzero(possible).tolist()}
+        self.mirrors = find_mirrors(some, SurfaceKind.PLANAR_MIRROR)
+        self.pane_mirrors = find_mirrors(some, SurfaceKind.PLANAR_PANE)
         planes = (*self.mirrors, *self.pane_mirrors)
-        self.probe_places = find_probes(surfaces, planes, set(numbers))[:MAX_PROBES]
+        self.probe_places = find_probes(surfaces, planes, some.keys())[:MAX_PROBES]
 
     def _set_items(self, items: Sequence[DrawItem]) -> None:
         self.draw_items = tuple(items)
@@ -205,7 +205,8 @@ class SceneBuffers:
         offsets = []
         for instance in added:
             mesh = scene.meshes[instance.mesh]
-            offsets.append(self._store.place(mesh, scene.materials[mesh.material].is_see_through))
+            is_sorted = bool(kind_of(scene.materials[mesh.material]) & SurfaceKind.SEE_THROUGH)
+            offsets.append(self._store.place(mesh, is_sorted))
         if self._store.is_overgrown:
             self._build(scene)
             return

@@ -15,6 +15,7 @@ from omnisim.rendering.opengl.culling.clusters import MAX_COPIED_TRIANGLES
 from omnisim.scene.model import Mesh, Scene
 from omnisim.scene.parts import LightRectangle
 from omnisim.scene.summary import memory_bytes
+from omnisim.scene.surface_kind import SurfaceKind, kind_of
 
 VERTEX = np.dtype(  # read word by word in shaders/scene/vertex_words.glsl
     [
@@ -86,7 +87,8 @@ def gpu_bytes(scene: Scene) -> int:
     triangles = np.array([len(mesh.triangles) for mesh in scene.meshes], dtype=np.int64)
     is_single = np.array(
         [
-            scene.materials[mesh.material].is_see_through or mesh.deformation is not None
+            bool(kind_of(scene.materials[mesh.material]) & SurfaceKind.SEE_THROUGH)
+            or mesh.deformation is not None
             for mesh in scene.meshes
         ],
         dtype=np.bool_,

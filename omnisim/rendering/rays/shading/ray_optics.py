@@ -23,7 +23,14 @@ from omnisim.core.arrays import AnyFloats, Bools, Floats, Floats32, Indices, Int
 from omnisim.core.random_numbers import pcg4d, uniform
 from omnisim.rendering.rays.caster import RayHits, Rays
 from omnisim.scene.model import Material
-from omnisim.scene.surface_reflectance import MAX_TRACED_ROUGHNESS, MIN_ROUGHNESS, smith_visibility
+from omnisim.scene.surface_kind import (
+    MAX_TRACED_ROUGHNESS,
+    NO_KIND,
+    SurfaceKind,
+    pane_transmission,
+    transmitted,
+)
+from omnisim.scene.surface_reflectance import MIN_ROUGHNESS, smith_visibility
 
 MAX_BOUNCES = 6  # reflections along a path; the next surface is shaded as if it were rough
 RAYS_PER_SAMPLE = 8  # at the first rough surface of a path; further bounces take one
@@ -335,7 +342,8 @@ class Glass(NamedTuple):
     @classmethod
     def of(cls, materials: list[Material], is_matte: bool) -> Glass:
         """Glass parameters of materials, one per surface; none if all are shown as matte."""
-        shares = np.array([0.0 if is_matte else one.refracted_transmission for one in materials])
+        asked = NO_KIND if is_matte else SurfaceKind.REFRACTING
+        shares = np.array([transmitted(one, asked) for one in materials])
         ior = np.array([one.ior for one in materials])
         spreads = np.array([_SPREAD * one.dispersion for one in materials]) * (ior - 1.0)
         absorption = np.array([one.absorption_per_m for one in materials]).reshape(-1, 3)
@@ -409,7 +417,7 @@ class Panes(NamedTuple):
     @classmethod
     def of(cls, materials: list[Material]) -> Panes:
         """Pane parameters of materials, one per surface; metal transmits nothing."""
-        shares = [material.pane_transmission for material in materials]
+        shares = [pane_transmission(material) for material in materials]
         depths = np.array([material.optical_depths for material in materials]).reshape(-1, 3)
         return cls(np.array(shares), np.array([material.ior for material in materials]), depths)
 

@@ -39,12 +39,17 @@ class SurfaceValues(NamedTuple):
 
 
 class SurfaceTable:
-    """Material factors of all surfaces, and the tables of their maps, as in `Material.maps`."""
+    """Material factors of all surfaces, and the tables of their maps, as in `Material.maps`.
 
-    def __init__(self, surfaces: Sequence[Surface], is_matte: bool):
+    Args:
+        surfaces: all surfaces.
+        is_matte: (surfaces,) mask of surfaces without gloss, metal, maps and emission.
+    """
+
+    def __init__(self, surfaces: Sequence[Surface], is_matte: Bools):
         materials = [surface.material for surface in surfaces]
-        self.is_matte = np.array([is_matte or one.is_matte for one in materials], dtype=np.bool_)
-        shown = [] if self.is_matte.all() else surfaces
+        self.is_matte = is_matte
+        shown = [] if is_matte.all() else surfaces
         self.maps = tuple(TextureTable(shown, _map_of(slot)) for slot in range(7))
 
         def column(values: Sequence[object]) -> Floats32:

@@ -19,7 +19,7 @@ from omnisim.core.files.sources import note_file, read_source
 from omnisim.scene.formats.imported_scene import Omissions
 from omnisim.scene.formats.resources import AssetResolver
 from omnisim.scene.parts import AlphaMode, Material, Texture, Wrap
-from omnisim.scene.surface_reflectance import MAX_PANE_ROUGHNESS
+from omnisim.scene.surface_kind import MAX_PANE_ROUGHNESS
 from omnisim.scene.textures import TextureStore, unreadable_image
 
 _PREVIEW = ("UsdPreviewSurface", "ND_UsdPreviewSurface_surfaceshader")
@@ -105,7 +105,7 @@ class _PreviewSurface:
         is_plain &= not diffuse.primvar
         is_smooth = material.metallic == 0.0 and material.roughness <= MAX_PANE_ROUGHNESS
         is_faded = str(self._inputs.get("opacityMode").value or "transparent") == "presence"
-        if material.is_blended and is_plain and is_smooth and not is_faded:
+        if material.alpha_mode is AlphaMode.BLEND and is_plain and is_smooth and not is_faded:
             material = _pane(material)
         return Appearance(material, self._uv, diffuse.primvar, opacity.primvar)
 

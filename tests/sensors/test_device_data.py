@@ -5,10 +5,11 @@ import pytest
 
 from omnisim.core.errors import RobotFileError
 from omnisim.core.extras import EXTRAS
+from omnisim.rendering.reflection_kinds import specular_notes
 from omnisim.robots.vehicle import Vehicle
 from omnisim.scene.model import Lighting, Material
 from omnisim.sensors import DepthCamera, LaserScanner, SpinningLidar
-from omnisim.sensors.specular_keys import specular_notes, stated_parameters
+from omnisim.sensors.device_data import stated_parameters
 from omnisim.validation.material_chart import sphere
 from tests.scenes import scene_of, square
 
