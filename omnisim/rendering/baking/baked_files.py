@@ -27,8 +27,7 @@ from omnisim.rendering.baking.bake import (
 from omnisim.rendering.baking.lightmap_atlas import Unwrapping
 from omnisim.rendering.baking.patches import NEIGHBORS, Patches
 from omnisim.rendering.baking.settings import BakeSettings
-from omnisim.scene.light.baked import baked_fingerprint
-from omnisim.scene.light.lit_scene import without_even_light
+from omnisim.scene.light.baked import baked_fingerprint, without_even_light
 from omnisim.scene.model import Scene
 
 VERSION = 1

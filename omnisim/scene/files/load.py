@@ -17,6 +17,7 @@ from omnisim.core.files.sources import recorded_sources, source_digest
 from omnisim.scene.files.extension import (
     changes_light,
     extend,
+    lit_scene,
     load_objects,
     with_materials,
     with_moving_instances,
@@ -31,7 +32,7 @@ from omnisim.scene.formats.imported_scene import FileAxes, ImportedScene, place
 from omnisim.scene.labels import label_rules
 from omnisim.scene.light.light_tables import SkyTable
 from omnisim.scene.light.lighting import DEFAULT_BACKGROUND, expose, with_environment
-from omnisim.scene.light.lit_scene import lit_scene
+from omnisim.scene.light.sky import with_sky
 from omnisim.scene.model import (
     MAX_LIGHTS,
     ColorBand,
@@ -195,10 +196,9 @@ def _lit(scene: Scene, files: SceneSource, folder: Path) -> Scene:
     assert given is not None
     with recorded_sources() as sources:
         lit = lit_scene(scene, files.settings)
-        if files.settings.sky is not None:
-            from omnisim.scene.light.sky import with_sky  # reads images, slow to import
-
-            lit = with_sky(lit, files.settings, str(files.toml or files.mesh_file), folder)
+        if (sky := files.settings.sky) is not None:
+            light, sun = files.settings.light, files.settings.sun
+            lit = with_sky(lit, sky, light, sun, str(files.toml or files.mesh_file), folder)
     keys = _light_keys(files.settings)
     if not keys:
         return lit.identified(given)

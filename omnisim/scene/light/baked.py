@@ -24,8 +24,7 @@ from omnisim.core.files.number_files import read_arrays
 from omnisim.core.files.parameters import Point, Positive, Table, parse_table
 from omnisim.core.files.sources import read_source
 from omnisim.scene.light.baked_light import FACTORS, MAX_HALF, BakedLight, Probes
-from omnisim.scene.light.lighting import background_light
-from omnisim.scene.light.lit_scene import without_even_light
+from omnisim.scene.light.lighting import DEFAULT_LIGHTING, background_light, is_bright
 from omnisim.scene.model import Mesh, Scene
 from omnisim.scene.parts import LightRectangle
 
@@ -100,6 +99,20 @@ def with_baked_light(scene: Scene, folder: Path) -> Scene:
         ),
         lighting=dataclasses.replace(lighting, baked=baked),
     )
+
+
+def without_even_light(scene: Scene) -> Scene:
+    """Scene lit by its emissive surfaces alone, if it has no lamps and they are bright.
+
+    A background brighter than white counts too: it is the sky outside.
+    """
+    lighting = scene.lighting
+    is_even = lighting.lights is DEFAULT_LIGHTING.lights and not lighting.is_matte
+    if not (is_even and any(map(is_bright, scene.materials))):
+        return scene
+    sky = background_light(scene.background)
+    shone = dataclasses.replace(lighting, lights=(), ambient=sky)
+    return dataclasses.replace(scene, lighting=shone)
 
 
 def _advice(scene: Scene, folder: Path, more: str = "") -> str:

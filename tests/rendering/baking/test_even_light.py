@@ -6,9 +6,8 @@ import pytest
 
 from omnisim import load_scene
 from omnisim.rendering.baking.settings import emission_notes
-from omnisim.scene.light.baked import baked_fingerprint
+from omnisim.scene.light.baked import baked_fingerprint, without_even_light
 from omnisim.scene.light.lighting import DEFAULT_LIGHTING
-from omnisim.scene.light.lit_scene import without_even_light
 from omnisim.scene.model import Lighting, Material
 from tests.scenes import scene_of, square
 
