@@ -10,7 +10,7 @@ import dataclasses
 import hashlib
 import json
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from enum import Enum
 from pathlib import Path
@@ -21,11 +21,31 @@ import numpy as np
 VERSION = 1  # version of the record; a new one gives new digests
 
 
-class Sources:
-    """Files read within a `recorded_sources` block."""
+class SourceReader:
+    """Reader of input files that remembers the digest of each."""
 
     def __init__(self) -> None:
         self._digests: dict[Path, str] = {}
+
+    def read(self, path: Path) -> bytes:
+        """Content of a file.
+
+        Raises:
+            OSError: the file cannot be read.
+        """
+        data = path.read_bytes()
+        self.add(path, hashlib.sha256(data).hexdigest())
+        return data
+
+    def note(self, path: Path) -> Path:
+        """Path of a file that a library reads itself, which reports one that cannot be read."""
+        with suppress(OSError), path.open("rb") as file:
+            self.add(path, hashlib.file_digest(file, "sha256").hexdigest())
+        return path
+
+    def note_table(self, path: Path, table: Mapping[str, Any]) -> None:
+        """Remember a file by its keys and values; comments and layout do not count."""
+        self.add(path, source_digest(table))
 
     def digest(self, root: Path) -> str:
         """SHA-256 (64 hexadecimal digits) of all files, by their paths relative to a folder.
@@ -38,22 +58,22 @@ class Sources:
         return source_digest(VERSION, files)
 
     def add(self, path: Path, digest: str) -> None:
-        """Add a file; only the first digest of a path counts."""
+        """Remember a file; only the first digest of a path counts."""
         self._digests.setdefault(path.absolute(), digest)
 
-    def update(self, other: Sources) -> None:
-        """Add the files of another record."""
+    def update(self, other: SourceReader) -> None:
+        """Remember the files of another reader."""
         for path, digest in other._digests.items():
             self.add(path, digest)
 
 
-_recorder: ContextVar[Sources | None] = ContextVar("recorder", default=None)
+_recorder: ContextVar[SourceReader | None] = ContextVar("recorder", default=None)
 
 
 @contextmanager
-def recorded_sources() -> Iterator[Sources]:
+def recorded_sources() -> Iterator[SourceReader]:
     """Record the files that are read within the block; an enclosing block records them, too."""
-    sources, outer = Sources(), _recorder.get()
+    sources, outer = SourceReader(), _recorder.get()
     token = _recorder.set(sources)
     try:
         yield sources
@@ -69,9 +89,7 @@ def read_source(path: Path) -> bytes:
     Raises:
         OSError: the file cannot be read.
     """
-    data = path.read_bytes()
-    note_bytes(path, data)
-    return data
+    return (_recorder.get() or SourceReader()).read(path)
 
 
 def note_bytes(path: Path, data: bytes) -> None:
@@ -85,14 +103,10 @@ def note_file(path: Path) -> None:
     """Record a file that a library reads itself; does nothing if it cannot be read."""
     recorder = _recorder.get()
     if recorder is not None:
-        try:
-            with path.open("rb") as file:
-                recorder.add(path, hashlib.file_digest(file, "sha256").hexdigest())
-        except OSError:  # the library reports it
-            return
+        recorder.note(path)
 
 
-def note_sources(sources: Sources) -> None:
+def note_sources(sources: SourceReader) -> None:
     """Record the files that another process has read."""
     recorder = _recorder.get()
     if recorder is not None:
@@ -103,7 +117,7 @@ def note_table(path: Path, table: Mapping[str, Any]) -> None:
     """Record a file of keys and values; comments and layout do not count."""
     recorder = _recorder.get()
     if recorder is not None:
-        recorder.add(path, source_digest(table))
+        recorder.note_table(path, table)
 
 
 def source_digest(*parts: Any) -> str:

@@ -12,6 +12,7 @@ import numpy as np
 
 from omnisim.core.errors import PlanError
 from omnisim.core.files.parameters import parse_table
+from omnisim.core.files.sources import SourceReader
 from omnisim.datasets.generate.distributions import Shares
 from omnisim.datasets.generate.plan import VaryLightTable, VarySkyTable, VaryTable
 from omnisim.scene import Scene
@@ -86,7 +87,7 @@ def _under_sky(scene: Scene, sky: dict[str, Any], plan: Path) -> Scene:
     lighting = dataclasses.replace(scene.lighting, lights=tuple(lamps), environment=None)
     scene = dataclasses.replace(scene, lighting=lighting)
     table = parse_table(sky, SkyTable, PlanError, f"{plan}: vary", "sky")
-    return with_sky(scene, table, LightTable(), None, f"{plan}: vary", plan.parent)
+    return with_sky(scene, table, LightTable(), None, f"{plan}: vary", plan.parent, SourceReader())
 
 
 def _draw_lamps(table: VaryLightTable, count: int, stream: Shares) -> dict[str, Any]:

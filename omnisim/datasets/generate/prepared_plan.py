@@ -120,7 +120,7 @@ class PreparedPlan:
             source = self._scene_file(table)
             scene = read_scene(source, table.up_axis, table.meters_per_unit)
             # its own name would be the plan's path
-            scene = scene.altered("", name=table.title)
+            scene = scene.altered(name=table.title)
             if table.labels is not None:
                 rules = read_label_file(self.path.parent / table.labels)
                 scene = scene.altered(f"labels {rules}", labels=rules)
@@ -252,7 +252,7 @@ class PreparedPlan:
         scene = read_scene(
             self._scene_file(table), table.up_axis, table.meters_per_unit, animation="none"
         )
-        scene = scene.altered("", name=table.title)
+        scene = scene.altered(name=table.title)
         low, high = scene.bounds_m()
         return PlanObject(
             table.title,

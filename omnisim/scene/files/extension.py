@@ -13,6 +13,7 @@ import numpy as np
 
 from omnisim.core.arrays import Floats
 from omnisim.core.errors import SceneError, TrajectoryError, did_you_mean
+from omnisim.core.files.sources import SourceReader
 from omnisim.core.files.toml_file import find_beside
 from omnisim.core.poses import inverse, pose_from_rotation, rotation_from_yaw
 from omnisim.scene.files.scene_file import (
@@ -250,7 +251,7 @@ LoadShape = Callable[[Path, str | None, str | None], Scene]
 
 
 def load_objects(
-    tables: tuple[ObjectTable, ...], folder: Path, load_shape: LoadShape
+    tables: tuple[ObjectTable, ...], folder: Path, load_shape: LoadShape, reader: SourceReader
 ) -> tuple[DynamicObject, ...]:
     """Load the dynamic objects of a scene's TOML file.
 
@@ -258,23 +259,26 @@ def load_objects(
         tables: validated object tables.
         folder: folder of the TOML file, the base of relative paths.
         load_shape: loader for a mesh file or a scene TOML file.
+        reader: reader of their trajectories.
 
     Raises:
         SceneError: an object is invalid; names object, key, actual and expected value.
     """
-    return tuple(_load_object(table, folder, load_shape) for table in tables)
+    return tuple(_load_object(table, folder, load_shape, reader) for table in tables)
 
 
-def _load_object(table: ObjectTable, folder: Path, load_shape: LoadShape) -> DynamicObject:
+def _load_object(
+    table: ObjectTable, folder: Path, load_shape: LoadShape, reader: SourceReader
+) -> DynamicObject:
     where = f"object {table.name!r}"
     path = find_beside(folder, table.file, f"{where}: file", SceneError)
     # the name enters fingerprints, so it must not depend on this machine's paths
     shape = load_shape(path, table.up_axis, table.animation)
-    shape = shape.altered("", name=table.file)
+    shape = dataclasses.replace(shape, name=table.file)
     if shape.objects:
         raise SceneError(f"{where}: file = {table.file!r}: expected no [[objects]] in an object")
     try:
-        motion = _motion(table, folder)
+        motion = _motion(table, folder, reader)
     except TrajectoryError as reason:
         raise SceneError(f"{where}: {reason}") from None
     if table.rolling_radius_m is not None and not isinstance(motion, Rest):
@@ -282,7 +286,9 @@ def _load_object(table: ObjectTable, folder: Path, load_shape: LoadShape) -> Dyn
     return DynamicObject(table.name, shape, motion)
 
 
-def _motion(table: ObjectTable, folder: Path) -> Along | Orbit | Shuttle | Rest:
+def _motion(
+    table: ObjectTable, folder: Path, reader: SourceReader
+) -> Along | Orbit | Shuttle | Rest:
     match table.motion:
         case None:
             return table.build(Rest if table.mass_kg is None else FreeBody)
@@ -291,7 +297,7 @@ def _motion(table: ObjectTable, folder: Path) -> Along | Orbit | Shuttle | Rest:
         case ObjectTrajectoryTable() as along:
             from omnisim.core.trajectories import read_trajectory
 
-            return Along(read_trajectory(folder / along.file), along.repeats)
+            return Along(read_trajectory(reader.note(folder / along.file)), along.repeats)
         case Orbit() | Shuttle() as motion:
             return motion
         case other:

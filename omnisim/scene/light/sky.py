@@ -13,6 +13,7 @@ import numpy as np
 from omnisim.core.arrays import Floats, Floats32
 from omnisim.core.errors import OutputError, SceneError
 from omnisim.core.files.image_files import read_radiance
+from omnisim.core.files.sources import SourceReader
 from omnisim.core.files.toml_file import find_beside
 from omnisim.scene.light.environment import Environment, map_directions
 from omnisim.scene.light.light_tables import LightTable, SkyTable, SunTable
@@ -32,6 +33,7 @@ def with_sky(
     sun: SunTable | None,
     toml: str,
     folder: Path,
+    reader: SourceReader,
 ) -> Scene:
     """Scene with a sky in place of even light; its lamps stay on.
 
@@ -40,6 +42,7 @@ def with_sky(
         sky, light, sun: tables of the scene's TOML file; None: no sun.
         toml: path of the TOML file, for messages.
         folder: base folder of a map's path.
+        reader: reader of the map.
 
     Raises:
         SceneError: a map that cannot be read or is invalid, or a clear sky at night.
@@ -53,7 +56,8 @@ def with_sky(
     )
     if sky.file is not None:
         path = find_beside(folder, sky.file, f"{toml}: sky.file", SceneError)
-        lighting = _with_map(lighting, _turned(_read_map(path), sky.yaw_deg), sky.brightness)
+        radiance = _turned(_read_map(reader.note(path)), sky.yaw_deg)
+        lighting = _with_map(lighting, radiance, sky.brightness)
     elif sun is not None:
         lighting = _around_sun(lighting, sky, sun, light, toml)
     else:
