@@ -1,7 +1,10 @@
-"""Record of the input files that are read: identifies a result on any machine.
+"""Readers that remember the input files: their digest identifies a result on any machine.
 
 The last bits of computed numbers differ between processors. Identity is therefore a digest of the
 inputs: bytes of files, keys and values of tables, options.
+
+A scene's files go through a reader that its loader passes on. Files of cameras, which are nested in
+many ways, are remembered by `recorded_sources`.
 """
 
 from __future__ import annotations
@@ -72,7 +75,7 @@ _recorder: ContextVar[SourceReader | None] = ContextVar("recorder", default=None
 
 @contextmanager
 def recorded_sources() -> Iterator[SourceReader]:
-    """Record the files that are read within the block; an enclosing block records them, too."""
+    """Remember the files of cameras read within the block; an enclosing block does, too."""
     sources, outer = SourceReader(), _recorder.get()
     token = _recorder.set(sources)
     try:
@@ -81,15 +84,6 @@ def recorded_sources() -> Iterator[SourceReader]:
         _recorder.reset(token)
         if outer is not None:
             outer.update(sources)
-
-
-def read_source(path: Path) -> bytes:
-    """Read a file, and record it.
-
-    Raises:
-        OSError: the file cannot be read.
-    """
-    return (_recorder.get() or SourceReader()).read(path)
 
 
 def note_bytes(path: Path, data: bytes) -> None:
@@ -104,13 +98,6 @@ def note_file(path: Path) -> None:
     recorder = _recorder.get()
     if recorder is not None:
         recorder.note(path)
-
-
-def note_sources(sources: SourceReader) -> None:
-    """Record the files that another process has read."""
-    recorder = _recorder.get()
-    if recorder is not None:
-        recorder.update(sources)
 
 
 def note_table(path: Path, table: Mapping[str, Any]) -> None:

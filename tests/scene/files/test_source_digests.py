@@ -8,7 +8,7 @@ import pytest
 import trimesh
 from PIL import Image
 
-from omnisim.core.files.sources import fingerprint
+from omnisim.core.files.sources import SourceReader, fingerprint
 from omnisim.scene import read_scene
 from omnisim.scene.model import Scene
 from tests.scenes import room, scene_of
@@ -187,3 +187,30 @@ def test_arrays_are_known_by_themselves():
     other = scene_of([dataclasses.replace(room(), positions=moved)])
     assert other.identity.content != scene_of([room()]).identity.content
     assert other.identity.light != scene_of([room()]).identity.light
+
+
+def test_earlier_versions_identify_a_scene_in_the_same_way(tmp_path):
+    """Runs, data sets and bakes store these digests: with others they would begin anew."""
+    (tmp_path / "a.obj").write_text(QUAD)
+    (tmp_path / "a.mtl").write_text("newmtl a\nKd 1 1 1\n")
+    (tmp_path / "scene.toml").write_text(
+        'file = "a.obj"\n[start]\nposition_m = [0.0, 0.0, 1.0]\n[sky]\nturbidity = 4.0\n'
+        '[[materials]]\nnames = ["a"]\nbase_color = [0.5, 0.0, 0.0]\n'
+    )
+    scene = read_scene(tmp_path / "scene.toml")
+    assert dataclasses.astuple(scene.identity) == (
+        "050c8b1f99210a7bd8360264e83ffe2cf7dffebf589bf6de977a09791cc2e861",
+        "acee9e49a64da4d93ade69c1d56fb0b0f486db593e7a9b90443355c902cc640d",
+    )
+    assert fingerprint(scene) == "a05a08b8e39b1aa4"
+    edited = scene.moved(scene.instance_names[0], np.eye(4)).at_start()
+    assert fingerprint(edited) == "7a3c21ca757a4c72"
+
+
+def test_a_reader_of_more_remembers_the_files_of_a_scene(tmp_path):
+    reader, own = SourceReader(), SourceReader()
+    scene = read_scene(_obj(tmp_path), reader=reader)
+    for file in ("a.obj", "a.mtl", "maps/a.png"):
+        own.note(tmp_path / file)
+    assert reader.digest(tmp_path) == own.digest(tmp_path)
+    assert scene.identity == read_scene(tmp_path / "a.obj").identity
