@@ -78,10 +78,6 @@ DRAWING = {
         "validation.checks.polygons",
     )
 }
-# Pairs of folders that import each other still; the list may only shrink.
-KNOWN_CIRCLES = {
-    ("scene.files", "scene.light"),
-}
 MODULES = {
     ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts).removesuffix(".__init__"): path
     for path in sorted(PACKAGE.rglob("*.py"))
@@ -210,7 +206,7 @@ def test_no_two_folders_import_each_other():
         for folder, other in arrows
         if folder < other and (other, folder) in arrows and not _is_within(other, folder)
     }
-    assert circles == KNOWN_CIRCLES
+    assert circles == set()
 
 
 @pytest.mark.parametrize("side", ["opengl", "rays", "baking", "truth", "contract", "pixel_rays"])

@@ -1,4 +1,4 @@
-"""Light of a scene: from the tables of its TOML file, or of emissive surfaces instead of lamps."""
+"""Sky of a scene: an environment map from a file, or a clear sky, with the table's brightness."""
 
 from __future__ import annotations
 
@@ -6,120 +6,19 @@ import math
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from omnisim.core.arrays import Floats, Floats32
 from omnisim.core.errors import OutputError, SceneError
 from omnisim.core.files.image_files import read_radiance
+from omnisim.core.files.sources import SourceReader
 from omnisim.core.files.toml_file import find_beside
-from omnisim.scene.files.scene_file import SceneFile
 from omnisim.scene.light.environment import Environment, map_directions
-from omnisim.scene.light.light_tables import LampTable, LightTable, SkyTable, SunTable
-from omnisim.scene.light.lighting import (
-    DEFAULT_LIGHTING,
-    FILL_AMBIENT,
-    background_light,
-    expose,
-    is_even,
-)
-from omnisim.scene.model import Fog, Light, Lighting, LightKind, Material, Scene
-
-# Contrast that remains at the visibility distance.
-# Source: WMO, "Guide to Instruments and Methods of Observation", 2018, section 9.1.
-_VISIBLE_CONTRAST = 0.05
-
-
-def lit_scene(scene: Scene, settings: SceneFile) -> Scene:
-    """Scene with the light and fog of its TOML file.
-
-    Lamps added to a base scene with a sky use the base scene's exposure.
-    """
-    table, lighting = settings.light, scene.lighting
-    lamps = [_lamp(one) for one in settings.lamps]
-    if (sun := settings.sun) is not None:
-        position = sun_position(sun.time, sun.latitude_deg, sun.longitude_deg)
-        if position.elevation_deg > 0.0:
-            lamps.append(
-                sun.build(
-                    Light,
-                    kind=LightKind.DIRECTIONAL,
-                    intensity=sun.illuminance_lx or sun_illuminance_lx(position.elevation_deg),
-                    direction=position.direction(sun.north_deg),
-                    casts_shadow=sun.shadows,
-                )
-            )
-    if lamps:
-        lighting = _with_lamps(scene, tuple(lamps))
-        if settings.extends is not None and scene.lighting.environment is not None:
-            lighting = replace(lighting, exposure=scene.lighting.exposure)
-    elif sun is not None and is_even(lighting):
-        lighting = replace(lighting, lights=(), ambient=FILL_AMBIENT)  # the sun is down
-    if table.shadows is not None and not is_even(lighting):
-        lighting = lighting.with_shadows(table.shadows)
-    if table.ambient is not None:
-        if not any(table.ambient) and is_even(lighting):
-            lighting = replace(lighting, lights=())
-        lighting = replace(lighting, ambient=table.ambient)
-    if table.exposure is not None:
-        if settings.extends is not None and lighting.environment is not None:
-            lighting = replace(
-                lighting,
-                environment=lighting.environment.scaled(table.exposure / lighting.exposure),
-            )
-        lighting = replace(lighting, exposure=table.exposure)
-    if (fog := settings.fog) is not None:
-        others = {}
-        if fog.visibility_m is not None:
-            others["attenuation_per_m"] = (-math.log(_VISIBLE_CONTRAST) / fog.visibility_m,) * 3
-        lighting = replace(lighting, fog=fog.build(Fog, **others))
-    return scene if lighting is scene.lighting else replace(scene, lighting=lighting)
-
-
-def _with_lamps(scene: Scene, lamps: tuple[Light, ...]) -> Lighting:
-    """Lighting of a scene with additional lamps, which replace even light."""
-    before = scene.lighting
-    was_even = is_even(before)
-    own = () if was_even else before.lights
-    lit = scene if scene.instances else scene.at_start()  # if it has only dynamic objects
-    exposed = expose((*own, *lamps), lit.meshes, lit.instances)
-    ambient = exposed.ambient if was_even else before.ambient
-    return replace(before, lights=exposed.lights, exposure=exposed.exposure, ambient=ambient)
-
-
-def _lamp(table: LampTable) -> Light:
-    others: dict[str, Any] = {"casts_shadow": table.shadows}
-    if table.position_m is not None:
-        others["position_m"] = np.array(table.position_m)
-    if table.direction is not None:
-        others["direction"] = np.array(table.direction) / np.linalg.norm(table.direction)
-    if table.kind is LightKind.SPOT:
-        inner = math.radians(table.inner_deg or 0.0)
-        outer = math.radians(45.0 if table.outer_deg is None else table.outer_deg)
-        others["cone_cosines"] = (math.cos(inner), math.cos(outer))
-    return table.build(Light, **others)
-
-
-def without_even_light(scene: Scene) -> Scene:
-    """Scene lit by its emissive surfaces alone, if it has no lamps and they are bright.
-
-    A background brighter than white counts too: it is the sky outside.
-    """
-    lighting = scene.lighting
-    has_even_light = lighting.lights is DEFAULT_LIGHTING.lights and not lighting.is_matte
-    if not (has_even_light and any(map(is_bright, scene.materials))):
-        return scene
-    sky = background_light(scene.background)
-    return replace(scene, lighting=replace(lighting, lights=(), ambient=sky))
-
-
-def is_bright(material: Material) -> bool:
-    """True for emission brighter than white: a lamp's tubes, but not a screen."""
-    return not material.unlit and max(material.emissive) > 1.0
-
-
-# Sky of a scene: an environment map from a file, or a clear sky, with the table's brightness.
+from omnisim.scene.light.light_tables import LightTable, SkyTable, SunTable
+from omnisim.scene.light.lighting import is_even
+from omnisim.scene.model import Light, Lighting, LightKind, Scene
 
 MAX_ROWS = 4096
 SUFFIXES = ".hdr", ".exr"
@@ -127,37 +26,42 @@ _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # weights of linear sRGB, Rec. 
 _UP = np.array([[0.0, 0.0, 1.0]])
 
 
-def with_sky(scene: Scene, settings: SceneFile, toml: str, folder: Path) -> Scene:
-    """Scene with the sky of its TOML file in place of even light; its lamps stay on.
+def with_sky(
+    scene: Scene,
+    sky: SkyTable,
+    light: LightTable,
+    sun: SunTable | None,
+    toml: str,
+    folder: Path,
+    reader: SourceReader,
+) -> Scene:
+    """Scene with a sky in place of even light; its lamps stay on.
 
     Args:
         scene: scene without the sky.
-        settings: settings of the TOML file.
+        sky, light, sun: tables of the scene's TOML file; None: no sun.
         toml: path of the TOML file, for messages.
         folder: base folder of a map's path.
+        reader: reader of the map.
 
     Raises:
         SceneError: a map that cannot be read or is invalid, or a clear sky at night.
     """
-    table, before = settings.sky, scene.lighting
-    if table is None:
-        return scene
-    was_even = is_even(before)
+    before = scene.lighting
     lighting = replace(
         before,
-        ambient=settings.light.ambient or (0.0, 0.0, 0.0),
-        lights=() if was_even else before.lights,
+        ambient=light.ambient or (0.0, 0.0, 0.0),
+        lights=() if is_even(before) else before.lights,
         baked=None,
     )
-    if table.file is not None:
-        path = find_beside(folder, table.file, f"{toml}: sky.file", SceneError)
-        radiance = _read_map(path)
-        columns = round(-table.yaw_deg / 360.0 * radiance.shape[1])
-        lighting = _with_map(lighting, np.roll(radiance, columns, axis=1), table.brightness)
-    elif settings.sun is not None:
-        lighting = _around_sun(lighting, table, settings.sun, settings.light, toml)
+    if sky.file is not None:
+        path = find_beside(folder, sky.file, f"{toml}: sky.file", SceneError)
+        radiance = _turned(_read_map(reader.note(path)), sky.yaw_deg)
+        lighting = _with_map(lighting, radiance, sky.brightness)
+    elif sun is not None:
+        lighting = _around_sun(lighting, sky, sun, light, toml)
     else:
-        lighting = _with_own_sun(lighting, table, settings.light)
+        lighting = _with_own_sun(lighting, sky, light)
     return replace(scene, lighting=lighting)
 
 
@@ -182,8 +86,7 @@ def _with_own_sun(lighting: Lighting, table: SkyTable, light_table: LightTable) 
 
     Without other lamps, the exposure is that of the sun in lux.
     """
-    position = SunPosition(table.sun_elevation_deg, -table.sun_azimuth_deg)
-    toward_sun = -position.direction(0.0)
+    toward_sun = _direction(table.sun_azimuth_deg, table.sun_elevation_deg)
     radiance = clear_sky(toward_sun, table.turbidity)
     light = sun_illuminance(toward_sun, table.turbidity)
     level = float(_LUMINANCE @ light) * toward_sun[2] / math.pi
@@ -241,6 +144,18 @@ def _read_map(path: Path) -> Floats32:
     if not (np.isfinite(pixels).all() and (pixels >= 0.0).all()):
         raise SceneError(f"{path}: expected finite radiance of at least 0")
     return pixels
+
+
+def _turned(radiance: Floats32, yaw_deg: float) -> Floats32:
+    """Map (height, width, 3), rotated counter-clockwise seen from above, by whole columns."""
+    columns = round(-yaw_deg / 360.0 * radiance.shape[1])
+    return np.roll(radiance, columns, axis=1)
+
+
+def _direction(azimuth_deg: float, elevation_deg: float) -> Floats:
+    azimuth, elevation = math.radians(azimuth_deg), math.radians(elevation_deg)
+    level = math.cos(elevation)
+    return np.array([level * math.cos(azimuth), level * math.sin(azimuth), math.sin(elevation)])
 
 
 # Radiance of a clear sky.
