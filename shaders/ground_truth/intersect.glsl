@@ -12,9 +12,16 @@
 #include "ground_truth/triangle.glsl"
 
 const uint NO_TRIANGLE = 0xFFFFFFFFu;
-// Steps to adjacent triangles after a miss; and many in a second search, if the ray hits nothing:
-// between a texel's triangle and the ray's may lie a number that are too narrow for any texel.
-const uint FEW_STEPS = 3u, MANY_STEPS = 64u;
+// Steps to adjacent triangles after a miss.
+const uint FEW_STEPS = 3u;
+// Those of a second search, if the ray hits nothing: between a texel's triangle and the ray's may
+// lie many that are too narrow for any texel. With GUESS there is none: the texel may be the wrong
+// one, and such a ray remains undecided.
+#ifdef GUESS
+const uint MANY_STEPS = FEW_STEPS;
+#else
+const uint MANY_STEPS = 64u;
+#endif
 // The search does not continue from a triangle whose plane is farther than this times the hit.
 const float FARTHER = 1.1;
 #define INFINITE uintBitsToFloat(0x7F800000u)  // some compilers lack it as a constant
