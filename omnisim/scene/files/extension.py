@@ -250,26 +250,20 @@ def _lit_properties(material: Material) -> tuple[Any, ...]:
 LoadShape = Callable[[Path, str | None, str | None], Scene]
 
 
-def load_objects(
-    tables: tuple[ObjectTable, ...], folder: Path, load_shape: LoadShape, reader: SourceReader
-) -> tuple[DynamicObject, ...]:
-    """Load the dynamic objects of a scene's TOML file.
-
-    Args:
-        tables: validated object tables.
-        folder: folder of the TOML file, the base of relative paths.
-        load_shape: loader for a mesh file or a scene TOML file.
-        reader: reader of their trajectories.
-
-    Raises:
-        SceneError: an object is invalid; names object, key, actual and expected value.
-    """
-    return tuple(_load_object(table, folder, load_shape, reader) for table in tables)
-
-
-def _load_object(
+def load_object(
     table: ObjectTable, folder: Path, load_shape: LoadShape, reader: SourceReader
 ) -> DynamicObject:
+    """Load a dynamic object of a scene's TOML file.
+
+    Args:
+        table: validated table.
+        folder: folder of the TOML file, the base of relative paths.
+        load_shape: loader for a mesh file or a scene TOML file.
+        reader: reader of its trajectory.
+
+    Raises:
+        SceneError: it is invalid; names object, key, actual and expected value.
+    """
     where = f"object {table.name!r}"
     path = find_beside(folder, table.file, f"{where}: file", SceneError)
     # the name enters fingerprints, so it must not depend on this machine's paths

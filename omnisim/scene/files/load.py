@@ -18,14 +18,20 @@ from omnisim.scene.files.extension import (
     changes_light,
     extend,
     lit_scene,
-    load_objects,
+    load_object,
     with_materials,
     with_moving_instances,
     with_objects,
 )
 from omnisim.scene.files.readers import check_format, read_file
-from omnisim.scene.files.scene_file import SceneFile
-from omnisim.scene.files.source import NO_SKY, SceneSource, resolve_source, shining_sun, sky_table
+from omnisim.scene.files.scene_file import (
+    NO_SKY,
+    SceneFile,
+    SceneSource,
+    resolve_source,
+    shining_sun,
+    sky_table,
+)
 from omnisim.scene.formats.gltf.nodes import NO_ANIMATION, AnimationChoice
 from omnisim.scene.formats.imported_scene import FileAxes, ImportedScene, place
 from omnisim.scene.identity import identity_of_files
@@ -191,7 +197,9 @@ def _build(
         return _build(_resolve(path, reader), shape, reader, outer).scene
 
     try:
-        objects = load_objects(files.settings.objects, files.folder, load_shape, reader)
+        objects = tuple(
+            load_object(table, files.folder, load_shape, reader) for table in files.settings.objects
+        )
     except SceneError as reason:
         raise SceneError(f"{files.toml}: {reason}") from None
     scene = with_objects(scene, objects, str(files.toml))

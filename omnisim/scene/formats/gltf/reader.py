@@ -234,9 +234,9 @@ class _Meshes:
                 continue
             new_mesh, center = make_mesh(
                 self._unique(name),
+                material,
                 positions,
                 triangles,
-                material,
                 normals=primitive.attribute("NORMAL"),
                 texture_coordinates=self._materials.uv(primitive, material),
                 colors=None if colors is None else colors_rgba(colors, 1.0),

@@ -420,11 +420,9 @@ def deformed(
         return static
     meshes, instances = list(static.meshes), list(static.instances)
     for index, one in enumerate(soft, len(instances) - len(soft)):
-        number, (positions, triangles, normals) = instances[index].mesh, one.mapped.surface
-        mesh, center = make_mesh(
-            one.name, positions, triangles, meshes[number].material, normals,
-            one.mapped.texture_coordinates,
-        )  # fmt: skip
+        number, mapped = instances[index].mesh, one.mapped
+        material, uv = meshes[number].material, mapped.texture_coordinates
+        mesh, center = make_mesh(one.name, material, *mapped.surface, uv)
         meshes[number] = mesh
         instances[index] = Instance(one.name, number, translate(np.eye(4), center), np.eye(4))
     return replace(static, meshes=tuple(meshes), instances=tuple(instances))

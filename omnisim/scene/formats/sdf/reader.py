@@ -119,8 +119,6 @@ class _Reader:
             *self._library.notices, *unread, *self._omissions.notices, *self._files.notices,
             *self._cameras.notices,
         ]  # fmt: skip
-        if not self._instances:
-            raise SceneError("; ".join(["has no triangles to draw", *notices[:1]]))
         return ImportedScene(
             tuple(self._meshes),
             tuple(self._materials.materials),
@@ -213,10 +211,7 @@ class _Reader:
     def _place(self, shape: Shape, material: int, file_from_visual: Floats, name: str) -> None:
         key = id(shape), material
         if key not in self._made:
-            surface = shape.surface
-            mesh, center = make_mesh(
-                name, surface.positions, surface.triangles, material, surface.normals, shape.uv
-            )
+            mesh, center = make_mesh(name, material, *shape.surface, shape.uv)
             self._made[key] = len(self._meshes), center
             self._meshes.append(mesh)
         index, center = self._made[key]

@@ -125,10 +125,7 @@ class _Reader:
         if is_mesh:
             self._read_mesh(shape, material, pose, name)
             return
-        surface = _surface(shape)
-        mesh, center = make_mesh(
-            name, surface.positions, surface.triangles, material or 0, surface.normals
-        )
+        mesh, center = make_mesh(name, material or 0, *_surface(shape))
         self._meshes.append(mesh)
         place = translate(pose, center)
         self._instances.append(Instance(name, len(self._meshes) - 1, place, pose))

@@ -116,9 +116,6 @@ class _Reader:
         read.notices.extend(self._notices.notices)
         read.notices.extend(part_notices("usd", stage_parts(self._stage, self._time)))
         read.notices.extend(self._cameras.notices)
-        if not instances:
-            reasons = "".join(f"; {notice}" for notice in read.notices[:1])
-            raise SceneError(f"has no triangles to draw{reasons}")
         for layer in self._stage.GetUsedLayers():
             if layer.realPath:
                 self._reader.note(Path(Ar.SplitPackageRelativePathOuter(layer.realPath)[0]))
