@@ -315,8 +315,18 @@ def read_light(element: XmlElement, world_from_light: Floats, omissions: Omissio
     casts_shadow = element.flag("cast_shadows") and kind is not LightKind.POINT
     if kind is LightKind.DIRECTIONAL:
         return Light(kind, color, intensity, direction=axis, casts_shadow=casts_shadow)
-    range_m = element.positive("attenuation/range", 10.0)
-    candela, cones = intensity * _candela(element, range_m, omissions), (1.0, 0.0)
+    range_m, cones = element.positive("attenuation/range", 10.0), (1.0, 0.0)
+    constant, linear, quadratic = (
+        max(element.number(f"attenuation/{key}", default), 0.0)
+        for key, default in (("constant", 1.0), ("linear", 1.0), ("quadratic", 0.0))
+    )
+    if constant == linear == 0.0 and quadratic > 0.0:
+        candela = intensity * (1.0 / quadratic)
+    else:
+        omissions.count(_ATTENUATION, "light")
+        distance = min(0.25 * range_m, _REFERENCE_M)
+        falloff = constant + linear * distance + quadratic * distance**2
+        candela = intensity * (distance**2 / max(falloff, 1e-3))
     if kind is LightKind.SPOT:  # the file states full angles
         outer = min(max(element.number("spot/outer_angle", 0.0), 1e-3), math.pi)
         inner = min(max(element.number("spot/inner_angle", 0.0), 0.0), outer)
@@ -331,17 +341,3 @@ def read_light(element: XmlElement, world_from_light: Floats, omissions: Omissio
         casts_shadow=casts_shadow,
         cone_cosines=cones,
     )
-
-
-def _candela(element: XmlElement, range_m: float, omissions: Omissions) -> float:
-    """Luminous intensity, cd, of a light with intensity 1."""
-    constant, linear, quadratic = (
-        max(element.number(f"attenuation/{key}", default), 0.0)
-        for key, default in (("constant", 1.0), ("linear", 1.0), ("quadratic", 0.0))
-    )
-    if constant == linear == 0.0 and quadratic > 0.0:
-        return 1.0 / quadratic
-    omissions.count(_ATTENUATION, "light")
-    distance = min(0.25 * range_m, _REFERENCE_M)
-    falloff = constant + linear * distance + quadratic * distance**2
-    return distance**2 / max(falloff, 1e-3)
