@@ -197,9 +197,9 @@ def import_arrays(
         raise SceneError(f"instance {name!r}: texture: expected uv beside it, got none")
     mesh, center = make_mesh(
         name,
+        0,
         vertices,
         corners,
-        0,
         None if normals is None else _numbers(name, "normals", normals, (count, 3)),
         coordinates,
         None if colors is None else _vertex_colors(name, colors, count),
