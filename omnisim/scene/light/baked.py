@@ -146,25 +146,23 @@ def _read_irradiance(path: Path) -> NDArray[np.float16]:
     except OutputError as reason:
         raise SceneError(str(reason)) from None
     height, width = pixels.shape[:2]
-    if max(height, width) > MAX_SIZE_PX:
-        raise SceneError(f"{path}: expected at most {MAX_SIZE_PX} px, got {width} × {height}")
-    if not ((pixels >= 0.0) & (pixels <= MAX_HALF)).all():
-        raise SceneError(f"{path}: expected light from 0 to {MAX_HALF:g}")
+    fits = max(height, width) <= MAX_SIZE_PX
+    _check(fits, f"{path}: expected at most {MAX_SIZE_PX} px, got {width} × {height}")
+    is_light = ((pixels >= 0.0) & (pixels <= MAX_HALF)).all()
+    _check(is_light, f"{path}: expected light from 0 to {MAX_HALF:g}")
     return pixels.astype(np.float16)
 
 
 def _read_probes(folder: Path, grid: _Grid) -> Probes:
     path, shape = folder / PROBES, grid.shape
-    if np.prod(shape, dtype=np.float64) > MAX_PROBES:
-        raise SceneError(
-            f"{folder / CONTENTS}: probes.shape = {list(shape)}: expected at most {MAX_PROBES} "
-            "probes"
-        )
+    place = f"{folder / CONTENTS}: probes.shape = {list(shape)}"
+    fits = np.prod(shape, dtype=np.float64) <= MAX_PROBES
+    _check(fits, f"{place}: expected at most {MAX_PROBES} probes")
     stored = read_arrays(path, SceneError, "archive", _EXPECTED, ("sh", "valid"))
     factors = _array(stored, "sh", "f", (*shape, FACTORS, 3), path)
     valid = _array(stored, "valid", "b", shape, path)
-    if not (np.abs(factors[valid]) <= MAX_HALF).all():
-        raise SceneError(f"{path}: sh: expected finite numbers up to {MAX_HALF:g}")
+    is_finite = (np.abs(factors[valid]) <= MAX_HALF).all()
+    _check(is_finite, f"{path}: sh: expected finite numbers up to {MAX_HALF:g}")
     return Probes(
         np.array(grid.origin_m), np.array(grid.spacing_m),
         np.where(valid[..., None, None], factors, 0.0).astype(np.float32), valid,
@@ -182,10 +180,8 @@ def _read_unwrapping(path: Path) -> dict[str, NDArray[Any]]:
     ):  # fmt: skip
         ends = np.cumsum(meshes[:, column])
         joined = _array(stored, key, kinds, (None, *width), path)
-        if (meshes < 0).any() or ends[-1:].sum() != len(joined):
-            raise SceneError(
-                f"{path}: meshes: expected numbers of {len(joined)} in all, as {key} has"
-            )
+        fits = (meshes >= 0).all() and ends[-1:].sum() == len(joined)
+        _check(fits, f"{path}: meshes: expected numbers of {len(joined)} in all, as {key} has")
         for mesh, part in zip(meshes[:, 0], np.split(joined, ends[:-1]), strict=True):
             arrays[f"{key} of mesh {mesh}"] = part
     return arrays
@@ -195,21 +191,16 @@ def _split_mesh(mesh: Mesh, number: int, stored: dict[str, NDArray[Any]], path: 
     vertex_of = _array(stored, f"vertex_of of mesh {number}", "iu", (None,), path)
     triangles = _array(stored, f"triangles of mesh {number}", "iu", mesh.triangles.shape, path)
     places = _array(stored, f"uv of mesh {number}", "f", (len(vertex_of), 2), path)
-    if triangles.size and not (triangles.min() >= 0 and triangles.max() < len(vertex_of)):
-        raise SceneError(
-            f"{path}: triangles of mesh {number}: expected vertices from 0 to {len(vertex_of) - 1}"
-        )
-    if not np.array_equal(vertex_of[triangles], mesh.triangles):
-        raise SceneError(
-            f"{path}: vertex_of of mesh {number}: expected the scene's triangles, got others"
-        )
-    if not ((places >= -_TOLERANCE) & (places <= 1.0 + _TOLERANCE)).all():
-        raise SceneError(f"{path}: uv of mesh {number}: expected places from 0 to 1")
-    if len(vertex_of) and not (vertex_of.min() >= 0 and vertex_of.max() < len(mesh.positions)):
-        raise SceneError(
-            f"{path}: vertex_of of mesh {number}: expected vertices from 0 to "
-            f"{len(mesh.positions) - 1}"
-        )
+    last, of_mesh = len(vertex_of) - 1, f"of mesh {number}: expected"
+    fits = ((triangles >= 0) & (triangles <= last)).all()
+    _check(fits, f"{path}: triangles {of_mesh} vertices from 0 to {last}")
+    is_same = np.array_equal(vertex_of[triangles], mesh.triangles)
+    _check(is_same, f"{path}: vertex_of {of_mesh} the scene's triangles, got others")
+    fits = ((places >= -_TOLERANCE) & (places <= 1.0 + _TOLERANCE)).all()
+    _check(fits, f"{path}: uv {of_mesh} places from 0 to 1")
+    last = len(mesh.positions) - 1
+    fits = ((vertex_of >= 0) & (vertex_of <= last)).all()
+    _check(fits, f"{path}: vertex_of {of_mesh} vertices from 0 to {last}")
     return dataclasses.replace(
         mesh,
         positions=mesh.positions[vertex_of],
@@ -220,6 +211,11 @@ def _split_mesh(mesh: Mesh, number: int, stored: dict[str, NDArray[Any]], path: 
         second_texture_coordinates=_taken(mesh.second_texture_coordinates, vertex_of),
         light_coordinates=places.astype(np.float32),
     )
+
+
+def _check(is_right: bool | np.bool_, fault: str) -> None:
+    if not is_right:
+        raise SceneError(fault)
 
 
 def _taken(values: Floats32 | None, vertices: NDArray[np.integer[Any]]) -> Floats32 | None:
@@ -255,7 +251,6 @@ _KINDS = {"f": "floats", "b": "flags", "iu": "whole numbers"}
 # Fingerprint of the inputs of baked light: static surfaces, their materials, and the light.
 #
 # For a loaded scene it is computed from files and keys, and is the same on every machine.
-
 
 _NAMES = frozenset(("name", "world_from_node"))  # fields without effect on the light
 

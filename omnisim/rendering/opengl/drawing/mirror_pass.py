@@ -15,7 +15,7 @@ import moderngl
 import numpy as np
 
 from omnisim.core.arrays import Bytes, Floats, Indices
-from omnisim.rendering.opengl.atlas.tile_plan import PosedViews, TilePlan, TileViews
+from omnisim.rendering.opengl.atlas.tile_plan import TilePlan, TileViews
 from omnisim.rendering.opengl.drawing.scene_drawer import ItemProgram, SceneDrawer
 from omnisim.rendering.opengl.drawing.scene_view import Probes, SceneView, VirtualCameras
 from omnisim.rendering.opengl.drawing.sky_pass import SkyPass
@@ -24,7 +24,7 @@ from omnisim.rendering.opengl.drawing.surface_program import (
     SurfaceProgram,
     SurfacePrograms,
 )
-from omnisim.rendering.opengl.geometry.draw_item import DrawItem, InstanceTransforms
+from omnisim.rendering.opengl.geometry.draw_item import DrawItem
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl.buffers import gpu_buffer
 from omnisim.rendering.opengl.gl.framebuffers import framebuffer
@@ -148,7 +148,14 @@ class MirrorPass:
         planes, sides = self._planes_at(world_from_rig[:3, 3], world_from_objects)
         transforms = self._buffers.instance_transforms(world_from_rig[:3, 3], world_from_objects)
         views = view.tiles.views.at(world_from_rig)
-        visible = self._visible(sides, self._whole_views.at(world_from_rig), transforms)
+        # the largest mirrors that face the viewpoint and that some tile may show
+        whole = self._whole_views.at(world_from_rig)
+        visible: list[int] = []
+        for number, mirror in enumerate(self._mirrors):
+            items = np.array([one for one in mirror.parts if one in self.items], dtype=np.intp)
+            is_faced = len(visible) < self._count and sides[number] in mirror.sides
+            if is_faced and transforms.seen_in(whole, items).any():
+                visible.append(number)
         self._planes = np.full_like(planes, _NOWHERE_M)
         self._planes[visible] = planes[visible]
         self._world_from_rig = world_from_rig
@@ -201,21 +208,6 @@ class MirrorPass:
             sides[number] = side = -1 if height_m < 0.0 else 1
             planes[number] = *(side * normal), abs(height_m)
         return planes, sides
-
-    def _visible(
-        self, sides: Indices, views: PosedViews, transforms: InstanceTransforms
-    ) -> list[int]:
-        """Indices of the largest mirrors that face the viewpoint and that some tile may show."""
-        visible: list[int] = []
-        for number, mirror in enumerate(self._mirrors):
-            if len(visible) == self._count:
-                break
-            if sides[number] not in mirror.sides:
-                continue
-            items = np.array([one for one in mirror.parts if one in self.items], dtype=np.intp)
-            if transforms.seen_in(views, items).any():
-                visible.append(number)
-        return visible
 
     def _draw_view(
         self, number: int, world_from_rig: Floats, world_from_objects: Sequence[Floats]
