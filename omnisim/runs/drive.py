@@ -504,12 +504,12 @@ def drive_together(plans: Mapping[str, PlannedDrive]) -> dict[str, PlannedDrive]
 
 def scene_contents(scene: Scene) -> str:
     """Fingerprint of a scene, independent of its file's location and the machine."""
-    return fingerprint(_with_short_name(scene) if scene.given is None else scene)
+    return fingerprint(_with_short_name(scene))
 
 
 def _with_short_name(scene: Scene) -> Scene:
     """Name a scene by its file name alone: the folder on this machine makes no difference."""
-    return dataclasses.replace(scene, name=Path(scene.name).name or scene.name)
+    return scene.altered(name=Path(scene.name).name or scene.name)
 
 
 def _file_or_name(name: str) -> str:

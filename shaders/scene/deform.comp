@@ -1,6 +1,6 @@
 // Deformation of vertices: morph targets, then linear blend skinning. Twin of
 // omnisim/scene/motion/deformation.py.
-// The layouts are those of omnisim/rendering/opengl/geometry/mesh_deformer.py and vertex_format.py.
+// The layouts are those of omnisim/rendering/opengl/world/mesh_deformer.py and vertex_format.py.
 // Source: glTF 2.0, sections 3.7.2.2 and 3.7.3.3; normals use the cofactor matrix.
 #version 450 core
 

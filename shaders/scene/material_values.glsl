@@ -3,7 +3,7 @@
 // vec4 material_texel(int index): texel of the material's record.
 // vec3 map_coordinates(int map, vec2 uv): texture coordinates and layer of a map.
 // The table has MATERIAL_TEXELS texels per material, see
-// omnisim/rendering/opengl/materials/scene_textures.py.
+// omnisim/rendering/opengl/world/scene_textures.py.
 // METALLIC_ROUGHNESS_MAP, OCCLUSION_MAP, EMISSIVE_MAP: the material has such a map.
 // Source: glTF 2.0, section 3.9.
 

@@ -8,7 +8,7 @@
 // u_clip_from_mesh  pose and projection of the face; y of clip space points down the image
 // All programs share the vertex arrays of clusters, so attributes have the same locations
 // everywhere: the order of CLUSTER_VERTEX and INSTANCE in
-// omnisim/rendering/opengl/geometry/vertex_format.py.
+// omnisim/rendering/opengl/world/vertex_format.py.
 
 #ifdef LAYERED
 #extension GL_ARB_shader_draw_parameters : require

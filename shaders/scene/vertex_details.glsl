@@ -1,7 +1,7 @@
 // Vertex details that few materials need, in a table besides the vertex buffer.
 // void pass_details(): with REFLECTANCE, passes the material record of clusters, and with
 //     SECOND_COORDINATES also the second texture coordinates.
-// The table has one texel per vertex, see omnisim/rendering/opengl/materials/scene_textures.py.
+// The table has one texel per vertex, see omnisim/rendering/opengl/world/scene_textures.py.
 
 #if defined(REFLECTANCE) && defined(CLUSTERED)
 #define RECORD_IN_DETAILS

@@ -3,7 +3,7 @@
 //     clusters, whose draw calls have many materials, also texture layer and alpha cutoff.
 // vec4 vertex_color(): linear base color; with BAKED, times the light.
 // Clusters have both colors, layer and cutoff in a palette, whose layout is that of
-// omnisim/rendering/opengl/geometry/vertex_format.py.
+// omnisim/rendering/opengl/world/vertex_format.py.
 
 #if defined(TEXTURED) || defined(TEXTURE_COORDINATES)
 layout(location = 1) in vec2 in_texture_coordinate;

@@ -18,7 +18,7 @@ from omnisim.rendering.camera.degradations import Degradation, Encoding, Exposur
 from omnisim.rendering.camera.degradations.point_spread import PointSpread
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.opengl.capture import image_pass
-from omnisim.rendering.opengl.geometry import scene_buffers, triangle_table
+from omnisim.rendering.opengl.world import scene_buffers, triangle_table
 from omnisim.rendering.stage import Stage, open_sensor
 from omnisim.rendering.twist import Twist
 from omnisim.robots.vehicle import Vehicle

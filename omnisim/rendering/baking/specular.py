@@ -12,7 +12,7 @@ from omnisim.core.arrays import Bools, Floats, Floats32, Indices
 from omnisim.core.random_numbers import pcg4d, uniform
 from omnisim.rendering.rays.caster import EmbreeHits, RayHits, Rays
 from omnisim.rendering.rays.ray_scene import RayScene
-from omnisim.rendering.rays.shading.glass import pane_reflectance
+from omnisim.rendering.rays.shading.ray_optics import pane_reflectance
 from omnisim.rendering.rays.shading.shading import View
 from omnisim.rendering.rays.shading.surface_light import mirrored_shares, straight_shares
 from omnisim.scene.surface_kind import NO_KIND, SurfaceKind, transmitted

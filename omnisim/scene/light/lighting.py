@@ -9,7 +9,15 @@ import numpy as np
 
 from omnisim.core.arrays import Floats, Floats32, triangle_crosses
 from omnisim.scene.light.environment import Environment
-from omnisim.scene.parts import MAX_LIGHTS, Instance, Light, Lighting, LightKind, Mesh
+from omnisim.scene.parts import (
+    MAX_LIGHTS,
+    Instance,
+    Light,
+    Lighting,
+    LightKind,
+    Material,
+    Mesh,
+)
 
 # A pale clear sky near the horizon, linear RGB.
 DEFAULT_BACKGROUND = (0.56, 0.71, 0.87)
@@ -112,6 +120,11 @@ def background_light(color: tuple[float, float, float]) -> tuple[float, float, f
     A background brighter than white is a luminous sky; any other is an image.
     """
     return color if max(color) > 1.0 else (0.0, 0.0, 0.0)
+
+
+def is_bright(material: Material) -> bool:
+    """True for emission brighter than white: a lamp's tubes, but not a screen."""
+    return not material.unlit and max(material.emissive) > 1.0
 
 
 def with_environment(lighting: Lighting, luminance: Floats32) -> Lighting:

@@ -26,7 +26,7 @@ RARE_IN_IMAGES = (
     "omnisim.rendering.camera.degradations.degradation_file",
     "omnisim.rendering.camera.degradations.noise",
     "omnisim.rendering.opengl.degradation.degradation_pass",
-    "omnisim.rendering.opengl.ground_truth",
+    "omnisim.rendering.opengl.hits",
 )  # fmt: skip
 
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from omnisim.rendering.opengl.geometry.vertex_records import CLUSTER_VERTEX
 from omnisim.rendering.opengl.gl.buffers import read_buffer
+from omnisim.rendering.opengl.world.vertex_records import CLUSTER_VERTEX
 
 
 def read_vertices(geometry):

@@ -1,6 +1,6 @@
 """Draw commands of the last frame, and cullers that leave everything, or nothing to occlusion."""
 
-from copy import copy
+from types import SimpleNamespace
 
 import numpy as np
 
@@ -57,18 +57,24 @@ class _ShowAll:
 class _NoDepth:
     """A shader that leaves infinite depth."""
 
-    def __setitem__(self, name, value):
-        pass
-
     def run(self, *groups):
         pass
 
 
+def _replace(culler, name, make):
+    """Let a culler use what `make` makes of its shaders of a file."""
+    find = culler._shaders.find
+
+    def found(other, *defines):
+        shader = find(other, *defines)
+        return make(shader) if other == name else shader
+
+    culler._shaders = SimpleNamespace(find=found)
+
+
 def show_all(culler):
     """Let a culler leave everything."""
-    shaders = culler._shaders
-    culler._shaders = copy(shaders)
-    culler._shaders.cull = lambda number: _ShowAll(shaders.cull(number), culler)
+    _replace(culler, "cull", lambda shader: _ShowAll(shader, culler))
 
 
 def show_occluded(culler):
@@ -76,5 +82,4 @@ def show_occluded(culler):
     with culler._context:
         depth = culler._bound.buffers[11]
         _fill(depth, bytes(depth.size))
-    culler._shaders = copy(culler._shaders)
-    culler._shaders.hi_z = (_NoDepth(),) * 2
+    _replace(culler, "hi_z", lambda shader: _NoDepth())

@@ -16,7 +16,7 @@ from tests.scenes import room, room_color, room_hit, scene_of, square
 pytest.importorskip("embreex", reason="embreex, which casts the rays, is missing")
 
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
-from omnisim.rendering.rays.shading.reflections import MAX_BOUNCES, Paths
+from omnisim.rendering.rays.shading.ray_optics import MAX_BOUNCES, Paths
 from omnisim.rendering.stage import open_sensor
 from omnisim.validation.reflective_rooms import camera, camera_pose, rooms
 

@@ -127,7 +127,7 @@ def test_a_change_without_effect_is_a_note(changed, table, head, words):
     ],
 )
 def test_only_what_changes_light_asks_for_another_bake(changed, values, is_other_light):
-    before, after = changed().given, changed(f'names = ["oak dark"]\n{values}\n').given
+    before, after = changed().identity, changed(f'names = ["oak dark"]\n{values}\n').identity
     assert (after.light != before.light) == is_other_light
     assert after.content != before.content
 

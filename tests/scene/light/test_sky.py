@@ -8,7 +8,7 @@ from omnisim.core.errors import SceneError
 from omnisim.scene import load_scene
 from omnisim.scene.light.environment import Environment, map_directions
 from omnisim.scene.light.lighting import DEFAULT_LIGHTING
-from omnisim.scene.light.lit_scene import clear_sky, sun_illuminance
+from omnisim.scene.light.sky import clear_sky, sun_illuminance
 
 UP = np.array([[0.0, 0.0, 1.0]])
 

@@ -5,7 +5,7 @@ from datetime import UTC, datetime, timedelta, timezone
 import numpy as np
 import pytest
 
-from omnisim.scene.light.lit_scene import sun_illuminance_lx, sun_position
+from omnisim.scene.light.sky import sun_illuminance_lx, sun_position
 
 
 def test_the_example_of_the_solar_position_algorithm():

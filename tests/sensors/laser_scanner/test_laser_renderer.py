@@ -10,7 +10,7 @@ import pytest
 from omnisim import LaserScanner, open_sensor
 from omnisim.core.errors import GraphicsError, OmnisimError, OutputError
 from omnisim.core.poses import pose
-from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
+from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
 from omnisim.scene import load_scene
 from omnisim.scene.model import AlphaMode, Material, Mesh, Texture
 from tests.ray_casting import RayCaster, opaque_part
@@ -159,7 +159,7 @@ def test_many_triangles_take_several_rows_of_work_groups(monkeypatch):
     scene = load_scene("rings")
     at = pose(scene.start.position_m, roll_deg=20.0, pitch_deg=30.0, yaw_deg=40.0)
     expected = scan_of(scene, EXACT, at)
-    monkeypatch.setattr("omnisim.rendering.opengl.drawing.range_pass._MAX_GROUPS", 7)
+    monkeypatch.setattr("omnisim.rendering.opengl.hits.range_pass._MAX_GROUPS", 7)
     np.testing.assert_array_equal(scan_of(scene, EXACT, at).ranges_m, expected.ranges_m)
 
 
@@ -177,7 +177,7 @@ def test_the_last_triangle_counts(count):
 def test_scenes_past_the_limit_of_the_gpu_are_refused(context, monkeypatch):
     from types import SimpleNamespace
 
-    from omnisim.rendering.opengl.drawing.range_pass import RangePass
+    from omnisim.rendering.opengl.hits.range_pass import RangePass
 
     small = SimpleNamespace(info={"GL_MAX_SHADER_STORAGE_BLOCK_SIZE": 100})
     buffers = SceneBuffers(context, scene_of([room()]))

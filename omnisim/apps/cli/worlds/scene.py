@@ -20,7 +20,7 @@ from omnisim.core.errors import OutputError, printable
 from omnisim.core.extras import require_extra
 from omnisim.core.files.atomic_file import atomic_write, check_distinct, check_suffix, check_target
 from omnisim.core.short_repr import number_text
-from omnisim.rendering.opengl.geometry.vertex_records import gpu_bytes
+from omnisim.rendering.opengl.world.vertex_records import gpu_bytes
 from omnisim.rendering.reflection_kinds import reflection_kinds
 from omnisim.scene import Scene, summary
 from omnisim.scene.files.load import NO_BAKED_LIGHT

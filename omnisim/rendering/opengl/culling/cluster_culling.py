@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import cached_property
 from itertools import chain
 from typing import NamedTuple
 
@@ -18,12 +17,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.arrays import Bools, Floats, Indices, Uints32
+from omnisim.rendering.contract import ScenePoses
 from omnisim.rendering.opengl.culling.clusters import ClusterHierarchy
 from omnisim.rendering.opengl.gl.buffers import gpu_buffer, written_buffer
 from omnisim.rendering.opengl.gl.functions import COMMAND_BYTES, StorageBindings
 from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
-from omnisim.rendering.opengl.gl.shader_files import build_compute_shader, columns_first
+from omnisim.rendering.opengl.gl.shader_files import (
+    build_compute_shader,
+    columns_first,
+    set_uniforms,
+)
 from omnisim.rendering.opengl.gl.state import GlState
 
 # A GPU rounds the position of an edge to a sixteenth of a texel at worst.
@@ -152,7 +156,6 @@ class ClusterCuller:
         ])  # fmt: skip
         self._blocks = math.ceil(buffers.block_count / _GROUP_SIZE)
         self._shaders = buffers.shaders
-        self._is_layered = isinstance(depth, moderngl.TextureArray)
 
     @property
     def memory_bytes(self) -> int:
@@ -186,18 +189,20 @@ class ClusterCuller:
         if pass_index == 0:
             context.memory_barrier(barrier)  # the last frame's draws may still read these buffers
             entries = max(views.count * views.objects, self.blended_count)
-            shaders.instances.run(math.ceil(entries / _GROUP_SIZE))
+            shaders.find("instances").run(math.ceil(entries / _GROUP_SIZE))
             context.memory_barrier(barrier)
-            shaders.groups.run(self._blocks, views.count)
+            shaders.find("groups").run(self._blocks, views.count)
         elif self._depth is not None and target is not None:
             columns, rows = self._cells
-            fine, coarse = shaders.layered_hi_z if self._is_layered else shaders.hi_z
+            layered = ("LAYERED",) if isinstance(self._depth, moderngl.TextureArray) else ()
+            fine, coarse = shaders.find("hi_z", *layered), shaders.find("hi_z", "COARSE", *layered)
             with self._state.sampling(DEPTH_UNIT, self._depth, target):
                 fine.run(columns, rows, views.cameras)  # 8 × 8 cells of level 1 per last-level cell
             context.memory_barrier(barrier)
             coarse.run(math.ceil(columns / 8), math.ceil(rows / 8), views.cameras)
         context.memory_barrier(barrier | context.COMMAND_BARRIER_BIT)
-        cull = shaders.cull(0 if self.passes == 1 else 1 + min(pass_index, 1))
+        # the only pass is 0, else 1 is the first one, and 2 any later one
+        cull = shaders.find("cull", f"PASS {0 if self.passes == 1 else 1 + min(pass_index, 1)}")
         cull.run_indirect(self._lists, pass_index * _LIST_BYTES)
         context.memory_barrier(barrier)
         self._make_commands(0)
@@ -211,7 +216,7 @@ class ClusterCuller:
 
     def _make_commands(self, slice_index: int) -> None:
         context = self._context
-        self._shaders.commands.run(len(self.slices[slice_index]), self.views.cameras)
+        self._shaders.find("commands").run(len(self.slices[slice_index]), self.views.cameras)
         context.memory_barrier(
             context.SHADER_STORAGE_BARRIER_BIT
             | context.COMMAND_BARRIER_BIT
@@ -250,48 +255,16 @@ class CullingShaders:
 
     def __init__(self, context: moderngl.Context):
         self._context = context
-        self._cull: dict[int, moderngl.ComputeShader] = {}
+        self._compiled: dict[tuple[str, ...], moderngl.ComputeShader] = {}
 
-    @cached_property
-    def instances(self) -> moderngl.ComputeShader:
-        """Shader that writes the matrices of objects in views."""
-        return build_compute_shader(self._context, "culling/instances.comp")
-
-    @cached_property
-    def groups(self) -> moderngl.ComputeShader:
-        """Shader that culls groups; remaining groups become candidates of the first pass."""
-        return self._with_bounds("groups.comp")
-
-    def cull(self, number: int) -> moderngl.ComputeShader:
-        """Shader that culls clusters in the only pass (0), the first (1) or a later one (2)."""
-        if number not in self._cull:
-            self._cull[number] = self._with_bounds("cull.comp", f"PASS {number}")
-        return self._cull[number]
-
-    @cached_property
-    def commands(self) -> moderngl.ComputeShader:
-        """Shader that writes the draw commands of visible clusters."""
-        return self._with_bounds("commands.comp")
-
-    @cached_property
-    def hi_z(self) -> tuple[moderngl.ComputeShader, moderngl.ComputeShader]:
-        """Shaders of hierarchical depth between two passes, for fine and coarse levels."""
-        return self._hi_z()
-
-    @cached_property
-    def layered_hi_z(self) -> tuple[moderngl.ComputeShader, moderngl.ComputeShader]:
-        """Shaders of hierarchical depth for cameras with one layer each."""
-        return self._hi_z("LAYERED")
-
-    def _with_bounds(self, name: str, *defines: str) -> moderngl.ComputeShader:
-        shader = build_compute_shader(self._context, f"culling/{name}", defines)
-        shader["u_bounds"] = BOUNDS_UNIT
-        return shader
-
-    def _hi_z(self, *defines: str) -> tuple[moderngl.ComputeShader, moderngl.ComputeShader]:
-        fine = build_compute_shader(self._context, "culling/hi_z.comp", defines)
-        fine["u_atlas_depth"] = DEPTH_UNIT
-        return fine, build_compute_shader(self._context, "culling/hi_z.comp", ("COARSE", *defines))
+    def find(self, name: str, *defines: str) -> moderngl.ComputeShader:
+        """Shader of a file in shaders/culling, with names to #define."""
+        key = name, *defines
+        if key not in self._compiled:
+            shader = build_compute_shader(self._context, f"culling/{name}.comp", defines)
+            set_uniforms(shader, {"u_bounds": BOUNDS_UNIT, "u_atlas_depth": DEPTH_UNIT})
+            self._compiled[key] = shader
+        return self._compiled[key]
 
 
 class ClusterBuffers:
@@ -308,6 +281,7 @@ class ClusterBuffers:
         clusters_of_group: (groups,) number of clusters per group.
         groups_of_bucket: (buckets,) number of groups per bucket.
         cluster_count, group_count, block_count: total numbers.
+        shaders: shaders of all cullers.
     """
 
     def __init__(
@@ -318,7 +292,6 @@ class ClusterBuffers:
         objects: Indices,
         buckets: Indices,
     ):
-        self._context = context
         clusters, groups = hierarchy.clusters, hierarchy.groups
         self.cluster_count, self.group_count = len(clusters.first), len(groups.first)
         self._first = groups.first
@@ -338,19 +311,17 @@ class ClusterBuffers:
         of_blocks = _blocks(of_groups, buckets)
         self.block_count = len(of_blocks)
         entries = [one.view(_ENTRY) for one in (of_groups, of_clusters, of_blocks)]
-        self.bounds = _table(context, np.concatenate(entries))
+        rows = -(-sum(map(len, entries)) // _ROW)
+        table = np.resize(np.concatenate(entries), rows * _ROW)  # what fills the last row is unused
+        self.bounds = texture_2d(context, (_ROW, rows), 4, table, dtype="u4")
         self.clusters_of_group, self.groups_of_bucket = groups.children, np.bincount(buckets)
         self.all_shown = self.masks_of_groups(np.ones(self.cluster_count, dtype=np.bool_))
+        self.shaders = CullingShaders(context)
 
     def masks_of_groups(self, clusters: Bools) -> Uints32:
         """Bit mask per group (groups,) of the selected clusters (clusters,)."""
         bits = np.where(clusters, self._bits, np.uint32(0))
         return np.bitwise_or.reduceat(bits, self._first).astype("<u4")
-
-    @cached_property
-    def shaders(self) -> CullingShaders:
-        """Shaders of all cullers."""
-        return CullingShaders(self._context)
 
 
 def _blocks(groups: NDArray[np.void], buckets: Indices) -> NDArray[np.void]:
@@ -365,14 +336,6 @@ def _blocks(groups: NDArray[np.void], buckets: Indices) -> NDArray[np.void]:
     blocks["aabb_min"] = np.minimum.reduceat(groups["aabb_min"], first)
     blocks["aabb_max"] = np.maximum.reduceat(groups["aabb_max"], first)
     return blocks
-
-
-def _table(context: moderngl.Context, entries: NDArray[np.void]) -> moderngl.Texture:
-    """Texture that holds entries row by row."""
-    rows = max(1, -(-len(entries) // _ROW))
-    padded = np.zeros(rows * _ROW, dtype=_ENTRY)
-    padded[: len(entries)] = entries
-    return texture_2d(context, (_ROW, rows), 4, padded, dtype="u4")
 
 
 # Partition of the clusters into slices whose draw commands fit into one buffer.
@@ -414,40 +377,25 @@ def command_slices(
         views: number of views; each may show every cluster, in either band.
         max_commands: maximum number per slice; a single group may exceed it.
     """
-    clusters = np.concatenate(([0], np.cumsum(clusters_of_group)))
-    of_batch = np.concatenate(([0], np.cumsum(groups_of_batch)))
+    clusters = np.append(0, np.cumsum(clusters_of_group))
+    of_batch = np.append(0, np.cumsum(groups_of_batch))
     max_clusters = max_commands // (BANDS * views)
     slices, rows, most_used = [], list[tuple[int, int, int, int]](), 0
     start = 0
     while start < len(clusters) - 1:
         end = int(np.searchsorted(clusters, clusters[start] + max_clusters, side="right")) - 1
-        end = max(end, start + 1)
-        slices.append(tuple(_ranges(clusters, of_batch, (start, end), views, rows)))
-        most_used = max(most_used, BANDS * views * int(clusters[end] - clusters[start]))
-        start = end
+        end, used, of_slice = max(end, start + 1), 0, list[CommandRange]()
+        while start < end:
+            batch = int(np.searchsorted(of_batch, start, side="right")) - 1
+            last = min(end, int(of_batch[batch + 1]))
+            max_count = views * int(clusters[last] - clusters[start])
+            of_slice.append(CommandRange(len(rows), batch, used, max_count))
+            rows.append((start, last - start, used, max_count))
+            used += BANDS * max_count
+            start = last
+        slices.append(tuple(of_slice))
+        most_used = max(most_used, used)
     return CommandSlices(tuple(slices), np.array(rows, dtype=RANGE), most_used)
-
-
-def _ranges(
-    clusters: NDArray[np.integer],
-    of_batch: NDArray[np.integer],
-    groups: tuple[int, int],
-    views: int,
-    rows: list[tuple[int, int, int, int]],
-) -> list[CommandRange]:
-    """Ranges of the groups in the interval `groups`; appends their rows to the table."""
-    ranges = []
-    start, end = groups
-    first = 0
-    batch = int(np.searchsorted(of_batch, start, side="right")) - 1
-    while start < end:
-        last = min(end, int(of_batch[batch + 1]))
-        max_count = views * int(clusters[last] - clusters[start])
-        ranges.append(CommandRange(len(rows), batch, first, max_count))
-        rows.append((start, last - start, first, max_count))
-        first += BANDS * max_count
-        start, batch = last, batch + 1
-    return ranges
 
 
 # Views of cameras for culling: one per atlas tile, with the objects in their frames.
@@ -505,17 +453,9 @@ class Views:
         """Number of views."""
         return self.cameras * self.tiles
 
-    def write(
-        self, worlds_from_rigs: Floats, worlds_from_objects: Floats | Sequence[Floats] = ()
-    ) -> None:
-        """Write the poses of one frame.
-
-        Args:
-            worlds_from_rigs: (cameras, 4, 4), or (4, 4) of one camera.
-            worlds_from_objects: (cameras, dynamic objects, 4, 4), or (dynamic objects, 4, 4) for
-                all cameras.
-        """
-        rigs = worlds_from_rigs.reshape(-1, 4, 4)
+    def write(self, shots: Sequence[ScenePoses]) -> None:
+        """Write the poses of one frame, a camera per shot."""
+        rigs = np.array([one.world_from_rig for one in shots])
         self.cameras = len(rigs)
         poses = self._poses[: self.cameras]
         viewpoints_m = rigs[:, :3, 3]
@@ -523,7 +463,7 @@ class Views:
         # in float64, which keeps precision far from the origin
         poses[:, 1, :, 3] = self._anchor_m - viewpoints_m
         if self.objects > 1:
-            objects = np.asarray(worlds_from_objects)[..., :3, :]
+            objects = np.array([one.world_from_objects for one in shots])[..., :3, :]
             poses[:, 2:, :, :3] = objects[..., :3]
             poses[:, 2:, :, 3] = objects[..., 3] - viewpoints_m[:, None]
         self.poses.write(poses)

@@ -17,7 +17,7 @@ LARGE_SCENE, MIN_TRIANGLES_IN_LARGE = 200_000, 24
 # Each instance has its own triangles in clusters. Beyond this number of copies' triangles, further
 # instances of a mesh are drawn one by one, as are instances that are too far away.
 MAX_COPIED_TRIANGLES = 8_000_000
-_BOUND_AT_ONCE = 1 << 18  # triangles; keeps intermediate arrays small
+_BOUND_AT_ONCE = 1 << 18  # triangles, or boxes; keeps intermediate arrays small
 # Clusters per group. None is tested if its group is culled; the visible ones are the bits of a
 # word.
 MAX_CHILDREN, MIN_CHILDREN, GROUP_SPLIT_FACTOR = 32, 8, 8.0
@@ -29,12 +29,10 @@ class Clusters(NamedTuple):
 
     first: Ints  # (n,) first triangle
     triangles: Ints  # (n,) number of triangles
-    # (n, 3) corners of the bounding boxes
-    aabb_min: Floats32
+    aabb_min: Floats32  # (n, 3) corners of the bounding boxes
     aabb_max: Floats32
     cone_axes: Floats32  # (n, 3) unit, mean normal
-    # (n,) sine of the largest angle between the axis and a normal; above 1 for angles of 90° or
-    # more
+    # (n,) sine of the largest angle between the axis and a normal; above 1 for 90° or more
     cone_sines: Floats32
     # (n,) side of a square as large as the mean triangle; reduced for clusters of many triangles,
     # since a wall of two occludes more than a bush of twenty
@@ -46,8 +44,7 @@ class ClusterGroups(NamedTuple):
 
     first: Ints  # (n,) first cluster
     children: Ints  # (n,) number of clusters
-    # (n, 3) corners of the bounding boxes
-    aabb_min: Floats32
+    aabb_min: Floats32  # (n, 3) corners of the bounding boxes
     aabb_max: Floats32
 
 
@@ -74,7 +71,14 @@ def build_clusters(
     order, first = spatial_clusters(
         _bounds(corners), keys, min_triangles, MAX_TRIANGLES, TRIANGLE_SPLIT_FACTOR
     )
-    clusters = _bound_in_order(corners, order, first, min_triangles)
+    ends, parts = np.append(first, len(order)), []
+    # from the first cluster behind each multiple to the next; two multiples may have the same
+    splits = np.searchsorted(first, np.arange(0, len(order), _BOUND_AT_ONCE))
+    for start, stop in pairwise(np.unique([*splits, len(first)]).tolist()):
+        own = order[ends[start] : ends[stop]]
+        part = bound_clusters(corners[own], first[start:stop] - first[start], min_triangles)
+        parts.append(part._replace(first=first[start:stop]))
+    clusters = Clusters(*map(np.concatenate, zip(*parts, strict=True)))
     bounds = np.concatenate((-clusters.aabb_min.T, clusters.aabb_max.T))
     # clusters of similar width are drawn in the same pass
     widths = np.clip(np.frexp(clusters.widths)[1] // 2 + 8, 0, WIDTHS - 1)
@@ -105,21 +109,6 @@ def ranges(first: Ints, count: Ints) -> Ints:
     numbers = np.repeat(first - _firsts(count), count)
     numbers += np.arange(len(numbers))
     return numbers
-
-
-def _bound_in_order(
-    corners: Floats32, order: Indices, first: Indices, min_triangles: int
-) -> Clusters:
-    """Bound the clusters of triangles in an order, see `bound_clusters`."""
-    ends = np.append(first, len(order))
-    # the first cluster behind each multiple; two multiples may have the same
-    splits = np.searchsorted(first, np.arange(0, len(order), _BOUND_AT_ONCE))
-    parts = []
-    for start, stop in pairwise(np.unique([*splits, len(first)]).tolist()):
-        own = order[ends[start] : ends[stop]]
-        part = bound_clusters(corners[own], first[start:stop] - first[start], min_triangles)
-        parts.append(part._replace(first=first[start:stop]))
-    return Clusters(*map(np.concatenate, zip(*parts, strict=True)))
 
 
 def bound_clusters(
@@ -168,11 +157,8 @@ def _bounds(corners: Floats32) -> Floats32:
 # up: two halves stay together if one box around both is hardly larger than a box around each.
 # Source: cells of the curve as a tree, Lauterbach et al. 2009, "Fast BVH construction on GPUs";
 # the surface area heuristic, Goldsmith & Salmon 1987, "Automatic creation of object hierarchies".
-
-
 # Bits per axis; all that a code has if more boxes share a cell than a cluster may hold.
 MORTON_BITS, MAX_MORTON_BITS = 12, 20
-_AT_ONCE = 1 << 18  # boxes; keeps intermediate arrays small
 # Shifts and masks that spread a number's bits, so that the bits of two others fit in between.
 _SPREAD_STEPS = (
     (32, 0x1F00000000FFFF),
@@ -233,8 +219,8 @@ def _levels(
     total, last_level = len(codes), 3 * bits + 1
     # the first box shares no cell, nor do boxes of different keys
     levels = np.full(total, last_level + 1, dtype=np.int8)
-    for start in range(0, total - 1, _AT_ONCE):
-        some = codes[start : start + _AT_ONCE + 1]
+    for start in range(0, total - 1, _BOUND_AT_ONCE):
+        some = codes[start : start + _BOUND_AT_ONCE + 1]
         differing = (some[1:] ^ some[:-1]).astype(np.float64)
         exponents = np.minimum(np.frexp(differing)[1] + 1, last_level + 1)
         levels[start + 1 : start + len(some)] = np.where(differing > 0.0, exponents, 0)
@@ -310,7 +296,18 @@ def _order(
     bits = min(max_bits, (64 - int(keys.max()).bit_length()) // 3)
     codes = keys.astype(np.uint64)
     codes <<= np.uint64(3 * bits)
-    _add_morton_codes(bounds, bits, codes)
+    slices = [slice(at, at + _BOUND_AT_ONCE) for at in range(0, bounds.shape[1], _BOUND_AT_ONCE)]
+    centers = [0.5 * (bounds[3:, own] - bounds[:3, own]) for own in slices]
+    starts = np.min([one.min(axis=1) for one in centers], axis=0)
+    ends = np.max([one.max(axis=1) for one in centers], axis=0)
+    scale = ((1 << bits) - 1) / max(float((ends - starts).max()), 1e-9)
+    for own, some in zip(slices, centers, strict=True):
+        for axis in range(3):
+            cell = ((some[axis] - starts[axis]) * scale).astype(np.uint64)
+            for shift, mask in _SPREAD_STEPS:
+                cell |= cell << np.uint64(shift)
+                cell &= np.uint64(mask)
+            codes[own] |= cell << np.uint64(axis)
     order = np.argsort(codes, kind="stable")
     return order, codes[order], bits
 
@@ -319,20 +316,3 @@ def _half_areas(bounds: Floats32) -> Floats32:
     """Half the surface area (n,) of boxes (6, n)."""
     x, y, z = bounds[:3] + bounds[3:]
     return x * y + y * z + z * x
-
-
-def _add_morton_codes(bounds: Floats32, bits: int, codes: NDArray[np.uint64]) -> None:
-    """Add Morton codes of the centers of boxes (6, n) to `codes` (n,), with `bits` per axis."""
-    slices = [slice(at, at + _AT_ONCE) for at in range(0, bounds.shape[1], _AT_ONCE)]
-    centers = [0.5 * (bounds[3:, own] - bounds[:3, own]) for own in slices]
-    starts = np.min([one.min(axis=1) for one in centers], axis=0)
-    ends = np.max([one.max(axis=1) for one in centers], axis=0)
-    extent = max(float((ends - starts).max()), 1e-9)
-    scale = ((1 << bits) - 1) / extent
-    for own, some in zip(slices, centers, strict=True):
-        for axis in range(3):
-            cell = ((some[axis] - starts[axis]) * scale).astype(np.uint64)
-            for shift, mask in _SPREAD_STEPS:
-                cell |= cell << np.uint64(shift)
-                cell &= np.uint64(mask)
-            codes[own] |= cell << np.uint64(axis)

@@ -15,6 +15,7 @@ from omnisim.rendering.opengl.gl.memory import AllocationError
 from omnisim.rendering.opengl.gl.state import GlState
 
 COLORS, DEPTH = 0x8CE0, 0x8D00  # attachments; further colors follow the first
+LAYER_EXTENSIONS = {"GL_ARB_shader_draw_parameters", "GL_ARB_shader_viewport_layer_array"}
 _ENUM, _INT, _POINTER = ctypes.c_uint, ctypes.c_int, ctypes.c_void_p
 
 
@@ -46,6 +47,11 @@ def depth_target(
     target.depth_mask = True
     attach_texture(target.glo, texture.glo, DEPTH, level)
     return target
+
+
+def draws_layers(context: moderngl.Context) -> bool:
+    """True if a vertex shader can choose the layer, and knows its draw call."""
+    return context.extensions >= LAYER_EXTENSIONS
 
 
 def layered_target(

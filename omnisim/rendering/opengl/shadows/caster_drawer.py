@@ -11,20 +11,21 @@ import numpy as np
 
 from omnisim.core.arrays import Bools, Floats, Indices
 from omnisim.core.world import Poses
-from omnisim.rendering.opengl.atlas.tile_plan import frustum_planes
+from omnisim.rendering.atlas.tile_plan import frustum_planes
+from omnisim.rendering.contract import ScenePoses
 from omnisim.rendering.opengl.culling.cluster_culling import ClusterCuller, Views
-from omnisim.rendering.opengl.drawing.cluster_drawer import (
+from omnisim.rendering.opengl.gl.shader_files import build_program, columns_first
+from omnisim.rendering.opengl.gl.state import GlState
+from omnisim.rendering.opengl.surfaces.cluster_drawer import (
     BucketProgram,
     ClusterDrawer,
     DrawBatches,
 )
-from omnisim.rendering.opengl.drawing.scene_drawer import ItemProgram, SceneDrawer
-from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket, ClusteredGeometry
-from omnisim.rendering.opengl.geometry.draw_item import DrawItem
-from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
-from omnisim.rendering.opengl.geometry.vertex_records import INSTANCE
-from omnisim.rendering.opengl.gl.shader_files import build_program, columns_first
-from omnisim.rendering.opengl.gl.state import GlState
+from omnisim.rendering.opengl.surfaces.scene_drawer import ItemProgram, SceneDrawer
+from omnisim.rendering.opengl.world.clustered_geometry import Bucket, ClusteredGeometry
+from omnisim.rendering.opengl.world.draw_item import DrawItem
+from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
+from omnisim.rendering.opengl.world.vertex_records import INSTANCE
 from omnisim.scene.model import LAMP_NEAR_M
 from omnisim.scene.surface_kind import SurfaceKind
 
@@ -68,7 +69,7 @@ class CasterDrawer:
     ):
         self._context, self._buffers, self.anchor_m = buffers.context, buffers, anchor_m
         self._rectangles_px, self._state = rectangles_px, GlState()
-        self._programs: dict[CasterVariant, ItemProgram] = {}
+        self._programs: dict[tuple[str, ...], ItemProgram] = {}
         self._rig = np.eye(4)
         self._rig[:3, 3] = anchor_m
         self._clusters: tuple[ClusterCuller, ClusterDrawer] | None = None
@@ -91,16 +92,14 @@ class CasterDrawer:
         moves = np.array([one.moves for one in items], dtype=np.bool_)
         dynamic, static = casts & moves, casts & ~moves
         self.has_dynamic = bool(np.any(dynamic & buffers.shown()))
-        self._items = {
-            False: np.flatnonzero(single & static), True: np.flatnonzero(single & dynamic)
-        }  # fmt: skip
+        self._items = [np.flatnonzero(single & some) for some in (static, dynamic)]
         self._drawer = SceneDrawer(
             buffers, np.flatnonzero(single), self._program_of, id_of_item={}, both_sides=True
         )
         if buffers.clustered_geometry is not None:
             # hidden static items have no triangles
             shown_clusters = buffers.clustered_geometry.shown_clusters
-            self._shown = {True: shown_clusters(dynamic), False: shown_clusters(static)}
+            self._shown = [shown_clusters(some) for some in (static, dynamic)]
             if self._part_clusters is not None:
                 self._part_clusters[0].show(self._shown[False])
         self._shows_dynamic: bool | None = None  # of the clusters of whole maps
@@ -124,7 +123,7 @@ class CasterDrawer:
         with self._state.drawing():
             if self._clusters is not None:
                 culler, drawer = self._clusters
-                culler.views.write(self._rig, world_from_objects)
+                culler.views.write((ScenePoses(self._rig, world_from_objects),))
                 seen = np.where(active[:, None, None], clips, _NOWHERE)
                 culler.views.clips_from_rig.write(columns_first(seen))
                 if self._shows_dynamic is not dynamic:
@@ -150,27 +149,25 @@ class CasterDrawer:
         with self._state.drawing():
             if self._part_clusters is not None:
                 culler, drawer = self._part_clusters
-                culler.views.write(self._rig, world_from_objects)
+                culler.views.write((ScenePoses(self._rig, world_from_objects),))
                 culler.views.clips_from_rig.write(columns_first(part.part_clip[None]))
                 culler.views.rectangles_px.write(np.array(part.part_px, dtype=np.float32))
                 culler.run(0)
-                self._place_static(culler, part, target.size)
+                # culled for the part, but drawn with the matrix of the whole map
+                left, top, *size_px = part.map_px
+                scale = np.array(size_px) / target.size
+                shift = 2.0 * np.array([left, top]) / target.size + scale - 1.0
+                instance = np.zeros(1, dtype=INSTANCE)  # static geometry: its origin is the anchor
+                instance["in_clip_from_object"] = columns_first(part.clip)
+                instance["in_placement"] = *scale, *shift
+                instance["in_viewpoint_from_object"] = np.eye(3, 4)
+                self._context.memory_barrier(self._context.BUFFER_UPDATE_BARRIER_BIT)
+                culler.instances.write(instance)
                 with self._state.within_rectangles(target) as aim:
                     aim(0, 0, *target.size, within=part.part_px)
                     drawer.draw(0)
             if self._items[False].size:
                 self._draw_items(target, [part], world_from_objects, self._items[False])
-
-    def _place_static(self, culler: ClusterCuller, part: MapPart, size_px: tuple[int, int]) -> None:
-        """Draw static clusters, culled for a part of a map, with the matrix of the whole map."""
-        left, top, width, height = part.map_px
-        scale = np.array([width, height]) / size_px
-        instance = np.zeros(1, dtype=INSTANCE)  # of the static geometry, whose origin is the anchor
-        instance["in_clip_from_object"] = columns_first(part.clip)
-        instance["in_placement"] = *scale, *(2.0 * np.array([left, top]) / size_px + scale - 1.0)
-        instance["in_viewpoint_from_object"] = np.eye(3, 4)
-        self._context.memory_barrier(self._context.BUFFER_UPDATE_BARRIER_BIT)
-        culler.instances.write(instance)
 
     def _draw_items(
         self,
@@ -207,39 +204,19 @@ class CasterDrawer:
         return culler, ClusterDrawer(context, geometry, culler, batches)
 
     def _program_of(self, item: DrawItem) -> ItemProgram:
-        textured = item.material.texture is not None
-        return self._program(CasterVariant(bool(item.kind & SurfaceKind.HOLES), textured))
+        has_holes = bool(item.kind & SurfaceKind.HOLES)
+        return self._program(has_holes, item.material.texture is not None)
 
     def _program_of_bucket(self, bucket: Bucket) -> BucketProgram:
-        variant = CasterVariant(
-            SurfaceKind.CUTOUT in bucket.kind, bucket.array is not None, clustered=True
-        )
-        return BucketProgram(self._program(variant).program)
+        has_holes = SurfaceKind.CUTOUT in bucket.kind
+        found = self._program(has_holes, bucket.array is not None, "CLUSTERED")
+        return BucketProgram(found.program)
 
-    def _program(self, variant: CasterVariant) -> ItemProgram:
-        if not variant.holes:
-            variant = variant._replace(textured=False)
-        if variant not in self._programs:
-            program = build_program(
-                self._context, "scene/caster.vert", "scene/caster.frag", variant.defines
-            )
-            self._programs[variant] = ItemProgram(program)
-        return self._programs[variant]
-
-
-class CasterVariant(NamedTuple):
-    """Compiled version of the shader."""
-
-    holes: bool  # discard fragments with alpha below a cutoff
-    textured: bool  # alpha comes from a texture
-    clustered: bool = False  # True: draws clusters; False: single items
-
-    @property
-    def defines(self) -> tuple[str, ...]:
-        """Defines of the shaders."""
-        defined = {
-            "ALPHA_MASK": self.holes,
-            "TEXTURED": self.holes and self.textured,
-            "CLUSTERED": self.clustered,
-        }
-        return tuple(name for name, is_defined in defined.items() if is_defined)
+    def _program(self, has_holes: bool, is_textured: bool, *defines: str) -> ItemProgram:
+        """Program of surfaces that may discard fragments with alpha below a cutoff."""
+        if has_holes:
+            defines = (*defines, "ALPHA_MASK", *(["TEXTURED"] if is_textured else []))
+        if defines not in self._programs:
+            files = "scene/caster.vert", "scene/caster.frag"
+            self._programs[defines] = ItemProgram(build_program(self._context, *files, defines))
+        return self._programs[defines]

@@ -96,7 +96,18 @@ class KeptCascades:
         maps: DepthLevels,
         levels: DepthLevels | None = None,
     ):
-        self._kept = _kept(plan)
+        lights = [one for one in plan.cascades if one is not None]
+        places_px = iter(plan.kept_places_px.tolist())
+        self._kept = [
+            _Kept(
+                cascades,
+                level,
+                (block.left_px + level * block.size_px, block.top_px, block.size_px),
+                tuple(next(places_px)),
+            )
+            for cascades, block in zip(lights, plan.blocks, strict=False)
+            for level in range(plan.cascade_count - 1)
+        ]
         size_px = plan.kept_size_px
         if levels is None or levels.size_px != size_px:
             levels = DepthLevels(context, size_px, maps)
@@ -122,46 +133,21 @@ class KeptCascades:
                 continue
             self._first[number] = None  # if drawing is interrupted
             parts = [
-                kept.map_part(part)
+                kept.map_part(one)
                 for cells in entered_cells(old, first, CELLS)
-                for part in torus_parts(cells, CELLS)
+                for one in torus_parts(cells, CELLS)
             ]
-            self._draw(parts, is_clear, drawer, world_from_objects)
-            for part in torus_parts(Cells(*first, CELLS, CELLS), CELLS):
-                place_px = kept.on_torus_px(part.place)
-                maps.copy(self.levels, kept.on_map_px(part.cells, first), place_px[:2])
+            target = self.levels.target
+            for part in parts:
+                use_target(target)
+                if not is_clear:
+                    target.clear(depth=CLEAR_DEPTH, viewport=part.part_px)
+                drawer.draw_part(target, part, world_from_objects)
+            self.levels.coarsen([part.part_px for part in parts])
+            for one in torus_parts(Cells(*first, CELLS, CELLS), CELLS):
+                place_px = kept.on_torus_px(one.place)
+                maps.copy(self.levels, kept.on_map_px(one.cells, first), place_px[:2])
             self._first[number] = first
-
-    def _draw(
-        self,
-        parts: Sequence[MapPart],
-        is_clear: bool,
-        drawer: CasterDrawer,
-        world_from_objects: Poses,
-    ) -> None:
-        target = self.levels.target
-        for part in parts:
-            use_target(target)
-            if not is_clear:
-                target.clear(depth=CLEAR_DEPTH, viewport=part.part_px)
-            drawer.draw_part(target, part, world_from_objects)
-        self.levels.coarsen([part.part_px for part in parts])
-
-
-def _kept(plan: ShadowPlan) -> list[_Kept]:
-    """All cascades that follow the viewpoint, light by light."""
-    lights = [one for one in plan.cascades if one is not None]
-    places_px = plan.kept_places_px.tolist()
-    return [
-        _Kept(
-            cascades,
-            level,
-            (block.left_px + level * block.size_px, block.top_px, block.size_px),
-            tuple(places_px[light * (plan.cascade_count - 1) + level]),
-        )
-        for light, (cascades, block) in enumerate(zip(lights, plan.blocks, strict=False))
-        for level in range(plan.cascade_count - 1)
-    ]
 
 
 # Squares of a world grid on a torus: cell p is kept at p modulo the side of the square.
@@ -174,11 +160,9 @@ def _kept(plan: ShadowPlan) -> list[_Kept]:
 class Cells(NamedTuple):
     """Rectangle of grid cells."""
 
-    # first cell
-    left: int
+    left: int  # first cell
     top: int
-    # number of cells
-    width: int
+    width: int  # number of cells
     height: int
 
 
@@ -266,9 +250,12 @@ class DepthLevels:
         limit_levels(self.texture.glo, 0, LEVELS - 1)
         self._sampler = context.sampler(filter=(moderngl.NEAREST, moderngl.NEAREST))
         self._sampler.compare_func = ""
-        self._triangle: moderngl.VertexArray = (
-            _coarser_triangle(context) if like is None else like._triangle
-        )
+        if like is not None:
+            self._triangle: moderngl.VertexArray = like._triangle
+            return
+        program = build_program(context, "common/full_screen.vert", "scene/coarser_depth.frag")
+        uniform(program, "u_finer").value = 0
+        self._triangle = context.vertex_array(program, [])
 
     def coarsen(self, rectangles_px: Sequence[Sequence[int]]) -> None:
         """Draw the coarser levels of rectangles of the finest: left, top, width and height."""
@@ -310,13 +297,6 @@ class DepthLevels:
             to_left, to_top, *size_px = _halved(rectangle_px, level)
             first = left_px >> level, top_px >> level
             copy_region(*names, level, first, (to_left, to_top), (size_px[0], size_px[1]))
-
-
-def _coarser_triangle(context: moderngl.Context) -> moderngl.VertexArray:
-    """Triangle over the whole target, with the program of the coarser levels."""
-    program = build_program(context, "common/full_screen.vert", "scene/coarser_depth.frag")
-    uniform(program, "u_finer").value = 0
-    return context.vertex_array(program, [])
 
 
 def _halved(rectangle_px: Sequence[int], level: int) -> tuple[int, int, int, int]:

@@ -15,7 +15,6 @@ import numpy as np
 
 from omnisim.core.arrays import Bools, Floats, Indices, bounds_of
 from omnisim.core.world import Poses, time_of
-from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl.buffers import written_buffer
 from omnisim.rendering.opengl.gl.framebuffers import use_target
 from omnisim.rendering.opengl.gl.gpu_textures import CLEAR_DEPTH
@@ -23,6 +22,7 @@ from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.shadows.caster_drawer import CasterDrawer
 from omnisim.rendering.opengl.shadows.kept_cascades import DepthLevels, KeptCascades
 from omnisim.rendering.opengl.shadows.shadow_plan import covered_px, make_shadow_plan
+from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
 from omnisim.scene.model import LAMP_NEAR_M, Lighting
 
 _UNIT, _BLOCK_BINDING = 13, 1  # as in shaders/scene/shadow.glsl
@@ -31,8 +31,7 @@ _UNIT, _BLOCK_BINDING = 13, 1  # as in shaders/scene/shadow.glsl
 class _Views(NamedTuple):
     """Views of all maps."""
 
-    # (lights, cascades, 2) centers of the cascades, on which the matrices depend
-    middles_m: Floats
+    middles_m: Floats  # (lights, cascades, 2) centers of the cascades, which the matrices follow
     clips: Floats  # (maps, 4, 4) clip_from_anchor matrices
 
 
@@ -59,7 +58,11 @@ class ShadowMaps:
         """Redraw what the changed buffers require, when it is next needed."""
         buffers, context = self._buffers, self._buffers.context
         boxes_m = _static_boxes_m(buffers)
-        self.anchor_m = _anchor_m(buffers, boxes_m)
+        self.anchor_m = np.zeros(3)
+        if buffers.clustered_geometry is not None:
+            self.anchor_m = buffers.clustered_geometry.anchor_m
+        elif len(boxes_m):
+            self.anchor_m = 0.5 * (boxes_m[:, 0].min(axis=0) + boxes_m[:, 1].max(axis=0))
         limit = int(context.info["GL_MAX_TEXTURE_SIZE"])
         self._plan = plan = make_shadow_plan(self._lighting, boxes_m - self.anchor_m, limit)
         self._rectangles_px = plan.rectangles_px
@@ -84,7 +87,7 @@ class ShadowMaps:
         at_anchor, _ = self._views(self.anchor_m)
         # empty if all casters have cubes
         self._block = written_buffer(context, plan.block_data(at_anchor.clips))
-        self._posed: tuple[float, Floats] | None = None  # when, and where
+        self._posed: tuple[float, bytes] | None = None  # when, and where
         self._covered: Indices = np.empty((0, 4), dtype=np.intp)
         objects = np.array(
             [-1 if one.object_index is None else one.object_index for one in buffers.draw_items]
@@ -101,7 +104,12 @@ class ShadowMaps:
 
     def are_shared(self, poses: Sequence[tuple[Floats, Sequence[Floats]]]) -> bool:
         """Tell whether poses of rigs and of the dynamic objects all share their maps."""
-        if self._drawer.has_dynamic and not _at_rest([objects for _, objects in poses]):
+        at_rest = poses[0][1]
+        if self._drawer.has_dynamic and not all(
+            world is at_rest
+            or (time_of(world) == time_of(at_rest) and np.array_equal(world, at_rest))
+            for _, world in poses
+        ):
             return False
         if not self._plan.follows_viewpoint:
             return True
@@ -149,20 +157,13 @@ class ShadowMaps:
 
     def _draw_dynamic(self, clips: Floats, stale: Bools, world_from_objects: Poses) -> None:
         """Draw the dynamic casters, and restore the static map where they were before."""
-        poses, time_s = np.array(world_from_objects), 0.0
-        if self._buffers.deforming.size:
-            time_s = time_of(world_from_objects)
-        is_posed = (
-            self._posed is not None
-            and self._posed[0] == time_s
-            and np.array_equal(poses, self._posed[1])
-        )
-        if is_posed and not stale.any():
+        time_s = time_of(world_from_objects) if self._buffers.deforming.size else 0.0
+        posed = time_s, np.array(world_from_objects).tobytes()
+        if posed == self._posed and not stale.any():
             return
         whole = self._rectangles_px[stale].astype(np.intp)
-        restored = np.concatenate((whole, self._covered)).tolist()
         static, live = self._maps
-        for rectangle_px in restored:
+        for rectangle_px in np.concatenate((whole, self._covered)).tolist():
             live.copy(static, rectangle_px)
         transforms = self._buffers.instance_transforms(self.anchor_m, world_from_objects)
         self._covered = covered_px(
@@ -175,31 +176,13 @@ class ShadowMaps:
         every = np.ones(len(clips), dtype=np.bool_)
         self._drawer.draw(live.target, clips, every, world_from_objects, dynamic=True)
         live.coarsen(self._covered.tolist())
-        self._posed = time_s, poses
-
-
-def _at_rest(worlds: Sequence[Sequence[Floats]]) -> bool:
-    """Tell whether all worlds have the time and object poses of the first."""
-    first = worlds[0]
-    return all(
-        world is first or (time_of(world) == time_of(first) and np.array_equal(world, first))
-        for world in worlds
-    )
+        self._posed = posed
 
 
 def _allocation(size_px: tuple[int, int]) -> AbstractContextManager[None]:
     return gpu_allocation(
         f"shadow maps of {size_px[0]} × {size_px[1]} px", "switch the lamps' shadows off"
     )
-
-
-def _anchor_m(buffers: SceneBuffers, boxes_m: Floats) -> Floats:
-    """Origin (3,) of the maps, world: the clusters' anchor, or the static geometry's center."""
-    if buffers.clustered_geometry is not None:
-        return buffers.clustered_geometry.anchor_m
-    if not len(boxes_m):
-        return np.zeros(3)
-    return 0.5 * (boxes_m[:, 0].min(axis=0) + boxes_m[:, 1].max(axis=0))
 
 
 def _static_boxes_m(buffers: SceneBuffers) -> Floats:

@@ -24,12 +24,10 @@ _MAX_VERTEX_PLACES = 8  # varyings for map positions: every GPU has as many
 class Block(NamedTuple):
     """Maps of one lamp, in a grid."""
 
-    # position in the texture
-    left_px: int
+    left_px: int  # position in the texture
     top_px: int
     size_px: int  # texels per side of each map
-    # size of the grid
-    columns: int
+    columns: int  # size of the grid
     rows: int
 
     @property
@@ -45,15 +43,12 @@ class Block(NamedTuple):
 class ShadowPlan:
     """Shadow maps of the lamps that cast shadows."""
 
-    # lights of each kind, in the order of the scene
-    directional: tuple[Light, ...]
-    punctual: tuple[Light, ...]
-    # cascades of each directional light; None: it casts no shadow
-    cascades: tuple[Cascades | None, ...]
+    directional: tuple[Light, ...]  # in the order of the scene
+    punctual: tuple[Light, ...]  # in the order of the scene, too
+    cascades: tuple[Cascades | None, ...]  # of each directional light; None: it casts no shadow
     cascade_count: int  # number of cascades per directional light
     blocks: tuple[Block, ...]  # maps of each caster, directional ones first
-    # size of the texture
-    width_px: int
+    width_px: int  # size of the texture
     height_px: int
 
     @property
@@ -194,28 +189,20 @@ def make_shadow_plan(lighting: Lighting, boxes_m: Floats, max_size_px: int) -> S
         for light in punctual
         if light.casts_shadow
     ]
-    blocks, size_px = _packed(shapes, max_size_px)
-    return ShadowPlan(directional, punctual, cascades, count, blocks, *size_px)
-
-
-def _packed(
-    shapes: Sequence[tuple[int, int, int]], max_size_px: int
-) -> tuple[tuple[Block, ...], tuple[int, int]]:
-    """Place blocks given as (texels, columns, rows); return them and the size of the texture."""
     divisor = 1
     while True:
         smaller = [(max(size // divisor, _MIN_PX), *rest) for size, *rest in shapes]
-        blocks, (width_px, height_px) = _on_shelves(smaller, min(8192, max_size_px))
-        fits = width_px * height_px <= _MAX_TEXELS and max(width_px, height_px) <= max_size_px
+        blocks, size_px = _on_shelves(smaller, min(8192, max_size_px))
+        fits = math.prod(size_px) <= _MAX_TEXELS and max(size_px) <= max_size_px
         if fits or all(size == _MIN_PX for size, *_ in smaller):
-            return blocks, (width_px, height_px)
+            return ShadowPlan(directional, punctual, cascades, count, blocks, *size_px)
         divisor *= 2
 
 
 def _on_shelves(
     shapes: Sequence[tuple[int, ...]], width_px: int
 ) -> tuple[tuple[Block, ...], tuple[int, int]]:
-    """Place blocks on shelves, tallest first; return them and the size of the texture."""
+    """Place blocks of (texels, columns, rows), tallest first; return the texture's size, too."""
     placed: dict[int, Block] = {}
     left = top = shelf = right = 0
     for index in sorted(range(len(shapes)), key=lambda one: -shapes[one][0] * shapes[one][2]):
@@ -238,7 +225,6 @@ def _bits(flags: Sequence[bool]) -> str:
 # Positions are relative to an anchor, in world axes. Depth is reversed, as for the virtual cameras:
 # 1 is near the lamp. A map's x and y are two axes of its view, in either handedness, because both
 # sides of all surfaces cast shadows.
-
 
 # Axes of cube faces as rows of x, y and forward: +z, +x, +y, then the opposite faces.
 _CUBE_AXES = np.eye(3)[[[0, 1, 2], [1, 2, 0], [2, 0, 1]] * 2]
@@ -312,7 +298,6 @@ def orthographic_clip(
 # The largest region contains all static geometry. The others follow the viewpoint in whole texels,
 # so that shadow edges do not crawl, and so rarely that most frames reuse them.
 # Source: Engel, "Cascaded Shadow Maps", ShaderX5, 2006.
-
 
 # Half the width of a single map, meters: its texels are 12 mm.
 _MAX_SINGLE_M = 24.0

@@ -16,38 +16,33 @@ from omnisim.core.arrays import Bools, Floats, Floats32, Indices, Ints32
 from omnisim.core.world import Poses
 from omnisim.rendering.rays.caster import RayHits, Rays
 from omnisim.rendering.rays.geometry import Geometry
-from omnisim.rendering.rays.shading.glass import (
-    NO_MEDIUM,
-    Glass,
-    Panes,
-    Refracted,
-    interface_reflectance,
-    pane_reflectance,
-    refracted_rays,
-)
-from omnisim.rendering.rays.shading.lights import (
+from omnisim.rendering.rays.shading.lit_surfaces import (
     CastShadow,
     LampLight,
-    Shadows,
-    lamps_at,
-    light_of_lamps,
-    light_on_surfaces,
-)
-from omnisim.rendering.rays.shading.ray_reflectance import (
     Reflectance,
+    Shadows,
     SurfaceDirections,
     Traced,
     coat_fresnel,
+    lamps_at,
+    light_of_lamps,
+    light_on_surfaces,
     reflected_light,
 )
-from omnisim.rendering.rays.shading.ray_textures import TextureTable
-from omnisim.rendering.rays.shading.reflections import (
+from omnisim.rendering.rays.shading.ray_optics import (
+    NO_MEDIUM,
     Arrivals,
+    Glass,
     Lobe,
+    Panes,
     Paths,
+    Refracted,
     TracedGloss,
     Tracing,
     halfway_spreads,
+    interface_reflectance,
+    pane_reflectance,
+    refracted_rays,
     traced_gloss,
 )
 from omnisim.rendering.rays.shading.surface_table import (
@@ -55,6 +50,7 @@ from omnisim.rendering.rays.shading.surface_table import (
     NORMAL_SCALES,
     Sampler,
     SurfaceTable,
+    TextureTable,
     mapped_normals,
 )
 from omnisim.scene.light.baked_light import BakedLight

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
+from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
 from omnisim.scene.model import AlphaMode, Material
 from tests.rendering.opengl.sheets import sheet
 from tests.scenes import scene_of

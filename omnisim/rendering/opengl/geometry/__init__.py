@@ -1,1 +1,0 @@
-"""Geometry on the GPU: vertices, indices, instances, tables of triangles."""

@@ -1,1 +1,0 @@
-"""Ground truth: triangle IDs, ray hits, and occlusion between two frames."""

@@ -1,1 +1,0 @@
-"""Materials on the GPU: tables and textures."""

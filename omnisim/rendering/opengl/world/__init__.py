@@ -1,0 +1,1 @@
+"""The scene on the GPU: its geometry, deformation, materials and textures."""

@@ -1,0 +1,218 @@
+"""Vertex and index buffers of a scene; each mesh is uploaded once, when it is first needed.
+
+Clusters have their own vertices: most meshes are needed here for ground truth and ranges only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.arrays import Uints32
+from omnisim.rendering.opengl.gl.buffers import gpu_buffer, written_buffer
+from omnisim.rendering.opengl.gl.memory import gpu_allocation
+from omnisim.rendering.opengl.world.draw_item import DrawItem
+from omnisim.rendering.opengl.world.vertex_records import (
+    VERTEX,
+    fill_vertices,
+    light_coordinates,
+)
+from omnisim.scene.model import Mesh, Scene
+from omnisim.scene.surface_kind import SurfaceKind, kind_of
+
+# Vertices and indices that edits may append beyond the initial number.
+MIN_SPARE = 1 << 18
+
+GeometryKey = tuple[int, ...]
+
+
+class IndexRange(NamedTuple):
+    """Indices of a mesh in the index buffer."""
+
+    mesh: Mesh  # mesh that owns the triangles
+    first: int  # first index
+    base: int  # first vertex of the mesh
+    is_blended: bool  # True for the range of one blended item, which re-sorts it in every frame
+
+
+def geometry_key(mesh: Mesh) -> GeometryKey:
+    """Identity of a mesh's arrays, which meshes with other materials may share."""
+    arrays = (mesh.positions, mesh.triangles, mesh.normals, mesh.texture_coordinates, mesh.colors)
+    others = (mesh.second_texture_coordinates, mesh.deformation, mesh.light_coordinates)
+    return tuple(map(id, (*arrays, *others)))
+
+
+class GeometryStore:
+    """Places the meshes of scenes in two buffers, and further ones later; uploads them on demand.
+
+    Instances share the indices of their mesh, except blended ones, which are sorted individually.
+
+    Attributes:
+        ranges: consecutive ranges of all indices.
+        offsets: first index and first vertex of each scene's instances.
+    """
+
+    def __init__(self, context: moderngl.Context, parts: Sequence[Scene]):
+        self._context = context
+        self._vertex_count, self.ranges, self.offsets = _place_meshes(parts)
+        self._index_count = sum(one.mesh.triangles.size for one in self.ranges)
+        self._limit = 2 * (self._vertex_count + self._index_count) + MIN_SPARE
+        self._buffers: tuple[moderngl.Buffer, moderngl.Buffer] | None = None
+        self._complete = 0  # number of ranges that are all uploaded
+        # first vertices and first indices of what is uploaded
+        self._uploaded_bases, self._uploaded = set[int](), set[int]()
+        # ranges keep the meshes alive, so that no other array gets the id of one of theirs
+        self._base: dict[GeometryKey, int] = {}
+        self._shared: dict[GeometryKey, int] = {}
+        self._free: dict[GeometryKey, list[int]] = {}
+        for one in self.ranges:
+            self._register(one)
+
+    @property
+    def sizes(self) -> tuple[int, int]:
+        """Bytes of the buffers of vertices and indices, allocated or not."""
+        if self._buffers is not None:
+            return self._buffers[0].size, self._buffers[1].size
+        vertices = VERTEX.itemsize * self._vertex_count
+        return max(vertices, VERTEX.itemsize), max(4 * self._index_count, VERTEX.itemsize)
+
+    @property
+    def allocated(self) -> tuple[moderngl.Buffer, moderngl.Buffer]:
+        """Buffers of vertices and indices, with what is uploaded so far.
+
+        Raises:
+            GraphicsError: they do not fit on the GPU.
+        """
+        if self._buffers is None:
+            sizes = self.sizes
+            with gpu_allocation(f"{sum(sizes)} bytes for the scene", "make the scene smaller"):
+                vertices, indices = (written_buffer(self._context, size) for size in sizes)
+            self._buffers = vertices, indices
+        return self._buffers
+
+    def upload(self, items: Sequence[DrawItem]) -> tuple[moderngl.Buffer, moderngl.Buffer]:
+        """Buffers of vertices and indices, with those of some items."""
+        firsts, bases = {item.first for item in items}, {item.base for item in items}
+        self._upload([one for one in self.ranges if one.first in firsts or one.base in bases])
+        return self.allocated
+
+    def upload_all(self) -> tuple[moderngl.Buffer, moderngl.Buffer]:
+        """Buffers of vertices and indices, with those of all ranges."""
+        if self._complete < len(self.ranges):  # a frame with ground truth asks several times
+            self._upload(self.ranges)
+            self._complete = len(self.ranges)
+        return self.allocated
+
+    def _upload(self, ranges: Sequence[IndexRange]) -> None:
+        """Upload what is missing; the GPU may have changed the rest since."""
+        for one in ranges:
+            if one.mesh.triangles.size and one.first not in self._uploaded:
+                self.allocated[1].write(_indices(one), offset=4 * one.first)
+                self._uploaded.add(one.first)
+            if len(one.mesh.positions) and one.base not in self._uploaded_bases:
+                offset = VERTEX.itemsize * one.base
+                self.allocated[0].write(_vertices(one.mesh), offset=offset)
+                self._uploaded_bases.add(one.base)
+
+    @property
+    def is_overgrown(self) -> bool:
+        """True if edits appended more than the initial size, and more than is worth keeping."""
+        return self._vertex_count + self._index_count > self._limit
+
+    def light_coordinates(self) -> moderngl.Buffer:
+        """Upload the light coordinates of all vertices."""
+        whole = (0.0, 0.0, 1.0, 1.0)
+        parts = [(one.base, one.mesh, (whole, whole)) for one in self.ranges]
+        return gpu_buffer(self._context, light_coordinates(parts, self._vertex_count))
+
+    def place(self, mesh: Mesh, is_blended: bool) -> tuple[int, int]:
+        """First index and first vertex for another instance of a mesh; appends a new mesh."""
+        key = geometry_key(mesh)
+        if key not in self._base:
+            vertices, indices = self.allocated
+            self._base[key] = self._vertex_count
+            used = self._vertex_count * VERTEX.itemsize
+            self._buffers = self._append(vertices, used, _vertices(mesh)), indices
+            self._uploaded_bases.add(self._vertex_count)
+            self._vertex_count += len(mesh.positions)
+        if is_blended and self._free.get(key):
+            return self._free[key].pop(), self._base[key]
+        if is_blended or key not in self._shared:
+            added = IndexRange(mesh, self._index_count, self._base[key], is_blended)
+            vertices, indices = self.allocated
+            self._buffers = vertices, self._append(indices, 4 * added.first, _indices(added))
+            self._uploaded.add(added.first)
+            self._index_count += mesh.triangles.size
+            self.ranges.append(added)
+            self._register(added)
+            return added.first, added.base
+        return self._shared[key], self._base[key]
+
+    def release(self, item: DrawItem) -> None:
+        """Release the indices of a blended item that was removed."""
+        if item.is_blended:
+            self._free.setdefault(geometry_key(item.mesh), []).append(item.first)
+
+    def _register(self, added: IndexRange) -> None:
+        key = geometry_key(added.mesh)
+        self._base.setdefault(key, added.base)
+        if not added.is_blended:
+            self._shared.setdefault(key, added.first)
+
+    def _append(
+        self, buffer: moderngl.Buffer, used: int, values: NDArray[np.generic]
+    ) -> moderngl.Buffer:
+        """Write values behind the used bytes of a buffer, or of a larger copy of it."""
+        end = used + values.nbytes
+        if end > buffer.size:
+            with gpu_allocation(f"{2 * end} bytes for the scene", "make the scene smaller"):
+                larger = written_buffer(self._context, 2 * end)
+            self._context.copy_buffer(larger, buffer, size=used)
+            buffer = larger
+        buffer.write(values, offset=used)
+        return buffer
+
+
+def _vertices(mesh: Mesh) -> NDArray[np.void]:
+    """Vertices (n,) of type `VERTEX` of a mesh."""
+    vertices = np.zeros(len(mesh.positions), dtype=VERTEX)
+    fill_vertices(vertices, mesh)
+    return vertices
+
+
+def _indices(one: IndexRange) -> Uints32:
+    """Indices of a range, as indices into the vertex buffer."""
+    return (one.mesh.triangles.ravel() + np.uint32(one.base)).astype("<u4")
+
+
+def _place_meshes(
+    parts: Sequence[Scene],
+) -> tuple[int, list[IndexRange], list[list[tuple[int, int]]]]:
+    """Place all meshes one after the other; instances share indices, except blended ones.
+
+    Returns:
+        Number of vertices, ranges, and first index and first vertex of each scene's instances.
+    """
+    ranges: list[IndexRange] = []
+    offsets: list[list[tuple[int, int]]] = []
+    base = first = 0
+    for part in parts:
+        bases = []
+        for mesh in part.meshes:
+            bases.append(base)
+            base += len(mesh.positions)
+        shared: dict[int, int] = {}
+        offsets.append([])
+        for instance in part.instances:
+            mesh = part.meshes[instance.mesh]
+            is_blended = bool(kind_of(part.materials[mesh.material]) & SurfaceKind.SEE_THROUGH)
+            if is_blended or instance.mesh not in shared:
+                ranges.append(IndexRange(mesh, first, bases[instance.mesh], is_blended))
+                shared[instance.mesh] = first
+                first += mesh.triangles.size
+            offsets[-1].append((shared[instance.mesh], bases[instance.mesh]))
+    return base, ranges, offsets
