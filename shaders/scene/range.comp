@@ -18,11 +18,7 @@ const uint TRIANGLES = 8u;  // per invocation, at most
 layout(std430, binding = 2) readonly buffer Beams { vec2 beams[]; };  // unit directions
 layout(std430, binding = 3) buffer Ranges { uint range_bits[]; };     // ordered like floats >= 0
 
-<<<<<<< HEAD
 struct Item {  // as in omnisim/rendering/opengl/hits/range_pass.py
-=======
-struct Item {  // as in omnisim/rendering/opengl/hits/range_pass.py
->>>>>>> world
     mat4 scanner_from_mesh;  // to the scanner's frame: x forward, y left, z up, meters
     uint first;              // first index
     uint triangles;
