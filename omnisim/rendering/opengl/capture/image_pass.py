@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property, partial
-from typing import Protocol
 
 import moderngl
 import numpy as np
@@ -12,7 +11,12 @@ import numpy as np
 from omnisim.core.arrays import Bools, Floats32
 from omnisim.rendering.atlas.image_parts import ImagePart
 from omnisim.rendering.atlas.tile_plan import TilePlan
-from omnisim.rendering.opengl.capture.pixel_map import CaptureOutput, PixelMap, valid_pixels_array
+from omnisim.rendering.opengl.capture.pixel_map import (
+    CaptureOutput,
+    PixelMap,
+    drawn_mask,
+    valid_pixels_array,
+)
 from omnisim.rendering.opengl.gl.buffers import gpu_buffer
 from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer, within
 from omnisim.rendering.opengl.gl.functions import StorageBindings
@@ -26,19 +30,13 @@ from omnisim.rendering.opengl.gl.state import GlState
 MAX_TABLE_BYTES = 128 * 2**20
 # Limit of these textures: those of 12 megapixels at default quality are kept.
 MAX_KEPT_BYTES = 5 << 28
-_UV_BYTES, _PIXELS_PER_BAND = 8, 1 << 20
+_UV_BYTES = 8
 _FIRST_TABLE = 5  # bindings of the UV and level tables, as in `capture/image.frag`
 
 
-class ImagePass(Protocol):
-    """Pass from the atlas to the image."""
-
-    def draw(self, atlas: moderngl.Texture, target: moderngl.Framebuffer, part: ImagePart) -> None:
-        """Draw a part's valid pixels: encoded, and linear if there is a second attachment."""
-        ...
-
-
-def image_pass(samples: PixelMap, parts: Sequence[ImagePart], supersampling: int) -> ImagePass:
+def image_pass(
+    samples: PixelMap, parts: Sequence[ImagePart], supersampling: int
+) -> RemapPass | UvPass:
     """Image pass of a camera.
 
     Args:
@@ -105,7 +103,13 @@ class RemapPass:
         return self._tables.buffers[0].size
 
     def draw(self, atlas: moderngl.Texture, target: moderngl.Framebuffer, part: ImagePart) -> None:
-        """See `ImagePass`; the part is the whole image."""
+        """Draw all valid pixels: encoded, and linear if there is a second attachment.
+
+        Args:
+            atlas: drawn virtual cameras.
+            target: framebuffer of the image.
+            part: the whole image.
+        """
         self._state.bind_texture(0, atlas.glo)
         self._tables.bind()
         self._state.use(target)
@@ -159,7 +163,7 @@ class UvPass:
         self._first_px = uniform(self._array.program, "u_first_px")
 
     def draw(self, atlas: moderngl.Texture, target: moderngl.Framebuffer, part: ImagePart) -> None:
-        """See `ImagePass`."""
+        """Draw a part's valid pixels, see `RemapPass.draw`."""
         uvs = self._kept.get(part.rectangle_px) or self._draw_uvs(part)
         atlas.use(0)
         for unit, texture in enumerate(uvs.color_attachments, start=1):
@@ -175,7 +179,7 @@ class UvPass:
         size_bytes = 4 * sum(self._components) * width * height
         if self._kept_bytes + size_bytes <= MAX_KEPT_BYTES:
             self._kept_bytes += size_bytes
-            target = self._kept[part.rectangle_px] = self._target(width, height)
+            target = self._kept[part.rectangle_px] = self._target((width, height))
         else:
             target = self._shared_target
             target.viewport = (0, 0, width, height)
@@ -183,7 +187,7 @@ class UvPass:
         clear_target(target, *[(-1.0, -1.0, 0.0, 0.0)] * len(self._components))
         self._uvs_array.render()
         if part.rectangle_px not in self._corrections:
-            drawn = _drawn(target, width, height)
+            drawn = drawn_mask(target, (width, height), 2, lambda uvs: uvs[..., 0] >= 0.0)
             self._corrections[part.rectangle_px] = (
                 self._samples.corrections(drawn, (left, top))
                 if drawn.any()
@@ -197,12 +201,11 @@ class UvPass:
 
     @cached_property
     def _shared_target(self) -> moderngl.Framebuffer:
-        return self._target(*self._largest_px)
+        return self._target(self._largest_px)
 
-    def _target(self, width: int, height: int) -> moderngl.Framebuffer:
+    def _target(self, size_px: tuple[int, int]) -> moderngl.Framebuffer:
         context = self._samples.context
-        sides = [texture_2d(context, (width, height), one) for one in self._components]
-        return framebuffer(context, sides)
+        return framebuffer(context, [texture_2d(context, size_px, one) for one in self._components])
 
 
 def image_array(
@@ -223,8 +226,7 @@ def _by_pixel(target: moderngl.Framebuffer, attachment: int, supersampling: int)
     samples = _values(target, attachment)
     height, width = (length // supersampling for length in samples.shape[:2])
     by_pixel = samples.reshape(height, supersampling, width, supersampling, -1)
-    by_pixel = by_pixel.transpose(0, 2, 1, 3, 4)
-    return np.ascontiguousarray(by_pixel).reshape(height, width, supersampling**2, -1)
+    return by_pixel.transpose(0, 2, 1, 3, 4).reshape(height, width, supersampling**2, -1)
 
 
 def _values(target: moderngl.Framebuffer, attachment: int) -> Floats32:
@@ -232,13 +234,3 @@ def _values(target: moderngl.Framebuffer, attachment: int) -> Floats32:
     values = np.empty((*target.size[::-1], (2, 1)[attachment]), dtype=np.float32)
     read_once(target.ctx, (Pixels(target, attachment), values))
     return values
-
-
-def _drawn(target: moderngl.Framebuffer, width: int, height: int) -> Bools:
-    """Mask (height, width) of the UVs that are drawn, read in bands to save memory."""
-    drawn, step = np.empty((height, width), dtype=np.bool_), max(1, _PIXELS_PER_BAND // width)
-    for first in range(0, height, step):
-        uvs = np.empty((min(step, height - first), width, 2), dtype=np.float32)
-        read_once(target.ctx, (Pixels(target, 0, (0, first, width, len(uvs))), uvs))
-        drawn[first : first + step] = uvs[..., 0] >= 0.0
-    return drawn
