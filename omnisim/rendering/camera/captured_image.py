@@ -148,28 +148,23 @@ def read_captured_image(path: Path, sensor: OmniCamera | None = None) -> Capture
     if sensor is not None:
         camera, polygons = sensor.model, sensor.mesh_polygons
         base_from_optical = sensor.base_from_optical[:3, :3]
-    elif not isinstance(metadata.get("camera"), dict):
-        raise OutputError(
-            f"{path}: has no camera parameters inside: pass the sensor file that it was taken "
-            "with, --sensor FILE"
-        )
     else:
+        way_out = "pass the sensor file that it was taken with, --sensor FILE"
+        if not isinstance(metadata.get("camera"), dict):
+            raise OutputError(f"{path}: has no camera parameters inside: {way_out}")
         try:
             camera = camera_of_parameters(metadata["camera"])
         except OmnisimError as reason:
             raise OutputError(f"{path}: its metadata: {reason}") from None
         if world_from_base is None or world_from_optical is None:
-            raise OutputError(
-                f"{path}: its metadata has no pose of the camera on its vehicle: pass the sensor "
-                "file that it was taken with, --sensor FILE"
-            )
+            missing = "its metadata has no pose of the camera on its vehicle"
+            raise OutputError(f"{path}: {missing}: {way_out}")
         base_from_optical = world_from_base[:3, :3].T @ world_from_optical[:3, :3]
         polygons = metadata.get("polygons") if type(metadata.get("polygons")) is int else None
-    if pixels.shape[:2] != (camera.height_px, camera.width_px):
-        raise OutputError(
-            f"{path}: is {pixels.shape[1]} × {pixels.shape[0]} px, where its camera's images are "
-            f"{camera.width_px} × {camera.height_px}"
-        )
+    height, width = pixels.shape[:2]
+    if (width, height) != (camera.width_px, camera.height_px):
+        size = f"{camera.width_px} × {camera.height_px}"
+        raise OutputError(f"{path}: is {width} × {height} px, where its camera's images are {size}")
     try:
         covered = valid_mask(camera, polygons)
     except OmnisimError as reason:
