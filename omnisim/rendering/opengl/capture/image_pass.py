@@ -64,12 +64,7 @@ class RemapPass:
     """Image pass of a whole image through a UV table, which does not depend on the pose.
 
     A frame takes the same time with all cameras, also with a mirror's mesh or an iterative model.
-
-    Args:
-        samples, supersampling: see `image_pass`.
-
-    Raises:
-        AllocationError: out of GPU memory.
+    Arguments and errors are those of `image_pass`.
     """
 
     def __init__(self, samples: PixelMap, plan: TilePlan, supersampling: int):
@@ -96,11 +91,6 @@ class RemapPass:
             image_array, context, valid, supersampling, *defines, "BATCH"
         )
         self._image_height_px, self._images = len(valid), 0
-
-    @property
-    def table_bytes(self) -> int:
-        """Size of the UV table in bytes."""
-        return self._tables.buffers[0].size
 
     def draw(self, atlas: moderngl.Texture, target: moderngl.Framebuffer, part: ImagePart) -> None:
         """Draw all valid pixels: encoded, and linear if there is a second attachment.
@@ -137,12 +127,7 @@ class UvPass:
     """Image pass of an image's parts through textures of their samples' UVs.
 
     Textures are kept up to `MAX_KEPT_BYTES`. Other parts share one, drawn anew in each frame.
-
-    Args:
-        samples, parts, supersampling: see `image_pass`.
-
-    Raises:
-        AllocationError: out of GPU memory.
+    Arguments and errors are those of `image_pass`.
     """
 
     def __init__(self, samples: PixelMap, parts: Sequence[ImagePart], supersampling: int):
@@ -186,17 +171,14 @@ class UvPass:
         self._samples.use_part(self._uvs_array, part.plan, (left, top), (width, height))
         clear_target(target, *[(-1.0, -1.0, 0.0, 0.0)] * len(self._components))
         self._uvs_array.render()
+        size_px = (width, height)
         if part.rectangle_px not in self._corrections:
-            drawn = drawn_mask(target, (width, height), 2, lambda uvs: uvs[..., 0] >= 0.0)
-            self._corrections[part.rectangle_px] = (
-                self._samples.corrections(drawn, (left, top))
-                if drawn.any()
-                else np.empty((0, 6), dtype=np.float32)
-            )
-        if len(corrections := self._corrections[part.rectangle_px]):
-            self._samples.correcting_array(
-                CaptureOutput.UV, corrections, part.plan, (width, height)
-            ).render()
+            drawn = drawn_mask(target, size_px, 2, lambda uvs: uvs[..., 0] >= 0.0)
+            nothing = np.empty((0, 6), dtype=np.float32)
+            found = self._samples.corrections(drawn, (left, top)) if drawn.any() else nothing
+            self._corrections[part.rectangle_px] = found
+        if len(wrong := self._corrections[part.rectangle_px]):
+            self._samples.correcting_array(CaptureOutput.UV, wrong, part.plan, size_px).render()
         return target
 
     @cached_property

@@ -229,19 +229,13 @@ class PixelMap:
         size_px: tuple[int, int] | None = None,
     ) -> moderngl.VertexArray:
         """Vertex array that draws the output of `corrections`; of colors and UVs, by an atlas."""
-        program = build_program(
-            self.context,
-            "capture/single_rays.vert",
-            "capture/single_rays.frag",
-            includes={"EMIT": emit},
-        )
+        shaders = "capture/single_rays.vert", "capture/single_rays.frag"
+        program = build_program(self.context, *shaders, includes={"EMIT": emit})
         program["u_image_size_px"] = size_px or self.size_px
         if plan is not None:
             bind_tiles(program, plan, self.camera.rig_from_optical)
-        points = gpu_buffer(self.context, corrections)
-        return self.context.vertex_array(
-            program, [(points, "2f4 4f4", "in_pixel_px", "in_ray")], mode=moderngl.POINTS
-        )
+        points = (gpu_buffer(self.context, corrections), "2f4 4f4", "in_pixel_px", "in_ray")
+        return self.context.vertex_array(program, [points], mode=moderngl.POINTS)
 
     def vertex_array(self, emit: CaptureOutput, plan: TilePlan) -> moderngl.VertexArray:
         """Vertex array that draws each pixel's output for an atlas, see `use_part`."""
@@ -271,13 +265,9 @@ class PixelMap:
         # a subclass that is not omnisim's has other rays than its model's file
         has_shader = type(lens).__module__.startswith("omnisim.")
         model = f"camera/{camera.model_name}" if has_shader else "capture/no_model"
-        program = build_program(
-            self.context,
-            "common/full_screen.vert",
-            "capture/lens.frag",
-            defines,
-            {"EMIT": emit, "CAMERA_MODEL": f"{model}.glsl"},
-        )
+        shaders = "common/full_screen.vert", "capture/lens.frag"
+        includes = {"EMIT": emit, "CAMERA_MODEL": f"{model}.glsl"}
+        program = build_program(self.context, *shaders, defines, includes)
         if has_shader:
             for name, value in camera.uniforms().items():
                 program[name] = value
@@ -288,12 +278,8 @@ class PixelMap:
     def _mesh_array(
         self, camera: HyperbolicCamera, mesh: MirrorMesh, emit: CaptureOutput
     ) -> moderngl.VertexArray:
-        program = build_program(
-            self.context,
-            "capture/mirror_mesh.vert",
-            "capture/mirror_mesh.frag",
-            includes={"EMIT": emit},
-        )
+        shaders = "capture/mirror_mesh.vert", "capture/mirror_mesh.frag"
+        program = build_program(self.context, *shaders, includes={"EMIT": emit})
         program["u_target_size_px"] = self.size_px
         program["u_focal_length_px"] = camera.focal_length_px
         program["u_principal_point_px"] = camera.principal_point_px
