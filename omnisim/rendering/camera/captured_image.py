@@ -66,7 +66,7 @@ def valid_mask(camera: CentralCamera, polygons: int | None) -> Bools:
         OpticsError: the polygon count does not make a mesh.
     """
     if polygons is not None and isinstance(camera, NonCentralCamera):
-        from omnisim.cameras.optics.mesh_rays import MeshRays  # imported late: few cameras need it
+        from omnisim.cameras.optics.mesh_rays import MeshRays  # few cameras need it
 
         pixels = pixel_grid(camera.width_px, camera.height_px)
         return MeshRays(camera, polygons).ray_from_pixel(pixels).valid
@@ -89,9 +89,7 @@ class CapturedImage:
     pixels: NDArray[Any]  # (height, width, 3) uint8 sRGB, or float32 linear
     covered: Bools  # (height, width) mask of pixels that show the scene
     camera: CentralCamera  # camera of the image
-    base_from_optical: (
-        Floats  # (3, 3) rotation from the camera's optical frame to the vehicle's base
-    )
+    base_from_optical: Floats  # (3, 3) rotation from the optical frame to the vehicle's base
     world_from_base: Floats | None  # (4, 4) pose, if the image has it
     world_from_optical: Floats | None
     metadata: dict[str, Any]  # metadata of the image file; empty if there is none
