@@ -25,8 +25,8 @@ from omnisim.rendering.opengl.gl.gpu_textures import check_image_size, renderbuf
 from omnisim.rendering.opengl.gl.memory import gpu_allocation, slice_length
 from omnisim.rendering.opengl.gl.shader_files import uniform
 from omnisim.rendering.opengl.hits.occlusion_pass import OcclusionPass
-from omnisim.rendering.opengl.hits.ray_hit_pass import RayHitPass, bind_details, hits_target
-from omnisim.rendering.opengl.hits.visibility_pass import VisibilityLayers, VisibilityPass
+from omnisim.rendering.opengl.hits.ray_hit_pass import DETAIL_UNITS, RayHitPass, hits_target
+from omnisim.rendering.opengl.hits.visibility_pass import VisibilityPass
 from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
 from omnisim.rendering.sensor_tiles import sensor_tiles
 from omnisim.scene.planar_mirrors import specular_mask
@@ -164,12 +164,14 @@ class CubeHits(DrawnHits):
 
 
 class _BatchTarget:
-    """Program for a set of channels, and its target."""
+    """Program for a set of channels, the layers that it reads, and its target."""
 
     def __init__(self, passes: RayHitPass, details: HitDetails, count: int):
         context, (width, height) = passes.pixels.context, passes.pixels.size_px
-        self.details = details
-        self.layers = VisibilityLayers(passes.visibility, count, details)
+        self.details, own = details, passes.visibility
+        self.visibility = VisibilityPass(
+            own.buffers, own.plan, own.cameras, details, layers=count, like=own
+        )
         self.program = passes.build_program(details, "BATCH")
         self.array = valid_pixels_array(context, self.program, passes.pixels.valid)
         uniform(self.program, "u_images").value = self.count = count
@@ -178,7 +180,7 @@ class _BatchTarget:
             held = [
                 renderbuffer(context, size, 4, dtype="f4"),
                 renderbuffer(context, size, 2, dtype="u4"),
-            ]  # fmt: skip
+            ]
             self.target = hits_target(context, size, held, details)
 
 
@@ -235,17 +237,17 @@ class HitBatches:
         self, poses: Sequence[ScenePoses], count: int, details: HitDetails
     ) -> Pending[list[Hits]]:
         passes, variant = self._passes, self._reserve(count, details)
-        layers, buffers = variant.layers, passes.visibility.buffers
-        layers.draw(poses)
+        buffers = passes.visibility.buffers
+        variant.visibility.render(poses, details)
         use_target(variant.target)
         optical = passes.pixels.camera.rig_from_optical
         passes.tables.update_batch(
-            layers.ids,
+            variant.visibility.id_atlas,
             [buffers.instance_transforms(rig[:3, 3], objects) for rig, objects in poses],
             np.array([rig[:3, :3] @ optical for rig, _ in poses]),
         )
         passes.bind()
-        bind_details(layers.details, details)
+        variant.visibility.bind_details(details, DETAIL_UNITS)
         passes.bind_geometry()
         uniform(variant.program, "u_draw_item_count").value = 1 + len(buffers.draw_items)
         variant.array.render(moderngl.TRIANGLES, instances=len(poses))

@@ -64,7 +64,7 @@ class HitTables:
 
     def update_batch(
         self,
-        ids: moderngl.TextureArray,
+        ids: moderngl.Texture | moderngl.TextureArray,
         transforms: Sequence[InstanceTransforms],
         viewpoints_from_optical: Floats,
     ) -> None:

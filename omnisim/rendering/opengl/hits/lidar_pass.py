@@ -176,7 +176,7 @@ class _Sector:
         world_from_rig = one.middle.world_from_lidar @ pose_from_rotation(
             rotation_from_yaw(heading_rad), np.zeros(3)
         )
-        self._visibility.render(world_from_rig, one.middle.world_from_objects)
+        self._visibility.render([(world_from_rig, one.middle.world_from_objects)])
         start, end = self._transforms(one.start), self._transforms(one.end)
         self._rig_from_viewpoint.write(columns_first(world_from_rig[:3, :3].T))
         self._path_m.write(one.path_m.astype("<f4"))

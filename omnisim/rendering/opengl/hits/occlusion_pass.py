@@ -65,7 +65,7 @@ class OcclusionPass:
             clear_target(self._target, None)
         # each part may show the points of all pixels
         for _ in self._hits.using_parts(self._vertex_array.program, np.eye(3)):
-            visibility.render(world_from_rig, world_from_objects)
+            visibility.render([(world_from_rig, world_from_objects)])
             use_target(self._target)
             self._hits.tables.update(transforms, next_from_current)
             self._hits.bind()

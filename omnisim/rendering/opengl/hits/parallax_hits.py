@@ -77,6 +77,7 @@ class ParallaxHitPass(RayHitPass):
         """Bind rays, origins, and the depth of the last rendered atlas."""
         super().bind()
         self.origins.use(_ORIGINS)
+        assert isinstance(self.visibility.depth, moderngl.Texture)  # it has no layers
         self._pyramid.update(self.visibility.depth)
 
     def prepare(self, program: moderngl.Program, rig_from_optical: Floats) -> None:

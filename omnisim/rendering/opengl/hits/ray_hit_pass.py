@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, ClassVar, NamedTuple
 
 import moderngl
@@ -25,11 +25,10 @@ from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.pixel_readback import PixelReadback, Pixels, Read
 from omnisim.rendering.opengl.gl.shader_files import build_program, columns_first, uniform
 from omnisim.rendering.opengl.hits.hit_tables import HitTables
-from omnisim.rendering.opengl.hits.visibility_pass import VisibilityPass
-from omnisim.rendering.opengl.hits.visibility_program import atlas_formats
+from omnisim.rendering.opengl.hits.visibility_pass import VisibilityPass, atlas_formats
 from omnisim.rendering.opengl.world.triangle_table import bind_triangles, window_defines
 
-_UNITS = {"u_albedos": 4, "u_gloss": 5, "u_emission": 7}
+DETAIL_UNITS = {"u_albedos": 4, "u_gloss": 5, "u_emission": 7}
 _PRIMITIVES = 1  # attachment, after the points; details follow
 # Define and attachment components of each detail.
 _DEFINES = {"normals": "NORMALS", "albedos": "ALBEDO", "materials": "MATERIALS"}
@@ -116,11 +115,11 @@ class RayHitPass:
         viewpoint_from_optical = world_from_rig[:3, :3] @ rig_from_optical
         variant.viewpoint_from_optical.write(columns_first(viewpoint_from_optical))
         for part in self.using_parts(variant.vertex_array.program, rig_from_optical):
-            visibility.render(world_from_rig, world_from_objects, details)
+            visibility.render([(world_from_rig, world_from_objects)], details)
             with within(variant.target, part.rectangle_px):
                 self.tables.update(transforms, transforms.normal_from_mesh)
                 self.bind()
-                bind_details(visibility.detail_atlases, details)
+                visibility.bind_details(details, DETAIL_UNITS)
                 self.bind_geometry()
                 variant.vertex_array.render()
         return self.begin_reading(variant.target, 1, details).result()[0]
@@ -205,16 +204,8 @@ class RayHitPass:
         )
         self.prepare(program, self.pixels.camera.rig_from_optical)
         for name in atlas_formats(details):
-            uniform(program, name).value = _UNITS[name]
+            uniform(program, name).value = DETAIL_UNITS[name]
         return program
-
-
-def bind_details(
-    atlases: Mapping[str, moderngl.Texture | moderngl.TextureArray], details: HitDetails
-) -> None:
-    """Bind the atlases of details."""
-    for name in atlas_formats(details):
-        atlases[name].use(_UNITS[name])
 
 
 def hits_target(
