@@ -14,12 +14,8 @@ from omnisim.rendering.opengl.drawing.surface_program import (
     variant_of,
 )
 from omnisim.rendering.opengl.gl.framebuffers import framebuffer
-from omnisim.rendering.opengl.gl.gpu_textures import (
-    CLEAR_DEPTH,
-    DEPTH,
-    DEPTH_FUNCTION,
-    renderbuffer,
-)
+from omnisim.rendering.opengl.gl.gpu_textures import DEPTH, renderbuffer
+from omnisim.rendering.opengl.gl.reversed_depth import CLEAR_DEPTH, DEPTH_FUNCTION
 from omnisim.rendering.opengl.gl.shader_files import columns_first, find_uniform, uniform
 from omnisim.rendering.opengl.world.draw_item import DrawItem
 from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers

@@ -39,7 +39,7 @@ from omnisim.rendering.opengl.drawing.surface_program import (
     variant_of_blended,
     variant_of_bucket,
 )
-from omnisim.rendering.opengl.gl.gpu_textures import CLEAR_DEPTH
+from omnisim.rendering.opengl.gl.reversed_depth import CLEAR_DEPTH
 from omnisim.rendering.opengl.gl.shader_files import columns_first
 from omnisim.rendering.opengl.gl.state import GlState
 from omnisim.rendering.opengl.world.clustered_geometry import Bucket

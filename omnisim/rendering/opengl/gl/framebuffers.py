@@ -10,8 +10,9 @@ import moderngl
 
 from omnisim.rendering.opengl.gl import debug
 from omnisim.rendering.opengl.gl.functions import end_pass, gl_function
-from omnisim.rendering.opengl.gl.gpu_textures import CLEAR_DEPTH, depth_array
+from omnisim.rendering.opengl.gl.gpu_textures import depth_array
 from omnisim.rendering.opengl.gl.memory import AllocationError
+from omnisim.rendering.opengl.gl.reversed_depth import CLEAR_DEPTH
 from omnisim.rendering.opengl.gl.state import GlState
 
 COLORS, DEPTH = 0x8CE0, 0x8D00  # attachments; further colors follow the first

@@ -1,11 +1,4 @@
-"""Textures and renderbuffers: limits are known before, and OpenGL's error is seen after each.
-
-Depth is reversed and float: a depth buffer stores near/z. With 1 at the near plane and 0 at
-infinity, floats have a relative precision of 6e-8 at every distance; the usual 24 bits from −1 to 1
-confuse surfaces 10 cm apart at 500 m.
-
-Source: Reed, "Depth precision visualized", 2015.
-"""
+"""Textures and renderbuffers: limits are known before, and OpenGL's error is seen after each."""
 
 from __future__ import annotations
 
@@ -26,12 +19,10 @@ from omnisim.rendering.opengl.gl.memory import AllocationError, check_allocation
 AnyTexture = moderngl.Texture | moderngl.Texture3D | moderngl.TextureArray
 TextureT = TypeVar("TextureT", moderngl.Texture, moderngl.Texture3D, moderngl.TextureArray)
 
-DEPTH_FUNCTION = ">"  # set per context, see omnisim/rendering/opengl/gl/state.py
-CLEAR_DEPTH = 0.0
 DEPTH = "d4"  # type of a renderbuffer of depth
 SRGB8_ALPHA8, RGBA8 = 0x8C43, 0x8058
 _DEPTH_COMPONENT32F, _RGB16F, _RGBA16F = 0x8CAC, 0x881B, 0x881A
-_TEXTURE_2D, _TEXTURE_2D_ARRAY, _CUBE_MAP_ARRAY = 0x0DE1, 0x8C1A, 0x9009
+_TEXTURE_2D, _CUBE_MAP_ARRAY = 0x0DE1, 0x9009
 _MIN_FILTER, _MAG_FILTER, _LINEAR, _LINEAR_MIPMAP_LINEAR = 0x2801, 0x2800, 0x2601, 0x2703
 _BASE_LEVEL, _MAX_LEVEL = 0x813C, 0x813D
 _RGB, _RGBA, _HALF_FLOAT, _UNSIGNED_BYTE = 0x1907, 0x1908, 0x140B, 0x1401

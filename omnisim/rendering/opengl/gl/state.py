@@ -14,16 +14,16 @@ from contextlib import contextmanager
 import moderngl
 
 from omnisim.rendering.opengl.gl.functions import constant_call, end_pass, gl_function
+from omnisim.rendering.opengl.gl.reversed_depth import GREATER, reverse_depth
 
 _FRAMEBUFFER, _COLOR, _DEPTH = 0x8D40, 0x1800, 0x1801
 _PACK_ALIGNMENT = 0x0D05
 _CULL_FACE, _DEPTH_TEST, _BLEND, _SCISSOR_TEST = 0x0B44, 0x0B71, 0x0BE2, 0x0C11
 _CLIP_DISTANCES = range(0x3000, 0x3004)  # at tile edges, see shaders/scene/vertex.glsl
 _MIRROR_CLIP_DISTANCE = 0x3004  # at a mirror, see shaders/scene/mirror_clip.glsl
-_GREATER, _EQUAL, _ALWAYS, _BACK = 0x0204, 0x0202, 0x0207, 0x0405
+_EQUAL, _ALWAYS, _BACK = 0x0202, 0x0207, 0x0405
 _CLOCKWISE, _COUNTERCLOCKWISE = 0x0900, 0x0901
 _SRC_ALPHA, _ONE_MINUS_SRC_ALPHA, _ZERO, _ONE = 0x0302, 0x0303, 0, 1
-_LOWER_LEFT, _ZERO_TO_ONE = 0x8CA1, 0x935F
 _SRC1_COLOR, _SEAMLESS_CUBES = 0x88F9, 0x884F
 _ENUM, _INT, _POINTER, _BOOLEAN = ctypes.c_uint, ctypes.c_int, ctypes.c_void_p, ctypes.c_ubyte
 
@@ -31,12 +31,11 @@ _ENUM, _INT, _POINTER, _BOOLEAN = ctypes.c_uint, ctypes.c_int, ctypes.c_void_p, 
 def set_constants() -> None:
     """Set the state that all passes of a context share.
 
-    Reversed depth, clipped to [0, w]; winding, blend function, filters across the edges of cube
+    Reversed depth, winding, blend function, filters across the edges of cube
     maps, and readback without gaps between rows. Clip-space y points down the image, which reverses
     the winding.
     """
-    gl_function("glClipControl", _ENUM, _ENUM)(_LOWER_LEFT, _ZERO_TO_ONE)
-    gl_function("glDepthFunc", _ENUM)(_GREATER)
+    reverse_depth()
     gl_function("glFrontFace", _ENUM)(_CLOCKWISE)
     gl_function("glCullFace", _ENUM)(_BACK)
     gl_function("glEnable", _ENUM)(_SEAMLESS_CUBES)
@@ -67,7 +66,10 @@ class GlState:
         self._set_scissor_test = _capability(_SCISSOR_TEST)
         self._set_each_clip_distance = [_capability(one) for one in _CLIP_DISTANCES]
         self._set_mirror_clip = _capability(_MIRROR_CLIP_DISTANCE)
-        self._set_front_face = gl_function("glFrontFace", _ENUM)
+        face = gl_function("glFrontFace", _ENUM)
+        self.set_mirrored = _choice(
+            constant_call(face, _CLOCKWISE), constant_call(face, _COUNTERCLOCKWISE)
+        )
         self._set_blend_function = gl_function("glBlendFuncSeparate", _ENUM, _ENUM, _ENUM, _ENUM)
 
     def use(self, target: moderngl.Framebuffer, has_depth: bool = False) -> None:
@@ -153,7 +155,7 @@ class GlState:
             self._set_depth_function(_EQUAL)
             yield
         finally:
-            self._set_depth_function(_GREATER)
+            self._set_depth_function(GREATER)
             self._set_depth_mask(True)
 
     @contextmanager
@@ -164,17 +166,17 @@ class GlState:
             self._set_depth_function(_ALWAYS)
             yield
         finally:
-            self._set_depth_function(_GREATER)
+            self._set_depth_function(GREATER)
             self._set_depth_test(False)
 
     @contextmanager
     def mirrored(self) -> Iterator[None]:
         """Draw with a mirrored rig, which reverses the winding of all triangles."""
         try:
-            self._set_front_face(_COUNTERCLOCKWISE)
+            self.set_mirrored(True)
             yield
         finally:
-            self._set_front_face(_CLOCKWISE)
+            self.set_mirrored(False)
 
     @contextmanager
     def clipped_at_mirror(self) -> Iterator[None]:
