@@ -8,17 +8,14 @@ Source: Reed, "Depth precision visualized", 2015.
 
 from __future__ import annotations
 
-import ctypes
-
-from omnisim.rendering.opengl.gl.functions import gl_function
+from omnisim.rendering.opengl.gl.functions import ENUM, gl_function
 
 CLEAR_DEPTH = 0.0
 GREATER, DEPTH_FUNCTION = 0x0204, ">"  # test that nearer surfaces pass, and moderngl's name of it
 _LOWER_LEFT, _ZERO_TO_ONE = 0x8CA1, 0x935F
-_ENUM = ctypes.c_uint
 
 
 def reverse_depth() -> None:
     """Clip the current context's depth to [0, w], and let the greater one pass."""
-    gl_function("glClipControl", _ENUM, _ENUM)(_LOWER_LEFT, _ZERO_TO_ONE)
-    gl_function("glDepthFunc", _ENUM)(GREATER)
+    gl_function("glClipControl", ENUM, ENUM)(_LOWER_LEFT, _ZERO_TO_ONE)
+    gl_function("glDepthFunc", ENUM)(GREATER)
