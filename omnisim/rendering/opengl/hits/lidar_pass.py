@@ -23,7 +23,7 @@ from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.pixel_readback import PixelReadback
 from omnisim.rendering.opengl.gl.shader_files import build_program, columns_first, uniform
-from omnisim.rendering.opengl.hits.hit_tables import HitTables
+from omnisim.rendering.opengl.hits.ray_hit_pass import HitTables
 from omnisim.rendering.opengl.hits.visibility_pass import VisibilityPass
 from omnisim.rendering.opengl.world.draw_item import InstanceTransforms
 from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
@@ -180,7 +180,7 @@ class _Sector:
         start, end = self._transforms(one.start), self._transforms(one.end)
         self._rig_from_viewpoint.write(columns_first(world_from_rig[:3, :3].T))
         self._path_m.write(one.path_m.astype("<f4"))
-        self._tables.update(start, end.viewpoint_from_mesh[:, :3])
+        self._tables.update([start], [end.viewpoint_from_mesh[:, :3]])
         rays.use(_RAYS_UNIT)
         with within(target, (one.first, 0, one.last - one.first, target.size[1])):
             self._array.render()
