@@ -23,10 +23,10 @@ from benchmarks.gl_counters import Counts, count
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.contract import CameraBackend
 from omnisim.rendering.opengl.culling.cluster_culling import BANDS
-from omnisim.rendering.opengl.drawing.cluster_drawer import ClusterDrawer
 from omnisim.rendering.opengl.gl.buffers import read_buffer
 from omnisim.rendering.opengl.gl.pixel_readback import PixelReadback, Reading
 from omnisim.rendering.opengl.opengl_camera import CubeCamera
+from omnisim.rendering.opengl.surfaces.cluster_drawer import ClusterDrawer
 from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage
 
@@ -129,7 +129,7 @@ class RepeatedFrame:
     def _draw_faces(self, passes: CameraBackend) -> None:
         renderer = self.renderer
         assert isinstance(passes, CubeCamera)
-        passes.cube.render(*renderer._poses_in(renderer._state(self.world_from_base)))
+        passes.cube.draw((renderer._poses_in(renderer._state(self.world_from_base)),))
 
 
 class _Marks:

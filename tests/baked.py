@@ -5,7 +5,6 @@ import json
 import numpy as np
 
 from omnisim.core.files.image_files import read_radiance, write_image
-from omnisim.scene.light.baked import baked_fingerprint
 
 CELL_PX = 8  # of a triangle's chart, which its cell holds with a texel to spare
 
@@ -47,7 +46,7 @@ def write_baked(folder, scene, light, without=(), spacing_m=0.5):
     np.savez(folder / "probes.npz", sh=factors, valid=np.ones(shape, dtype=np.bool_))
     contents = {
         "version": 1,
-        "fingerprint": baked_fingerprint(scene),
+        "fingerprint": scene.identity.light,
         "rects": rects,
         "probes": {
             "origin_m": low.tolist(), "spacing_m": [spacing_m] * 3, "shape": list(shape)

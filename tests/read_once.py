@@ -4,7 +4,7 @@ import hashlib
 from collections import OrderedDict
 from pathlib import Path
 
-from omnisim.core.files.sources import note_sources, recorded_sources
+from omnisim.core.files.sources import SourceReader
 from omnisim.core.package_files import SCENES
 from omnisim.rendering.opengl.world import clustered_geometry
 from omnisim.rendering.opengl.world import scene_textures as textures
@@ -17,21 +17,21 @@ _MAX_CLUSTERED = 64
 
 def read_built_in_scenes_once(monkeypatch):
     """Read each built-in scene once with the same options: scenes do not change."""
-    read, scenes = load._load_source, _Recent(_MAX_SCENES)
+    build_scene, scenes = load._build, _Recent(_MAX_SCENES)
 
-    def load_source(source, options, outer):
-        if not _is_built_in(source) or options.resources or options.sky is not None:
-            return read(source, options, outer)
+    def build(files, options, reader, outer=()):
+        if not _is_built_in(files.name) or options.resources or options.sky is not None:
+            return build_scene(files, options, reader, outer)
 
-        def read_and_record():
-            with recorded_sources() as sources:
-                return read(source, options, outer), sources
+        def read():
+            own = SourceReader()
+            return build_scene(files, options, own, outer), own
 
-        scene, sources = scenes.get((str(source), repr(options)), read_and_record)
-        note_sources(sources)
-        return scene
+        built, own = scenes.get((files.name, repr(options)), read)
+        reader.update(own)
+        return built
 
-    monkeypatch.setattr(load, "_load_source", load_source)
+    monkeypatch.setattr(load, "_build", build)
 
 
 def make_mipmaps_once(monkeypatch):

@@ -35,14 +35,17 @@ OPENGL_LAYERS = (
     {"cube_backend"},
     {"parallax_camera"},
     {"opengl_camera"},
-    {"camera_frame", "hits", "shadows"},
-    {"drawing"},
+    {"camera_frame", "hits"},
+    {"reflect", "shadows"},
+    {"scene_view"},
+    {"surfaces"},
     {"world"},
     {"capture", "culling"},
     {"degradation"},
-    {"atlas"},
     {"gl"},
 )
+# What plans of the atlas import: they are arrays, of any back end and without one.
+PLANNED_FROM = ("core", "cameras", "rendering.camera", "rendering.atlas")
 HOMES = {
     "moderngl": {"rendering.opengl"},
     "mapbox_earcut": {"scene"},
@@ -74,10 +77,6 @@ DRAWING = {
         "validation.checks.optics_triangles",
         "validation.checks.polygons",
     )
-}
-# Pairs of folders that import each other still; the list may only shrink.
-KNOWN_CIRCLES = {
-    ("scene.files", "scene.light"),
 }
 MODULES = {
     ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts).removesuffix(".__init__"): path
@@ -160,6 +159,18 @@ def test_imports_point_down(package, layers):
     _check(fault for module in modules for fault in _faults_of_layers(layers, package, module))
 
 
+def test_plans_know_no_back_end():
+    plans = [module for module in MODULES if module.startswith("omnisim.rendering.atlas.")]
+    assert plans
+    _check(
+        f"{module} imports {name}"
+        for module in plans
+        for name in _imports(module)
+        if name.partition(".")[0] == "omnisim"
+        and not any(f"{name}.".startswith(f"omnisim.{room}.") for room in PLANNED_FROM)
+    )
+
+
 def test_each_library_has_one_home():
     _check(
         f"{module} imports {name}: home is {' or '.join(sorted(homes))}"
@@ -195,7 +206,24 @@ def test_no_two_folders_import_each_other():
         for folder, other in arrows
         if folder < other and (other, folder) in arrows and not _is_within(other, folder)
     }
-    assert circles == KNOWN_CIRCLES
+    assert circles == set()
+
+
+@pytest.mark.parametrize("side", ["opengl", "rays", "baking", "truth", "contract", "pixel_rays"])
+def test_back_ends_know_nothing_of_each_other(side):
+    """`shared_scene` hands OpenGL the contract's rays; what both need belongs to neither."""
+    own = f"omnisim.rendering.{side}"
+    others = {f"omnisim.rendering.{one}." for one in ("opengl", "rays", "baking")} - {f"{own}."}
+    if side == "baking":  # casts the back end's rays
+        others.remove("omnisim.rendering.rays.")
+    modules = [module for module in MODULES if f"{module}.".startswith(f"{own}.")]
+    assert modules
+    _check(
+        f"{module} imports {name}"
+        for module in modules
+        for name in _imports(module)
+        if f"{name}.".startswith(tuple(others))
+    )
 
 
 def test_only_the_checks_import_the_validation():

@@ -8,15 +8,15 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.rendering.opengl.drawing.surface_program import (
-    SurfaceProgram,
-    SurfacePrograms,
-    variant_of,
-)
 from omnisim.rendering.opengl.gl.framebuffers import framebuffer
 from omnisim.rendering.opengl.gl.gpu_textures import DEPTH, renderbuffer
 from omnisim.rendering.opengl.gl.reversed_depth import CLEAR_DEPTH, DEPTH_FUNCTION
 from omnisim.rendering.opengl.gl.shader_files import columns_first, find_uniform, uniform
+from omnisim.rendering.opengl.surfaces.surface_program import (
+    SurfaceProgram,
+    SurfacePrograms,
+    variant_of,
+)
 from omnisim.rendering.opengl.world.draw_item import DrawItem
 from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.world.vertex_format import vertex_array

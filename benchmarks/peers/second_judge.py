@@ -18,7 +18,7 @@ from benchmarks.peers.peer import CAMERA
 from benchmarks.peers.quality import CAPTURES, psnr_db, references
 from omnisim.core.srgb import srgb8_from_linear
 from omnisim.rendering.rays.caster import DepthLimits
-from omnisim.rendering.rays.pixel_rays import RayImage
+from omnisim.rendering.rays.ray_backend import RayImage
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
 from omnisim.rendering.stage import Stage
 from omnisim.scene import Scene, load_scene

@@ -22,14 +22,13 @@ from omnisim.cameras import CentralCamera, EquidistantCamera
 from omnisim.core import poses
 from omnisim.plots import style
 from omnisim.plots.style import Figure
-from omnisim.rendering.contract import ScenePoses
-from omnisim.rendering.opengl.atlas.tile_plan import plan_tiles
-from omnisim.rendering.opengl.camera_frame import CameraFrame
+from omnisim.rendering.atlas.tile_plan import plan_tiles
+from omnisim.rendering.contract import ScenePoses, SubFrame, SubFrames
+from omnisim.rendering.opengl.camera_frame import CameraFrame, CubePass
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
-from omnisim.rendering.opengl.drawing.cube_pass import CubePass
-from omnisim.rendering.opengl.drawing.scene_view import VirtualCameras
-from omnisim.rendering.opengl.drawing.surface_program import SurfacePrograms
 from omnisim.rendering.opengl.gl.context import open_context
+from omnisim.rendering.opengl.scene_view import VirtualCameras
+from omnisim.rendering.opengl.surfaces.surface_program import SurfacePrograms
 from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
 from omnisim.scene import Scene, load_scene
 from tests.camera_examples import CAMERA_EXAMPLES
@@ -56,7 +55,7 @@ def run(options: Options) -> dict[str, Any]:
     scene = load_scene(options.scenes[0] if options.scenes else SCENE, sky="none")
     context = open_context(options.device)
     pipelines = _pipelines(context, scene)
-    viewpoint = ScenePoses(poses.pose(scene.start.position_m))
+    viewpoint = SubFrames((SubFrame(ScenePoses(poses.pose(scene.start.position_m))),))
 
     def frame_of(pipeline: CameraFrame) -> Callable[[], None]:
         def work() -> None:

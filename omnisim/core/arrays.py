@@ -1,4 +1,4 @@
-"""Types of arrays by their elements, and bounding boxes of points."""
+"""Types of arrays by their elements, and bounds and normals of points and triangles."""
 
 from __future__ import annotations
 
@@ -33,3 +33,9 @@ def triangle_bounds(corners: NDArray[_Number]) -> tuple[NDArray[_Number], NDArra
     first, second, third = corners[:, 0], corners[:, 1], corners[:, 2]
     low = np.minimum(np.minimum(first, second), third)
     return low, np.maximum(np.maximum(first, second), third)
+
+
+def triangle_crosses(corners: AnyFloats) -> AnyFloats:
+    """Normals (n, 3) of triangles (n, 3, 3), twice as long as their areas."""
+    crosses: AnyFloats = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return crosses

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -25,7 +26,8 @@ class EchoLimits(NamedTuple):
     range_max_m: float
 
 
-class LidarBeams(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class LidarBeams:
     """Beam directions of a lidar."""
 
     elevations_rad: Floats  # (rings,), ascending
@@ -34,7 +36,7 @@ class LidarBeams(NamedTuple):
     # limits of echoes behind glass and mirrors; None: beams end at them
     echo_limits: EchoLimits | None = None
 
-    @property
+    @cached_property
     def directions(self) -> Floats:
         """Unit directions (rings, firings, 3) in the lidar's frame."""
         elevations, azimuths = self.elevations_rad[:, None], self.azimuths_rad[None]
@@ -108,4 +110,4 @@ class BeamHits(NamedTuple):
     # (rings, firings), relative to a white surface met perpendicularly at the same range
     intensities: NDArray[np.floating] | None = None
     second: BeamHits | None = None  # second returns; None: one return per beam
-    triangles: NDArray[np.int32] | None = None  # (rings, firings), of the geometry for rays
+    triangles: NDArray[np.int32] | None = None  # (rings, firings), of the instance

@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera
-from omnisim.core.arrays import Bools, Bytes, Floats, Floats32, Indices
+from omnisim.core.arrays import Bools, Bytes, Floats, Floats32, Indices, Uints32
 from omnisim.core.errors import OpticsError
 from omnisim.core.extras import missing_packages
 from omnisim.core.pending import Pending
-from omnisim.core.world import ObjectPart
+from omnisim.core.world import ObjectPart, time_of
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits, ThroughHits
 from omnisim.ground_truth.label_names import Labels
 from omnisim.rendering.camera.degradations.effect import MAX_EV
@@ -33,7 +33,7 @@ from omnisim.scene.planar_mirrors import has_specular
 
 if TYPE_CHECKING:
     from omnisim.ground_truth.lidar_beams import BeamHits, EchoLimits, LidarBeams, Revolution
-    from omnisim.rendering.rays.ray_scene import RayScene
+    from omnisim.rendering.pixel_rays import Band
 
 
 class Readback(NamedTuple):
@@ -58,6 +58,16 @@ class ScenePoses(NamedTuple):
     world_from_rig: Floats
     world_from_objects: Sequence[Floats] = ()
 
+    @property
+    def viewpoint_m(self) -> Floats:
+        """Origin (3,) of the rig, world."""
+        return self.world_from_rig[:3, 3]
+
+    @property
+    def time_s(self) -> float:
+        """Time of the objects' poses, s; 0 if they have none."""
+        return time_of(self.world_from_objects)
+
 
 class SubFrame(NamedTuple):
     """Part of an image's exposure time.
@@ -68,7 +78,7 @@ class SubFrame(NamedTuple):
     """
 
     poses: ScenePoses
-    row_weights: Floats32 | None
+    row_weights: Floats32 | None = None
 
 
 class ImageExposure(NamedTuple):
@@ -79,8 +89,8 @@ class ImageExposure(NamedTuple):
         frame_number: seeds the noise, which differs between frames.
     """
 
-    factors: tuple[float, float, float]
-    frame_number: int
+    factors: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    frame_number: int = 0
 
 
 class SubFrames(NamedTuple):
@@ -96,9 +106,9 @@ class SubFrames(NamedTuple):
     """
 
     parts: Sequence[SubFrame]
-    expose: Callable[[float | None], ImageExposure]
-    meter: Metering | None
-    linear: bool
+    expose: Callable[[float | None], ImageExposure] = lambda luminance: ImageExposure()
+    meter: Metering | None = None
+    linear: bool = False
     frame_number: int = 0
     is_exposed: bool = False
 
@@ -268,6 +278,105 @@ class BeamCaster(Passes, Protocol):
         """Hits of all beams of a revolution."""
 
 
+class CameraRays(Protocol):
+    """Rays of one camera's pixels, which pass the parts of its vehicle that it does not see.
+
+    `numbers` are the draw IDs of instances that are drawn. All methods raise an OmnisimError if
+    embreex is not installed.
+    """
+
+    def radiance(
+        self, poses: ScenePoses, origins_m: Floats, directions: Floats, footprints: Floats32
+    ) -> Floats32:
+        """Linear RGB (n, 3) along rays (n,), rig frame, with footprints (n, 2, 3)."""
+
+    def hits(
+        self,
+        poses: ScenePoses,
+        band: Band,
+        viewpoint_m: Floats,
+        numbers: Mapping[ObjectPart, int],
+        details: HitDetails,
+    ) -> Hits:
+        """Hits (n,) of a band's rays, with points relative to a viewpoint (3,), world."""
+
+    def occluded(
+        self,
+        poses: ScenePoses,
+        starts_m: Floats,
+        points_m: Floats,
+        draw_ids: Uints32,
+        triangles: Uints32,
+        numbers: Mapping[ObjectPart, int],
+    ) -> Bools:
+        """Mask (n,) of the points of hits that rays from starts (n, 3) do not reach.
+
+        Args:
+            starts_m, points_m: (n, 3) viewpoint frame; directions where nothing is hit.
+            draw_ids, triangles: (n,) as in `Hits`.
+        """
+
+    def through(
+        self,
+        poses: ScenePoses,
+        hits: Hits,
+        is_specular: Bools,
+        numbers: Mapping[ObjectPart, int],
+    ) -> ThroughHits:
+        """Surfaces behind glass and after mirrors, given the first hits.
+
+        Args:
+            is_specular: (draws,) mask of the instances that are glass or mirrors.
+        """
+
+
+class PlacedMesh(NamedTuple):
+    """Object, name, pose as bytes and number of triangles of an instance, which identify it."""
+
+    object_index: int | None
+    name: str
+    object_from_mesh: bytes
+    triangles: int
+
+
+class SceneRays(Protocol):
+    """Rays at a scene, for a back end that draws what a viewpoint sees.
+
+    Methods raise an OmnisimError if embreex is not installed, but for `with_intensities`.
+    """
+
+    def update(self, scene: Scene) -> None:
+        """Replace the static scene."""
+
+    def range_finder(
+        self,
+        angles_rad: Floats,
+        max_range_m: float,
+        hidden: frozenset[ObjectPart],
+        limits: EchoLimits | None = None,
+    ) -> RangeFinder:
+        """Beams of a scanner, see `SceneBackend.range_finder`."""
+
+    def beam_caster(self, beams: LidarBeams, hidden: frozenset[ObjectPart]) -> BeamCaster:
+        """Beams of a spinning lidar, see `SceneBackend.beam_caster`."""
+
+    def with_intensities(
+        self,
+        beams: LidarBeams,
+        revolution: Revolution,
+        draws: Sequence[PlacedMesh],
+        hits: BeamHits,
+    ) -> BeamHits:
+        """Hits of a revolution, given with their triangles, with the surfaces' intensities.
+
+        Args:
+            draws: instances by draw ID − 1; the same object as long as none has changed.
+        """
+
+    def camera(self, setup: CameraSetup) -> CameraRays:
+        """Rays of a camera's pixels."""
+
+
 class SceneBackend(ABC):
     """Scene and dynamic objects, ready for cameras."""
 
@@ -306,13 +415,10 @@ class SceneBackend(ABC):
             self._specular = self.scene, has_specular(self.scene, self.objects.values())
         return self._specular[1] and not missing_packages("rays")
 
+    @property
     @abstractmethod
-    def ray_scene(self) -> RayScene:
-        """Scene to cast rays at, in its current state.
-
-        Raises:
-            OmnisimError: embreex is not installed.
-        """
+    def rays(self) -> SceneRays:
+        """Rays at the scene in its current state."""
 
     @abstractmethod
     def camera(self, setup: CameraSetup) -> CameraBackend:

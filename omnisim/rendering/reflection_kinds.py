@@ -1,27 +1,29 @@
-"""Kinds of reflections of a scene's instances in the back end `cube`, and notices of them."""
+"""Reflections of a scene's instances in the back end `cube`, and notices on glass and mirrors."""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from enum import StrEnum
 from typing import NamedTuple
 
 import numpy as np
 
+from omnisim.core.arrays import triangle_crosses
+from omnisim.core.extras import install_hint, missing_packages
 from omnisim.core.short_repr import counted
 from omnisim.rendering.camera.quality import DEFAULT_MIRRORS, DEFAULT_PROBES
+from omnisim.rendering.shared_scene import BackendName
 from omnisim.scene.model import Scene
 from omnisim.scene.planar_mirrors import (
     MirrorPlane,
     SceneSurface,
     find_mirrors,
-    is_clear_pane,
-    is_planar_mirror,
     is_surface_planar,
     scene_surfaces,
 )
-from omnisim.scene.reflection_probes import ProbePlace, find_probes, reflects_scene
+from omnisim.scene.reflection_probes import ProbePlace, find_probes
+from omnisim.scene.surface_kind import SurfaceKind
 
 
 class ReflectionKind(StrEnum):
@@ -51,8 +53,8 @@ class Reflectors(NamedTuple):
 def find_reflectors(scene: Scene) -> Reflectors:
     """Find the mirrors, panes and probes of a scene that is not matte."""
     surfaces = scene_surfaces(scene, [one.shape for one in scene.objects])
-    mirrors = find_mirrors(surfaces, is_planar_mirror)
-    panes = find_mirrors(surfaces, is_clear_pane)
+    mirrors = find_mirrors(surfaces, SurfaceKind.PLANAR_MIRROR)
+    panes = find_mirrors(surfaces, SurfaceKind.PLANAR_PANE)
     return Reflectors(surfaces, mirrors, panes, find_probes(surfaces, (*mirrors, *panes)))
 
 
@@ -67,14 +69,12 @@ def reflection_kinds(
     Args:
         probes: number of reflection probes of the camera.
     """
-    if scene.lighting.is_matte:
-        return {}
     found = find_reflectors(scene)
     probed = found.probed(probes)
     planes = (ReflectionKind.MIRROR, found.mirrors), (ReflectionKind.PANE, found.panes)
     kinds: dict[str, set[ReflectionKind]] = {}
     for number, instance in enumerate(scene.instances):
-        if not reflects_scene(found.surfaces[number].material):
+        if not found.surfaces[number].kind & SurfaceKind.REFLECTING:
             continue
         own = kinds.setdefault(instance.name, set())
         own.update(kind for kind, some in planes if any(number in one.parts for one in some))
@@ -105,8 +105,6 @@ def reflection_notes(
         mirrors: number of planar mirrors, and of panes, that virtual cameras show.
         probes: number of reflection probes that they show.
     """
-    if scene.lighting.is_matte:
-        return []
     found = find_reflectors(scene)
     surfaces, of_mirrors, of_panes, places = found
     if not mirrors:
@@ -119,22 +117,21 @@ def reflection_notes(
         if _flat_share(surfaces[number], number, planes) >= _FLAT_SHARE
     }
     unreflected = {
-        id(one.material)
+        number
         for number, one in surfaces.items()
-        if reflects_scene(one.material) and number not in probed and number not in flat
+        if one.kind & SurfaceKind.REFLECTING and number not in probed | flat
     }
+    glass = {number for number, one in surfaces.items() if one.kind & SurfaceKind.GLASS}
     notes = []
-    curved = probed - flat
-    if curved:
-        approximate = {id(surfaces[number].material) for number in curved}
+    if curved := probed - flat:
         notes.append(
-            f"curved and rough reflections are approximate ({counted(len(approximate), 'material')}"
+            f"curved and rough reflections are approximate ({_materials(surfaces, curved)}"
             f"; {_ACCURACY}): --backend rays traces them"
         )
     if unreflected:
         notes.append(
             "reflections show the sky and lamps, not the scene "
-            f"({counted(len(unreflected), 'material')}): --backend rays shows it"
+            f"({_materials(surfaces, unreflected)}): --backend rays shows it"
         )
     bodies = [not one.surfaces <= flat for one in places]
     if probes > 0 and any(bodies[probes:]):
@@ -157,26 +154,27 @@ def reflection_notes(
             "reflectors within reflections reflect only sky and lamps (19 to 29 dB within them): "
             "--backend rays traces them"
         )
-    glass = {number for number, one in surfaces.items() if one.material.glass_transmission}
-    clear = {id(surfaces[number].material) for number in glass & probed}
-    opaque = {id(surfaces[number].material) for number in glass - probed}
-    if clear:
+    if clear := glass & probed:
         notes.append(
-            f"thick glass is approximate ({counted(len(clear), 'material')}; {_GLASS_ACCURACY}): "
+            f"thick glass is approximate ({_materials(surfaces, clear)}; {_GLASS_ACCURACY}): "
             "--backend rays refracts"
         )
-    if opaque:
+    if opaque := glass - probed:
         notes.append(
-            f"thick glass is opaque ({counted(len(opaque), 'material')}): --backend rays refracts"
+            f"thick glass is opaque ({_materials(surfaces, opaque)}): --backend rays refracts"
         )
     return notes
+
+
+def _materials(surfaces: Mapping[int, SceneSurface], numbers: Iterable[int]) -> str:
+    """Number of the different materials of some surfaces, in words."""
+    return counted(len({id(surfaces[number].material) for number in numbers}), "material")
 
 
 def _flat_share(surface: SceneSurface, number: int, planes: Sequence[MirrorPlane]) -> float:
     """Share of a surface's area that mirrors and panes hold."""
     corners = surface.mesh.positions[surface.mesh.triangles] @ surface.object_from_mesh[:3, :3].T
-    crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    areas = np.linalg.norm(crosses, axis=1)
+    areas = np.linalg.norm(triangle_crosses(corners), axis=1)
     held = np.any([one.parts[number] for one in planes if number in one.parts], axis=0)
     return float(areas[held].sum() / max(areas.sum(), 1e-30))
 
@@ -192,17 +190,31 @@ def _repeats(found: Reflectors, mirrors: Sequence[MirrorPlane], probes: int) -> 
 
 def frosted_notes(scene: Scene, is_traced: bool) -> list[str]:
     """Notice on frosted glass that is drawn opaque; `is_traced`: panes are not, by rays."""
-    if scene.lighting.is_matte:
-        return []
     surfaces = scene_surfaces(scene, [one.shape for one in scene.objects])
-    frosted = {
-        id(one.material)
-        for one in surfaces.values()
-        if one.material.frosted_transmission and (one.material.thickness_m or not is_traced)
-    }
+    opaque = SurfaceKind.FROSTED_GLASS if is_traced else SurfaceKind.FROSTED
+    frosted = [number for number, one in surfaces.items() if one.kind & opaque]
     if not frosted:
         return []
-    number = counted(len(frosted), "material")
+    number = _materials(surfaces, frosted)
     if is_traced:
         return [f"thick, frosted glass is opaque ({number})"]
     return [f"frosted glass is opaque ({number}): --backend rays shows what is behind panes"]
+
+
+def specular_notes(scene: Scene, objects: Collection[Scene], backend: BackendName) -> list[str]:
+    """Notices on glass and mirrors that beams and depth cameras are not followed at.
+
+    Args:
+        scene: static scene.
+        objects: dynamic objects.
+        backend: name of the back end.
+    """
+    surfaces = scene_surfaces(scene, objects)
+    specular = {key: one for key, one in surfaces.items() if one.kind & SurfaceKind.SPECULAR}
+    if specular and backend == "cube" and missing_packages("rays"):
+        return [f"beams and depths end at glass and mirrors: {install_hint('rays')} follows them"]
+    planes = find_mirrors(specular, SurfaceKind.SPECULAR)
+    curved = [number for number in specular if not is_surface_planar(number, planes)]
+    if not curved:
+        return []
+    return [f"beams return nothing from behind curved mirrors ({_materials(surfaces, curved)})"]

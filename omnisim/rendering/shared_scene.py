@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
@@ -13,7 +13,7 @@ from omnisim.core.errors import GraphicsError, SceneError, did_you_mean
 from omnisim.core.extras import require_opengl
 from omnisim.core.short_repr import counted, short_repr
 from omnisim.core.world import ObjectPoses, WorldState
-from omnisim.rendering.contract import SceneBackend
+from omnisim.rendering.contract import SceneBackend, SceneRays
 from omnisim.rendering.scene_edits import EditableScene
 from omnisim.scene import Scene, load_scene
 from omnisim.scene.labels import BODY
@@ -66,7 +66,7 @@ def open_backend(
         require_opengl("back end 'cube'")
         from omnisim.rendering.opengl.cube_backend import CubeBackend
 
-        return CubeBackend(scene, objects, device)
+        return CubeBackend(scene, objects, device, _open_rays)
     if name != "rays":
         raise GraphicsError(f"backend {name!r}: {did_you_mean(name, get_args(BackendName))}")
     if device is not None:
@@ -74,6 +74,13 @@ def open_backend(
     from omnisim.rendering.rays.ray_backend import RayBackend  # seldom needed
 
     return RayBackend(scene, objects)
+
+
+def _open_rays(scene: Scene, objects: Sequence[Scene]) -> SceneRays:
+    """Open rays for what a back end does not draw; their modules are imported by then."""
+    from omnisim.rendering.rays.scene_rays import CastScene
+
+    return CastScene(scene, objects)
 
 
 class SharedScene(Closeable, EditableScene):

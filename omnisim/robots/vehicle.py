@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 import numpy as np
 
 from omnisim.core.errors import CalibrationError, RobotFileError, SceneError, did_you_mean
-from omnisim.core.files.sources import fingerprint, recorded_sources, source_digest
+from omnisim.core.files.sources import SourceReader, fingerprint, recorded_sources, source_digest
 from omnisim.core.files.toml_file import find_beside
 from omnisim.core.poses import inverse, pose_from_rotation
 from omnisim.core.short_repr import point_text, short_repr
@@ -95,14 +95,14 @@ class Vehicle:
             SensorFileError: a sensor file is invalid; names file, key, actual and expected value.
         """
         with recorded_sources() as sources:
-            vehicle = cls._of(robot, cameras)
+            vehicle = cls._of(robot, cameras, sources)
         # the contents of the files are in the sources
         tables = {key: _without_folders(getattr(robot, key)) for key in _IDENTITY}
         return vehicle.identified(source_digest(fingerprint(tables), sources.digest(robot.folder)))
 
     @classmethod
-    def _of(cls, robot: Robot, cameras: Mapping[str, OmniCamera]) -> Vehicle:
-        body = _load_body(robot)
+    def _of(cls, robot: Robot, cameras: Mapping[str, OmniCamera], reader: SourceReader) -> Vehicle:
+        body = _load_body(robot, reader)
         mounts: list[Mount[SensorSettings]] = []
         tables = parse_sensors(robot)
         sources = [
@@ -230,13 +230,13 @@ def _without_folders(value: Any) -> Any:
     return Path(value).name if isinstance(value, str) and Path(value).is_absolute() else value
 
 
-def _load_body(robot: Robot) -> Scene | None:
+def _load_body(robot: Robot, reader: SourceReader) -> Scene | None:
     if robot.body is None:
         return None
     path = find_beside(robot.folder, robot.body, f"{robot.source}: body", RobotFileError)
     try:
         folders = [robot.folder / name for name in robot.resources]
-        read = read_scene(path, resources=folders, animation="none")
+        read = read_scene(path, resources=folders, animation="none", reader=reader)
         if is_mjcf(path):
             from omnisim.scene.formats.mjcf.reader import without_world  # needs an extra
 
@@ -245,7 +245,7 @@ def _load_body(robot: Robot) -> Scene | None:
         # Fingerprints contain the body's name but not its path on this machine. A body needs no
         # start pose to look around from, so it starts at its center.
         start = default_start(body.bounds_m())
-        return body.altered("", name=robot.body, start=start)
+        return body.altered(name=robot.body, start=start)
     except SceneError as reason:
         message = str(reason).removeprefix(f"{path}: ")
         raise RobotFileError(f"{robot.source}: body = {robot.body!r}: {message}") from None

@@ -34,6 +34,7 @@ from omnisim.core.world import Pose, WorldState
 from omnisim.ground_truth.channel_files import ChannelFormat
 from omnisim.rendering.camera.omnicamera import CAMERA_POSES
 from omnisim.rendering.missed_surfaces import viewpoint_notes
+from omnisim.rendering.reflection_kinds import specular_notes
 from omnisim.rendering.sensor import Moment, Mount, Reading, SensorSettings
 from omnisim.rendering.shared_scene import BackendName
 from omnisim.rendering.stage import Sensor, Stage
@@ -61,7 +62,6 @@ from omnisim.runs.true_states import write_states
 from omnisim.scene import Scene
 from omnisim.scene.labels import BODY, find_labels
 from omnisim.sensors.sensor_names import folder_name
-from omnisim.sensors.specular_keys import specular_notes
 
 MAX_SEED = 2**63 - 1
 MAX_BEGUN = 8  # measurements of a step in progress; more of them are written at once
@@ -504,12 +504,12 @@ def drive_together(plans: Mapping[str, PlannedDrive]) -> dict[str, PlannedDrive]
 
 def scene_contents(scene: Scene) -> str:
     """Fingerprint of a scene, independent of its file's location and the machine."""
-    return fingerprint(_with_short_name(scene) if scene.given is None else scene)
+    return fingerprint(_with_short_name(scene))
 
 
 def _with_short_name(scene: Scene) -> Scene:
     """Name a scene by its file name alone: the folder on this machine makes no difference."""
-    return dataclasses.replace(scene, name=Path(scene.name).name or scene.name)
+    return scene.altered(name=Path(scene.name).name or scene.name)
 
 
 def _file_or_name(name: str) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 
 from omnisim.core.arrays import Bools, Floats
 from omnisim.core.errors import TrajectoryError, did_you_mean
-from omnisim.core.files.sources import note_file, recorded_sources, source_digest
+from omnisim.core.files.sources import SourceReader, source_digest
 from omnisim.core.poses import MAX_M, pose_from_rotation, wrap_angles, yaw_from_rotation
 from omnisim.core.short_repr import short_repr
 from omnisim.core.trajectories import Trajectory, check_continuous, parse_trajectory
@@ -79,10 +79,10 @@ def route_digest(route: Route) -> str:
     """
     path, options = Path(route.path), dict(vars(route))
     options["path"] = path.name
-    with recorded_sources() as sources:
-        if path.is_file():
-            note_file(path)
-    return source_digest(options, sources.digest(path.parent))[:16]
+    reader = SourceReader()
+    if path.is_file():
+        reader.note(path)
+    return source_digest(options, reader.digest(path.parent))[:16]
 
 
 @dataclass(frozen=True, eq=False)

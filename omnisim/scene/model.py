@@ -6,6 +6,7 @@ import copy
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,8 +18,8 @@ from omnisim.core.short_repr import counted, short_repr
 from omnisim.ground_truth.boxes import OrientedBox
 from omnisim.scene import editing
 from omnisim.scene.editing import import_arrays
-from omnisim.scene.files.source_digests import SourceDigests
 from omnisim.scene.formats.imported_scene import ImportedScene, place, world_from_axes
+from omnisim.scene.identity import SourceDigests, light_of_arrays
 from omnisim.scene.light.lighting import DEFAULT_BACKGROUND, expose, is_even
 from omnisim.scene.motion.object_motion import ObjectMotion
 from omnisim.scene.parts import (
@@ -86,7 +87,7 @@ class Scene:
         landmarks: landmarks, with unique names.
         labels: class rules, of which the first match decides; empty: classes from instance names.
         objects: dynamic objects, with unique names.
-        given: identity derived from the source data; None: identified by its own content.
+        given: digests of the sources of a loaded scene and of its edits; see `identity`.
     """
 
     name: str
@@ -104,6 +105,24 @@ class Scene:
     objects: tuple[DynamicObject, ...] = ()
     cameras: tuple[CameraPose, ...] = ()
     given: SourceDigests | None = field(default=None, init=False)
+
+    @property
+    def identity(self) -> SourceDigests:
+        """Digests of the files, options and edits that the scene was made from; else of its arrays.
+
+        A copy by `dataclasses.replace` is identified by its arrays.
+        """
+        return self.given or SourceDigests(fingerprint(self), self.light_of_arrays)
+
+    @property
+    def light_of_arrays(self) -> str:
+        """Digest (64 hexadecimal digits) of the arrays on which baked light depends.
+
+        Those of a loaded scene may differ in their last bits on another machine.
+        """
+        return light_of_arrays(
+            self.meshes, self.materials, self.instances, self.lighting, self.background
+        )
 
     def __post_init__(self) -> None:
         meshes, materials = with_slabs(self.meshes, self.materials, self.instances)
@@ -198,17 +217,13 @@ class Scene:
         """
         pose = np.eye(4) if world_from_part is None else world_from_part
         content = editing.add(self._content, name, part._still, pose)
-        given = part.given
-        if given is None:  # built from arrays: identified by its content
-            given = SourceDigests(fingerprint(part), fingerprint(part))
-        return self._edited(content, "added", name, given, pose)
+        return self.altered("added", name, part, pose, **content._asdict())
 
     def at_start(self) -> Scene:
         """Scene whose dynamic objects are static instances, posed as at 0 s."""
         if not self.objects:
             return self
-        still = replace(self._with(self._still), objects=())
-        return still if self.given is None else still.identified(self.given.edited("at start"))
+        return self.altered("at start", objects=(), **self._still._asdict())
 
     def removed(self, name: str) -> Scene:
         """Scene without an instance.
@@ -216,7 +231,8 @@ class Scene:
         Raises:
             SceneError: unknown instance.
         """
-        return self._edited(editing.remove(self._content, name), "removed", name)
+        content = editing.remove(self._content, name)
+        return self.altered("removed", name, **content._asdict())
 
     def moved(self, name: str, world_from_instance: ArrayLike) -> Scene:
         """Scene with an instance moved to another pose (4, 4), see `pose_of`; its scale is kept.
@@ -225,7 +241,7 @@ class Scene:
             SceneError: an unknown instance or an invalid pose.
         """
         content = editing.move(self._content, name, world_from_instance)
-        return self._edited(content, "moved", name, world_from_instance)
+        return self.altered("moved", name, world_from_instance, **content._asdict())
 
     def recolored(
         self, name: str, base_color: ArrayLike = (1.0, 1.0, 1.0), texture: ArrayLike | None = None
@@ -241,7 +257,7 @@ class Scene:
             SceneError: an unknown instance, or an invalid color or texture.
         """
         content = editing.recolor(self._content, name, base_color, texture)
-        return self._edited(content, "recolored", name, base_color, texture)
+        return self.altered("recolored", name, base_color, texture, **content._asdict())
 
     @classmethod
     def from_arrays(
@@ -337,31 +353,24 @@ class Scene:
             content = editing.add(content, name, one.shape._content, one.motion.pose_at(0.0))
         return content
 
-    def _with(self, content: editing.Content) -> Scene:
-        return replace(self, **content._asdict())
+    def altered(self, *change: object, **fields: Any) -> Scene:
+        """Scene with some fields replaced, identified as this one after a change.
 
-    def _edited(self, content: editing.Content, *change: object) -> Scene:
-        """Scene with edited content, identified by the edit's name and arguments."""
-        edited = self._with(content)
-        return edited if self.given is None else edited.identified(self.given.edited(*change))
+        Args:
+            change: text, numbers, arrays and scenes that determine the new values; none: the
+                identity stays the same.
+            fields: new values by field name, as for `dataclasses.replace`.
+        """
+        scene = replace(self, **fields)
+        if self.given is None:  # identified by its arrays
+            return scene
+        return scene.identified(self.given.edited(*change) if change else self.given)
 
     def identified(self, given: SourceDigests) -> Scene:
-        """Same scene with another identity."""
+        """Same scene, identified by the digests of its sources."""
         scene = copy.copy(self)
         object.__setattr__(scene, "given", given)
         return scene
-
-    def altered(self, change: str, **fields: object) -> Scene:
-        """Scene with some fields replaced, identified by its source data and the change.
-
-        Args:
-            change: text that determines the new values; empty: the identity stays the same.
-            fields: new values by field name, as for `dataclasses.replace`.
-        """
-        scene = replace(self, **fields)  # type: ignore[arg-type]
-        if self.given is None:
-            return scene
-        return scene.identified(self.given.edited(change) if change else self.given)
 
 
 def _boxes(

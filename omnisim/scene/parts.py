@@ -30,7 +30,6 @@ from omnisim.core.short_repr import counted, point_text, short_repr
 from omnisim.scene.light.baked_light import BakedLight
 from omnisim.scene.light.environment import Environment
 from omnisim.scene.motion.deformation import Deformation
-from omnisim.scene.surface_reflectance import MAX_PANE_ROUGHNESS
 
 LightRectangle = tuple[float, float, float, float]
 
@@ -154,57 +153,6 @@ class Material:
         )  # fmt: skip
 
     @property
-    def is_matte(self) -> bool:
-        """True for Lambertian or unlit materials: no gloss, metal, maps or emission."""
-        strengths = (
-            self.metallic, self.specular, self.clearcoat, self.transmission, *self.emissive
-        )  # fmt: skip
-        return self.unlit or not (any(strengths) or any(one is not None for one in self.maps))
-
-    @property
-    def is_blended(self) -> bool:
-        """True for transparent materials, blended with the background."""
-        return self.alpha_mode is AlphaMode.BLEND
-
-    @property
-    def pane_transmission(self) -> float:
-        """Transmitted share of the light that a clear pane does not reflect; 0: no such pane."""
-        if self.is_slab:
-            return self._transmission**2
-        return 0.0 if self.thickness_m > 0.0 or self._is_frosted else self._transmission
-
-    @property
-    def glass_transmission(self) -> float:
-        """Transmitted share of the light that clear, thick glass does not reflect; 0: none."""
-        return 0.0 if self.is_slab else self.refracted_transmission
-
-    @property
-    def refracted_transmission(self) -> float:
-        """Transmitted share of the light at a face of clear, thick glass, or of a slab."""
-        return 0.0 if self.thickness_m == 0.0 or self._is_frosted else self._transmission
-
-    @property
-    def is_slab(self) -> bool:
-        """True for a pane with two faces, see `SlabMaterial`."""
-        return False
-
-    @property
-    def clear_share(self) -> float:
-        """Share of perpendicular light, mean of RGB, that passes a surface of clear glass."""
-        once = ((self.ior - 1.0) / (self.ior + 1.0)) ** 2
-        passing = (self.pane_transmission + self.glass_transmission) * (1.0 - once) / (1.0 + once)
-        return passing * sum(self.base_color[:3]) / 3.0
-
-    @property
-    def frosted_transmission(self) -> float:
-        """Transmitted share of the light that frosted glass, thin or thick, does not reflect."""
-        return self._transmission if self._is_frosted else 0.0
-
-    @property
-    def _is_frosted(self) -> bool:
-        return self.roughness > MAX_PANE_ROUGHNESS
-
-    @property
     def absorption_per_m(self) -> tuple[float, float, float]:
         """Absorption coefficients of Beer and Lambert's law in glass, linear RGB."""
         red, green, blue = (
@@ -217,15 +165,6 @@ class Material:
     def optical_depths(self) -> tuple[float, float, float]:
         """Optical depths, linear RGB, of a slab that is met perpendicularly; 0: no slab."""
         return 0.0, 0.0, 0.0
-
-    @property
-    def _transmission(self) -> float:
-        return 0.0 if self.unlit else self.transmission * (1.0 - self.metallic)
-
-    @property
-    def is_see_through(self) -> bool:
-        """True for blended materials and panes, which are drawn back to front."""
-        return self.is_blended or self.pane_transmission > 0.0
 
     def __repr__(self) -> str:
         texture = "" if self.texture is None else repr(self.texture)
@@ -249,11 +188,6 @@ class SlabMaterial(Material):
     """Material of a slab of glass: a pane with two faces, which only traced images refract."""
 
     slab_m: float = 0.0  # distance between its faces
-
-    @property
-    def is_slab(self) -> bool:
-        """True unless its material has changed to a thin or a frosted one."""
-        return self.refracted_transmission > 0.0
 
     @property
     def optical_depths(self) -> tuple[float, float, float]:

@@ -6,16 +6,16 @@ A plane counts if it holds at least `MIN_PLANE_SHARE` of its mesh's area, and is
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
-from omnisim.core.arrays import Bools, Floats
+from omnisim.core.arrays import Bools, Floats, triangle_crosses
 from omnisim.scene.model import Scene
-from omnisim.scene.parts import AlphaMode, Material, Mesh
-from omnisim.scene.surface_reflectance import MAX_MIRRORED_ROUGHNESS, MIN_ROUGHNESS
+from omnisim.scene.parts import Material, Mesh
+from omnisim.scene.surface_kind import SurfaceKind, kind_of
 
 MIN_PLANE_SHARE, MAX_PLANES = 0.05, 64
 # Differences within one plane: of unit normals, of heights as a share of the mesh's size, and of
@@ -25,24 +25,43 @@ _SAME_NORMAL, _SAME_HEIGHT, _SAME_OFFSET_M = 2e-5, 2e-5, 1e-4
 _MIN_NORMAL_COSINE = float(np.cos(np.radians(0.1)))
 
 
-class ShownSurface(Protocol):
-    """Mesh in its place, such as a draw item."""
+class SceneSurface(NamedTuple):
+    """Instance of a mesh, as a scene shows it."""
+
+    mesh: Mesh
+    material: Material
+    kind: SurfaceKind
+    object_from_mesh: Floats  # (4, 4), to the world or the dynamic object's frame
+    object_index: int | None  # index of its dynamic object; None: static
 
     @property
-    def mesh(self) -> Mesh:
-        """Mesh of the surface."""
+    def positions_m(self) -> Floats:
+        """Vertices (n, 3) in the world or the dynamic object's frame."""
+        matrix = self.object_from_mesh
+        return self.mesh.positions.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
 
-    @property
-    def material(self) -> Material:
-        """Material of the mesh."""
 
-    @property
-    def object_index(self) -> int | None:
-        """Index of its dynamic object; None: static."""
+def scene_surfaces(scene: Scene, objects: Iterable[Scene]) -> dict[int, SceneSurface]:
+    """Surfaces of a scene, then those of dynamic objects, by their number.
 
-    @property
-    def object_from_mesh(self) -> Floats:
-        """(4, 4) transform to the world or the dynamic object's frame."""
+    Args:
+        scene: static scene.
+        objects: shapes of the dynamic objects.
+    """
+    surfaces: list[SceneSurface] = []
+    for index, shape in [(None, scene), *enumerate(objects)]:
+        for one in shape.instances:
+            mesh = shape.meshes[one.mesh]
+            material = shape.materials[mesh.material]
+            kind = kind_of(material, scene.lighting.is_matte)
+            surfaces.append(SceneSurface(mesh, material, kind, one.world_from_mesh, index))
+    return dict(enumerate(surfaces))
+
+
+def has_specular(scene: Scene, objects: Iterable[Scene]) -> bool:
+    """True if a scene, or one of its dynamic objects, has visible glass or mirrors."""
+    surfaces = scene_surfaces(scene, objects)
+    return any(one.kind & SurfaceKind.SPECULAR for one in surfaces.values())
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,78 +89,27 @@ class FlatPart(NamedTuple):
     triangles: Bools  # mask (triangles,) of the triangles
 
 
-class _PlacedPart(NamedTuple):
-    """Flat part of a surface, with the attributes of `MirrorPlane`; object −1: static."""
-
-    surface: int
-    object_index: int
-    normal: Floats
-    offset_m: float
-    area_m2: float
-    sides: frozenset[int]
-    triangles: Bools
-
-
-def is_smooth(material: Material, max_roughness: float) -> bool:
-    """True for metal, gloss or clear coats that somewhere are at most this rough."""
-    if material.is_matte:
-        return False
-    roughness = material.roughness
-    if material.metallic_roughness_map is not None:
-        roughness *= float(material.metallic_roughness_map.pixels[..., 1].min()) / 255.0
-    is_glossy = bool(material.metallic or material.specular)
-    is_coated = bool(material.clearcoat) and material.clearcoat_roughness <= max_roughness
-    return is_coated or (is_glossy and roughness <= max_roughness)
-
-
-def is_planar_mirror(material: Material) -> bool:
-    """True for smooth, opaque materials without normal maps."""
-    return (
-        _is_flat(material)
-        and not material.pane_transmission
-        and is_smooth(material, MAX_MIRRORED_ROUGHNESS)
-    )
-
-
-def is_rough_mirror(material: Material) -> bool:
-    """True for planar mirrors whose gloss or coat may be rougher than a perfect mirror."""
-    is_rough = material.roughness > MIN_ROUGHNESS and bool(material.metallic or material.specular)
-    is_coated = material.clearcoat > 0.0 and material.clearcoat_roughness > MIN_ROUGHNESS
-    return not material.pane_transmission and (is_rough or is_coated)
-
-
-def is_clear_pane(material: Material) -> bool:
-    """True for panes without normal maps; they reflect like mirrors."""
-    return _is_flat(material) and material.pane_transmission > 0.0
-
-
-def _is_flat(material: Material) -> bool:
-    """True without holes, blending and normal maps."""
-    has_normal_map = material.normal_map or material.clearcoat_normal_map
-    return material.alpha_mode is AlphaMode.OPAQUE and has_normal_map is None
-
-
 def find_mirrors(
-    surfaces: Mapping[int, ShownSurface], is_mirror: Callable[[Material], bool]
+    surfaces: Mapping[int, SceneSurface], asked: SurfaceKind
 ) -> tuple[MirrorPlane, ...]:
-    """Find the planes of planar mirrors, largest first.
+    """Find the planes of planar mirrors or panes, largest first.
 
     Args:
         surfaces: surfaces of the scene and of its dynamic objects, by index.
-        is_mirror: tells whether planes of a material are mirrors.
+        asked: kinds of the surfaces whose planes to find.
     """
     of_mesh: dict[int, list[FlatPart]] = {}
-    parts: list[_PlacedPart] = []
+    parts: list[MirrorPlane] = []
     for index, surface in surfaces.items():
-        mesh, material = surface.mesh, surface.material
-        if mesh.deformation is None and is_mirror(material):
+        mesh = surface.mesh
+        if mesh.deformation is None and surface.kind & asked:
             if id(mesh) not in of_mesh:
                 of_mesh[id(mesh)] = flat_parts(mesh)
             parts += [_placed(index, surface, part) for part in of_mesh[id(mesh)]]
-    return _planes(sorted(parts, key=lambda part: -part.area_m2))
+    return _joined(sorted(parts, key=lambda part: -part.area_m2))
 
 
-def _placed(index: int, surface: ShownSurface, part: FlatPart) -> _PlacedPart:
+def _placed(index: int, surface: SceneSurface, part: FlatPart) -> MirrorPlane:
     transform = surface.object_from_mesh
     linear = transform[:3, :3]
     cofactors = np.cross(linear[[1, 2, 0]], linear[[2, 0, 1]])
@@ -150,36 +118,41 @@ def _placed(index: int, surface: ShownSurface, part: FlatPart) -> _PlacedPart:
     normal *= np.sign(np.linalg.det(linear)) / scale
     offset_m = float((linear @ part.point + transform[:3, 3]) @ normal)
     sides = frozenset((1, -1)) if surface.material.double_sided else part.sides
-    number = -1 if surface.object_index is None else surface.object_index
-    return _PlacedPart(index, number, normal, offset_m, scale * part.area, sides, part.triangles)
+    area_m2, parts = scale * part.area, {index: part.triangles}
+    return MirrorPlane(surface.object_index, normal, offset_m, area_m2, sides, parts)
 
 
-def _planes(parts: Sequence[_PlacedPart]) -> tuple[MirrorPlane, ...]:
-    """Group coplanar parts, given the largest first; the smallest may be omitted."""
+def _joined(parts: Sequence[MirrorPlane]) -> tuple[MirrorPlane, ...]:
+    """Join coplanar parts, given the largest first; the smallest may be omitted."""
     normals = np.array([part.normal for part in parts]).reshape(-1, 3)
     offsets_m = np.array([part.offset_m for part in parts])
-    objects = np.array([part.object_index for part in parts])
+    objects = np.array([-1 if part.object_index is None else part.object_index for part in parts])
     left = np.ones(len(parts), dtype=np.bool_)
     planes: list[MirrorPlane] = []
     while left.any() and len(planes) < 4 * MAX_PLANES:
-        first = parts[int(np.argmax(left))]
+        number = int(np.argmax(left))
+        first = parts[number]
         signs = np.where(normals @ first.normal < 0.0, -1, 1)
         turned = np.linalg.norm(signs[:, None] * normals - first.normal, axis=1)
         beside_m = np.abs(signs * offsets_m - first.offset_m)
-        is_own = left & (objects == first.object_index)
+        is_own = left & (objects == objects[number])
         is_own &= (turned <= _SAME_NORMAL) & (beside_m <= _SAME_OFFSET_M)
-        is_own[int(np.argmax(left))] = True
+        is_own[number] = True
         left &= ~is_own
         area_m2, sides, masks = 0.0, frozenset[int](), dict[int, Bools]()
-        for number in np.flatnonzero(is_own).tolist():
-            part, sign = parts[number], int(signs[number])
-            area_m2 += part.area_m2
-            sides |= {sign * side for side in part.sides}
-            known = masks.get(part.surface)
-            masks[part.surface] = part.triangles if known is None else known | part.triangles
-        index = None if first.object_index < 0 else first.object_index
-        planes.append(MirrorPlane(index, first.normal, first.offset_m, area_m2, sides, masks))
+        for own in np.flatnonzero(is_own).tolist():
+            area_m2 += parts[own].area_m2
+            sides |= {int(signs[own]) * side for side in parts[own].sides}
+            for surface, triangles in parts[own].parts.items():
+                masks[surface] = masks.get(surface, np.False_) | triangles
+        planes.append(replace(first, area_m2=area_m2, sides=sides, parts=masks))
     return tuple(sorted(planes, key=lambda plane: -plane.area_m2)[:MAX_PLANES])
+
+
+def is_surface_planar(number: int, planes: Sequence[MirrorPlane]) -> bool:
+    """True if planar mirrors hold all triangles of a surface."""
+    masks = [plane.parts[number] for plane in planes if number in plane.parts]
+    return bool(masks) and bool(np.any(masks, axis=0).all())
 
 
 def flat_parts(mesh: Mesh) -> list[FlatPart]:
@@ -188,7 +161,7 @@ def flat_parts(mesh: Mesh) -> list[FlatPart]:
         return []
     positions = mesh.positions.astype(np.float64)
     corners, middle = positions[mesh.triangles], positions.mean(axis=0)
-    crosses = 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    crosses = 0.5 * triangle_crosses(corners)
     areas = np.linalg.norm(crosses, axis=1)
     normals = crosses / np.maximum(areas, 1e-30)[:, None]
     size = max(float(np.ptp(positions, axis=0).max()), 1e-30)
@@ -238,77 +211,3 @@ def _candidates(
     kept = np.flatnonzero((sums > 0.0) & (sums >= min_area))
     largest = [int(np.argmax(np.where(inverse == one, areas, 0.0))) for one in kept.tolist()]
     return sorted(largest, key=lambda index: -areas[index])
-
-
-# Surfaces of a scene and its dynamic objects, and those of them that planar mirrors hold.
-
-
-class SceneSurface(NamedTuple):
-    """Instance of a mesh, see `ShownSurface`."""
-
-    mesh: Mesh
-    material: Material
-    object_from_mesh: Floats
-    object_index: int | None
-
-
-def scene_surfaces(scene: Scene, objects: Iterable[Scene]) -> dict[int, SceneSurface]:
-    """Surfaces of a scene, then those of dynamic objects, by their number.
-
-    Args:
-        scene: static scene.
-        objects: shapes of the dynamic objects.
-    """
-    shapes = [(None, scene), *enumerate(objects)]
-    surfaces = [
-        SceneSurface(
-            shape.meshes[one.mesh],
-            shape.materials[shape.meshes[one.mesh].material],
-            one.world_from_mesh,
-            index,
-        )
-        for index, shape in shapes
-        for one in shape.instances
-    ]
-    return dict(enumerate(surfaces))
-
-
-def is_surface_planar(number: int, planes: Sequence[MirrorPlane]) -> bool:
-    """True if planar mirrors hold all triangles of a surface."""
-    masks = [plane.parts[number] for plane in planes if number in plane.parts]
-    return bool(masks) and bool(np.any(masks, axis=0).all())
-
-
-# Specular materials: glass and mirrors, where light passes or is reflected in one direction.
-
-
-def is_specular(material: Material) -> bool:
-    """True for thin panes and for opaque, smooth gloss, metal or clear coats without normal maps.
-
-    Smooth is a roughness of at most `MIN_ROUGHNESS`, anywhere on the surface.
-    """
-    has_normal_map = material.normal_map or material.clearcoat_normal_map
-    if material.alpha_mode is not AlphaMode.OPAQUE or has_normal_map is not None:
-        return False
-    return material.pane_transmission > 0.0 or is_smooth(material, MIN_ROUGHNESS)
-
-
-def specular_mask(materials: Sequence[Material], is_matte: bool) -> Bools:
-    """Mask (n,) of specular materials; none is if the scene is shaded as matte."""
-    if is_matte:
-        return np.zeros(len(materials), dtype=np.bool_)
-    known: dict[int, bool] = {}
-    for one in materials:
-        if id(one) not in known:
-            known[id(one)] = is_specular(one)
-    return np.array([known[id(one)] for one in materials], dtype=np.bool_)
-
-
-def has_specular(scene: Scene, others: Iterable[Scene] = ()) -> bool:
-    """True if a scene, or one of its dynamic objects, has visible specular surfaces."""
-    materials = [
-        part.materials[part.meshes[instance.mesh].material]
-        for part in (scene, *others)
-        for instance in part.instances
-    ]
-    return bool(specular_mask(materials, scene.lighting.is_matte).any())

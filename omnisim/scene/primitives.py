@@ -16,7 +16,7 @@ import numpy as np
 from mapbox_earcut import triangulate_float64
 from numpy.typing import ArrayLike
 
-from omnisim.core.arrays import Floats, Ints
+from omnisim.core.arrays import Floats, Ints, triangle_crosses
 
 MAX_DEVIATION = 5e-4
 MIN_DEVIATION_M = 5e-5
@@ -165,10 +165,7 @@ def _dome(count: int, first_rad: float, last_rad: float) -> Surface:
         axis=-1,
     ).reshape(-1, 3)
     triangles = grid_triangles(steps + 1, count + 1)[:, ::-1]
-    corners = positions[triangles]
-    area = np.linalg.norm(
-        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
-    )
+    area = np.linalg.norm(triangle_crosses(positions[triangles]), axis=1)
     return Surface(positions, triangles[area > 1e-12], positions)  # drops zero areas at the poles
 
 

@@ -10,14 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
-from omnisim.core.arrays import Floats
+from omnisim.core.arrays import Floats, bounds_of, triangle_crosses
 from omnisim.scene.parts import Material
-from omnisim.scene.planar_mirrors import MirrorPlane, ShownSurface, is_smooth, is_surface_planar
-from omnisim.scene.surface_reflectance import COAT_F0, MAX_TRACED_ROUGHNESS, dielectric_f0
+from omnisim.scene.planar_mirrors import MirrorPlane, SceneSurface, is_surface_planar
+from omnisim.scene.surface_kind import SurfaceKind, transmitted
+from omnisim.scene.surface_reflectance import COAT_F0, dielectric_f0
 
 # Mean cosine between outward directions and normals: 1 for a ball, −1 for a room.
 _COMPACT, _HOLLOW = 0.25, -0.1
@@ -41,65 +41,8 @@ class ProbePlace:
     deforming: int | None = None
 
 
-class _Box(NamedTuple):
-    """Bounds (3,) of a surface in its object's frame."""
-
-    low_m: Floats
-    high_m: Floats
-
-    @property
-    def center_m(self) -> Floats:
-        """Center (3,)."""
-        return 0.5 * (self.low_m + self.high_m)
-
-    @property
-    def radius_m(self) -> float:
-        """Radius of the sphere around it."""
-        return float(0.5 * np.linalg.norm(self.high_m - self.low_m))
-
-
-class _Boxes:
-    """Bounds of all surfaces, by their index."""
-
-    def __init__(self, surfaces: Mapping[int, ShownSurface]) -> None:
-        self._boxes = {index: _box(one) for index, one in surfaces.items()}
-        self._objects = {index: one.object_index for index, one in surfaces.items()}
-        self._indices = np.array(list(surfaces), dtype=np.intp)
-        self._centers_m = np.array([one.center_m for one in self._boxes.values()]).reshape(-1, 3)
-        self._radii_m = np.array([one.radius_m for one in self._boxes.values()])
-
-    def __getitem__(self, index: int) -> _Box:
-        return self._boxes[index]
-
-    def inside(self, index: int) -> frozenset[int]:
-        """Surfaces of the same object, no larger than this one, whose center is in its box."""
-        box, own = self._boxes[index], self._objects[index]
-        is_inside = (box.low_m <= self._centers_m) & (self._centers_m <= box.high_m)
-        held = self._indices[is_inside.all(axis=1) & (self._radii_m <= box.radius_m)]
-        return frozenset(one for one in held.tolist() if self._objects[one] == own)
-
-
-def reflects_scene(material: Material) -> bool:
-    """True if the ray back end traces reflections: glass, smooth metal, gloss or clear coat."""
-    transmission = material.pane_transmission + material.glass_transmission
-    return transmission > 0.0 or is_smooth(material, MAX_TRACED_ROUGHNESS)
-
-
-def lobe_roughnesses(material: Material) -> list[float]:
-    """Roughnesses that the gloss and the coat of a material have somewhere."""
-    roughness = []
-    if material.metallic or material.specular:
-        roughness.append(material.roughness)
-        if material.metallic_roughness_map is not None:
-            least = float(material.metallic_roughness_map.pixels[..., 1].min()) / 255.0
-            roughness.append(least * material.roughness)
-    if material.clearcoat:
-        roughness.append(material.clearcoat_roughness)
-    return roughness
-
-
 def find_probes(
-    surfaces: Mapping[int, ShownSurface],
+    surfaces: Mapping[int, SceneSurface],
     planes: Sequence[MirrorPlane],
     possible: Collection[int] | None = None,
 ) -> tuple[ProbePlace, ...]:
@@ -116,29 +59,43 @@ def find_probes(
         index
         for index, one in surfaces.items()
         if (possible is None or index in possible)
-        and reflects_scene(one.material)
+        and one.kind & SurfaceKind.REFLECTING
         and len(one.mesh.triangles)
-        and (one.material.glass_transmission or not is_surface_planar(index, planes))
+        and (one.kind & SurfaceKind.GLASS or not is_surface_planar(index, planes))
     ]
     if not own:
         return ()
-    boxes = _Boxes(surfaces)
+    indices = np.array(list(surfaces), dtype=np.intp)
+    boxes_m = np.array([_bounds_m(one) for one in surfaces.values()])  # (surfaces, 2, 3)
+    centers_m = 0.5 * boxes_m.sum(axis=1)
+    radii_m = np.array([0.5 * np.linalg.norm(high - low) for low, high in boxes_m])
+    row_of = {index: row for row, index in enumerate(surfaces)}
+
+    def inside(index: int) -> frozenset[int]:
+        """Surfaces of the same object, no larger than this one, whose center is in its box."""
+        row = row_of[index]
+        low_m, high_m = boxes_m[row]
+        is_inside = ((low_m <= centers_m) & (centers_m <= high_m)).all(axis=1)
+        held = indices[is_inside & (radii_m <= radii_m[row])].tolist()
+        own_object = surfaces[index].object_index
+        return frozenset(one for one in held if surfaces[one].object_index == own_object)
+
     places: list[ProbePlace] = []
     shared: list[tuple[int, frozenset[int]]] = []  # places, and the surfaces that may join them
-    for index in sorted(own, key=lambda one: (-boxes[one].radius_m, one)):
-        for number, inside in shared:
-            if index in inside:
+    for index in sorted(own, key=lambda one: (-radii_m[row_of[one]], one)):
+        for number, within in shared:
+            if index in within:
                 place = places[number]
                 places[number] = replace(
                     place, surfaces=place.surfaces | {index}, left_out=place.left_out | {index}
                 )
                 break
         else:
-            place, is_shared = _place(index, surfaces[index], boxes[index])
+            row = row_of[index]
+            place, is_shared = _place(index, surfaces[index], centers_m[row], float(radii_m[row]))
             if is_shared:
-                inside = boxes.inside(index)
-                place = replace(place, left_out=place.left_out | inside)
-                shared.append((len(places), inside))
+                place = replace(place, left_out=place.left_out | inside(index))
+                shared.append((len(places), inside(index)))
             places.append(place)
 
     def prominence(place: ProbePlace) -> float:
@@ -157,50 +114,38 @@ def _strength(material: Material) -> float:
     gloss = metallic * max(material.base_color[:3]) + (1.0 - metallic) * max(tinted)
     coat = COAT_F0 * material.clearcoat
     return max(
-        material.glass_transmission,
+        transmitted(material, SurfaceKind.GLASS),
         gloss * (1.0 - material.roughness),
         coat * (1.0 - material.clearcoat_roughness),
     )
 
 
-def _place(index: int, surface: ShownSurface, box: _Box) -> tuple[ProbePlace, bool]:
-    """Probe of a surface, and whether parts within its bounds share it."""
-    corners = _positions_m(surface)[surface.mesh.triangles]
-    crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    crosses *= np.sign(np.linalg.det(surface.object_from_mesh[:3, :3]))
+def _place(
+    index: int, surface: SceneSurface, center_m: Floats, radius_m: float
+) -> tuple[ProbePlace, bool]:
+    """Probe of a surface with given bounds, and whether parts within them share it."""
+    corners = surface.positions_m[surface.mesh.triangles]
+    crosses = triangle_crosses(corners) * np.sign(np.linalg.det(surface.object_from_mesh[:3, :3]))
     area_m2 = max(0.5 * float(np.linalg.norm(crosses, axis=1).sum()), 1e-30)
-    place = ProbePlace(
-        surface.object_index,
-        box.center_m,
-        box.radius_m,
-        area_m2,
-        frozenset((index,)),
-        frozenset((index,)),
-        None if surface.mesh.deformation is None else index,
-    )
-    if place.deforming is not None:
-        return place, False
+    alone = frozenset((index,))
+    place = ProbePlace(surface.object_index, center_m, radius_m, area_m2, alone, alone)
+    if surface.mesh.deformation is not None:
+        return replace(place, deforming=index), False
     normal = 0.5 * crosses.sum(axis=0) / area_m2
     if np.linalg.norm(normal) >= _SHEET_COSINE:
-        lift_m = min(_SHEET_LIFT * box.radius_m, _MAX_SHEET_LIFT_M)
-        return replace(place, center_m=box.center_m + lift_m * normal), False
-    outward = corners.mean(axis=1) - box.center_m
+        lift_m = min(_SHEET_LIFT * radius_m, _MAX_SHEET_LIFT_M)
+        return replace(place, center_m=center_m + lift_m * normal), False
+    outward = corners.mean(axis=1) - center_m
     outward /= np.maximum(np.linalg.norm(outward, axis=1, keepdims=True), 1e-30)
     cosine = 0.5 * float(np.einsum("nc,nc->", crosses, outward)) / area_m2
-    is_small = box.radius_m <= _MAX_SHARED_RADIUS_M
+    is_small = radius_m <= _MAX_SHARED_RADIUS_M
     if cosine < (_HOLLOW if is_small else _COMPACT):
         return replace(place, left_out=frozenset()), False
     return place, is_small
 
 
-def _positions_m(surface: ShownSurface) -> Floats:
-    """Vertices (n, 3) in the object's frame."""
-    matrix = surface.object_from_mesh
-    return surface.mesh.positions.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
-
-
-def _box(surface: ShownSurface) -> _Box:
+def _bounds_m(surface: SceneSurface) -> Floats:
+    """Smallest and largest corner (2, 3) in the object's frame; its origin without vertices."""
     if not len(surface.mesh.positions):
-        return _Box(surface.object_from_mesh[:3, 3], surface.object_from_mesh[:3, 3])
-    positions_m = _positions_m(surface)
-    return _Box(positions_m.min(axis=0), positions_m.max(axis=0))
+        return np.tile(surface.object_from_mesh[:3, 3], (2, 1))
+    return bounds_of(surface.positions_m)

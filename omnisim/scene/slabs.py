@@ -13,8 +13,9 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from omnisim.core.arrays import Floats
+from omnisim.core.arrays import Floats, triangle_crosses
 from omnisim.scene.parts import AlphaMode, Instance, Material, Mesh, SlabMaterial
+from omnisim.scene.surface_kind import SurfaceKind, kind_of
 
 _MAX_RIM_SHARE = 0.2  # of the area
 _SAME_NORMAL = float(np.cos(np.radians(0.5)))
@@ -34,7 +35,7 @@ def with_slabs(
     for one in instances:
         material = materials[meshes[one.mesh].material]
         is_opaque = material.alpha_mode is AlphaMode.OPAQUE and material.normal_map is None
-        if is_opaque and material.glass_transmission > 0.0:  # clear, thick glass, no slab yet
+        if is_opaque and material.thickness_m and kind_of(material) & SurfaceKind.GLASS:
             places.setdefault(one.mesh, []).append(one.world_from_mesh)
     found = {number: _thickness_m(meshes[number], own) for number, own in places.items()}
     slabs = {number: slab_m for number, slab_m in found.items() if slab_m is not None}
@@ -104,7 +105,7 @@ def _parts(mesh: Mesh) -> list[Floats]:
 
 def _faces(corners: Floats) -> _Faces | None:
     """Normal (3,) and distance of the two faces of a slab with triangles (n, 3, 3)."""
-    crosses = 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    crosses = 0.5 * triangle_crosses(corners)
     areas = np.linalg.norm(crosses, axis=1)
     if not areas.any():
         return None

@@ -9,6 +9,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core.arrays import triangle_crosses
 from omnisim.scene.labels import find_labels
 from omnisim.scene.model import Material, Scene, Texture, bounds_m
 from omnisim.scene.space.floor import floor_height_m, triangles_within
@@ -89,7 +90,7 @@ def floors(scene: Scene) -> tuple[Floor, ...]:
     low, high = scene.bounds_m()
     triangles = triangles_within(scene, low[:2], high[:2])
     corners = triangles.corners_m[triangles.seen_from_above]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals = triangle_crosses(corners)
     areas = 0.5 * np.linalg.norm(normals, axis=1)
     up = 0.5 * np.abs(normals[:, 2])
     flat = up > np.cos(np.radians(MAX_FLOOR_SLOPE_DEG)) * areas

@@ -14,10 +14,6 @@ from omnisim.core.arrays import Floats, Floats32
 
 # Smoother surfaces would act as mirrors, which do not reflect a lamp without extent.
 MIN_ROUGHNESS = 0.04
-# Rougher surfaces reflect the prefiltered sky and surroundings only, by rays; and rougher planar
-# mirrors do so by virtual cameras.
-MAX_TRACED_ROUGHNESS, MAX_MIRRORED_ROUGHNESS = 0.5, 0.3
-MAX_PANE_ROUGHNESS = 0.2  # rougher glass is frosted: it scatters what it transmits
 COAT_F0 = 0.04  # clear coat with a refractive index of 1.5
 TABLE_SIZE = 64, 32  # numbers of cosines and of roughnesses
 _DIRECTIONS = 512

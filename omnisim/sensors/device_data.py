@@ -1,11 +1,12 @@
-"""Numbers, rounding and CSV files of range-measuring devices."""
+"""Numbers, rounding, headers and CSV files of range-measuring devices."""
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,7 +14,11 @@ from omnisim.core.arrays import Floats
 from omnisim.core.errors import OpticsError
 from omnisim.core.files.atomic_file import write_text
 
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
 MAX_SEED = 2**32 - 1  # one word each in a NumPy seed: different tuples never coincide
+_SPECULAR_KEYS = ("specular", "returns", "min_intensity")
 
 
 def check_number(name: str, number: object) -> None:
@@ -34,6 +39,20 @@ def round_ranges(ranges_m: Floats, step_m: float) -> Floats:
     # Dividing, unlike multiplying, is exact to the last bit: 8190 steps become 8.19.
     steps_per_m = 1.0 / step_m
     return np.rint(ranges_m * steps_per_m) / steps_per_m
+
+
+def stated_parameters(sensor: DataclassInstance) -> dict[str, Any]:
+    """Parameters of a sensor for the header of its files, but for its file format.
+
+    Keys for glass and mirrors are left out at their defaults: files of scenes without are the same
+    as without these keys.
+    """
+    defaults = {key.name: key.default for key in dataclasses.fields(sensor)}
+    return {
+        key: value
+        for key, value in dataclasses.asdict(sensor).items()
+        if key != "file_format" and (key not in _SPECULAR_KEYS or value != defaults[key])
+    }
 
 
 # CSV files of measurements with leading comment lines of metadata.

@@ -7,7 +7,7 @@
 // and down become texture coordinates without a flip.
 
 const int FACES = 6;
-const int MAX_TILES = 64;  // as in omnisim/rendering/opengl/atlas/tile_plan.py
+const int MAX_TILES = 64;  // as in omnisim/rendering/atlas/tile_plan.py
 const float MIN_DEPTH = 1e-30;  // replaces 0: no ray, or one parallel to a face without tiles
 
 uniform mat3 u_rig_from_optical;

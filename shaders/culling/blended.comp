@@ -1,6 +1,6 @@
 // Back-to-front draw commands of a camera's blended items, and back-to-front triangles of each
 // item. One work group per item and camera. Ranks are found by counting, because items and
-// triangles are few, see omnisim/rendering/opengl/drawing/cluster_drawer.py.
+// triangles are few, see omnisim/rendering/opengl/surfaces/cluster_drawer.py.
 #version 450 core
 
 layout(local_size_x = 32) in;

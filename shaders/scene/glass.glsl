@@ -6,7 +6,7 @@
 // vec3 glass_light(vec3 base_color, vec3 position, vec3 normal, vec3 view): light, linear RGB, that
 //     passes the body toward the viewpoint. position: meters from the viewpoint; unit vectors in
 //     world axes; view: toward the viewpoint. Call it before any branch.
-// Twin of omnisim/rendering/rays/shading/glass.py, which traces the mesh.
+// Twin of omnisim/rendering/rays/shading/ray_optics.py, which traces the mesh.
 
 uniform vec3 u_glass_absorption_per_m;  // linear RGB
 uniform vec2 u_glass;                   // transmission, and index of refraction

@@ -3,7 +3,7 @@
 // A planar mirror is a window to a mirrored scene. Each facet's ray into that scene ends as far
 // from the surface as a perfect mirror's ray, and takes the light of the mirrored view there. Rays
 // that leave the view take the mean of the others' light, or a perfect mirror's.
-// Twin of omnisim/rendering/rays/shading/reflections.py, which has the sources.
+// Twin of omnisim/rendering/rays/shading/ray_optics.py, which has the sources.
 
 #include "capture/tiles.glsl"
 #include "common/random.glsl"

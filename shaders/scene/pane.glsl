@@ -4,11 +4,11 @@
 //     vec3 triangle_normal): makes it a mirror of a pane's reflectance.
 // vec3 transmittance(vec3 base_color, vec3 triangle_normal): factors of the light behind the pane,
 //     linear RGB.
-// Twin of omnisim/rendering/rays/shading/glass.py, which has the sources.
+// Twin of omnisim/rendering/rays/shading/ray_optics.py, which has the sources.
 
 uniform mat3 u_normal_from_mesh;  // as in scene/vertex_placement.glsl
 uniform vec3 u_slab_normal;       // normal of both faces of a slab, frame of the mesh; or 0
-const float MAX_BOUNCES = 6.0;    // omnisim/rendering/rays/shading/reflections.py
+const float MAX_BOUNCES = 6.0;    // omnisim/rendering/rays/shading/ray_optics.py
 
 float interface_reflectance(float cosine, float ior) {
     cosine = clamp(cosine, 1e-4, 1.0);

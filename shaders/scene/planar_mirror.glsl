@@ -6,7 +6,7 @@
 //     float roughness, vec3 f0, float f90): light, linear RGB, that a lobe reflects toward the
 //     viewpoint. Vectors are unit vectors in world axes; view is the direction toward the
 //     viewpoint.
-// The numbers are those of omnisim/rendering/opengl/drawing/mirror_pass.py.
+// The numbers are those of omnisim/rendering/opengl/reflect/mirror_pass.py.
 // With MIRROR_GLOSS, rough lobes reflect by sampled facets, see scene/mirror_gloss.glsl.
 
 uniform sampler2D u_mirrored;  // light; and alpha: distance in meters, negative, or 1 for the sky

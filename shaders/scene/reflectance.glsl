@@ -9,7 +9,7 @@
 // surface.
 // With REFLECTION_PROBE, gloss and coats reflect the probe of scene/reflection_probe.glsl.
 // With PLANAR_MIRRORS, smooth gloss and coats reflect the views of scene/planar_mirror.glsl.
-// Twin of omnisim/rendering/rays/shading/ray_reflectance.py. Includes scene/lighting.glsl.
+// Twin of omnisim/rendering/rays/shading/lit_surfaces.py. Includes scene/lighting.glsl.
 // Source: glTF 2.0, appendix B; KHR_materials_specular, KHR_materials_clearcoat; for baked light
 // beside maps: Lazarov, "Getting more physical in Call of Duty: Black Ops II", 2013.
 
@@ -18,7 +18,7 @@ const float PI = 3.14159265358979;
 const float MIN_ROUGHNESS = 0.04, MAX_TRACED_ROUGHNESS = 0.5;
 const float COAT_F0 = 0.04;
 const float MIN_COSINE = 1e-3;
-const float ABOVE = 1e-3;  // omnisim/rendering/rays/shading/reflections.py
+const float ABOVE = 1e-3;  // omnisim/rendering/rays/shading/ray_optics.py
 
 struct Reflectance {
     vec3 body;          // light scattered below the surface of a dielectric
@@ -195,7 +195,7 @@ Lamp faced_lamp(Lamp lamp, vec3 shape_normal) {
 uniform float u_mirror_spread;  // slope of the mirror's facets; 0: it is smooth
 
 // Highlights as wide as the cone in which a rough mirror sees them: few of its facets would meet
-// narrow ones. Twin of halfway_spreads in omnisim/rendering/rays/shading/reflections.py.
+// narrow ones. Twin of halfway_spreads in omnisim/rendering/rays/shading/ray_optics.py.
 void widen_highlights(inout Reflectance surface, vec3 position, vec3 shape_normal) {
     float right = length(dFdx(shape_normal)) / max(length(dFdx(position)), 1e-9);
     float down = length(dFdy(shape_normal)) / max(length(dFdy(position)), 1e-9);

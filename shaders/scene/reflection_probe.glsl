@@ -6,7 +6,7 @@
 //     any branch.
 // A reflected ray is followed to where the probe's distances say that it hits the scene. Rough
 // lobes take a filtered level, the sharper the nearer the hit.
-// The levels are those of omnisim/rendering/opengl/drawing/probe_pass.py.
+// The levels are those of omnisim/rendering/opengl/reflect/probe_pass.py.
 // Source: Szirmay-Kalos, Aszódi, Lazányi and Premecz, "Approximate ray-tracing on the GPU with
 // distance impostors", 2005.
 

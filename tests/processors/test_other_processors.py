@@ -34,7 +34,7 @@ for name in builtin_scenes():
         base = camera.base_pose(scene.start.position_m, yaw_deg=scene.start.yaw_deg)
         frame = renderer.render(base, also=("range", "instance"))
     images |= {{name: frame.rgb, **{{f"{{name}} {{k}}": v for k, v in frame.channels.items()}}}}
-    images[f"{{name}} given"] = np.array([scene.given.content, scene.given.light])
+    images[f"{{name}} given"] = np.array([scene.identity.content, scene.identity.light])
 np.savez(sys.argv[1], **images)
 """
 
@@ -60,7 +60,7 @@ def test_built_in_scenes_look_the_same(tmp_path, driver, share):
     for name in builtin_scenes():
         scene = read_scene(name)
         given = there[f"{name} given"].tolist()
-        assert [scene.given.content, scene.given.light] == given
+        assert [scene.identity.content, scene.identity.light] == given
         camera = OmniCamera().resized(SIZE_PX)
         with open_sensor(scene, camera) as renderer:
             base = camera.base_pose(scene.start.position_m, yaw_deg=scene.start.yaw_deg)

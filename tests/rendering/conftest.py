@@ -2,7 +2,7 @@
 
 import pytest
 
-from omnisim.rendering.rays.shading import reflections
+from omnisim.rendering.rays.shading import ray_optics
 
 FINE = {"test_body", "test_materials_by_chance", "test_ray_backend", "test_skins"}
 FINE_FOLDERS = {"baking", "opengl", "rays"}
@@ -18,7 +18,7 @@ def _coarse(request):
 @pytest.fixture
 def untraced_reflections(monkeypatch):
     """Reflections of sky and lamps alone, in both back ends."""
-    monkeypatch.setattr(reflections, "MAX_BOUNCES", 0)
+    monkeypatch.setattr(ray_optics, "MAX_BOUNCES", 0)
     buffers = "omnisim.rendering.opengl.world.scene_buffers"
     monkeypatch.setattr(f"{buffers}.find_mirrors", lambda surfaces, is_mirror: ())
     monkeypatch.setattr(f"{buffers}.find_probes", lambda surfaces, planes, possible: ())

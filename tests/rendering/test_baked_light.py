@@ -8,14 +8,14 @@ import pytest
 from omnisim import Stage, open_sensor
 from omnisim.core.poses import pose
 from omnisim.core.world import WorldState
-from omnisim.rendering.opengl.drawing import scene_view
+from omnisim.rendering.opengl import scene_view
 from omnisim.scene.labels import BODY
 from omnisim.scene.light.baked import with_baked_light
 from omnisim.scene.light.environment import Environment, map_directions
 from omnisim.scene.model import AlphaMode, Instance, Material
 from omnisim.validation.image_differences import psnr_of_levels_db
 from tests.baked import add_backs, write_baked
-from tests.rendering.opengl.drawing.test_cluster_drawer import assert_same, reference_stage
+from tests.rendering.opengl.surfaces.test_cluster_drawer import assert_same, reference_stage
 from tests.scenes import room, room_color, scene_of, square
 from tests.vehicles import CAMERA, body, box, surroundings
 

@@ -11,8 +11,7 @@ from omnisim.ground_truth import CHANNELS
 from omnisim.ground_truth.channels import FLOWS
 from omnisim.ground_truth.hits import NO_DETAILS
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.opengl.gl import memory
-from omnisim.rendering.opengl.hits import drawn_hits
+from omnisim.rendering.opengl.gl import framebuffers, memory
 from omnisim.rendering.opengl.hits.visibility_pass import VisibilityPass
 from omnisim.rendering.stage import Stage
 from tests.rendering.opengl.sheets import mixed_scene
@@ -96,6 +95,6 @@ def test_edits_of_the_scene_show(stage):
 def test_drivers_without_layers_give_the_same(stage, monkeypatch):
     with stage.open(CAMERA) as renderer:
         together = renderer.render_batch(_poses(3), channels=("range", "normals"))
-        monkeypatch.setattr(drawn_hits, "EXTENSIONS", {"GL_NONE_such"})
+        monkeypatch.setattr(framebuffers, "LAYER_EXTENSIONS", {"GL_NONE_such"})
         for name, values in renderer.render_batch(_poses(3), channels=tuple(together)).items():
             np.testing.assert_array_equal(values, together[name])

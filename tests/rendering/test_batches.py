@@ -11,8 +11,7 @@ from omnisim.core.poses import pose
 from omnisim.core.world import WorldState
 from omnisim.rendering.camera.degradations import Degradation, Noise
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.opengl.drawing import cube_pass
-from omnisim.rendering.opengl.gl import memory
+from omnisim.rendering.opengl.gl import framebuffers, memory
 from omnisim.rendering.stage import Stage
 from omnisim.scene import load_scene
 from omnisim.scene.model import Light, Lighting, LightKind
@@ -229,16 +228,16 @@ def test_an_interrupted_batch_leaves_later_ones_alone(renderer, monkeypatch):
     expected = renderer.render_batch(poses)
     passes = renderer._passes
     monkeypatch.setattr(passes.frame, "slice_length", 1)
-    draw, drawn = passes.cube.render_layers, []
+    draw, drawn = passes.cube.draw, []
 
     def interrupted(some, *targets):
         if drawn:
             raise KeyboardInterrupt
         drawn.append(some)
-        draw(some, *targets)
+        return draw(some, *targets)
 
     with monkeypatch.context() as patch:
-        patch.setattr(passes.cube, "render_layers", interrupted)
+        patch.setattr(passes.cube, "draw", interrupted)
         with pytest.raises(KeyboardInterrupt):
             renderer.render_batch(poses, out=stale)
     np.testing.assert_array_equal(renderer.render_batch(poses), expected)
@@ -290,8 +289,8 @@ def test_layers_drawn_one_after_the_other_are_the_same(stage, monkeypatch):
     """Some drivers cannot draw them together."""
     with stage.open(PAPER) as renderer:
         together = renderer.render_batch(_poses(3))
-        assert renderer._passes.cube._layers is not None
-        monkeypatch.setattr(cube_pass, "EXTENSIONS", {"GL_NONE_such"})
+        assert renderer._passes.frame._batch.layers.drawn is not None
+        monkeypatch.setattr(framebuffers, "LAYER_EXTENSIONS", {"GL_NONE_such"})
         np.testing.assert_array_equal(renderer.render_batch(_poses(3)), together)
 
 

@@ -16,10 +16,9 @@ from omnisim.core.poses import pose
 from omnisim.core.world import WorldState
 from omnisim.ground_truth import CHANNELS
 from omnisim.ground_truth.channels import FLOWS
+from omnisim.rendering.atlas import image_parts, parallax_plan
+from omnisim.rendering.atlas.parallax_plan import sample_rays
 from omnisim.rendering.camera.degradations import Degradation, PointSpread, Shutter
-from omnisim.rendering.camera.parallax_plan import sample_rays
-from omnisim.rendering.opengl import parallax_camera
-from omnisim.rendering.opengl.atlas import image_parts
 from omnisim.rendering.opengl.capture import image_pass
 from tests.cameras.optics.examples import SYSTEMS
 from tests.rendering.opengl.sheets import dynamic_object, mixed_scene
@@ -212,7 +211,7 @@ def test_an_optical_system_of_too_many_texels_is_refused_before_it_is_traced(mon
         traced.append(max(camera.width_px, camera.height_px))
         return sample_rays(camera, *arguments)
 
-    monkeypatch.setattr(parallax_camera, "sample_rays", recorded)
+    monkeypatch.setattr(parallax_plan, "sample_rays", recorded)
     with pytest.raises(GraphicsError, match=r"only central cameras .* fast or --backend rays$"):
         open_sensor(scene_of([room()]), OmniCamera(system).resized(9000))
     assert max(traced) <= 256

@@ -11,8 +11,8 @@ from omnisim.cameras.optics import OpticalSystem, Surface
 from omnisim.cameras.optics.shapes import Conic
 from omnisim.core.poses import pose
 from omnisim.core.world import WorldState
+from omnisim.rendering.atlas.parallax_plan import sample_rays
 from omnisim.rendering.camera.degradations import Degradation, Shutter, preset
-from omnisim.rendering.camera.parallax_plan import sample_rays
 from omnisim.rendering.contract import ScenePoses
 from omnisim.rendering.twist import Twist, moved_px
 from omnisim.scene.model import DynamicObject, Material

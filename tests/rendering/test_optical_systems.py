@@ -20,7 +20,6 @@ from omnisim.ground_truth.hits import NO_DETAILS
 from omnisim.perception.unwarping.unwarping import Unwarping
 from omnisim.perception.unwarping.views import cylinder_view
 from omnisim.rendering.camera.degradations import preset
-from omnisim.rendering.camera.parallax_plan import sample_rays
 from omnisim.rendering.contract import ScenePoses
 from omnisim.rendering.opengl import parallax_camera
 from omnisim.rendering.rays.ray_scene import RayScene
@@ -32,7 +31,6 @@ from omnisim.validation.image_differences import psnr_of_levels_db
 from omnisim.validation.markers import centroids, marker_pixels, markers_on_rays
 from omnisim.validation.optical_systems import validation_systems
 from tests.cameras.optics.examples import SYSTEMS
-from tests.cameras.optics.samples import all_samples
 from tests.scenes import room, room_color, room_hit, scene_of
 from tests.slow import slow_but
 from tests.vehicles import box, p2at_body
@@ -356,22 +354,6 @@ def test_degraded_by_virtual_cameras(embree):
     sensor = OmniCamera(SYSTEMS["sphere"].scaled(0.4), degradation=preset("webcam"))
     cube, rays = _frames(sensor, motion=lambda now_s: NOW)
     assert _psnr_db(cube, rays) > 30.0
-
-
-@pytest.mark.parametrize("name", ["sphere", "port", "needle", "tilted camera"])
-def test_rays_between_pixels(name):
-    """Interpolated rays are within 0.02 px of traced ones, at the rim they are those."""
-    system = SYSTEMS[name].scaled(0.5)
-    found = all_samples(sample_rays(system, 3), system)
-    exact = system.scaled(3.0).ray_from_pixel(pixel_grid(540, 540))
-    assert (found.valid != exact.valid).mean() < 1e-4
-    both = found.valid & exact.valid
-    misses = np.linalg.norm(found.directions - exact.directions, axis=-1)[both]
-    inner = both[:-3] & both[3:]
-    pixel = np.linalg.norm(exact.directions[3:] - exact.directions[:-3], axis=-1)[inner]
-    assert misses.max() < 0.1 * pixel.max()
-    assert np.percentile(misses, 99.0) < 0.02 * np.median(pixel)
-    assert np.abs(found.origins_m - exact.origins_m)[both].max() < 1e-4
 
 
 def test_what_needs_one_viewpoint_says_so():

@@ -9,7 +9,7 @@ from scipy.ndimage import binary_erosion
 from omnisim import OmniCamera
 from omnisim.core.poses import pose
 from omnisim.core.world import WorldState
-from omnisim.rendering.rays.shading import reflections
+from omnisim.rendering.rays.shading import ray_optics
 from omnisim.rendering.stage import Stage, open_sensor
 from omnisim.scene.light.lighting import DEFAULT_BACKGROUND, DEFAULT_LIGHTING
 from omnisim.scene.model import Fog, Material, Texture
@@ -63,9 +63,9 @@ def test_views_in_mirrors_are_those_of_rays(scene, sensor, fog, monkeypatch):
     scene = dataclasses.replace(scene, lighting=dataclasses.replace(scene.lighting, fog=fog))
     sensor = dataclasses.replace(sensor, supersampling=2, mirrors=8)
     ours = _seen(scene, sensor, "cube")
-    monkeypatch.setattr(reflections, "MAX_BOUNCES", 1)  # mirrors in mirrors reflect the sky
+    monkeypatch.setattr(ray_optics, "MAX_BOUNCES", 1)  # mirrors in mirrors reflect the sky
     of_mirrors = _db(ours, _seen(scene, sensor, "rays"))
-    monkeypatch.setattr(reflections, "MAX_BOUNCES", 0)
+    monkeypatch.setattr(ray_optics, "MAX_BOUNCES", 0)
     of_sky = _db(ours, _seen(scene, sensor, "rays"))
     assert of_mirrors >= 40.0
     assert of_sky < of_mirrors - 4.0

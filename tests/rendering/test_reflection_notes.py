@@ -9,7 +9,7 @@ from omnisim.core.poses import pose
 from omnisim.rendering.reflection_kinds import frosted_notes, reflection_notes
 from omnisim.scene.model import DynamicObject, Lighting, Material, Texture
 from omnisim.scene.motion.object_motion import Rest
-from omnisim.scene.reflection_probes import reflects_scene
+from omnisim.scene.surface_kind import SurfaceKind, kind_of
 from omnisim.validation.material_chart import sphere
 from tests.scenes import scene_of, square
 from tests.vehicles import box
@@ -38,7 +38,7 @@ def _map(green):
     ],
 )
 def test_smooth_metal_gloss_and_coats_reflect_the_scene(material, expected):
-    assert reflects_scene(material) is expected
+    assert bool(kind_of(material) & SurfaceKind.REFLECTING) is expected
     scene = scene_of([sphere(1.0, 8)], [material])
     notes = reflection_notes(scene)
     assert len(notes) == expected

@@ -7,8 +7,8 @@ import pytest
 
 from omnisim.core.poses import pose
 from omnisim.core.world import WorldState
-from omnisim.rendering.opengl.drawing import probe_pass
-from omnisim.rendering.rays.shading import reflections
+from omnisim.rendering.opengl.reflect import probe_pass
+from omnisim.rendering.rays.shading import ray_optics
 from omnisim.rendering.stage import Stage, open_sensor
 from omnisim.scene.model import Fog, Instance, Material, Texture
 from omnisim.validation.image_differences import psnr_db, psnr_of_levels_db
@@ -207,7 +207,7 @@ def test_probes_are_near_the_rays_reflections(reflecting, fog, monkeypatch):
     lighting = dataclasses.replace(reflecting.lighting, fog=fog)
     scene = dataclasses.replace(reflecting, lighting=lighting)
     sensor = dataclasses.replace(fisheye(80), supersampling=2)
-    monkeypatch.setattr(reflections, "MAX_BOUNCES", 1)  # mirrors in probes reflect the sky
+    monkeypatch.setattr(ray_optics, "MAX_BOUNCES", 1)  # mirrors in probes reflect the sky
     traced = _seen(scene, sensor, "rays")
     by_probes = _db(_seen(scene, sensor), traced)
     of_sky = _db(_seen(scene, dataclasses.replace(sensor, reflection_probes=0)), traced)

@@ -8,14 +8,14 @@ import pytest
 from omnisim.cameras import EquidistantCamera
 from omnisim.core.errors import SceneError
 from omnisim.core.poses import pose
+from omnisim.rendering.atlas.tile_plan import sensor_tiles, whole_faces
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.opengl.atlas.tile_plan import whole_faces
-from omnisim.rendering.opengl.drawing.cube_pass import CubePass
-from omnisim.rendering.opengl.drawing.scene_view import VirtualCameras
-from omnisim.rendering.opengl.drawing.surface_program import SurfacePrograms
+from omnisim.rendering.contract import ScenePoses
+from omnisim.rendering.opengl.camera_frame import CubePass
+from omnisim.rendering.opengl.scene_view import VirtualCameras
+from omnisim.rendering.opengl.surfaces.surface_program import SurfacePrograms
 from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
 from omnisim.rendering.scene_edits import EditableScene
-from omnisim.rendering.sensor_tiles import sensor_tiles
 from omnisim.rendering.stage import Stage, open_sensor
 from omnisim.scene import Scene
 from omnisim.sensors import LaserScanner
@@ -160,14 +160,14 @@ def test_items_drawn_one_by_one_are_equal_byte_for_byte(context, edit):
 
     buffers = SceneBuffers(context, Holder.scene, uses_clusters=False)
     edited = cube(buffers)
-    edited.render(HERE)
+    edited.draw((ScenePoses(HERE),))
     holder = Holder()
     edit(holder)
     buffers.update(holder.scene)
     edited.refresh()
-    frame = edited.render(HERE).read()
+    frame = edited.draw((ScenePoses(HERE),)).read()
     fresh = cube(SceneBuffers(context, holder.scene, uses_clusters=False))
-    assert frame == fresh.render(HERE).read()
+    assert frame == fresh.draw((ScenePoses(HERE),)).read()
 
 
 def test_all_renderers_of_a_stage_see_an_edit():

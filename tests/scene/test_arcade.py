@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from omnisim.scene import load_scene
-from omnisim.scene.planar_mirrors import is_clear_pane, is_planar_mirror
 from omnisim.scene.space.floor import triangles_within
+from omnisim.scene.surface_kind import SurfaceKind, kind_of, transmitted
 
 HALF_WIDTH_M, CLEARANCE_M, HEIGHTS_M = 0.25, 0.3, (0.02, 1.2)
 
@@ -37,10 +37,14 @@ def test_starts_are_on_the_stroll(scene):
 
 def test_surfaces_are_of_every_kind_that_fools_robots(scene):
     materials = {one.name: one for one in scene.materials}
-    assert {name for name, one in materials.items() if is_clear_pane(one)} == {"pane", "roof_glass"}
-    assert materials["frosted"].frosted_transmission == 1.0
-    assert sum(one.glass_transmission > 0.0 for one in materials.values()) == 5
-    mirrors = {name for name, one in materials.items() if is_planar_mirror(one)}
+
+    def names(kind):
+        return {name for name, one in materials.items() if kind_of(one) & kind}
+
+    assert names(SurfaceKind.PLANAR_PANE) == {"pane", "roof_glass"}
+    assert transmitted(materials["frosted"], SurfaceKind.FROSTED) == 1.0
+    assert len(names(SurfaceKind.GLASS)) == 5
+    mirrors = names(SurfaceKind.PLANAR_MIRROR)
     assert mirrors >= {"mirror", "brushed_steel", "terrazzo_light"}
     assert materials["terrazzo_light"].roughness == pytest.approx(0.1)
     assert scene.lighting.baked is not None

@@ -14,6 +14,7 @@ from omnisim.scene import load_scene
 from omnisim.scene.formats.gltf import document
 from omnisim.scene.formats.gltf.reader import FEATURES, SUPPORTED_EXTENSIONS, Support
 from omnisim.scene.formats.gltf.writer import write_glb
+from omnisim.scene.surface_kind import SurfaceKind, transmitted
 from tests.scene.gltf_builder import GltfBuilder
 
 OTHER_IMAGES = ("EXT_texture_astc", "EXT_texture_avif", "MSFT_texture_dds")
@@ -409,9 +410,10 @@ def test_glass_transmits_unless_it_has_a_map(tmp_path):
     assert (material.thickness_m, material.dispersion) == (0.01, 0.5)
     assert material.attenuation_distance_m == 0.2
     assert material.attenuation_color == (0.5, 0.25, 1.0)
+    kinds = SurfaceKind.PANE, SurfaceKind.GLASS, SurfaceKind.FROSTED
     shares = [
-        (one.pane_transmission, one.glass_transmission, one.frosted_transmission)
-        for one in (scene.materials[0] for scene in (pane, frosted, glass))
+        tuple(transmitted(scene.materials[0], kind) for kind in kinds)
+        for scene in (pane, frosted, glass)
     ]
     assert shares == [(0.9, 0.0, 0.0), (0.0, 0.0, 0.9), (0.0, 0.9, 0.0)]
     mapped = _load(tmp_path, USES["transmissionTexture"])

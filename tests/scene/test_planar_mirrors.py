@@ -1,14 +1,14 @@
 """Planes of planar mirrors: of boxes, sheets and curved meshes."""
 
 import dataclasses
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from omnisim.core.poses import pose
-from omnisim.scene.model import AlphaMode, Material, Texture
-from omnisim.scene.planar_mirrors import MAX_PLANES, find_mirrors, flat_parts, is_planar_mirror
+from omnisim.scene.model import Material, Texture
+from omnisim.scene.planar_mirrors import MAX_PLANES, SceneSurface, find_mirrors, flat_parts
+from omnisim.scene.surface_kind import SurfaceKind, kind_of
 from omnisim.validation.material_chart import sphere
 from tests.rendering.opengl.sheets import sheet
 from tests.scenes import square
@@ -19,12 +19,8 @@ MAP = Texture(np.full((2, 2, 4), 128, dtype=np.uint8))
 
 
 def _surface(mesh, place=None, object_index=None, material=CHROME):
-    return SimpleNamespace(
-        mesh=mesh,
-        material=material,
-        object_index=object_index,
-        object_from_mesh=np.eye(4) if place is None else place,
-    )
+    place = np.eye(4) if place is None else place
+    return SceneSurface(mesh, material, kind_of(material), place, object_index)
 
 
 def test_planes_of_a_box():
@@ -32,7 +28,7 @@ def test_planes_of_a_box():
     place = pose((400.0, -300.0, 20.0), roll_deg=10.0, pitch_deg=20.0, yaw_deg=30.0) @ np.diag(
         (0.5, 2.0, 1.5, 1.0)
     )
-    planes = find_mirrors({7: _surface(box("box", 0), place)}, is_planar_mirror)
+    planes = find_mirrors({7: _surface(box("box", 0), place)}, SurfaceKind.PLANAR_MIRROR)
     assert len(planes) == 6
     np.testing.assert_allclose([plane.area_m2 for plane in planes], [3, 3, 1, 1, 0.75, 0.75])
     for plane in planes:
@@ -53,7 +49,7 @@ def test_the_planes_of_many_boxes_are_limited():
     places = [pose((1.5 * (n % 20), 1.5 * (n // 20), 0.0)) for n in range(400)]
     block = box("box", 0)
     surfaces = {n: _surface(block, place) for n, place in enumerate(places)}
-    planes = find_mirrors(surfaces, is_planar_mirror)
+    planes = find_mirrors(surfaces, SurfaceKind.PLANAR_MIRROR)
     assert len(planes) == MAX_PLANES
     np.testing.assert_allclose([plane.area_m2 for plane in planes[:3]], (400.0, 400.0, 20.0))
     assert all(plane.sides == {1} for plane in planes)
@@ -63,7 +59,7 @@ def test_the_planes_of_many_boxes_are_limited():
 def test_sides_of_mirrored_surfaces(flip):
     """The front of a mirrored square is still up."""
     (plane,) = find_mirrors(
-        {0: _surface(square(), pose() @ np.diag((flip, 1.0, 1.0, 1.0)))}, is_planar_mirror
+        {0: _surface(square(), pose() @ np.diag((flip, 1.0, 1.0, 1.0)))}, SurfaceKind.PLANAR_MIRROR
     )
     assert plane.sides == {round(plane.normal[2])}
 
@@ -76,7 +72,7 @@ def test_coplanar_surfaces_share_a_plane_unless_they_move():
         2: _surface(square(1.0), left, object_index=0),
         3: _surface(square(1.0), pose((0.0, 0.0, 1.01))),
     }  # fmt: skip
-    planes = find_mirrors(surfaces, is_planar_mirror)
+    planes = find_mirrors(surfaces, SurfaceKind.PLANAR_MIRROR)
     assert sorted(sorted(plane.parts) for plane in planes) == [[0, 1], [2], [3]]
     shared = next(plane for plane in planes if len(plane.parts) == 2)
     assert shared.parts[0].all()
@@ -89,23 +85,5 @@ def test_the_largest_planes_come_first():
         number: _surface(square(0.1 * (1 + number)), pose((0.0, 0.0, number)))
         for number in range(4)
     }
-    planes = find_mirrors(surfaces, is_planar_mirror)
+    planes = find_mirrors(surfaces, SurfaceKind.PLANAR_MIRROR)
     assert [list(plane.parts) for plane in planes] == [[3], [2], [1], [0]]
-
-
-@pytest.mark.parametrize(
-    ("change", "expected"),
-    [
-        ({}, True),
-        ({"roughness": 0.3}, True),
-        ({"roughness": 0.31}, False),
-        ({"roughness": 0.5, "clearcoat": 1.0}, True),
-        ({"metallic": 0.0}, False),
-        ({"metallic": 0.0, "specular": 1.0}, True),
-        ({"normal_map": MAP}, False),
-        ({"unlit": True}, False),
-        ({"alpha_mode": AlphaMode.BLEND}, False),
-    ],
-)
-def test_materials_of_planar_mirrors(change, expected):
-    assert is_planar_mirror(dataclasses.replace(CHROME, **change)) is expected

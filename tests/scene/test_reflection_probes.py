@@ -9,13 +9,9 @@ import trimesh
 from omnisim.core.poses import pose
 from omnisim.scene.model import Material, Mesh, Texture
 from omnisim.scene.motion.deformation import Sphere
-from omnisim.scene.planar_mirrors import (
-    SceneSurface,
-    find_mirrors,
-    is_planar_mirror,
-    scene_surfaces,
-)
-from omnisim.scene.reflection_probes import find_probes, lobe_roughnesses
+from omnisim.scene.planar_mirrors import SceneSurface, find_mirrors, scene_surfaces
+from omnisim.scene.reflection_probes import find_probes
+from omnisim.scene.surface_kind import SurfaceKind, kind_of
 from omnisim.validation.material_chart import sphere
 from tests.scenes import room, scene_of, square
 
@@ -27,7 +23,7 @@ HALF_AS_ROUGH = Texture(np.array([[[0, 255, 0, 255], [0, 127.5, 0, 255]]]).astyp
 
 def _probes(meshes, materials, poses=None):
     surfaces = scene_surfaces(scene_of(meshes, materials, poses), ())
-    return find_probes(surfaces, find_mirrors(surfaces, is_planar_mirror))
+    return find_probes(surfaces, find_mirrors(surfaces, SurfaceKind.PLANAR_MIRROR))
 
 
 def test_a_ball_is_left_out_of_its_own_probe_at_its_center():
@@ -92,7 +88,7 @@ def test_smooth_metal_precedes_larger_rough_gloss():
 def test_objects_do_not_share_probes():
     ball = sphere(1.0, 8)
     surfaces = {
-        number: SceneSurface(ball, CHROME, np.diag((size, size, size, 1.0)), index)
+        number: SceneSurface(ball, CHROME, kind_of(CHROME), np.diag((size, size, size, 1.0)), index)
         for number, (size, index) in enumerate([(1.0, None), (0.5, 0), (0.2, 0)])
     }
     first, second = find_probes(surfaces, ())
@@ -117,17 +113,3 @@ def test_probes_follow_deforming_surfaces():
     (probe,) = _probes([mesh, sphere(0.1, 8)], [CHROME])[:1]
     assert probe.deforming == 0
     assert probe.surfaces == {0}
-
-
-@pytest.mark.parametrize(
-    ("material", "expected"),
-    [
-        (CHROME, [0.0]),
-        (SATIN, [0.4]),
-        (dataclasses.replace(CHROME, clearcoat=1.0, clearcoat_roughness=0.2), [0.0, 0.2]),
-        (Material(roughness=1.0, clearcoat=1.0), [0.0]),
-        (dataclasses.replace(SATIN, metallic_roughness_map=HALF_AS_ROUGH), [0.4, 0.2]),
-    ],
-)
-def test_gloss_and_coats_have_roughnesses(material, expected):
-    np.testing.assert_allclose(lobe_roughnesses(material), expected, atol=1e-3)

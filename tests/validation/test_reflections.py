@@ -6,7 +6,7 @@ import pytest
 pytest.importorskip("mitsuba", reason="Mitsuba, the oracle, is missing")
 pytest.importorskip("embreex", reason="embreex, which casts the rays, is missing")
 
-from omnisim.rendering.rays.shading import reflections
+from omnisim.rendering.rays.shading import ray_optics
 from omnisim.validation import reflective_rooms
 from omnisim.validation.checks.reflections import (
     MIN_DB,
@@ -29,6 +29,6 @@ def test_surfaces_reflect_as_mitsuba_s_paths(name, monkeypatch):
     everywhere = np.ones(traced.shape[:2], dtype=bool)
     assert psnr_db(rendered(scene, 64, 3), traced, everywhere) >= MIN_DB[name]
     assert psnr_db(rendered(scene, 64, 3, "cube"), traced, everywhere) >= min_by_cube_db(name)
-    monkeypatch.setattr(reflections, "MAX_BOUNCES", 0)  # the sky alone
+    monkeypatch.setattr(ray_optics, "MAX_BOUNCES", 0)  # the sky alone
     without = rendered(scene, 64, 1)
     assert psnr_db(without, traced, everywhere) < MIN_DB[name] - 5.0

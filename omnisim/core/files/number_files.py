@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from omnisim.core.arrays import Floats
 from omnisim.core.errors import OmnisimError
 from omnisim.core.files.atomic_file import atomic_write
-from omnisim.core.files.sources import note_file
 
 
 def read_arrays(
@@ -35,7 +34,6 @@ def read_arrays(
     Raises:
         error: the file cannot be read, or is not an archive.
     """
-    note_file(path)
     try:
         quiet = warnings.catch_warnings(action="ignore")
         with quiet, np.load(path, allow_pickle=False) as stored:

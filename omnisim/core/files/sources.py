@@ -1,7 +1,10 @@
-"""Record of the input files that are read: identifies a result on any machine.
+"""Readers that remember the input files: their digest identifies a result on any machine.
 
 The last bits of computed numbers differ between processors. Identity is therefore a digest of the
 inputs: bytes of files, keys and values of tables, options.
+
+A scene's files go through a reader that its loader passes on. Files of cameras, which are nested in
+many ways, are remembered by `recorded_sources`.
 """
 
 from __future__ import annotations
@@ -10,7 +13,7 @@ import dataclasses
 import hashlib
 import json
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from enum import Enum
 from pathlib import Path
@@ -21,11 +24,31 @@ import numpy as np
 VERSION = 1  # version of the record; a new one gives new digests
 
 
-class Sources:
-    """Files read within a `recorded_sources` block."""
+class SourceReader:
+    """Reader of input files that remembers the digest of each."""
 
     def __init__(self) -> None:
         self._digests: dict[Path, str] = {}
+
+    def read(self, path: Path) -> bytes:
+        """Content of a file.
+
+        Raises:
+            OSError: the file cannot be read.
+        """
+        data = path.read_bytes()
+        self.add(path, hashlib.sha256(data).hexdigest())
+        return data
+
+    def note(self, path: Path) -> Path:
+        """Path of a file that a library reads itself, which reports one that cannot be read."""
+        with suppress(OSError), path.open("rb") as file:
+            self.add(path, hashlib.file_digest(file, "sha256").hexdigest())
+        return path
+
+    def note_table(self, path: Path, table: Mapping[str, Any]) -> None:
+        """Remember a file by its keys and values; comments and layout do not count."""
+        self.add(path, source_digest(table))
 
     def digest(self, root: Path) -> str:
         """SHA-256 (64 hexadecimal digits) of all files, by their paths relative to a folder.
@@ -38,22 +61,22 @@ class Sources:
         return source_digest(VERSION, files)
 
     def add(self, path: Path, digest: str) -> None:
-        """Add a file; only the first digest of a path counts."""
+        """Remember a file; only the first digest of a path counts."""
         self._digests.setdefault(path.absolute(), digest)
 
-    def update(self, other: Sources) -> None:
-        """Add the files of another record."""
+    def update(self, other: SourceReader) -> None:
+        """Remember the files of another reader."""
         for path, digest in other._digests.items():
             self.add(path, digest)
 
 
-_recorder: ContextVar[Sources | None] = ContextVar("recorder", default=None)
+_recorder: ContextVar[SourceReader | None] = ContextVar("recorder", default=None)
 
 
 @contextmanager
-def recorded_sources() -> Iterator[Sources]:
-    """Record the files that are read within the block; an enclosing block records them, too."""
-    sources, outer = Sources(), _recorder.get()
+def recorded_sources() -> Iterator[SourceReader]:
+    """Remember the files of cameras read within the block; an enclosing block does, too."""
+    sources, outer = SourceReader(), _recorder.get()
     token = _recorder.set(sources)
     try:
         yield sources
@@ -61,17 +84,6 @@ def recorded_sources() -> Iterator[Sources]:
         _recorder.reset(token)
         if outer is not None:
             outer.update(sources)
-
-
-def read_source(path: Path) -> bytes:
-    """Read a file, and record it.
-
-    Raises:
-        OSError: the file cannot be read.
-    """
-    data = path.read_bytes()
-    note_bytes(path, data)
-    return data
 
 
 def note_bytes(path: Path, data: bytes) -> None:
@@ -85,25 +97,14 @@ def note_file(path: Path) -> None:
     """Record a file that a library reads itself; does nothing if it cannot be read."""
     recorder = _recorder.get()
     if recorder is not None:
-        try:
-            with path.open("rb") as file:
-                recorder.add(path, hashlib.file_digest(file, "sha256").hexdigest())
-        except OSError:  # the library reports it
-            return
-
-
-def note_sources(sources: Sources) -> None:
-    """Record the files that another process has read."""
-    recorder = _recorder.get()
-    if recorder is not None:
-        recorder.update(sources)
+        recorder.note(path)
 
 
 def note_table(path: Path, table: Mapping[str, Any]) -> None:
     """Record a file of keys and values; comments and layout do not count."""
     recorder = _recorder.get()
     if recorder is not None:
-        recorder.add(path, source_digest(table))
+        recorder.note_table(path, table)
 
 
 def source_digest(*parts: Any) -> str:

@@ -12,10 +12,11 @@ import numpy as np
 
 from omnisim.core.errors import PlanError
 from omnisim.core.files.parameters import parse_table
+from omnisim.core.files.sources import SourceReader
 from omnisim.datasets.generate.distributions import Shares
 from omnisim.datasets.generate.plan import VaryLightTable, VarySkyTable, VaryTable
 from omnisim.scene import Scene
-from omnisim.scene.files.scene_file import SceneFile
+from omnisim.scene.light.light_tables import LightTable, SkyTable
 from omnisim.scene.light.sky import sun_position, with_sky
 from omnisim.scene.parts import Light, LightKind
 
@@ -85,9 +86,8 @@ def _under_sky(scene: Scene, sky: dict[str, Any], plan: Path) -> Scene:
     lamps = (one for one in scene.lighting.lights if one.kind is not LightKind.DIRECTIONAL)
     lighting = dataclasses.replace(scene.lighting, lights=tuple(lamps), environment=None)
     scene = dataclasses.replace(scene, lighting=lighting)
-    read = {"file": scene.name, "sky": sky}
-    settings = parse_table(read, SceneFile, PlanError, f"{plan}: vary")
-    return with_sky(scene, settings, f"{plan}: vary", plan.parent)
+    table = parse_table(sky, SkyTable, PlanError, f"{plan}: vary", "sky")
+    return with_sky(scene, table, LightTable(), None, f"{plan}: vary", plan.parent, SourceReader())
 
 
 def _draw_lamps(table: VaryLightTable, count: int, stream: Shares) -> dict[str, Any]:

@@ -16,7 +16,7 @@ import numpy as np
 from omnisim.core.arrays import Floats
 from omnisim.core.errors import PlanError, did_you_mean
 from omnisim.core.extras import require_extra
-from omnisim.core.files.sources import fingerprint, note_file, note_sources, recorded_sources
+from omnisim.core.files.sources import SourceReader, fingerprint
 from omnisim.core.trajectories import parse_trajectory
 from omnisim.core.version import __version__
 from omnisim.datasets.free_space import (
@@ -120,7 +120,7 @@ class PreparedPlan:
             source = self._scene_file(table)
             scene = read_scene(source, table.up_axis, table.meters_per_unit)
             # its own name would be the plan's path
-            scene = scene.altered("", name=table.title)
+            scene = scene.altered(name=table.title)
             if table.labels is not None:
                 rules = read_label_file(self.path.parent / table.labels)
                 scene = scene.altered(f"labels {rules}", labels=rules)
@@ -252,7 +252,7 @@ class PreparedPlan:
         scene = read_scene(
             self._scene_file(table), table.up_axis, table.meters_per_unit, animation="none"
         )
-        scene = scene.altered("", name=table.title)
+        scene = scene.altered(name=table.title)
         low, high = scene.bounds_m()
         return PlanObject(
             table.title,
@@ -277,14 +277,14 @@ class PreparedPlan:
         scenes = [fingerprint(self.scene(number)) for number in range(len(self.plan.scenes))]
         objects = [fingerprint(one.scene) for one in self.objects]
         _ = self.rigs  # reports their faults first
-        with recorded_sources() as sources:
-            for file in self.rig_files:
-                note_sources(file.sources)
-            if self.plan.viewpoints.file is not None:
-                note_file(self.path.parent / self.plan.viewpoints.file)
-            for name in self.plan.sky_files:
-                note_file(self.path.parent / name)
-        parts: list[Any] = [__version__, *scenes, *objects, sources.digest(self.path.parent)]
+        reader = SourceReader()
+        for file in self.rig_files:
+            reader.update(file.sources)
+        if self.plan.viewpoints.file is not None:
+            reader.note(self.path.parent / self.plan.viewpoints.file)
+        for name in self.plan.sky_files:
+            reader.note(self.path.parent / name)
+        parts: list[Any] = [__version__, *scenes, *objects, reader.digest(self.path.parent)]
         for part in parts:
             digest.update(f"\n{part}".encode())
         return digest.hexdigest()[:16]

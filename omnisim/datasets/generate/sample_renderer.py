@@ -20,9 +20,9 @@ from omnisim.datasets.generate.plan_light import DrawnLight, draw_light
 from omnisim.datasets.generate.prepared_plan import PreparedPlan
 from omnisim.ground_truth.frame import Frame
 from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.pixel_rays import PixelRays
 from omnisim.rendering.rays.caster import DepthLimits
 from omnisim.rendering.rays.pixel_hits import whole_areas_px
-from omnisim.rendering.rays.pixel_rays import PixelRays
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
 from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage

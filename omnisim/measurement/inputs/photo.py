@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from omnisim.core.errors import MeasurementError, OutputError
 from omnisim.core.extras import require_extra
 from omnisim.core.files.image_files import read_image
-from omnisim.core.files.sources import note_file
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".pgm", ".ppm", ".bmp", ".webp")
 RAW_SUFFIXES = (".dng", ".cr2", ".cr3", ".nef", ".arw", ".orf", ".raf", ".rw2", ".pef", ".srw")
@@ -83,7 +82,6 @@ def _open(path: Path) -> Any:
     require_extra("raw", str(path), MeasurementError)
     import rawpy
 
-    note_file(path)
     try:
         return rawpy.imread(str(path))
     except (rawpy.LibRawError, OSError) as reason:

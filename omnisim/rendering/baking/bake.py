@@ -45,6 +45,7 @@ from omnisim.rendering.baking.transport import INSIDE, SKY, PatchHits, Transport
 from omnisim.rendering.rays.ray_scene import RayScene
 from omnisim.scene.light.environment import factors_of_moments, spherical_harmonics
 from omnisim.scene.model import Mesh, Scene
+from omnisim.scene.surface_kind import SurfaceKind, kind_of
 
 TILE = 4096  # patches
 _LINKS = 32  # rays per patch, along which all bounces but the last are computed
@@ -300,7 +301,7 @@ def hollow_triangles(scene: Scene) -> Bools:
         part_of, closed = parts[instance.mesh]
         mesh = scene.meshes[instance.mesh]
         material = scene.materials[mesh.material]
-        if material.frosted_transmission > 0.0 and not scene.lighting.is_matte:
+        if kind_of(material, scene.lighting.is_matte) & SurfaceKind.FROSTED:
             hollow.append(np.ones(len(part_of), dtype=np.bool_))
             continue
         if not material.double_sided:

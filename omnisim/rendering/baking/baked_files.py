@@ -27,8 +27,7 @@ from omnisim.rendering.baking.bake import (
 from omnisim.rendering.baking.lightmap_atlas import Unwrapping
 from omnisim.rendering.baking.patches import NEIGHBORS, Patches
 from omnisim.rendering.baking.settings import BakeSettings
-from omnisim.scene.light.baked import baked_fingerprint
-from omnisim.scene.light.lit_scene import without_even_light
+from omnisim.scene.light.baked import without_even_light
 from omnisim.scene.model import Scene
 
 VERSION = 1
@@ -70,7 +69,7 @@ def bake_scene(
             a file cannot be written.
     """
     require_extra("bake", "baking light")
-    fingerprint = baked_fingerprint(scene)
+    fingerprint = scene.identity.light
     if is_finished(output, fingerprint, settings, force):
         return None
     bake = bake_of(scene, settings)

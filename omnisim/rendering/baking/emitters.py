@@ -19,7 +19,7 @@ from omnisim.rendering.baking.patches import BACK, Patches
 from omnisim.rendering.baking.transport import INSIDE, SKY, PatchHits, Transport
 from omnisim.rendering.rays.caster import RayHits
 from omnisim.rendering.rays.ray_scene import RayScene
-from omnisim.rendering.rays.shading.lights import LampLight, Shadows, lamps_at
+from omnisim.rendering.rays.shading.lit_surfaces import LampLight, Shadows, lamps_at
 from omnisim.scene.model import LAMP_NEAR_M, Light, Lighting, LightKind
 
 _STEPS = np.array((0.7548776662466927, 0.5698402909980532))

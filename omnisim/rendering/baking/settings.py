@@ -8,7 +8,7 @@ from typing import Annotated
 from pydantic import Field
 
 from omnisim.core.short_repr import counted
-from omnisim.scene.light.lit_scene import is_bright
+from omnisim.scene.light.lighting import is_bright
 from omnisim.scene.model import Scene
 
 # Texels of an atlas without a given texel width: minutes on two cores at the default samples.

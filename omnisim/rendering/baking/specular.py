@@ -12,10 +12,10 @@ from omnisim.core.arrays import Bools, Floats, Floats32, Indices
 from omnisim.core.random_numbers import pcg4d, uniform
 from omnisim.rendering.rays.caster import EmbreeHits, RayHits, Rays
 from omnisim.rendering.rays.ray_scene import RayScene
-from omnisim.rendering.rays.shading.glass import pane_reflectance
+from omnisim.rendering.rays.shading.ray_optics import pane_reflectance
 from omnisim.rendering.rays.shading.shading import View
 from omnisim.rendering.rays.shading.surface_light import mirrored_shares, straight_shares
-from omnisim.scene.planar_mirrors import is_smooth
+from omnisim.scene.surface_kind import NO_KIND, SurfaceKind, transmitted
 from omnisim.scene.surface_reflectance import COAT_F0, MIN_ROUGHNESS
 
 _ABOVE = 1e-3  # minimum cosine between a mirrored ray and the triangle's plane
@@ -127,13 +127,13 @@ class SpecularSurfaces:
         geometry, self._shading = rays.caster.geometry, rays.shading
         materials = [surface.material for surface in geometry.surfaces]
         is_matte = rays.scene.lighting.is_matte
-        smooth = [not is_matte and is_smooth(one, MIN_ROUGHNESS) for one in materials]
         see_through = self._shading.is_pane | self._shading.is_glass
-        continues = np.array(smooth, dtype=np.bool_) | see_through
+        continues = self._shading.is_mirror | see_through
         self.of_triangles = continues[geometry.surface_of_triangle]
         self.see_through = see_through[geometry.surface_of_triangle]
         self.any, self.any_see_through = self.of_triangles.any(), self.see_through.any()
-        frosted = [0.0 if is_matte else one.frosted_transmission for one in materials]
+        asked = NO_KIND if is_matte else SurfaceKind.FROSTED
+        frosted = [transmitted(one, asked) for one in materials]
         self.frosted = np.array(frosted, dtype=np.float32)
         self._continues = continues
 

@@ -40,24 +40,19 @@ def camera_of_parameters(parameters: Mapping[str, Any]) -> CentralCamera:
         return camera_from_parameters(parameters)
     from omnisim.cameras.optics.system_file import parse_optics  # few cameras need it
 
-    _check_whole(parameters)
-    try:
-        return parse_optics(parameters, "camera")
-    except SensorFileError as faults:
-        raise OpticsError(str(faults).partition("\n")[0]) from None
-
-
-def _check_whole(parameters: Mapping[str, Any]) -> None:
-    """Refuse references to other files: an image or a run contains its whole camera."""
+    # an image or a run contains its whole camera: references to other files are refused
     surfaces = parameters.get("surfaces")
     tables = list(surfaces) if isinstance(surfaces, list | tuple) else []
     for table in (parameters.get("camera"), *tables):
         for key in ("calibration", "file"):
             if isinstance(table, Mapping) and key in table:
                 raise OpticsError(f"camera: {key}: expected its content, got {table[key]!r}")
+    try:
+        return parse_optics(parameters, "camera")
+    except SensorFileError as faults:
+        raise OpticsError(str(faults).partition("\n")[0]) from None
 
 
-# Mask of an image's pixels that show the scene.
 BLOCK_PIXELS = 1 << 20  # pixels per step, to bound the memory of intermediate arrays
 
 
@@ -75,16 +70,13 @@ def valid_mask(camera: CentralCamera, polygons: int | None) -> Bools:
 
         pixels = pixel_grid(camera.width_px, camera.height_px)
         return MeshRays(camera, polygons).ray_from_pixel(pixels).valid
-    sectors = None
-    if polygons is not None and isinstance(camera, HyperbolicCamera):
-        sectors, _ = sectors_and_rings(polygons)
     mask = np.empty((camera.height_px, camera.width_px), dtype=np.bool_)
     step = max(1, BLOCK_PIXELS // camera.width_px)
     for first in range(0, camera.height_px, step):
         rows = mask[first : first + step]
         pixels = pixel_grid(camera.width_px, len(rows)) + (0.0, first)
-        if sectors is not None and isinstance(camera, HyperbolicCamera):
-            rows[:] = inside_rim(camera, sectors, pixels)
+        if polygons is not None and isinstance(camera, HyperbolicCamera):
+            rows[:] = inside_rim(camera, sectors_and_rings(polygons)[0], pixels)
         else:
             rows[:] = camera.ray_from_pixel(pixels).valid
     return mask
@@ -97,10 +89,10 @@ class CapturedImage:
     pixels: NDArray[Any]  # (height, width, 3) uint8 sRGB, or float32 linear
     covered: Bools  # (height, width) mask of pixels that show the scene
     camera: CentralCamera  # camera of the image
-    # (3, 3) rotation from the camera's optical frame to the vehicle's base
-    base_from_optical: Floats
-    # (4, 4) poses, if the image has them
-    world_from_base: Floats | None
+    base_from_optical: (
+        Floats  # (3, 3) rotation from the camera's optical frame to the vehicle's base
+    )
+    world_from_base: Floats | None  # (4, 4) pose, if the image has it
     world_from_optical: Floats | None
     metadata: dict[str, Any]  # metadata of the image file; empty if there is none
 
@@ -153,11 +145,9 @@ def read_captured_image(path: Path, sensor: OmniCamera | None = None) -> Capture
     metadata = metadata or {}
     world_from_base = _pose(metadata, "world_from_base", path)
     world_from_optical = _pose(metadata, "world_from_optical", path)
-    polygons: int | None
     if sensor is not None:
-        camera: CentralCamera = sensor.model
+        camera, polygons = sensor.model, sensor.mesh_polygons
         base_from_optical = sensor.base_from_optical[:3, :3]
-        polygons = sensor.mesh_polygons
     elif not isinstance(metadata.get("camera"), dict):
         raise OutputError(
             f"{path}: has no camera parameters inside: pass the sensor file that it was taken "

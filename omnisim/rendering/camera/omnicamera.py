@@ -32,6 +32,7 @@ from omnisim.rendering.camera.quality import (
     MAX_IMAGE_PX,
     QUALITIES,
     Capture,
+    CaptureQuality,
     QualityName,
     auto_polygons,
     max_polygons,
@@ -62,10 +63,6 @@ PAPER_POLYGONS = 1024
 PAPER_SIZE_PX = 360
 
 
-def _paper_camera() -> HyperbolicCamera:
-    return HyperbolicCamera.framed_on_rim(HyperbolicMirror(), PAPER_SIZE_PX, PAPER_SIZE_PX)
-
-
 class CameraStage(Protocol[RendererT_co]):
     """Stage that opens cameras."""
 
@@ -94,11 +91,14 @@ class OmniCamera(SensorSettings):
 
     Raises:
         OmnisimError: no camera model, a polygon count that makes no mesh, an empty range between
-            near and far, an invalid size or number of samples, or an invalid mounting
-            pose.
+            near and far, an invalid size or number of samples, or an invalid mounting pose.
     """
 
-    model: CentralCamera = field(default_factory=_paper_camera)
+    model: CentralCamera = field(
+        default_factory=lambda: HyperbolicCamera.framed_on_rim(
+            HyperbolicMirror(), PAPER_SIZE_PX, PAPER_SIZE_PX
+        )
+    )
     _: KW_ONLY
     polygons: Polygons = "default"
     base_from_rig: Floats = field(default_factory=lambda: np.eye(4))
@@ -133,9 +133,8 @@ class OmniCamera(SensorSettings):
             object.__setattr__(self, "polygons", polygons)  # frozen
         if self.polygons is not None and self.polygons != "auto":
             if type(self.polygons) is not int:
-                raise OpticsError(
-                    f"polygons: expected a whole number, 'auto' or None, got {self.polygons!r}"
-                )
+                expected = "expected a whole number, 'auto' or None"
+                raise OpticsError(f"polygons: {expected}, got {self.polygons!r}")
             sectors_and_rings(self.polygons)
             if max_polygons(self.model) is None:
                 raise OpticsError(
@@ -143,9 +142,8 @@ class OmniCamera(SensorSettings):
                     "no mirror with a mesh: expected 'auto' or 'exact'"
                 )
         if self.face_size_px is not None and self.face_size_px < 1:
-            raise OpticsError(
-                f"face_size_px: expected at least 1, or None, got {self.face_size_px}"
-            )
+            expected = "expected at least 1, or None"
+            raise OpticsError(f"face_size_px: {expected}, got {self.face_size_px}")
         poses.check_pose(self.base_from_rig)
         self.capture  # noqa: B018  # raises if a setting is out of its limits
 
@@ -200,9 +198,8 @@ class OmniCamera(SensorSettings):
         Raises:
             SensorFileError: names file, key, value and the expected value.
         """
-        from omnisim.rendering.camera.sensor_file import (
-            read_sensor_file,
-        )  # the paper's camera needs none
+        # the paper's camera needs none
+        from omnisim.rendering.camera.sensor_file import read_sensor_file
 
         return cls(**read_sensor_file(Path(path)))
 
@@ -225,11 +222,9 @@ class OmniCamera(SensorSettings):
         """
         if not 1 <= size_px <= MAX_IMAGE_PX:
             raise OpticsError(f"camera: size: expected 1 to {MAX_IMAGE_PX}, got {size_px}")
-        old = self.model
-        scale = size_px / min(old.width_px, old.height_px)
-        return dataclasses.replace(
-            self, model=old.scaled(scale), degradation=self.degradation.scaled(scale)
-        )
+        scale = size_px / min(self.model.width_px, self.model.height_px)
+        model, degradation = self.model.scaled(scale), self.degradation.scaled(scale)
+        return dataclasses.replace(self, model=model, degradation=degradation)
 
     def summary(self) -> str:
         """Camera model and image size as text."""
@@ -364,40 +359,32 @@ class OmniCamera(SensorSettings):
         # 1e-12°: hides the rounding of the conversion through radians
         roll, pitch, yaw = (round(float(angle), 12) + 0.0 for angle in angles)
         polygons = "exact" if self.polygons is None else self.polygons
-        image: dict[str, Any] = {}
-        written, changed = self.capture.to_table(full=True), self.capture.to_table()
-        if isinstance(self.model, HyperbolicCamera):
-            group, geometry = (
-                "mirror",
-                {"shape": "hyperbolic", **self.model.mirror.to_table(full=True)},
-            )
-            geometry |= {
-                "polygons": polygons,
-                "theta_max_deg": round(geometry["theta_max_deg"], 12),
-            }
-            image = _image_table(self.model)
-        elif isinstance(self.model, NonCentralCamera):
-            group, geometry = "optics", {**self.model.parameters(), "polygons": polygons}
+        model, image = self.model, dict[str, Any]()
+        if isinstance(model, HyperbolicCamera):
+            group, geometry = "mirror", {"shape": "hyperbolic", **model.mirror.to_table(full=True)}
+            geometry["theta_max_deg"] = round(geometry["theta_max_deg"], 12)
+            geometry["polygons"] = polygons
+            keys = ("width_px", "height_px", "focal_length_px", "principal_point_px")
+            image = {key: getattr(model, key) for key in keys}
+        elif isinstance(model, NonCentralCamera):
+            group, geometry = "optics", {**model.parameters(), "polygons": polygons}
             geometry.pop("model", None)
         else:
-            group, geometry = "lens", dict(self.model.parameters())
+            group, geometry = "lens", dict(model.parameters())
         mounting = {
             "position_m": self.base_from_rig[:3, 3].tolist(),
             "roll_deg": roll,
             "pitch_deg": pitch,
             "yaw_deg": yaw,
         }
+        virtual: dict[str, Any] = {"size_px": self.face_size_px or "auto"}
+        written, changed = self.capture.to_table(full=True), self.capture.to_table()
+        virtual |= {key: written[key] for key in ("texels_per_pixel", "near_m", "far_m", "samples")}
+        virtual |= {key: changed.get(key) for key in ("mirrors", "reflection_probes")}
         return toml_text(
             {
                 group: {"mounting": mounting, **geometry},
-                "virtual_cameras": {
-                    "size_px": "auto" if self.face_size_px is None else self.face_size_px,
-                    **{
-                        key: written[key]
-                        for key in ("texels_per_pixel", "near_m", "far_m", "samples")
-                    },
-                    **{key: changed.get(key) for key in ("mirrors", "reflection_probes")},
-                },
+                "virtual_cameras": virtual,
                 "camera": {**image, "supersampling": self.supersampling},
                 "degradation": self.degradation.tables() or None,
             }
@@ -455,19 +442,14 @@ class OmniCamera(SensorSettings):
         The optics are included because their files may change. Ray casting of unreliable samples is
         recorded because it depends on installed packages.
         """
-        optics: dict[str, Any] = {}
+        settings: dict[str, Any] = {}
         if isinstance(self.model, NonCentralCamera):
             casts_rays = not missing_packages("rays")
-            optics = {"optics": self.model.parameters(), "casts_rays": casts_rays}
-        return {
-            **optics,
-            **({"time_shift_s": mount.time_shift_s} if mount.time_shift_s else {}),
-            "degradation": self.degradation.tables(),
-            "quality": {
-                "supersampling": self.supersampling,
-                "texels_per_pixel": self.texels_per_pixel,
-            },
-        }
+            settings = {"optics": self.model.parameters(), "casts_rays": casts_rays}
+        if mount.time_shift_s:
+            settings["time_shift_s"] = mount.time_shift_s
+        quality = {key: getattr(self, key) for key in CaptureQuality._fields}
+        return {**settings, "degradation": self.degradation.tables(), "quality": quality}
 
     def documents(self, mount: Mount[object]) -> dict[str, str]:
         """Texts of the sensor file and the calibration file, by file name."""
@@ -486,16 +468,6 @@ class OmniCamera(SensorSettings):
             what = "step" if mount.rate is None else "image"
             raise RunError(
                 f"camera {mount.name!r}: degradation.shutter.exposure_s: expected at most "
-                f"{periods_s[step]:g} s, the time from {what} {step} to {step + 1}, got "
-                f"{exposure_s:g}"
+                f"{periods_s[step]:g} s, the time from {what} {step} to {step + 1}, "
+                f"got {exposure_s:g}"
             )
-
-
-def _image_table(camera: HyperbolicCamera) -> dict[str, Any]:
-    u, v = (float(value) for value in camera.principal_point_px)
-    return {
-        "width_px": camera.width_px,
-        "height_px": camera.height_px,
-        "focal_length_px": camera.focal_length_px,
-        "principal_point_px": [u, v],
-    }

@@ -28,7 +28,6 @@ from omnisim.core.files.parameters import AboveZero, Number, Parameters
 if TYPE_CHECKING:
     from omnisim.scene import Scene
 
-
 NEAR_PER_SIZE = 0.05  # near plane per longest side of the scene
 
 
@@ -120,10 +119,7 @@ def quality_named(name: str) -> CaptureQuality:
     raise OpticsError(f"quality {name!r}: {did_you_mean(name, QUALITIES)}")
 
 
-# Choice of a mirror mesh's polygons that keeps the image error below 0.1 px.
-
-
-MAX_ERROR_PX = 0.1
+MAX_ERROR_PX = 0.1  # of a mirror's mesh, in the image
 # Rasterizers snap vertices to a grid of this size, which adds to the mesh's own error.
 _RASTER_STEP_PX = 1.0 / 256.0
 _MAX_TRACED_POLYGONS = 1 << 18  # above, an optical system's mesh takes longer than exact rays
@@ -173,7 +169,6 @@ def _shown(camera: HyperbolicCamera) -> Annulus:
     """Circles around the mirror's axis that enclose the image; radii in focal lengths."""
     first = -0.5 - np.asarray(camera.principal_point_px)
     last = first + (camera.width_px, camera.height_px)
-    nearest = np.clip(0.0, first, last)
-    farthest = np.maximum(-first, last)
-    inner, outer = np.hypot(*nearest), np.hypot(*np.abs(farthest))
+    inner = np.hypot(*np.clip(0.0, first, last))
+    outer = np.hypot(*np.maximum(-first, last))
     return Annulus(float(inner) / camera.focal_length_px, float(outer) / camera.focal_length_px)

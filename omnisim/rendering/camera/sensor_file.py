@@ -93,22 +93,14 @@ class MirrorTable(Table):
         shape = {key: keys[key] for key in ("k", "c", "meters_per_unit")}
         theta_max_deg: float = keys["theta_max_deg"]
         _warn_of_narrow_field(theta_max_deg, f"{source}: mirror")
-        given = f"theta_max_deg = {theta_max_deg:.15g}"
         try:
             if self.rim_radius_m is not None:
                 given = f"rim_radius_m = {self.rim_radius_m}"
                 return HyperbolicMirror.with_rim_radius(self.rim_radius_m, **shape)
+            given = f"theta_max_deg = {theta_max_deg:.15g}"
             return HyperbolicMirror(**shape, theta_max_rad=math.radians(theta_max_deg))
         except OpticsError as reason:
             raise _fault(f"{source}: mirror.{given}: ", reason, "mirror") from None
-
-    def polygon_count(self, source: str) -> Polygons:
-        """Polygons of the mesh; None: exact.
-
-        Raises:
-            SensorFileError: the count does not make a mesh.
-        """
-        return _polygon_count(self.polygons, f"{source}: mirror")
 
 
 @overriding(Capture, "texels_per_pixel")
@@ -184,10 +176,8 @@ class LensTable(Table):
         keys = extra if self.model is None else {"model": self.model, **extra}
         _warn_of_narrow_field(extra.get("theta_max_deg"), f"{source}: lens")
         if self.calibration is not None:
-            allowed = ("theta_max_deg", "mirrored")
-            return camera_from_calibration(
-                self.calibration, self.camera, keys, source, "lens", allowed
-            )
+            of_file = self.calibration, self.camera, keys, source, "lens"
+            return camera_from_calibration(*of_file, ("theta_max_deg", "mirrored"))
         if self.camera is not None:
             reason = "is a name in a calibration file: expected calibration"
             raise SensorFileError(f"{source}: lens.camera: {reason}")
@@ -222,10 +212,8 @@ class OpticsTable(Table):
         """
         found = _polygon_count(self.polygons, f"{source}: optics")
         if isinstance(found, int) and max_polygons(camera) is None:
-            raise SensorFileError(
-                f"{source}: optics.polygons = {found}: expected 'auto' or 'exact', as no mirror "
-                "with a rim is there"
-            )
+            expected = "expected 'auto' or 'exact', as no mirror with a rim is there"
+            raise SensorFileError(f"{source}: optics.polygons = {found}: {expected}")
         return found
 
     def make_camera(self, source: str) -> CentralCamera:
@@ -234,10 +222,8 @@ class OpticsTable(Table):
         Raises:
             SensorFileError: names the file, its key and the expected value.
         """
-        from omnisim.cameras.optics.system_file import (  # few have one
-            parse_optics,
-            read_optics_file,
-        )
+        # few have one
+        from omnisim.cameras.optics.system_file import parse_optics, read_optics_file
 
         extra = dict(self.__pydantic_extra__ or {})
         if self.file is None:
@@ -290,8 +276,7 @@ def read_sensor_file(path: Path) -> dict[str, Any]:
         return parse_sensor(table, str(path))
     from omnisim.cameras.optics.system_file import parse_optics  # few have one
 
-    system = parse_optics(table, str(path))
-    return {"model": system, "polygons": None}
+    return {"model": parse_optics(table, str(path)), "polygons": None}
 
 
 def extended_sensor(table: Mapping[str, Any], source: str) -> dict[str, Any]:
@@ -313,7 +298,34 @@ def parse_sensor(table: Mapping[str, Any], source: str) -> dict[str, Any]:
         SensorFileError: names source, key, value and the expected value.
     """
     whole = extended_sensor(table, source)
-    return _options(parse_table(whole, SensorFile, SensorFileError, source), source)
+    file = parse_table(whole, SensorFile, SensorFileError, source)
+    model: CentralCamera
+    polygons: Polygons
+    if file.lens is not None:
+        model, polygons, mounting = file.lens.make_camera(source), None, file.lens.mounting
+    elif file.optics is not None:
+        model, mounting = file.optics.make_camera(source), file.optics.mounting
+        polygons = file.optics.polygon_count(model, source)
+    else:
+        polygons = _polygon_count(file.mirror.polygons, f"{source}: mirror")
+        model = file.camera.make_camera(file.mirror.make_mirror(source), source)
+        mounting = file.mirror.mounting
+    given = {**dict(file.virtual_cameras), **quality_named(file.camera.quality)._asdict()}
+    for keys in (file.virtual_cameras, file.camera):
+        given |= {key: value for key, value in keys if key in given and value is not None}
+    size_px = given.pop("size_px")
+    try:
+        Capture(**given)  # raises if they do not fit each other
+    except OpticsError as reason:
+        raise SensorFileError(f"{source}: virtual_cameras.{reason}") from None
+    return {
+        "model": model,
+        "polygons": polygons,
+        "base_from_rig": mounting.base_from_mount,
+        "face_size_px": None if size_px == "auto" else size_px,
+        "degradation": parse_degradation(file.degradation, source, Path(source).parent),
+        **given,
+    }
 
 
 def _warn_of_narrow_field(theta_max_deg: object, place: str) -> None:
@@ -330,9 +342,8 @@ def _warn_of_narrow_field(theta_max_deg: object, place: str) -> None:
 
 def _fault(where: str, reason: OpticsError, prefix: str) -> SensorFileError:
     """Convert an optics error to a sensor-file error; the file's key replaces its prefix."""
-    return SensorFileError(
-        where + str(reason).removeprefix(f"{prefix}: ").removeprefix(f"{prefix}.")
-    )
+    text = str(reason).removeprefix(f"{prefix}: ").removeprefix(f"{prefix}.")
+    return SensorFileError(where + text)
 
 
 def _polygon_count(polygons: int | Literal["auto", "exact"], where: str) -> Polygons:
@@ -350,32 +361,3 @@ def _polygon_count(polygons: int | Literal["auto", "exact"], where: str) -> Poly
     except OpticsError as reason:
         raise _fault(f"{where}.polygons = {polygons}: ", reason, "mirror") from None
     return polygons
-
-
-def _options(file: SensorFile, source: str) -> dict[str, Any]:
-    model: CentralCamera
-    other = file.lens or file.optics
-    polygons: Polygons
-    if other is not None:
-        model, polygons, mounting = other.make_camera(source), None, other.mounting
-        if isinstance(other, OpticsTable):
-            polygons = other.polygon_count(model, source)
-    else:
-        polygons, mounting = file.mirror.polygon_count(source), file.mirror.mounting
-        model = file.camera.make_camera(file.mirror.make_mirror(source), source)
-    given = {**dict(file.virtual_cameras), **quality_named(file.camera.quality)._asdict()}
-    for table in (file.virtual_cameras, file.camera):
-        given |= {key: value for key, value in table if key in given and value is not None}
-    size_px = given.pop("size_px")
-    try:
-        Capture(**given)  # raises if they do not fit each other
-    except OpticsError as reason:
-        raise SensorFileError(f"{source}: virtual_cameras.{reason}") from None
-    return {
-        "model": model,
-        "polygons": polygons,
-        "base_from_rig": mounting.base_from_mount,
-        "face_size_px": None if size_px == "auto" else size_px,
-        "degradation": parse_degradation(file.degradation, source, Path(source).parent),
-        **given,
-    }

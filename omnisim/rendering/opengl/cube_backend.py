@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import threading
 import weakref
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 from omnisim.cameras import NonCentralCamera
 from omnisim.core.arrays import Floats
 from omnisim.core.errors import GraphicsError
-from omnisim.core.world import ObjectPart
+from omnisim.core.world import ObjectPart, Poses
 from omnisim.rendering.camera.quality import near_plane_m, scene_size_m
 from omnisim.rendering.contract import (
     BeamCaster,
@@ -19,8 +19,8 @@ from omnisim.rendering.contract import (
     CameraSetup,
     RangeFinder,
     SceneBackend,
+    SceneRays,
 )
-from omnisim.rendering.opengl.drawing.surface_program import SurfacePrograms
 from omnisim.rendering.opengl.gl.context import (
     check_process,
     collect_garbage,
@@ -33,12 +33,13 @@ from omnisim.rendering.opengl.gl.context import (
 )
 from omnisim.rendering.opengl.opengl_camera import CubeCamera, DrawnScene
 from omnisim.rendering.opengl.shadows.shadow_maps import ShadowMaps
+from omnisim.rendering.opengl.surfaces.surface_program import SurfacePrograms
 from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
 from omnisim.scene import Scene
+from omnisim.scene.surface_kind import SurfaceKind, kind_of
 
 if TYPE_CHECKING:  # imported where they are made: few images need them
-    from omnisim.ground_truth.lidar_beams import EchoLimits, LidarBeams
-    from omnisim.rendering.rays.ray_scene import RayScene
+    from omnisim.ground_truth.lidar_beams import BeamHits, EchoLimits, LidarBeams, Revolution
 
 LIDAR_NEAR_M = 0.01  # smaller in small scenes
 
@@ -52,6 +53,7 @@ class CubeBackend(SceneBackend):
         scene: static scene.
         objects: bodies and dynamic objects by name.
         device: number of the GPU, as `omnisim info` lists them, or cuda:N; None takes the first.
+        open_rays: function that opens rays at a scene and its objects, for what is not drawn.
 
     Attributes:
         context, buffers, surface_programs: OpenGL context, scene and programs of all passes.
@@ -60,10 +62,16 @@ class CubeBackend(SceneBackend):
         GraphicsError: no OpenGL, OpenGL too old, or a scene beyond its limits.
     """
 
-    def __init__(self, scene: Scene, objects: Mapping[str, Scene], device: int | str | None = None):
+    def __init__(
+        self,
+        scene: Scene,
+        objects: Mapping[str, Scene],
+        device: int | str | None,
+        open_rays: Callable[[Scene, Sequence[Scene]], SceneRays],
+    ):
         super().__init__(scene, objects)
-        self._rays: RayScene | None = None
-        self._surfaces: RayScene | None = None
+        self._open_rays = open_rays
+        self._rays: SceneRays | None = None
         self.context = open_context(device)
         self._finalizer = weakref.finalize(
             self, release_unclosed_context, self.context, threading.current_thread()
@@ -110,7 +118,16 @@ class CubeBackend(SceneBackend):
         self.buffers.update(scene)
         if self._shadows is not None:
             self._shadows.refresh()
-        self.scene, self._rays, self._surfaces = scene, None, None
+        self.scene = scene
+        if self._rays is not None:
+            self._rays.update(scene)
+
+    @property
+    def rays(self) -> SceneRays:
+        """Rays at the scene, opened on first use."""
+        if self._rays is None:
+            self._rays = self._open_rays(self.scene, tuple(self.objects.values()))
+        return self._rays
 
     def camera(self, setup: CameraSetup) -> CameraBackend:
         """Camera in the scene; needs the current context, as do all its methods."""
@@ -130,66 +147,83 @@ class CubeBackend(SceneBackend):
     ) -> RangeFinder:
         """Beams of a scanner; needs the current context, as do the pass's methods."""
         from omnisim.rendering.opengl.hits.range_pass import RangePass
-        from omnisim.rendering.rays.beams import Beams
-        from omnisim.rendering.rays.followed_beams import FollowedRanges
 
-        def drawn() -> RangePass:
+        def draw() -> RangePass:
             return RangePass(self.buffers, angles_rad, max_range_m, hidden)
 
         if limits is None:
-            return drawn()
-        return FollowedRanges(
+            return draw()
+        return _FollowedRanges(
             self.follows_specular,
-            drawn,
-            lambda: Beams(self.ray_scene, angles_rad, max_range_m, hidden, limits),
+            draw,
+            lambda: self.rays.range_finder(angles_rad, max_range_m, hidden, limits),
         )
 
     def beam_caster(self, beams: LidarBeams, hidden: frozenset[ObjectPart]) -> BeamCaster:
         """Beams of a spinning lidar; needs the current context, as do the pass's methods."""
         from omnisim.rendering.opengl.hits.lidar_pass import LidarPass
-        from omnisim.rendering.rays.beams import LidarCaster
-        from omnisim.rendering.rays.followed_beams import FollowedBeams
 
         near_m = near_plane_m(scene_size_m(self.scene), LIDAR_NEAR_M)
 
-        def drawn() -> LidarCaster:
-            geometry = lambda: self.surfaces().caster.geometry  # noqa: E731 - as it is at the time
-            cameras = LidarPass(self.buffers, beams, near_m, hidden, geometry)
-            return LidarCaster(self.surfaces, beams, hidden, cameras)
+        def draw() -> LidarPass:
+            return LidarPass(self.buffers, beams, near_m, hidden, self.rays)
 
         if beams.echo_limits is None:
-            return drawn()
-        return FollowedBeams(
-            self.follows_specular, drawn, lambda: LidarCaster(self.ray_scene, beams, hidden)
+            return draw()
+        return _FollowedBeams(
+            self.follows_specular, draw, lambda: self.rays.beam_caster(beams, hidden)
         )
-
-    def surfaces(self) -> RayScene:
-        """Scene whose surfaces can be looked up; only a built `ray_scene` can cast, too."""
-        if self._surfaces is None:
-            from omnisim.rendering.rays.ray_scene import RayScene  # seldom needed
-
-            objects = tuple(self.objects.values())
-            self._surfaces = self._rays or RayScene(self.scene, objects, casts=False)
-        return self._surfaces
-
-    def ray_scene(self) -> RayScene:
-        """Scene to cast rays at, built on first use after an edit.
-
-        Raises:
-            OmnisimError: embreex is not installed.
-        """
-        if self._rays is None:
-            from omnisim.rendering.rays.ray_scene import RayScene  # needs an extra
-
-            self._rays = RayScene(self.scene, tuple(self.objects.values()))
-        return self._rays
 
     def close(self) -> None:
         """Release the OpenGL context and everything in it."""
         if self._finalizer.detach() is not None:
-            for name in ("buffers", "surface_programs", "_shadows", "_rays", "_surfaces"):
+            for name in ("buffers", "surface_programs", "_shadows", "_rays"):
                 self.__dict__.pop(name, None)
             release_context(self.context)
+
+
+CasterT = TypeVar("CasterT", bound=RangeFinder | BeamCaster)
+
+
+class _Followed(Generic[CasterT]):
+    """Caster by virtual cameras (`draw`) or rays (`cast`), as the scene needs after each edit."""
+
+    def __init__(
+        self, follows: Callable[[], bool], draw: Callable[[], CasterT], cast: Callable[[], CasterT]
+    ):
+        self._follows, self._draw, self._cast = follows, draw, cast
+        self._is_cast = follows()
+        self._caster = cast() if self._is_cast else draw()
+
+    def refresh(self) -> None:
+        """Adapt to the scene after its objects or buffers have changed."""
+        is_cast = self._follows()
+        if is_cast == self._is_cast:
+            self._caster.refresh()
+            return
+        self._is_cast = is_cast
+        self._caster = self._cast() if is_cast else self._draw()
+
+
+class _FollowedRanges(_Followed[RangeFinder]):
+    """Beams of a scanner."""
+
+    def cast(self, world_from_scanner: Floats, world_from_objects: Poses = ()) -> Floats:
+        """Ranges (n,) in m from a pose (4, 4), with the objects at their poses; +inf: no hit."""
+        return self._caster.cast(world_from_scanner, world_from_objects)
+
+
+class _FollowedBeams(_Followed[BeamCaster]):
+    """Beams of a spinning lidar."""
+
+    @property
+    def draws(self) -> Sequence[ObjectPart]:
+        """Dynamic object and name of each instance, indexed by `BeamHits.draw_ids` − 1."""
+        return self._caster.draws
+
+    def cast(self, revolution: Revolution) -> BeamHits:
+        """Hits of all beams of a revolution."""
+        return self._caster.cast(revolution)
 
 
 def has_computed_shadows(parts: Sequence[Scene]) -> bool:
@@ -200,7 +234,5 @@ def has_computed_shadows(parts: Sequence[Scene]) -> bool:
     lighting = parts[0].lighting
     if lighting.baked is None:
         return lighting.has_shadows
-    materials = [one for part in parts for one in part.materials]
-    return lighting.has_shadows and not (
-        lighting.is_matte or all(one.is_matte for one in materials)
-    )
+    kinds = [kind_of(one, lighting.is_matte) for part in parts for one in part.materials]
+    return lighting.has_shadows and not all(SurfaceKind.MATTE in kind for kind in kinds)

@@ -10,31 +10,31 @@ from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
 from omnisim.core.arrays import Bytes, Floats32
 from omnisim.core.pending import Pending
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails
+from omnisim.rendering.atlas.image_parts import image_parts
+from omnisim.rendering.atlas.tile_plan import TilePlan, sensor_tiles, whole_faces
 from omnisim.rendering.contract import (
     CameraBackend,
+    CameraRays,
     CameraSetup,
     FrameRequest,
     Readback,
     SceneBackend,
     ScenePoses,
+    SubFrame,
+    SubFrames,
     seen_background,
 )
-from omnisim.rendering.opengl.atlas.image_parts import image_parts
-from omnisim.rendering.opengl.atlas.tile_plan import TilePlan, whole_faces
-from omnisim.rendering.opengl.camera_frame import CameraFrame
+from omnisim.rendering.opengl.camera_frame import CameraFrame, CubePass
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
-from omnisim.rendering.opengl.drawing.cube_pass import CubePass
-from omnisim.rendering.opengl.drawing.scene_view import VirtualCameras
-from omnisim.rendering.opengl.drawing.surface_program import SurfacePrograms
 from omnisim.rendering.opengl.gl.context import collect_garbage, graphics_info
 from omnisim.rendering.opengl.gl.gpu_textures import check_image_size
+from omnisim.rendering.opengl.scene_view import VirtualCameras
+from omnisim.rendering.opengl.surfaces.surface_program import SurfacePrograms
 from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
-from omnisim.rendering.sensor_tiles import sensor_tiles
 
 if TYPE_CHECKING:  # for frames with ground truth, or that are degraded
     from omnisim.rendering.opengl.degradation.degradation_pass import DegradationPass
     from omnisim.rendering.opengl.hits.drawn_hits import CubeHits, DrawnHits
-    from omnisim.rendering.rays.through import ThroughCaster
 
 
 class DrawnScene(NamedTuple):
@@ -91,22 +91,20 @@ class OpenGLCamera(CameraBackend, Generic[HitsT]):
         needed = details.of_texels.joined(NO_DETAILS if held is None else held.details)
         if held is None or needed != held.details:
             self._hit_source = held = self._make_hits(needed)
-            held.through_caster = self._through_caster
+            held.camera_rays = self._camera_rays
             collect_garbage(self._drawn.buffers.context)
         return held
 
     @cached_property
-    def _through_caster(self) -> ThroughCaster:
-        from omnisim.rendering.rays.through import ThroughCaster
-
-        return ThroughCaster(self.world.ray_scene, self.setup)
+    def _camera_rays(self) -> CameraRays:
+        return self.world.rays.camera(self.setup)
 
     @abstractmethod
     def _make_hits(self, details: HitDetails) -> HitsT:
         """Hits behind ground truth with these details."""
 
     def _begin_ideal(self, request: FrameRequest) -> Pending[Readback]:
-        return self.frame.begin(request.poses, request.linear)
+        return self.frame.begin(SubFrames((SubFrame(request.poses),), linear=request.linear))
 
     def _cube_pass(self, plan: TilePlan, whole: TilePlan | None = None) -> CubePass:
         return CubePass(self._drawn.buffers, self._drawn.programs, plan, self._cameras, whole)
@@ -117,7 +115,7 @@ class OpenGLCamera(CameraBackend, Generic[HitsT]):
         if not self._sensor.degradation.is_ideal:
             from omnisim.rendering.degraded_camera import DegradedCamera
 
-            self._degraded = DegradedCamera(self.world, self.setup, frame.begin_degraded).begin
+            self._degraded = DegradedCamera(self.world, self.setup, frame.begin).begin
 
     def _degradation_pass(self) -> DegradationPass | None:
         """Passes of the sensor's degradation; None: it is ideal."""
@@ -180,7 +178,7 @@ class CubeCamera(OpenGLCamera["CubeHits"]):
     def faces(self, poses: ScenePoses) -> dict[str, Floats32]:
         """Linear images (size, size, 3) of the virtual cameras by name, rendered for this call."""
         cube = self.whole_cube
-        cube.render(*poses)
+        cube.draw((poses,))
         return {tile.face_name: cube.read_face(tile) for tile in cube.plan.tiles}
 
     @cached_property

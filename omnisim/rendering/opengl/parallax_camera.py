@@ -10,23 +10,21 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from omnisim.cameras import NonCentralCamera
-from omnisim.cameras.optics.centrality import common_point
 from omnisim.core.arrays import Floats, Floats32
 from omnisim.core.errors import GraphicsError
 from omnisim.core.extras import missing_packages
 from omnisim.core.pending import Pending
 from omnisim.ground_truth.hits import HitDetails
+from omnisim.rendering.atlas.parallax_plan import (
+    SampleRays,
+    parallax_tiles,
+    rays_by_color,
+)
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.camera.parallax_plan import parallax_tiles, sample_rays
 from omnisim.rendering.contract import CameraSetup, FrameRequest, SceneBackend, ScenePoses, Taken
-from omnisim.rendering.opengl.camera_frame import CameraFrame
-from omnisim.rendering.opengl.capture.parallax_pass import ChromaticPass, DepthPyramid, ParallaxPass
-from omnisim.rendering.opengl.capture.parallax_rays import ParallaxRays, SampleRays
+from omnisim.rendering.opengl.camera_frame import CameraFrame, CubePass
+from omnisim.rendering.opengl.capture.parallax_pass import DepthPyramid, ParallaxPass
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
-from omnisim.rendering.opengl.drawing.cube_pass import CubePass
 from omnisim.rendering.opengl.gl.context import Context
 from omnisim.rendering.opengl.gl.gpu_textures import check_image_size, fits_texture
 from omnisim.rendering.opengl.opengl_camera import DrawnScene, OpenGLCamera
@@ -37,7 +35,6 @@ if TYPE_CHECKING:
 
 # Linear RGB (n, 3) along rays (n,), with the scene at some poses.
 CastAt = Callable[[ScenePoses, SampleRays], Floats32]
-_RAYS_PER_BATCH = 1 << 12
 # Longer side of the image by which the atlas of a larger one is estimated, and how much larger.
 _ESTIMATE_PX, _MIN_SCALE = 256, 6.0
 
@@ -62,23 +59,18 @@ class ParallaxCamera(OpenGLCamera["ParallaxHits"]):
             )
         context = drawn.buffers.context
         _check_atlas(context, sensor)
-        colors, viewpoint_m = _rays_by_color(sensor)
+        colors, viewpoint_m = rays_by_color(sensor)
         self._viewpoint_m = viewpoint_m
         plan = parallax_tiles(colors, sensor.texels_per_pixel, sensor.near_m)
         self.cube = self._cube_pass(plan)
         longest_m = max(rays.longest_m for rays in colors)
         pyramid = DepthPyramid(context, plan, sensor.near_m, sensor.far_m, longest_m)
         fog = None if setup.unlit else world.scene.lighting.fog
-        parallax = (
-            ParallaxPass(context, colors[0], plan, pyramid, fog=fog)
-            if len(colors) == 1
-            else ChromaticPass(context, colors, plan, pyramid, fog)
-        )
         self._casts = not missing_packages("rays")
         self._parallax = ParallaxFrame(
             self.cube,
             PixelMap(context, sensor.supersampled_model),
-            parallax,
+            ParallaxPass(context, colors, plan, pyramid, fog),
             viewpoint_m,
             self._cast if self._casts else None,
             sensor.supersampling,
@@ -106,7 +98,7 @@ class ParallaxCamera(OpenGLCamera["ParallaxHits"]):
             self._cameras,
             self._viewpoint_m,
             details,
-            self.world.ray_scene if casts else None,
+            self._camera_rays if casts else None,
         )
 
     def faces(self, poses: ScenePoses) -> dict[str, Floats32]:
@@ -119,25 +111,8 @@ class ParallaxCamera(OpenGLCamera["ParallaxHits"]):
 
     def _cast(self, poses: ScenePoses, rays: SampleRays) -> Floats32:
         """Linear RGB (n, 3) along rays (n,) with their own origins, rig frame."""
-        from omnisim.rendering.rays.caster import DepthLimits
-        from omnisim.rendering.rays.ray_scene import ObjectState
-
-        scene, rotation = self.world.ray_scene(), poses.world_from_rig[:3, :3]
-        aimed = DepthLimits(self._sensor.near_m, self._sensor.far_m).aim(
-            rays.directions, poses.world_from_rig
-        )
-        offsets_m = np.einsum("nj,ij->ni", rays.origins_m + self._viewpoint_m, rotation)
-        aimed = aimed._replace(origins_m=aimed.origins_m + offsets_m)
-        footprints = np.einsum("nsj,ij->nsi", rays.footprints, rotation.astype(np.float32))
-        objects = ObjectState(poses.world_from_objects, self.setup.hidden)
-
-        def of_batch(first: int) -> Floats32:
-            batch = np.arange(first, min(first + _RAYS_PER_BATCH, len(footprints)))
-            return scene.radiance(aimed.take(batch), footprints[batch], objects, self.setup.unlit)
-
-        return np.concatenate(
-            scene.in_threads(of_batch, range(0, len(footprints), _RAYS_PER_BATCH))
-        )
+        origins_m = rays.origins_m + self._viewpoint_m
+        return self._camera_rays.radiance(poses, origins_m, rays.directions, rays.footprints)
 
 
 class ParallaxFrame(CameraFrame):
@@ -159,7 +134,7 @@ class ParallaxFrame(CameraFrame):
         self,
         cube: CubePass,
         samples: PixelMap,
-        parallax: ParallaxPass | ChromaticPass,
+        parallax: ParallaxPass,
         viewpoint_m: Floats,
         cast: CastAt | None,
         supersampling: int,
@@ -176,7 +151,7 @@ class ParallaxFrame(CameraFrame):
         """Draw the encoded image and, on request, the linear one."""
         pose, cast = poses.world_from_rig.copy(), self._cast
         pose[:3, 3] += pose[:3, :3] @ self._viewpoint_m
-        atlas = self._cube.render(pose, poses.world_from_objects)
+        atlas = self._cube.draw((ScenePoses(pose, poses.world_from_objects),))
         self._parallax.draw(
             atlas,
             self._cube.depth,
@@ -197,9 +172,9 @@ def _check_atlas(context: Context, sensor: OmniCamera) -> None:
     scale = max(model.width_px, model.height_px) / _ESTIMATE_PX
     if scale < _MIN_SCALE:
         return
-    colors, _ = _rays_by_color(dataclasses.replace(sensor, model=model.scaled(1.0 / scale)))
-    plan = parallax_tiles(colors, sensor.texels_per_pixel, sensor.near_m)
-    texels, side_px = scale**2 * plan.texels, int(context.info["GL_MAX_TEXTURE_SIZE"])
+    colors, _ = rays_by_color(dataclasses.replace(sensor, model=model.scaled(1.0 / scale)))
+    texels = scale**2 * parallax_tiles(colors, sensor.texels_per_pixel, sensor.near_m).texels
+    side_px = int(context.info["GL_MAX_TEXTURE_SIZE"])
     if not fits_texture((side_px, math.ceil(texels / side_px)), has_half_floats=True):
         raise GraphicsError(
             f"an optical system's image of {model.width_px} × {model.height_px} px needs about "
@@ -207,20 +182,3 @@ def _check_atlas(context: Context, sensor: OmniCamera) -> None:
             "only central cameras are drawn in parts: make it smaller, or choose --quality fast or "
             "--backend rays"
         )
-
-
-def _rays_by_color(sensor: OmniCamera) -> tuple[list[ParallaxRays], Floats]:
-    """Sample rays from the viewpoint, one set or one each for R, G and B; and the viewpoint (3,).
-
-    Raises:
-        GraphicsError: no ray sees anything.
-    """
-    assert isinstance(sensor.model, NonCentralCamera)
-    cameras = sensor.model.by_color()
-    rays = [sample_rays(one, sensor.supersampling, sensor.mesh_polygons) for one in cameras]
-    if not all(one.shown.any() for one in rays):
-        raise GraphicsError("camera: no pixel of the image sees anything of the scene")
-    directions, origins_m = rays[len(rays) // 2].centers()
-    every = slice(None, None, max(1, len(directions) // 10_000))
-    viewpoint_m = common_point(origins_m[every], directions[every])
-    return [one.seen_from(viewpoint_m) for one in rays], viewpoint_m

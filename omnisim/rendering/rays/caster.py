@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from omnisim.core.arrays import AnyFloats, Bools, Floats, Floats32, Indices, Ints32, bounds_of
 from omnisim.core.extras import require_extra
 from omnisim.core.world import ObjectPart, ObjectPoses, Poses, time_of
+from omnisim.rendering.pixel_rays import Band
 from omnisim.rendering.rays.geometry import build_geometry
 from omnisim.scene.model import Scene
 
@@ -72,7 +73,7 @@ class RayCaster:
 
     Args:
         scene: the static part of the world.
-        casts: False: no more than `exact` is needed, and no embreex.
+        casts: False: no more than `exact` is needed, and no embreex, until `prepare`.
 
     Attributes:
         geometry: tables of all triangles.
@@ -85,12 +86,20 @@ class RayCaster:
         self.geometry = build_geometry(scene, dynamic_objects)
         self._part_meshes: dict[tuple[int, frozenset[ObjectPart]], _PartMesh] = {}
         if casts:
-            self._part_mesh(0, frozenset())
+            self.prepare()
         # deformed meshes of the last times, shared by the threads
         self._deformed_mesh = lru_cache(maxsize=_MESHES_KEPT)(self._build_deformed_mesh)
         self._deforming_parts = {
             int(self.geometry.part_of_surface[one.number]) for one in self.geometry.deforming
         }
+
+    def prepare(self) -> None:
+        """Build what all casts share, unless it is there.
+
+        Raises:
+            OmnisimError: embreex is not installed.
+        """
+        self._part_mesh(0, frozenset())
 
     def cast(
         self,
@@ -408,7 +417,25 @@ class DepthLimits:
         depths = np.abs(rig).max(axis=1)
         return Rays(
             np.tile(world_from_rig[:3, 3], (len(rig), 1)),
-            np.einsum("nj,ij->ni", rig, world_from_rig[:3, :3]),
+            _rotated(rig, world_from_rig[:3, :3]),
             self.near_m / depths,
             self.far_m / depths,
         )
+
+    def aim_band(
+        self, band: Band, rig_from_optical: Floats, world_from_rig: Floats
+    ) -> tuple[Rays, Floats32]:
+        """Rays (n,) of a band in the world, and their footprints (n, 2, 3) there.
+
+        Args:
+            rig_from_optical: (3, 3) orientation of the camera.
+            world_from_rig: (4, 4) pose of its rig.
+        """
+        world_from_optical = world_from_rig[:3, :3] @ rig_from_optical
+        rotation = world_from_optical.astype(np.float32)
+        footprints = np.einsum("nsj,ij->nsi", band.footprints, rotation)
+        rays = self.aim(_rotated(band.directions, rig_from_optical), world_from_rig)
+        if band.origins_m is not None:
+            offsets_m = _rotated(band.origins_m, world_from_optical)
+            rays = rays._replace(origins_m=rays.origins_m + offsets_m)
+        return rays, footprints

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import NamedTuple
@@ -31,15 +31,6 @@ class Surface(NamedTuple):
     def is_placed(self, texture: Texture) -> bool:
         """True if the mesh has the texture coordinates that a texture uses."""
         return self.has_second_coordinates if texture.uv_set else self.is_textured
-
-
-class PlacedMesh(NamedTuple):
-    """Object, name, pose as bytes and number of triangles of an instance, which identify it."""
-
-    object_index: int | None
-    name: str
-    object_from_mesh: bytes
-    triangles: int
 
 
 _TIMES_KEPT = 8  # deformed vertices: an image, its neighbors, and several slices of a scan
@@ -120,18 +111,6 @@ class Geometry:
             dtype=np.bool_,
         )
         return np.flatnonzero(np.repeat(shown, np.diff(self.first_of_surface)))
-
-    def first_triangles(self, placed: Iterable[PlacedMesh]) -> Ints32:
-        """First triangle of each of some instances; 0 for those that are not in the geometry."""
-        numbers = {
-            PlacedMesh(
-                one.object_index, one.name, one.object_from_mesh.tobytes(), int(count)
-            ): first
-            for one, first, count in zip(
-                self.surfaces, self.first_of_surface, np.diff(self.first_of_surface), strict=False
-            )
-        }
-        return np.array([numbers.get(one, 0) for one in placed], dtype=np.int32)
 
     def part_of_triangles(self, triangles: Ints32) -> Indices:
         """Parts (n,) of triangles (n,)."""

@@ -1,4 +1,4 @@
-"""Hits of a camera's pixel rays by ray casting, and occlusion from another viewpoint."""
+"""Hits of pixels' rays: first surfaces, occlusion, all layers, and what mirrors and panes show."""
 
 from __future__ import annotations
 
@@ -8,13 +8,14 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras import CentralCamera, NonCentralCamera, pixels_of_points
 from omnisim.core.arrays import Bools, Floats, Floats32, Indices, Ints, Ints32, Uints32
 from omnisim.ground_truth.hits import HitDetails, Hits
+from omnisim.rendering.pixel_rays import PixelRays, starts_of_rays
 from omnisim.rendering.rays.caster import NO_TRIANGLE, DepthLimits, Rays
-from omnisim.rendering.rays.pixel_rays import PixelRays
 from omnisim.rendering.rays.ray_scene import MAX_LAYERS, ObjectState, RayScene
+from omnisim.rendering.rays.shading.ray_optics import MAX_BOUNCES
 from omnisim.rendering.rays.shading.shading import View
+from omnisim.rendering.rays.shading.surface_light import mirrored_rays, surface_light
 
 _POINTS_PER_BATCH = 1 << 14
 
@@ -39,19 +40,12 @@ class PixelHits:
 
     def cast(self, world_from_rig: Floats, objects: ObjectState, details: HitDetails) -> Hits:
         """Cast all rays from a pose (4, 4)."""
-
-        camera = self._pixels.camera
+        rig_from_optical = self._pixels.camera.rig_from_optical
 
         def of_band(number: int) -> CastHits:
             band = self._pixels.band(number)
-            return cast_hits(
-                self._scene,
-                band.aim(self._limits, camera.rig_from_optical, world_from_rig),
-                band.world_footprints(world_from_rig[:3, :3] @ camera.rig_from_optical),
-                world_from_rig[:3, 3],
-                objects,
-                details,
-            )
+            aimed = self._limits.aim_band(band, rig_from_optical, world_from_rig)
+            return cast_hits(self._scene, *aimed, world_from_rig[:3, 3], objects, details)
 
         bands = self._scene.in_threads(of_band, self._bands)
         hits = [band.hits for band in bands]
@@ -194,19 +188,6 @@ def cast_occlusion(
     return hits.triangles != NO_TRIANGLE
 
 
-def starts_of_rays(
-    camera: CentralCamera, points_m: Floats, is_finite: Bools, world_from_rig: Floats
-) -> Floats:
-    """Origins (n, 3), viewpoint frame, of the camera rays through its points (n, 3)."""
-    if not isinstance(camera, NonCentralCamera):
-        return np.zeros((1, 3)).repeat(len(points_m), axis=0)
-    world_from_optical = world_from_rig[:3, :3] @ camera.rig_from_optical
-    optical_m = np.einsum("nj,ji->ni", points_m, world_from_optical)
-    rays = camera.ray_from_pixel(pixels_of_points(camera, optical_m, is_finite).positions_px)
-    assert rays.origins_m is not None
-    return np.einsum("nj,ij->ni", rays.origins_m, world_from_optical)
-
-
 def whole_areas_px(
     scene: RayScene,
     pixels: PixelRays,
@@ -227,13 +208,11 @@ def whole_areas_px(
         instances: (height, width) ID shown in each pixel, the channel `instance`.
     """
     count = 1 + int(max(instance_of_surface.max(initial=0), instances.max(initial=0)))
-    camera = pixels.camera
-    world_from_optical = world_from_rig[:3, :3] @ camera.rig_from_optical
 
     def of_band(number: int) -> Ints:
         band = pixels.band(number)
-        rays = band.aim(limits, camera.rig_from_optical, world_from_rig)
-        layers = _surfaces_along(scene, rays, band.world_footprints(world_from_optical), objects)
+        aimed = limits.aim_band(band, pixels.camera.rig_from_optical, world_from_rig)
+        layers = _surfaces_along(scene, *aimed, objects)
         # one number per pair of pixel and instance
         pairs = [row * count + instance_of_surface[surface] for row, surface in layers]
         shown = instances[band.rows][band.valid]
@@ -262,3 +241,68 @@ def _surfaces_along(
         behind = hits.triangles
         rays = scene.caster.behind(rays, hits.ranges_m)
     return layers
+
+
+# Surfaces that rays reach through panes and by mirrors. Rays pass panes, and continue after
+# surfaces that reflect more than half of the light: the picture shows what is behind them. Others
+# end there, such as a polished floor that is not grazed.
+
+
+MAX_PANES = 32  # along a path, with its mirrors
+MIN_REFLECTED = 0.5  # reflected share of the light, mean of linear RGB, of a mirror
+
+
+class Arrivals(NamedTuple):
+    """Surfaces (n,) at the ends of rays, as in `ThroughHits`."""
+
+    ranges_m: Floats
+    surfaces_plus_one: Uints32
+    cosines: Floats
+    shares: Floats
+
+
+def cast_through(
+    scene: RayScene, rays: Rays, objects: ObjectState, footprints: Floats32
+) -> Arrivals:
+    """Surfaces at the ends of rays (n,) with footprints (n, 2, 3), see `RayScene.first_hits`."""
+    poses, shading, count = objects.world_from_objects, scene.shading, len(rays.near_m)
+    ends = Arrivals(
+        np.full(count, np.inf),
+        np.zeros(count, dtype=np.uint32),
+        np.full(count, np.nan),
+        np.ones(count),
+    )
+    active, behind = np.arange(count), np.full(count, NO_TRIANGLE, dtype=np.int32)
+    bounces = np.zeros(count, dtype=np.intp)
+    for number in range(MAX_PANES):
+        hits = scene.first_hits(rays, objects, behind, footprints)
+        hit = np.flatnonzero(hits.triangles != NO_TRIANGLE)
+        active, rays, footprints = active[hit], rays.take(hit), footprints[hit]
+        if len(active) == 0:
+            break
+        hits = scene.caster.exact(rays, hits.take(hit), poses)
+        light = surface_light(shading, View(rays, hits, poses, footprints))
+        passed, reflected = light.passed.mean(axis=1), light.reflected.mean(axis=1)
+        passes = passed > 0.0
+        mirrors = ~passes & (reflected > MIN_REFLECTED) & (bounces[active] < MAX_BOUNCES)
+        if number == MAX_PANES - 1:
+            passes = mirrors = np.zeros_like(passes)
+        here = ~(passes | mirrors)
+        ends.ranges_m[active[here]] = hits.ranges_m[here]
+        ends.surfaces_plus_one[active[here]] = shading.surfaces(hits)[here] + 1
+        ends.cosines[active[here]] = light.cosines[here]
+        bounces[active[mirrors]] += 1
+        ends.shares[active[passes]] *= passed[passes]
+        ends.shares[active[mirrors]] *= reflected[mirrors]
+        some = np.flatnonzero(mirrors)
+        mirrored = mirrored_rays(scene.caster, rays.take(some), hits.take(some), light.take(some))
+        rays = Rays(*(values.copy() for values in scene.caster.behind(rays, hits.ranges_m)))
+        for values, new in zip(rays, mirrored, strict=True):
+            values[some] = new
+        normals, footprints = light.normals[some], footprints.copy()
+        heights = np.einsum("nsc,nc->ns", footprints[some], normals)
+        footprints[some] -= (2.0 * heights[..., None] * normals[:, None]).astype(np.float32)
+        on = np.flatnonzero(~here)
+        active, behind = active[on], hits.triangles[on]
+        rays, footprints = rays.take(on), footprints[on]
+    return ends

@@ -8,7 +8,7 @@ from importlib.metadata import version
 
 import numpy as np
 
-from omnisim.cameras import NonCentralCamera
+from omnisim.cameras import CentralCamera, NonCentralCamera
 from omnisim.core.arrays import Bools, Floats, Floats32
 from omnisim.core.errors import GraphicsError
 from omnisim.core.pending import Pending
@@ -30,12 +30,13 @@ from omnisim.rendering.contract import (
     SubFrames,
 )
 from omnisim.rendering.degraded_camera import DegradedCamera
+from omnisim.rendering.pixel_rays import Band, PixelRays
 from omnisim.rendering.rays.beams import Beams, LidarCaster
 from omnisim.rendering.rays.caster import DepthLimits
 from omnisim.rendering.rays.pixel_hits import PixelHits
-from omnisim.rendering.rays.pixel_rays import PixelRays, RayImage
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
-from omnisim.rendering.rays.through import ThroughCaster
+from omnisim.rendering.rays.scene_rays import CastCamera, CastScene
+from omnisim.rendering.rays.shading.ray_optics import Paths
 from omnisim.scene import Scene
 
 
@@ -48,11 +49,12 @@ class RayBackend(SceneBackend):
 
     def __init__(self, scene: Scene, objects: Mapping[str, Scene]):
         super().__init__(scene, objects)
-        self._rays: RayScene | None = RayScene(scene, tuple(objects.values()))
+        self._rays: CastScene | None = CastScene(scene, tuple(objects.values()))
+        self._rays.ray_scene()
 
     @property
-    def rays(self) -> RayScene:
-        """Scene to cast rays at.
+    def rays(self) -> CastScene:
+        """Rays at the scene.
 
         Raises:
             GraphicsError: the back end is closed.
@@ -60,10 +62,6 @@ class RayBackend(SceneBackend):
         if self._rays is None:
             raise GraphicsError("this stage is closed: open a new one")
         return self._rays
-
-    def ray_scene(self) -> RayScene:
-        """Scene to cast rays at."""
-        return self.rays
 
     @property
     def is_open(self) -> bool:
@@ -87,7 +85,7 @@ class RayBackend(SceneBackend):
 
     def update(self, scene: Scene) -> None:
         """Replace the static scene; all hierarchies are rebuilt."""
-        self._rays = RayScene(scene, tuple(self.objects.values()))
+        self.rays.update(scene)
         self.scene = scene
 
     def camera(self, setup: CameraSetup) -> RayCamera:
@@ -102,11 +100,11 @@ class RayBackend(SceneBackend):
         limits: EchoLimits | None = None,
     ) -> Beams:
         """Beams of a scanner."""
-        return Beams(lambda: self.rays, angles_rad, max_range_m, hidden, limits)
+        return self.rays.range_finder(angles_rad, max_range_m, hidden, limits)
 
     def beam_caster(self, beams: LidarBeams, hidden: frozenset[ObjectPart]) -> LidarCaster:
         """Beams of a spinning lidar."""
-        return LidarCaster(lambda: self.rays, beams, hidden)
+        return self.rays.beam_caster(beams, hidden)
 
     def close(self) -> None:
         """Free the memory."""
@@ -138,7 +136,7 @@ class RayCamera(CameraBackend):
         sensor, samples = self._sensor, self._sensor.supersampled_model
         return [
             RayImage(
-                self._ray_world.rays,
+                self._ray_world.rays.ray_scene(),
                 camera,
                 sensor.mesh_polygons,
                 sensor.supersampling,
@@ -176,7 +174,9 @@ class RayCamera(CameraBackend):
     def hit_source(self, details: HitDetails) -> RayHitSource:
         """Hits behind its ground truth."""
         if self._hit_source is None:
-            self._hit_source = RayHitSource(self._ray_world.rays, self.setup, self._limits)
+            self._hit_source = RayHitSource(
+                self._ray_world.rays.ray_scene(), self.setup, self._limits
+            )
         return self._hit_source
 
     def faces(self, poses: ScenePoses) -> dict[str, Floats32]:
@@ -199,6 +199,69 @@ class RayCamera(CameraBackend):
         return green
 
 
+class RayImage:
+    """Image of an ideal camera, of `supersampling`² samples per pixel; constants are made once."""
+
+    def __init__(
+        self,
+        scene: RayScene,
+        samples: CentralCamera,
+        polygons: int | None,
+        supersampling: int,
+        limits: DepthLimits,
+        unlit: bool = False,
+    ):
+        self._scene, self._limits, self._unlit = scene, limits, unlit
+        self._supersampling = supersampling
+        self._rays = PixelRays(samples, polygons, supersampling)
+
+    def render(self, world_from_rig: Floats, objects: ObjectState, key: int = 0) -> Floats32:
+        """Render the image (height, width, 4) from a pose (4, 4): linear RGB, and validity.
+
+        A pixel is valid if at least half of its samples are. The key is that of the random numbers
+        of glossy reflections.
+        """
+
+        def rows_of(number: int) -> Floats32:
+            band = self._rays.band(number)
+            return self._average(self._sampled(band, world_from_rig, objects, key))
+
+        return np.concatenate(self._scene.in_threads(rows_of, range(len(self._rays.bands))))
+
+    def _sampled(
+        self, band: Band, world_from_rig: Floats, objects: ObjectState, key: int
+    ) -> Floats32:
+        """Samples (rows, width, 4) of a band: linear RGB, and validity."""
+        camera = self._rays.camera
+        rays, footprints = self._limits.aim_band(band, camera.rig_from_optical, world_from_rig)
+        # pixels of the samples, and the samples' numbers in them
+        rows, columns = np.nonzero(band.valid)
+        rows, side = rows + band.rows.start, self._supersampling
+        pixels = rows // side * (camera.width_px // side + 1) + columns // side
+        numbers = (rows % side * side + columns % side).astype(np.uint32)
+        ones = np.ones(len(rows), dtype=np.float32)
+        paths = Paths(pixels.astype(np.uint32), numbers, ones, key)
+        samples = np.zeros((*band.valid.shape, 4), dtype=np.float32)
+        samples[band.valid, :3] = self._scene.radiance(
+            rays, footprints, objects, self._unlit, paths
+        )
+        samples[band.valid, 3] = 1.0
+        return samples
+
+    def _average(self, samples: Floats32) -> Floats32:
+        """Pixels (height, width, 4): averages of the samples that cover them."""
+        side = self._supersampling
+        height, width = (size // side for size in samples.shape[:2])
+        covering = samples[: height * side, : width * side].reshape(height, side, width, side, 4)
+        total: Floats32 = covering.sum(axis=(1, 3))
+        counts = total[..., 3]
+        valid = 2.0 * counts >= side * side
+        pixels = np.zeros_like(total)
+        pixels[valid, :3] = total[valid, :3] / counts[valid, None]
+        pixels[valid, 3] = 1.0
+        return pixels
+
+
 class RayHitSource(HitSource):
     """Exact hits of the pixels' rays by Embree, in float64."""
 
@@ -215,7 +278,8 @@ class RayHitSource(HitSource):
         }
         self._hidden = setup.hidden
         self._is_specular = rays.shading.is_specular
-        self._through = ThroughCaster(lambda: rays, setup)
+        self._camera_rays = CastCamera(lambda: rays, setup)
+        self._numbers = {part: 1 + number for number, part in enumerate(self.draws)}
         self._pixels = PixelHits(rays, PixelRays(sensor.model, sensor.mesh_polygons), limits)
         self.has_ray = self._pixels.has_ray
 
@@ -230,7 +294,7 @@ class RayHitSource(HitSource):
 
     def through(self, poses: ScenePoses, hits: Hits) -> ThroughHits:
         """Surfaces behind glass and after mirrors."""
-        return self._through.cast(poses, hits, self._is_specular, self.draws)
+        return self._camera_rays.through(poses, hits, self._is_specular, self._numbers)
 
     def begin_occlusion(
         self, other: ScenePoses, other_from_current: Floats, deformed: Hits | None

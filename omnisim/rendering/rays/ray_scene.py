@@ -12,9 +12,8 @@ import numpy as np
 from omnisim.core.arrays import Floats, Floats32, Indices, Ints32
 from omnisim.core.world import ObjectPart, Poses
 from omnisim.rendering.rays.caster import NO_TRIANGLE, RayCaster, RayHits, Rays
-from omnisim.rendering.rays.shading.glass import NO_MEDIUM
-from omnisim.rendering.rays.shading.lights import CastShadow
-from omnisim.rendering.rays.shading.reflections import Paths, Tracing
+from omnisim.rendering.rays.shading.lit_surfaces import CastShadow
+from omnisim.rendering.rays.shading.ray_optics import NO_MEDIUM, Paths, Tracing
 from omnisim.rendering.rays.shading.shading import Shading, View
 from omnisim.rendering.rays.shading.surface_light import straight_shares
 from omnisim.scene.light.environment import Environment

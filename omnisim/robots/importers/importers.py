@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from omnisim.core.errors import RobotFileError
 from omnisim.core.extras import require_extra
-from omnisim.core.files.sources import fingerprint, note_file, recorded_sources, source_digest
+from omnisim.core.files.sources import SourceReader, fingerprint, source_digest
 from omnisim.robots import Robot
 from omnisim.robots.importers.imported_robot import ImportedRobot
 from omnisim.robots.vehicle import Vehicle
@@ -70,8 +70,8 @@ def load_robot_model(path: Path, resources: Resources = ()) -> LoadedModel:
     imported = import_model(path, None, resources)
     robot = imported.robot(path)
     vehicle = Vehicle.from_robot(robot, imported.cameras)
-    with recorded_sources() as sources:
-        note_file(path)
+    reader = SourceReader()
+    reader.note(path)
     content = None if vehicle.body is None else fingerprint(vehicle.body)
-    vehicle = vehicle.identified(source_digest(sources.digest(path.parent), content))
+    vehicle = vehicle.identified(source_digest(reader.digest(path.parent), content))
     return LoadedModel(robot, vehicle, imported.notices)

@@ -1,8 +1,9 @@
-"""Changes by a scene's TOML file: materials, objects, and the content of its base scene."""
+"""Changes by a scene's TOML file: content of its base scene, materials, objects, light."""
 
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable, Mapping, Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -12,6 +13,7 @@ import numpy as np
 
 from omnisim.core.arrays import Floats
 from omnisim.core.errors import SceneError, TrajectoryError, did_you_mean
+from omnisim.core.files.sources import SourceReader
 from omnisim.core.files.toml_file import find_beside
 from omnisim.core.poses import inverse, pose_from_rotation, rotation_from_yaw
 from omnisim.scene.files.scene_file import (
@@ -19,13 +21,21 @@ from omnisim.scene.files.scene_file import (
     ObjectPathTable,
     ObjectTable,
     ObjectTrajectoryTable,
+    SceneFile,
 )
 from omnisim.scene.formats.imported_scene import ImportedObject
+from omnisim.scene.light.light_tables import LampTable, SunTable
+from omnisim.scene.light.lighting import FILL_AMBIENT, expose, is_even
+from omnisim.scene.light.sky import sun_illuminance_lx, sun_position
 from omnisim.scene.model import (
     AlphaMode,
     DynamicObject,
+    Fog,
     Instance,
     Landmark,
+    Light,
+    Lighting,
+    LightKind,
     Material,
     NamedStart,
     Scene,
@@ -33,8 +43,7 @@ from omnisim.scene.model import (
     Texture,
 )
 from omnisim.scene.motion.object_motion import Along, FreeBody, Orbit, Rest, Rolling, Shuttle
-from omnisim.scene.planar_mirrors import is_smooth
-from omnisim.scene.surface_reflectance import MIN_ROUGHNESS
+from omnisim.scene.surface_kind import SurfaceKind, kind_of
 
 if TYPE_CHECKING:
     from omnisim.core.trajectories import Trajectory
@@ -202,7 +211,7 @@ def _changed(material: Material, changes: Mapping[str, Any]) -> Material:
     """Material with other properties; one that begins to transmit light is no longer blended."""
     properties = dict(changes)
     alpha = material.base_color[3]
-    if properties.get("transmission") and material.is_blended:
+    if properties.get("transmission") and material.alpha_mode is AlphaMode.BLEND:
         properties["alpha_mode"], alpha = AlphaMode.OPAQUE, 1.0
     red, green, blue = properties.get("base_color", material.base_color[:3])
     properties["base_color"] = (red, green, blue, alpha)
@@ -227,7 +236,7 @@ def _with_changed(scene: Scene, changed: Mapping[int, Material]) -> Scene:
 
 def _lit_properties(material: Material) -> tuple[Any, ...]:
     """Plain properties on which light depends; textures and arrays are left out."""
-    if not (material.transmission or is_smooth(material, MIN_ROUGHNESS)):
+    if not (material.transmission or kind_of(material) & SurfaceKind.MIRROR):
         return material.base_color, material.alpha_mode, material.emissive
     values = (getattr(material, field.name) for field in dataclasses.fields(material))
     return tuple(one for one in values if not isinstance(one, Texture | np.ndarray))
@@ -240,32 +249,29 @@ def _lit_properties(material: Material) -> tuple[Any, ...]:
 LoadShape = Callable[[Path, str | None, str | None], Scene]
 
 
-def load_objects(
-    tables: tuple[ObjectTable, ...], folder: Path, load_shape: LoadShape
-) -> tuple[DynamicObject, ...]:
-    """Load the dynamic objects of a scene's TOML file.
+def load_object(
+    table: ObjectTable, folder: Path, load_shape: LoadShape, reader: SourceReader
+) -> DynamicObject:
+    """Load a dynamic object of a scene's TOML file.
 
     Args:
-        tables: validated object tables.
+        table: validated table.
         folder: folder of the TOML file, the base of relative paths.
         load_shape: loader for a mesh file or a scene TOML file.
+        reader: reader of its trajectory.
 
     Raises:
-        SceneError: an object is invalid; names object, key, actual and expected value.
+        SceneError: it is invalid; names object, key, actual and expected value.
     """
-    return tuple(_load_object(table, folder, load_shape) for table in tables)
-
-
-def _load_object(table: ObjectTable, folder: Path, load_shape: LoadShape) -> DynamicObject:
     where = f"object {table.name!r}"
     path = find_beside(folder, table.file, f"{where}: file", SceneError)
     # the name enters fingerprints, so it must not depend on this machine's paths
     shape = load_shape(path, table.up_axis, table.animation)
-    shape = shape.altered("", name=table.file)
+    shape = dataclasses.replace(shape, name=table.file)
     if shape.objects:
         raise SceneError(f"{where}: file = {table.file!r}: expected no [[objects]] in an object")
     try:
-        motion = _motion(table, folder)
+        motion = _motion(table, folder, reader)
     except TrajectoryError as reason:
         raise SceneError(f"{where}: {reason}") from None
     if table.rolling_radius_m is not None and not isinstance(motion, Rest):
@@ -273,7 +279,9 @@ def _load_object(table: ObjectTable, folder: Path, load_shape: LoadShape) -> Dyn
     return DynamicObject(table.name, shape, motion)
 
 
-def _motion(table: ObjectTable, folder: Path) -> Along | Orbit | Shuttle | Rest:
+def _motion(
+    table: ObjectTable, folder: Path, reader: SourceReader
+) -> Along | Orbit | Shuttle | Rest:
     match table.motion:
         case None:
             return table.build(Rest if table.mass_kg is None else FreeBody)
@@ -282,7 +290,7 @@ def _motion(table: ObjectTable, folder: Path) -> Along | Orbit | Shuttle | Rest:
         case ObjectTrajectoryTable() as along:
             from omnisim.core.trajectories import read_trajectory
 
-            return Along(read_trajectory(folder / along.file), along.repeats)
+            return Along(read_trajectory(reader.note(folder / along.file)), along.repeats)
         case Orbit() | Shuttle() as motion:
             return motion
         case other:
@@ -301,3 +309,90 @@ def _trajectory(path: ObjectPathTable) -> Trajectory:
             )
     poses = pose_from_rotation(rotation_from_yaw(np.radians(yaw_deg)), np.array(path.positions_m))
     return Trajectory(np.array(path.times_s), poses)
+
+
+# Light and fog by the tables of a scene's TOML file.
+
+
+# Contrast that remains at the visibility distance.
+# Source: WMO, "Guide to Instruments and Methods of Observation", 2018, section 9.1.
+_VISIBLE_CONTRAST = 0.05
+
+
+def lit_scene(scene: Scene, settings: SceneFile) -> Scene:
+    """Scene with the light and fog of its TOML file.
+
+    Lamps added to a base scene with a sky use the base scene's exposure.
+    """
+    table, lighting = settings.light, scene.lighting
+    lamps = [_lamp(one) for one in settings.lamps]
+    if settings.sun is not None:
+        lamps += _sun(settings.sun)
+    if lamps:
+        lighting = _with_lamps(scene, tuple(lamps))
+        if settings.extends is not None and scene.lighting.environment is not None:
+            lighting = dataclasses.replace(lighting, exposure=scene.lighting.exposure)
+    elif settings.sun is not None and is_even(lighting):
+        lighting = dataclasses.replace(lighting, lights=(), ambient=FILL_AMBIENT)  # the sun is down
+    if table.shadows is not None and not is_even(lighting):
+        lighting = lighting.with_shadows(table.shadows)
+    if table.ambient is not None:
+        if not any(table.ambient) and is_even(lighting):
+            lighting = dataclasses.replace(lighting, lights=())
+        lighting = dataclasses.replace(lighting, ambient=table.ambient)
+    if table.exposure is not None:
+        if settings.extends is not None and lighting.environment is not None:
+            lighting = dataclasses.replace(
+                lighting,
+                environment=lighting.environment.scaled(table.exposure / lighting.exposure),
+            )
+        lighting = dataclasses.replace(lighting, exposure=table.exposure)
+    if (fog := settings.fog) is not None:
+        others = {}
+        if fog.visibility_m is not None:
+            others["attenuation_per_m"] = (-math.log(_VISIBLE_CONTRAST) / fog.visibility_m,) * 3
+        lighting = dataclasses.replace(lighting, fog=fog.build(Fog, **others))
+    return scene if lighting is scene.lighting else dataclasses.replace(scene, lighting=lighting)
+
+
+def _with_lamps(scene: Scene, lamps: tuple[Light, ...]) -> Lighting:
+    """Lighting of a scene with additional lamps, which replace even light."""
+    before = scene.lighting
+    was_even = is_even(before)
+    own = () if was_even else before.lights
+    lit = scene if scene.instances else scene.at_start()  # if it has only dynamic objects
+    exposed = expose((*own, *lamps), lit.meshes, lit.instances)
+    ambient = exposed.ambient if was_even else before.ambient
+    return dataclasses.replace(
+        before, lights=exposed.lights, exposure=exposed.exposure, ambient=ambient
+    )
+
+
+def _lamp(table: LampTable) -> Light:
+    others: dict[str, Any] = {"casts_shadow": table.shadows}
+    if table.position_m is not None:
+        others["position_m"] = np.array(table.position_m)
+    if table.direction is not None:
+        others["direction"] = np.array(table.direction) / np.linalg.norm(table.direction)
+    if table.kind is LightKind.SPOT:
+        inner = math.radians(table.inner_deg or 0.0)
+        outer = math.radians(45.0 if table.outer_deg is None else table.outer_deg)
+        others["cone_cosines"] = (math.cos(inner), math.cos(outer))
+    return table.build(Light, **others)
+
+
+def _sun(table: SunTable) -> list[Light]:
+    """Sun as a list of one light, empty if it is below the horizon."""
+    position = sun_position(table.time, table.latitude_deg, table.longitude_deg)
+    if position.elevation_deg <= 0.0:
+        return []
+    level = table.illuminance_lx or sun_illuminance_lx(position.elevation_deg)
+    return [
+        table.build(
+            Light,
+            kind=LightKind.DIRECTIONAL,
+            intensity=level,
+            direction=position.direction(table.north_deg),
+            casts_shadow=table.shadows,
+        )
+    ]

@@ -13,11 +13,12 @@ import numpy as np
 
 from omnisim.core.arrays import Floats
 from omnisim.core.errors import NoticeWarning, SceneError, printable
-from omnisim.core.files.sources import recorded_sources, source_digest
+from omnisim.core.files.sources import SourceReader, source_digest
 from omnisim.scene.files.extension import (
     changes_light,
     extend,
-    load_objects,
+    lit_scene,
+    load_object,
     with_materials,
     with_moving_instances,
     with_objects,
@@ -25,13 +26,14 @@ from omnisim.scene.files.extension import (
 from omnisim.scene.files.readers import check_format, read_file
 from omnisim.scene.files.scene_file import SceneFile
 from omnisim.scene.files.source import NO_SKY, SceneSource, resolve_source, shining_sun, sky_table
-from omnisim.scene.files.source_digests import SourceDigests
 from omnisim.scene.formats.gltf.nodes import NO_ANIMATION, AnimationChoice
 from omnisim.scene.formats.imported_scene import FileAxes, ImportedScene, place
+from omnisim.scene.identity import identity_of_files
 from omnisim.scene.labels import label_rules
+from omnisim.scene.light.baked import with_baked_light
 from omnisim.scene.light.light_tables import SkyTable
 from omnisim.scene.light.lighting import DEFAULT_BACKGROUND, expose, with_environment
-from omnisim.scene.light.lit_scene import lit_scene
+from omnisim.scene.light.sky import with_sky
 from omnisim.scene.model import (
     MAX_LIGHTS,
     ColorBand,
@@ -98,8 +100,13 @@ def read_scene(
     animation: str | None = None,
     sky: str | Path | None = None,
     baked: str | Path | None = None,
+    reader: SourceReader | None = None,
 ) -> Scene:
     """Load a scene like `load_scene` but without warnings, for callers that print its notices.
+
+    Args:
+        source, up_axis, meters_per_unit, resources, animation, sky, baked: see `load_scene`.
+        reader: reader of more than the scene, such as a robot, which remembers its files, too.
 
     Raises:
         SceneError: see `load_scene`.
@@ -112,17 +119,19 @@ def read_scene(
         keeps_sky=sky is None,
         takes_baked=baked is None and sky is None,
     )
-    with recorded_sources() as sources:
-        scene = _load_source(source, options, ())
-    assert scene.given is not None
-    files = resolve_source(source)
-    path = files.toml or files.mesh_file
-    assert path is not None
-    content = source_digest(sources.digest(path.parent), options)
-    scene = scene.identified(SourceDigests(content, scene.given.light))
-    if baked is None or str(baked) == NO_BAKED_LIGHT:
-        return scene
-    return _with_baked_light(scene, Path(baked))
+    own_reader, bake_reader = SourceReader(), SourceReader()
+    files = _resolve(source, own_reader)
+    scene, light = _build(files, options, own_reader)
+    bake = None if baked is None or str(baked) == NO_BAKED_LIGHT else Path(baked)
+    if bake is not None:
+        scene = with_baked_light(scene, bake, bake_reader, light)
+    if reader is not None:
+        reader.update(own_reader)
+        reader.update(bake_reader)
+    identity = identity_of_files(files.folder, own_reader, options, light)
+    if bake is not None:
+        identity = identity.baked(bake_reader.digest(bake))
+    return scene.identified(identity)
 
 
 class _Options(NamedTuple):
@@ -137,73 +146,76 @@ class _Options(NamedTuple):
     takes_baked: bool = False  # use the baked light of the scene's own TOML file
 
 
-def _load_source(source: str | Path, options: _Options, outer: tuple[Path, ...]) -> Scene:
-    """Load a scene that the outer TOML files extend, or use as the shape of an object."""
+class _Built(NamedTuple):
+    """Scene from files, before it is identified."""
+
+    scene: Scene
+    light: str  # digest of the inputs of its light: those of the mesh file, and keys that change it
+
+
+def _resolve(source: str | Path, reader: SourceReader) -> SceneSource:
     try:
-        files = resolve_source(source)
+        return resolve_source(source, reader)
     except OSError as reason:  # a name too long, or a folder without permission
         raise SceneError(f"{source}: cannot be read: {reason.strerror}") from None
+
+
+def _build(
+    files: SceneSource, options: _Options, reader: SourceReader, outer: tuple[Path, ...] = ()
+) -> _Built:
+    """Build the scene of files that the outer TOML files extend, or use as the shape of an object.
+
+    It depends on nothing but the arguments and the files that `reader` reads.
+    """
     if not options.keeps_sky:  # also of the base scenes; a clear sky keeps the files' sun
         sky = None if outer else options.sky
         is_clear = sky is not None and sky.file is None
-        files = files.with_sky(sky, shining_sun(files) if is_clear else None)
-    folder = Path() if options.sky is not None or files.toml is None else files.toml.parent
+        files = files.with_sky(sky, shining_sun(files, reader) if is_clear else None)
+    folder = Path() if options.sky is not None or files.toml is None else files.folder
     if files.toml is None:
-        return _lit(_load_mesh_file(source, files, options), files, folder)
+        return _lit(_build_mesh_file(files, options, reader), files, folder, reader)
     path = files.toml.resolve()
     if path in outer:
         raise SceneError(f"{files.toml}: extends itself, or has itself as an object")
     outer = (*outer, path)
     if files.settings.extends is None:
-        scene = _load_mesh_file(source, files, options)
+        built = _build_mesh_file(files, options, reader)
     else:
-        scene = _load_extended(str(source), files, options, outer)
-
-    scene = _lit(_with_materials(scene, files, options, outer), files, folder)
+        built = _build_extended(files, options, reader, outer)
+    built = _with_materials(built, files, options, reader, outer)
+    scene, light = _lit(built, files, folder, reader)
 
     def load_shape(path: Path, axis: str | None, animation: str | None) -> Scene:
         played = animation or NO_ANIMATION
         shape = _Options(FileAxes(axis), options.resources, played, is_shape=True, keeps_sky=False)
-        return _load_source(path, shape, outer)
+        return _build(_resolve(path, reader), shape, reader, outer).scene
 
     try:
-        objects = load_objects(files.settings.objects, files.toml.parent, load_shape)
+        objects = tuple(
+            load_object(table, files.folder, load_shape, reader) for table in files.settings.objects
+        )
     except SceneError as reason:
         raise SceneError(f"{files.toml}: {reason}") from None
-    given, scene = scene.given, with_objects(scene, objects, str(files.toml))
-    scene = scene if given is None else scene.identified(given)
-    if files.settings.light.baked is None or not options.takes_baked:
-        return scene
-    return _with_baked_light(scene, files.toml.parent / files.settings.light.baked)
+    scene = with_objects(scene, objects, str(files.toml))
+    baked = files.settings.light.baked
+    if baked is not None and options.takes_baked:
+        scene = with_baked_light(scene, files.folder / baked, reader, light)
+    return _Built(scene, light)
 
 
-def _with_baked_light(scene: Scene, folder: Path) -> Scene:
-    from omnisim.scene.light.baked import with_baked_light  # reads images, slow to import
-
-    given = scene.given
-    assert given is not None
-    with recorded_sources() as sources:
-        lit = with_baked_light(scene, folder)
-    return lit.identified(
-        SourceDigests(source_digest(given.content, sources.digest(folder)), given.light)
-    )
-
-
-def _lit(scene: Scene, files: SceneSource, folder: Path) -> Scene:
-    """Scene lit by its settings; its identity includes their keys and the sky's map."""
-    given = scene.given
-    assert given is not None
-    with recorded_sources() as sources:
-        lit = lit_scene(scene, files.settings)
-        if files.settings.sky is not None:
-            from omnisim.scene.light.sky import with_sky  # reads images, slow to import
-
-            lit = with_sky(lit, files.settings, str(files.toml or files.mesh_file), folder)
-    keys = _light_keys(files.settings)
-    if not keys:
-        return lit.identified(given)
-    light = source_digest(given.light, keys, sources.digest(folder))
-    return lit.identified(SourceDigests(light, light))
+def _lit(built: _Built, files: SceneSource, folder: Path, reader: SourceReader) -> _Built:
+    """Scene lit by its settings; its light follows from their keys and from the sky's map."""
+    settings, sky_reader = files.settings, SourceReader()
+    scene = lit_scene(built.scene, settings)
+    if settings.sky is not None:
+        toml = str(files.toml or files.mesh_file)
+        scene = with_sky(
+            scene, settings.sky, settings.light, settings.sun, toml, folder, sky_reader
+        )
+        reader.update(sky_reader)
+    keys = _light_keys(settings)
+    light = source_digest(built.light, keys, sky_reader.digest(folder)) if keys else built.light
+    return _Built(scene, light)
 
 
 def _light_keys(settings: SceneFile) -> dict[str, Any]:
@@ -219,27 +231,25 @@ def _light_keys(settings: SceneFile) -> dict[str, Any]:
     return {key: value for key, value in keys.items() if value or key == "sky"}
 
 
-def _load_extended(
-    name: str, files: SceneSource, options: _Options, outer: tuple[Path, ...]
-) -> Scene:
-    """Load the base scene that a TOML file extends, and add the TOML file's content."""
-    settings, toml = files.settings, files.toml
+def _build_extended(
+    files: SceneSource, options: _Options, reader: SourceReader, outer: tuple[Path, ...]
+) -> _Built:
+    """Build the base scene that a TOML file extends, and add the TOML file's content."""
+    settings = files.settings
     assert files.base is not None
-    assert toml is not None
     if settings.has_own_light:
         options = options._replace(takes_baked=False)
     if settings.has_own_sky:
         options = options._replace(keeps_sky=False)
     try:
-        base = _load_source(files.base, options, outer)
+        base, light = _build(_resolve(files.base, reader), options, reader, outer)
     except SceneError as reason:
-        raise SceneError(f"{toml}: extends = {settings.extends!r}: {reason}") from None
-    assert base.given is not None
+        raise SceneError(f"{files.toml}: extends = {settings.extends!r}: {reason}") from None
     extended = extend(
         base,
         dataclasses.replace(
             base,
-            name=name,
+            name=files.name,
             lighting=_lighting(base.lighting, settings),
             background=settings.background or base.background,
             start=_start(settings) or base.start,
@@ -248,70 +258,63 @@ def _load_extended(
             landmarks=_landmarks(settings),
             labels=label_rules(settings.labels) or base.labels,
         ),
-        str(toml),
+        str(files.toml),
     )
-    return extended.identified(base.given)
+    return _Built(extended, light)
 
 
 def _with_materials(
-    scene: Scene, files: SceneSource, options: _Options, outer: tuple[Path, ...]
-) -> Scene:
+    built: _Built,
+    files: SceneSource,
+    options: _Options,
+    reader: SourceReader,
+    outer: tuple[Path, ...],
+) -> _Built:
     """Scene with the materials of its settings.
 
     If they change the light, the baked light of the base scene does not apply.
     """
-    settings, toml, given = files.settings, files.toml, scene.given
+    tables, toml = files.settings.materials, files.toml
     assert toml is not None
-    assert given is not None
-    changed = with_materials(scene, settings.materials, toml)
-    if not changes_light(scene, changed):
-        return changed.identified(given)
+    changed = with_materials(built.scene, tables, toml)
+    if not changes_light(built.scene, changed):
+        return _Built(changed, built.light)
     if changed.lighting.baked is not None:
-        unbaked = _load_extended(scene.name, files, options._replace(takes_baked=False), outer)
-        assert unbaked.given is not None
-        changed, given = with_materials(unbaked, settings.materials, toml), unbaked.given
+        unbaked = _build_extended(files, options._replace(takes_baked=False), reader, outer)
+        changed = with_materials(unbaked.scene, tables, toml)
         notice = f"{toml.name}: materials change the light: without the bake of the base scene"
         changed = dataclasses.replace(changed, notices=(*changed.notices, notice))
-    light = source_digest(given.light, [one.model_dump(mode="json") for one in settings.materials])
-    return changed.identified(SourceDigests(light, light))
+    keys = [one.model_dump(mode="json") for one in tables]
+    return _Built(changed, source_digest(built.light, keys))
 
 
-def _load_mesh_file(source: str | Path, files: SceneSource, options: _Options) -> Scene:
-    path, settings = files.mesh_file, files.settings
+def _build_mesh_file(files: SceneSource, options: _Options, reader: SourceReader) -> _Built:
+    path, settings, file_reader = files.mesh_file, files.settings, SourceReader()
     assert path is not None
+    up_axis, unit = options.axes
+    axes = FileAxes(up_axis or settings.up_axis, settings.meters_per_unit if unit is None else unit)
+    animation = settings.animation if options.animation is None else options.animation
+    choice = AnimationChoice(animation, moves_objects=not options.is_shape)
+    chosen = settings.urdf_materials
     try:
         check_format(path)
         if path.stat().st_size == 0:
             raise SceneError(f"{path}: is an empty file")
         try:
-            up_axis, unit = options.axes
-            axes = FileAxes(
-                up_axis or settings.up_axis, settings.meters_per_unit if unit is None else unit
-            )
-            animation = settings.animation
-            if options.animation is not None:
-                animation = options.animation
-            choice = AnimationChoice(animation, moves_objects=not options.is_shape)
-            with recorded_sources() as sources:
-                read, matrix = read_file(
-                    path, axes, options.resources, choice, settings.urdf_materials
-                )
-            scene = _scene(
-                str(source), path, read, matrix, settings, options.is_shape,
-                axes.meters_per_unit is not None,
-            )  # fmt: skip
-            moving = choice.name or True if read.objects else None
-            chosen = () if settings.urdf_materials is None else (settings.urdf_materials,)
-            given = source_digest(sources.digest(path.parent), axes, moving, *chosen)
-            return with_moving_instances(scene, read.objects).identified(
-                SourceDigests(given, given)
-            )
+            read, matrix = read_file(path, file_reader, axes, options.resources, choice, chosen)
+            has_unit = axes.meters_per_unit is not None
+            scene = _scene(files.name, path, read, matrix, settings, options.is_shape, has_unit)
+            scene = with_moving_instances(scene, read.objects)
         except SceneError as reason:
             raise SceneError(f"{path}: {reason}") from None
     except OSError as reason:  # no permission, or a name too long
-        raise SceneError(f"{source}: cannot be read: {reason.strerror}") from None
+        raise SceneError(f"{files.name}: cannot be read: {reason.strerror}") from None
     except MemoryError:
         raise SceneError(f"{path}: asks for more memory than there is") from None
+    reader.update(file_reader)
+    moving = choice.name or True if read.objects else None
+    inputs = (axes, moving) if chosen is None else (axes, moving, chosen)
+    return _Built(scene, source_digest(file_reader.digest(path.parent), *inputs))
 
 
 def _scene(

@@ -11,8 +11,8 @@ from typing import NamedTuple
 from omnisim.core.arrays import Floats
 from omnisim.core.errors import SceneError
 from omnisim.core.extras import require_extra
-from omnisim.core.files.sources import read_source
-from omnisim.scene.formats.gltf.nodes import FIRST_ANIMATION, NO_ANIMATION, AnimationChoice
+from omnisim.core.files.sources import SourceReader
+from omnisim.scene.formats.gltf.nodes import NO_ANIMATION, AnimationChoice
 from omnisim.scene.formats.gltf.reader import read_gltf
 from omnisim.scene.formats.imported_scene import (
     FileAxes,
@@ -42,7 +42,7 @@ class SourceFile:
     @cached_property
     def data(self) -> bytes:
         """Content of the file."""
-        return read_source(self.path)
+        return self.assets.reader.read(self.path)
 
     @cached_property
     def matrix(self) -> Floats:
@@ -52,7 +52,7 @@ class SourceFile:
     @property
     def resources(self) -> ResourcePath:
         """Search path for models and packages."""
-        return ResourcePath(self.path, self.folders)
+        return ResourcePath(self.path, self.folders, self.assets.reader)
 
 
 class SceneFormat(NamedTuple):
@@ -88,13 +88,13 @@ def _read_urdf(file: SourceFile) -> Read:
 def _read_mjcf(file: SourceFile) -> Read:
     from omnisim.scene.formats.mjcf.reader import read_mjcf
 
-    return read_mjcf(file.path, file.matrix), file.matrix
+    return read_mjcf(file.path, file.matrix, file.assets.reader), file.matrix
 
 
 def _read_usd(file: SourceFile) -> Read:
     from omnisim.scene.formats.usd.reader import read_usd
 
-    return read_usd(file.path, file.axes)
+    return read_usd(file.path, file.axes, file.assets.reader)
 
 
 def _read_other(file: SourceFile) -> Read:
@@ -154,15 +154,17 @@ def is_mjcf(path: Path) -> bool:
 
 def read_file(
     path: Path,
+    reader: SourceReader,
     axes: FileAxes,
     folders: Sequence[Path],
-    animation: AnimationChoice = FIRST_ANIMATION,
-    urdf_materials: str | None = None,
+    animation: AnimationChoice,
+    urdf_materials: str | None,
 ) -> Read:
     """Read a file in any supported format.
 
     Args:
         path, axes, folders, animation, urdf_materials: see `SourceFile`.
+        reader: reader of all files of the scene.
 
     Returns:
         File contents with all notices, and the transform (4, 4) world_from_file.
@@ -171,7 +173,7 @@ def read_file(
         SceneError: the file is damaged or has no geometry.
         OSError: the file cannot be read.
     """
-    stores = TextureStore(), AssetResolver(path)
+    stores = TextureStore(), AssetResolver(path, reader)
     file = SourceFile(path, axes, folders, animation, *stores, urdf_materials)
     scene_format = _format_of(path)
     if scene_format is not _GLTF and animation.name not in (None, NO_ANIMATION):

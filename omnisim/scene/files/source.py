@@ -6,7 +6,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from omnisim.core.errors import SceneError, did_you_mean
-from omnisim.core.files.toml_file import base_source, find_beside, read_toml
+from omnisim.core.files.parameters import parse_table
+from omnisim.core.files.sources import SourceReader
+from omnisim.core.files.toml_file import base_source, find_beside, read_tables
 from omnisim.core.package_files import SCENES, built_in
 from omnisim.scene.files.scene_file import SceneFile
 from omnisim.scene.light.light_tables import SkyTable, SunTable
@@ -23,9 +25,17 @@ def builtin_scenes() -> list[str]:
 class SceneSource(NamedTuple):
     """Files of a scene."""
 
+    name: str  # path or built-in name
     mesh_file: Path | None  # path of the mesh file; None: the scene extends another
     settings: SceneFile  # settings of the TOML file, or the defaults
     toml: Path | None  # path of the TOML file; None: no TOML file
+
+    @property
+    def folder(self) -> Path:
+        """Folder of the TOML file, or else of the mesh file."""
+        path = self.toml or self.mesh_file
+        assert path is not None
+        return path.parent
 
     @property
     def base(self) -> str | Path | None:
@@ -39,13 +49,13 @@ class SceneSource(NamedTuple):
         return self._replace(settings=self.settings.model_copy(update={"sky": sky, "sun": sun}))
 
 
-def shining_sun(source: SceneSource) -> SunTable | None:
+def shining_sun(source: SceneSource, reader: SourceReader) -> SunTable | None:
     """Sun of a source or of its base scenes; None: no sun, or faulty files."""
     seen = set()
     while not source.settings.has_own_sky and source.base is not None and source.toml not in seen:
         seen.add(source.toml)
         try:
-            source = resolve_source(source.base)
+            source = resolve_source(source.base, reader)
         except (SceneError, OSError):  # reported on loading
             return None
     return source.settings.sun
@@ -68,21 +78,21 @@ def sky_table(sky: str | Path) -> SkyTable:
     return SkyTable(file=str(path))
 
 
-def resolve_source(source: str | Path) -> SceneSource:
-    """Files of a scene, from its path or built-in name.
+def resolve_source(source: str | Path, reader: SourceReader | None = None) -> SceneSource:
+    """Files of a scene, from its path or built-in name; `reader` reads its TOML file.
 
     Raises:
         SceneError: a missing file or a faulty TOML file.
     """
     if not isinstance(source, str | Path):
         raise SceneError(f"scene: expected a path or a name, got {type(source).__name__}")
-    path, name = Path(source), str(source)
+    reader, path, name = reader or SourceReader(), Path(source), str(source)
     if (path / "scene.toml").is_file():
         path = path / "scene.toml"
     if not path.is_file() and name in builtin_scenes():
         path = SCENES / name / "scene.toml"
     if path.is_dir():
-        path = _gazebo_model(path)
+        path = _gazebo_model(path, reader)
     try:
         path.stat()  # from Python 3.14 on, `exists` returns false for every error
     except (FileNotFoundError, NotADirectoryError, ValueError):
@@ -91,20 +101,23 @@ def resolve_source(source: str | Path) -> SceneSource:
     if not path.is_file():
         raise SceneError(f"{path}: is not a regular file")
     if path.suffix.lower() != ".toml":
-        return SceneSource(path, SceneFile(file=path.name), None)
-    settings = read_toml(path, SceneFile, SceneError)
+        return SceneSource(name, path, SceneFile(file=path.name), None)
+    tables = read_tables(path, SceneError)
+    reader.note_table(path, tables)
+    settings = parse_table(tables, SceneFile, SceneError, str(path))
     if settings.file is None:
-        return SceneSource(None, settings, path)
+        return SceneSource(name, None, settings, path)
     mesh_file = find_beside(path.parent, settings.file, f"{path}: file", SceneError)
-    return SceneSource(mesh_file, settings, path)
+    return SceneSource(name, mesh_file, settings, path)
 
 
-def _gazebo_model(folder: Path) -> Path:
+def _gazebo_model(folder: Path, reader: SourceReader) -> Path:
     """Model file in a Gazebo model folder."""
     from omnisim.scene.formats.sdf.models import MANIFESTS, model_file  # XML parser
 
     manifests = (*MANIFESTS, "model.sdf")
-    file = model_file(folder) if any((folder / name).is_file() for name in manifests) else None
+    is_model = any((folder / name).is_file() for name in manifests)
+    file = model_file(folder, reader) if is_model else None
     if file is None:
         raise SceneError(
             f"{folder}: expected a scene file, got a folder without a scene.toml or model.config"

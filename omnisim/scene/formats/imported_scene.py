@@ -20,6 +20,7 @@ from omnisim.core.short_repr import counted
 from omnisim.core.srgb import linear_from_srgb
 from omnisim.scene.motion.object_motion import ObjectMotion
 from omnisim.scene.parts import (
+    AlphaMode,
     CameraPose,
     Instance,
     LabelRule,
@@ -81,7 +82,7 @@ def material_notices(read: ImportedScene) -> list[str]:
     unseen = {
         one.name: None
         for one in (read.materials[mesh.material] for mesh in used_meshes)
-        if one.is_blended and one.base_color[3] == 0.0
+        if one.alpha_mode is AlphaMode.BLEND and one.base_color[3] == 0.0
     }
     notices = [f"material {name!r} is invisible: its opacity is 0" for name in unseen]
     if black:

@@ -11,7 +11,7 @@ from contextlib import suppress
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
-from omnisim.core.files.sources import read_source
+from omnisim.core.files.sources import SourceReader
 
 # Environment variables of Gazebo, newer names first, and of ROS.
 VARIABLES = (
@@ -32,10 +32,17 @@ class ResourcePath:
     """Folders of models and packages, in search order.
 
     They are the given ones, those of the environment variables, those in the home folder, then the
-    scene file's own and those above it, each followed by its `models`.
+    scene file's own and those above it, each followed by its `models`. `reader` reads what they
+    find.
     """
 
-    def __init__(self, scene_file: Path, given: Sequence[str | Path] = ()):
+    def __init__(
+        self,
+        scene_file: Path,
+        given: Sequence[str | Path] = (),
+        reader: SourceReader | None = None,
+    ):
+        self.reader = reader or SourceReader()
         listed = [os.environ.get(name, "").split(os.pathsep) for name in (*VARIABLES, PREFIXES)]
         *variables, prefixes = (map(Path, filter(None, paths)) for paths in listed)
         stated = [*map(Path, given), *itertools.chain(*variables)]
@@ -163,12 +170,15 @@ class AssetResolver(Mapping[str, bytes]):
     because references to `../textures` are common. (trimesh takes a mapping as its resolver.)
     """
 
-    def __init__(self, scene_file: Path, further_folders: Sequence[Path] = ()):
+    def __init__(
+        self, scene_file: Path, reader: SourceReader, further_folders: Sequence[Path] = ()
+    ):
         """Resolve names in the scene file's folder, then in further folders."""
         self.file_name = scene_file.name  # trimesh derives the mesh names of an OBJ from it
         self.given: dict[str, bytes] = {}  # contents supplied in advance, by name
         self.read: set[str] = set()  # names of the files that were requested and read
         self.faults: dict[str, str] = {}  # reasons why others cannot be read, by name
+        self.reader = reader
         self._folders = (scene_file.parent, *further_folders)
 
     def __contains__(self, name: object) -> bool:
@@ -212,7 +222,7 @@ class AssetResolver(Mapping[str, bytes]):
                 )
                 first = {"UDIM": "1001", "UVTILE": "u1_v1"}[tiles[1]]
                 path = self._find(name.replace(tiles[0], first))
-            data = b"" if path is None else read_source(path)
+            data = b"" if path is None else self.reader.read(path)
         except OSError as reason:  # no permission, a disk error or a name too long
             raise FileNotFoundError(f"cannot be read: {reason.strerror}") from None
         if path is None:

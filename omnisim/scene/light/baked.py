@@ -6,10 +6,7 @@ A folder belongs to one scene in one lighting, identified by its fingerprint.
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 import json
-import struct
-from enum import Enum
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -22,10 +19,9 @@ from omnisim.core.errors import OutputError, SceneError
 from omnisim.core.files.image_files import read_radiance
 from omnisim.core.files.number_files import read_arrays
 from omnisim.core.files.parameters import Point, Positive, Table, parse_table
-from omnisim.core.files.sources import read_source
+from omnisim.core.files.sources import SourceReader
 from omnisim.scene.light.baked_light import FACTORS, MAX_HALF, BakedLight, Probes
-from omnisim.scene.light.lighting import background_light
-from omnisim.scene.light.lit_scene import without_even_light
+from omnisim.scene.light.lighting import DEFAULT_LIGHTING, background_light, is_bright
 from omnisim.scene.model import Mesh, Scene
 from omnisim.scene.parts import LightRectangle
 
@@ -59,32 +55,44 @@ class _Contents(_OpenTable):
     probes: _Grid
 
 
-def with_baked_light(scene: Scene, folder: Path) -> Scene:
+def with_baked_light(
+    scene: Scene, folder: Path, reader: SourceReader | None = None, light: str | None = None
+) -> Scene:
     """Scene with the baked light of a folder; the scene must be loaded without baked light.
 
     A scene without lamps and with bright emissive surfaces keeps no even light, which would show in
     gloss: the bake has none. Meshes are split at the seams of their unwrapping; triangles keep
     their order.
 
+    Args:
+        scene: scene without baked light.
+        folder: folder of baked light.
+        reader: reader of its files.
+        light: digest of the inputs of the scene's light; None: that of its identity.
+
     Raises:
         SceneError: the light belongs to another scene, or a file is missing or damaged.
     """
     if not folder.is_dir():
         raise SceneError(f"{folder}: no such folder: {_advice(scene, folder)}")
-    contents = _read_contents(folder / CONTENTS)
+    reader = reader or SourceReader()
+    contents = _read_contents(folder / CONTENTS, reader)
     own = contents.fingerprint
-    # older versions stored the fingerprint of the content
-    if own != baked_fingerprint(scene) and own != content_fingerprint(scene):
+    # older versions identified loaded scenes by their arrays, too
+    if own != (light or scene.identity.light) and own != scene.light_of_arrays:
         raise SceneError(
             f"{folder}: the bake does not match {scene.name}: geometry or lights have changed "
             f"since: {_advice(scene, folder, ' --force')}"
         )
     rectangles = _rectangles(contents.rects, "rects", scene, folder / CONTENTS)
     backs = _rectangles(contents.back_rects, "back_rects", scene, folder / CONTENTS)
-    baked = BakedLight(_read_irradiance(folder / IRRADIANCE), _read_probes(folder, contents.probes))
+    baked = BakedLight(
+        _read_irradiance(reader.note(folder / IRRADIANCE)),
+        _read_probes(reader.note(folder / PROBES), folder / CONTENTS, contents.probes),
+    )
     lighting = without_even_light(scene).lighting
     meshes, path = list(scene.meshes), folder / UNWRAPPING
-    stored = _read_unwrapping(path)
+    stored = _read_unwrapping(reader.note(path))
     for number in sorted({scene.instances[number].mesh for number in rectangles}):
         meshes[number] = _split_mesh(meshes[number], number, stored, path)
     return dataclasses.replace(
@@ -102,13 +110,27 @@ def with_baked_light(scene: Scene, folder: Path) -> Scene:
     )
 
 
+def without_even_light(scene: Scene) -> Scene:
+    """Scene lit by its emissive surfaces alone, if it has no lamps and they are bright.
+
+    A background brighter than white counts too: it is the sky outside.
+    """
+    lighting = scene.lighting
+    is_even = lighting.lights is DEFAULT_LIGHTING.lights and not lighting.is_matte
+    if not (is_even and any(map(is_bright, scene.materials))):
+        return scene
+    sky = background_light(scene.background)
+    shone = dataclasses.replace(lighting, lights=(), ambient=sky)
+    return dataclasses.replace(scene, lighting=shone)
+
+
 def _advice(scene: Scene, folder: Path, more: str = "") -> str:
     return f"run `omnisim bake {scene.name} -o {folder}{more}`"
 
 
-def _read_contents(path: Path) -> _Contents:
+def _read_contents(path: Path, reader: SourceReader) -> _Contents:
     try:
-        content = json.loads(read_source(path))
+        content = json.loads(reader.read(path))
     except OSError as reason:
         raise SceneError(f"{path}: cannot be read: {reason.strerror}: {_EXPECTED}") from None
     except (ValueError, RecursionError):
@@ -153,12 +175,11 @@ def _read_irradiance(path: Path) -> NDArray[np.float16]:
     return pixels.astype(np.float16)
 
 
-def _read_probes(folder: Path, grid: _Grid) -> Probes:
-    path, shape = folder / PROBES, grid.shape
+def _read_probes(path: Path, contents: Path, grid: _Grid) -> Probes:
+    shape = grid.shape
     if np.prod(shape, dtype=np.float64) > MAX_PROBES:
         raise SceneError(
-            f"{folder / CONTENTS}: probes.shape = {list(shape)}: expected at most {MAX_PROBES} "
-            "probes"
+            f"{contents}: probes.shape = {list(shape)}: expected at most {MAX_PROBES} probes"
         )
     stored = read_arrays(path, SceneError, "archive", _EXPECTED, ("sh", "valid"))
     factors = _array(stored, "sh", "f", (*shape, FACTORS, 3), path)
@@ -250,78 +271,3 @@ def _array(
 
 
 _KINDS = {"f": "floats", "b": "flags", "iu": "whole numbers"}
-
-
-# Fingerprint of the inputs of baked light: static surfaces, their materials, and the light.
-#
-# For a loaded scene it is computed from files and keys, and is the same on every machine.
-
-
-_NAMES = frozenset(("name", "world_from_node"))  # fields without effect on the light
-
-
-def baked_fingerprint(scene: Scene) -> str:
-    """SHA-256 (64 hexadecimal digits) of the inputs of baked light."""
-    return content_fingerprint(scene) if scene.given is None else scene.given.light
-
-
-def content_fingerprint(scene: Scene) -> str:
-    """SHA-256 (64 hexadecimal digits) of static geometry, materials, lights and exposure.
-
-    It hashes computed numbers: for a loaded scene it is reproducible only on the same machine.
-
-    Names, dynamic objects, fog, start poses and backgrounds that emit no light are ignored.
-    """
-    lighting = scene.lighting
-    digest = _Digest()
-    digest.add(scene.meshes)
-    digest.add(scene.materials)
-    digest.add(scene.instances)
-    digest.add((lighting.ambient, lighting.lights, lighting.exposure, lighting.is_matte))
-    digest.add(None if lighting.environment is None else lighting.environment.radiance)
-    if any(sky := background_light(scene.background)):
-        digest.add(sky)
-    return digest.hexdigest()
-
-
-class _Digest:
-    """Hash of nested plain data; a repeated array is read only once."""
-
-    def __init__(self) -> None:
-        self._hash = hashlib.sha256()
-        self._known: dict[int, tuple[np.ndarray[Any, Any], bytes]] = {}
-
-    def hexdigest(self) -> str:
-        """Digest of all added data."""
-        return self._hash.hexdigest()
-
-    def add(self, value: Any) -> None:
-        """Add numbers, text, arrays, enumerations, sequences and data classes of these."""
-        if isinstance(value, np.ndarray):
-            if id(value) not in self._known:
-                one = hashlib.sha256(f"{value.dtype.str}{value.shape}".encode())
-                one.update(np.ascontiguousarray(value).data)
-                self._known[id(value)] = value, one.digest()  # the reference keeps the id unique
-            self._hash.update(self._known[id(value)][1])
-        elif isinstance(value, tuple | list):
-            self._tag("sequence", len(value))
-            for item in value:
-                self.add(item)
-        elif dataclasses.is_dataclass(value):
-            # only fields with non-default values: later versions may have more fields
-            for field in dataclasses.fields(value):
-                given = getattr(value, field.name)
-                is_default = not isinstance(given, np.ndarray) and given == field.default
-                if field.name not in _NAMES and not is_default:
-                    self._tag("field", field.name)
-                    self.add(given)
-            self._tag("end", type(value).__name__)
-        elif isinstance(value, Enum):
-            self._tag("case", value.value)
-        elif isinstance(value, bool | int | float):
-            self._hash.update(struct.pack("<d", value))
-        else:
-            self._tag("other", value)
-
-    def _tag(self, kind: str, value: object) -> None:
-        self._hash.update(f"{kind} {value!r};".encode())

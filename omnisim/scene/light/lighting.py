@@ -7,9 +7,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from omnisim.core.arrays import Floats, Floats32
+from omnisim.core.arrays import Floats, Floats32, triangle_crosses
 from omnisim.scene.light.environment import Environment
-from omnisim.scene.parts import MAX_LIGHTS, Instance, Light, Lighting, LightKind, Mesh
+from omnisim.scene.parts import (
+    MAX_LIGHTS,
+    Instance,
+    Light,
+    Lighting,
+    LightKind,
+    Material,
+    Mesh,
+)
 
 # A pale clear sky near the horizon, linear RGB.
 DEFAULT_BACKGROUND = (0.56, 0.71, 0.87)
@@ -114,6 +122,11 @@ def background_light(color: tuple[float, float, float]) -> tuple[float, float, f
     return color if max(color) > 1.0 else (0.0, 0.0, 0.0)
 
 
+def is_bright(material: Material) -> bool:
+    """True for emission brighter than white: a lamp's tubes, but not a screen."""
+    return not material.unlit and max(material.emissive) > 1.0
+
+
 def with_environment(lighting: Lighting, luminance: Floats32) -> Lighting:
     """Lighting with an environment map, cd/m², in place of its ambient light."""
     radiance = (math.pi * lighting.exposure * luminance).astype(np.float32)
@@ -142,7 +155,7 @@ def _surface_samples(
             for instance in instances
         ]
     )
-    doubled = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    doubled = triangle_crosses(corners)
     length = np.linalg.norm(doubled, axis=1)
     keep = length > 0.0
     return corners.mean(axis=1)[keep], doubled[keep] / length[keep, None], 0.5 * length[keep]

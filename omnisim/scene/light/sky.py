@@ -13,8 +13,8 @@ import numpy as np
 from omnisim.core.arrays import Floats, Floats32
 from omnisim.core.errors import OutputError, SceneError
 from omnisim.core.files.image_files import read_radiance
+from omnisim.core.files.sources import SourceReader
 from omnisim.core.files.toml_file import find_beside
-from omnisim.scene.files.scene_file import SceneFile
 from omnisim.scene.light.environment import Environment, map_directions
 from omnisim.scene.light.light_tables import LightTable, SkyTable, SunTable
 from omnisim.scene.light.lighting import is_even
@@ -26,35 +26,42 @@ _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # weights of linear sRGB, Rec. 
 _UP = np.array([[0.0, 0.0, 1.0]])
 
 
-def with_sky(scene: Scene, settings: SceneFile, toml: str, folder: Path) -> Scene:
-    """Scene with the sky of its TOML file in place of even light; its lamps stay on.
+def with_sky(
+    scene: Scene,
+    sky: SkyTable,
+    light: LightTable,
+    sun: SunTable | None,
+    toml: str,
+    folder: Path,
+    reader: SourceReader,
+) -> Scene:
+    """Scene with a sky in place of even light; its lamps stay on.
 
     Args:
         scene: scene without the sky.
-        settings: settings of the TOML file.
+        sky, light, sun: tables of the scene's TOML file; None: no sun.
         toml: path of the TOML file, for messages.
         folder: base folder of a map's path.
+        reader: reader of the map.
 
     Raises:
         SceneError: a map that cannot be read or is invalid, or a clear sky at night.
     """
-    table, before = settings.sky, scene.lighting
-    if table is None:
-        return scene
-    was_even = is_even(before)
+    before = scene.lighting
     lighting = replace(
         before,
-        ambient=settings.light.ambient or (0.0, 0.0, 0.0),
-        lights=() if was_even else before.lights,
+        ambient=light.ambient or (0.0, 0.0, 0.0),
+        lights=() if is_even(before) else before.lights,
         baked=None,
     )
-    if table.file is not None:
-        path = find_beside(folder, table.file, f"{toml}: sky.file", SceneError)
-        lighting = _with_map(lighting, _turned(_read_map(path), table.yaw_deg), table.brightness)
-    elif settings.sun is not None:
-        lighting = _around_sun(lighting, table, settings.sun, settings.light, toml)
+    if sky.file is not None:
+        path = find_beside(folder, sky.file, f"{toml}: sky.file", SceneError)
+        radiance = _turned(_read_map(reader.note(path)), sky.yaw_deg)
+        lighting = _with_map(lighting, radiance, sky.brightness)
+    elif sun is not None:
+        lighting = _around_sun(lighting, sky, sun, light, toml)
     else:
-        lighting = _with_own_sun(lighting, table, settings.light)
+        lighting = _with_own_sun(lighting, sky, light)
     return replace(scene, lighting=lighting)
 
 

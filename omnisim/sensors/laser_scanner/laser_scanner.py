@@ -40,9 +40,13 @@ from omnisim.rendering.contract import RangeFinder
 from omnisim.rendering.instrument import Instrument
 from omnisim.rendering.sensor import TABLE_SUFFIX, Moment, Mount, SensorSettings
 from omnisim.rendering.shared_scene import SharedScene
-from omnisim.sensors.device_data import check_number, round_ranges, write_commented_csv
+from omnisim.sensors.device_data import (
+    check_number,
+    round_ranges,
+    stated_parameters,
+    write_commented_csv,
+)
 from omnisim.sensors.sensor_table import SensorTable
-from omnisim.sensors.specular_keys import stated_parameters
 
 LMS200_MODES = {"mm": (8.19, 0.001), "cm": (81.9, 0.01)}  # range_max_m and step_m: 13 bits
 _LMS200_FIELDS_DEG = {1.0: 180.0, 0.5: 180.0, 0.25: 100.0}  # by resolution

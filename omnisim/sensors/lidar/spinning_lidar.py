@@ -46,10 +46,9 @@ from omnisim.rendering.sensor import Moment, Mount, SensorSettings
 from omnisim.rendering.shared_scene import SharedScene
 from omnisim.rendering.truth.ground_truth import instances_of_draws
 from omnisim.rendering.twist import MovingBoxes
-from omnisim.sensors.device_data import check_number, round_ranges
+from omnisim.sensors.device_data import check_number, round_ranges, stated_parameters
 from omnisim.sensors.lidar.point_files import POINT, write_points
 from omnisim.sensors.sensor_table import Rate, SensorTable
-from omnisim.sensors.specular_keys import stated_parameters
 
 MAX_RINGS, MAX_FIRINGS = 1024, 16384
 MAX_ELEVATION_DEG = 80.0

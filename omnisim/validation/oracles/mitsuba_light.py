@@ -28,6 +28,7 @@ from omnisim.core.errors import SceneError
 from omnisim.core.poses import check_pose
 from omnisim.scene import Scene
 from omnisim.scene.model import Instance, Light, LightKind, Material
+from omnisim.scene.surface_kind import SurfaceKind, kind_of
 from omnisim.scene.surface_reflectance import MIN_ROUGHNESS
 from omnisim.validation.oracles import mitsuba_scene as scenes
 from omnisim.validation.oracles.mitsuba_materials import (
@@ -124,7 +125,8 @@ def lit_world(scene: Scene, viewpoint_m: Floats, units_per_m: float, depth: int)
     lamps = scene.lighting.lights
     # "volpath" absorbs in glass, and connects surfaces with lamps behind panes
     has_volumes = not scene.lighting.is_matte and any(
-        absorbs(material) or (lamps and material.pane_transmission) for material in scene.materials
+        absorbs(material) or (lamps and kind_of(material) & SurfaceKind.PANE)
+        for material in scene.materials
     )
     content: dict[str, Any] = {
         "type": "scene",
@@ -179,7 +181,8 @@ def _surface(
     if mesh.normals is not None:
         normals = mesh.normals @ np.linalg.inv(linear)
         normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-12)[:, None]
-    is_matte = scene.lighting.is_matte or dataclasses.replace(material, emissive=_DARK).is_matte
+    dark = dataclasses.replace(material, emissive=_DARK)
+    is_matte = SurfaceKind.MATTE in kind_of(dark, scene.lighting.is_matte)
     key = id(material), kind
     if key not in bsdfs:
         bsdfs[key] = mi.load_dict(_bsdf(material, kind, is_matte))

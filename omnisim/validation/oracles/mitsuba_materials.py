@@ -21,6 +21,7 @@ from omnisim.cameras import PerspectiveCamera
 from omnisim.core.arrays import Floats, Floats32
 from omnisim.scene.light.environment import Environment
 from omnisim.scene.model import Lighting, Material
+from omnisim.scene.surface_kind import SurfaceKind, kind_of, transmitted
 from omnisim.validation.oracles.mitsuba_scene import pinhole, rendered, rgb, scalar_variant
 
 _ANGLES = 64  # at which reflectance is averaged
@@ -109,7 +110,7 @@ def glass_bsdf(material: Material) -> dict[str, Any]:
     transmits, by Lambert's law. Mitsuba's lobe of thin frosted panes is narrower than glTF's.
     """
     tint = rgb(tuple(material.transmission * share for share in material.base_color[:3]))
-    if material.frosted_transmission and not material.thickness_m:
+    if kind_of(material) & SurfaceKind.FROSTED_PANE:
         return {
             "type": "principledthin",
             "base_color": tint,
@@ -117,23 +118,23 @@ def glass_bsdf(material: Material) -> dict[str, Any]:
             "eta": material.ior,
             "spec_trans": 1.0,
         }
-    if material.frosted_transmission:
+    if kind_of(material) & SurfaceKind.FROSTED_GLASS:
         fresnel: Any = mi.fresnel  # of numbers, in the variant that is set
         cosines = np.sqrt((np.arange(_ANGLES) + 0.5) / _ANGLES)  # of Lambertian light
         once = np.array([fresnel(float(cosine), material.ior)[0] for cosine in cosines])
         reflected = float(np.mean(2.0 * once / (1.0 + once)))  # by both interfaces of a pane
         color = (1.0 - reflected) * np.array(material.base_color[:3])
-        transmitted = material.frosted_transmission * color
+        passing = transmitted(material, SurfaceKind.FROSTED_GLASS) * color
         total = color + reflected
         return {
             "type": "principledthin",
             "base_color": rgb(tuple(total.tolist())),
             "roughness": 0.5,  # has little effect on diffuse reflection
             "eta": material.ior,
-            "diff_trans": 2.0 * float(transmitted.mean() / total.mean()),
+            "diff_trans": 2.0 * float(passing.mean() / total.mean()),
         }
     return {
-        "type": "dielectric" if material.glass_transmission else "thindielectric",
+        "type": "dielectric" if kind_of(material) & SurfaceKind.GLASS else "thindielectric",
         "int_ior": material.ior,
         "ext_ior": 1.0,
         "specular_transmittance": tint,
@@ -154,7 +155,8 @@ def medium(material: Material, units_per_m: float = 1.0) -> dict[str, Any]:
 
 def absorbs(material: Material) -> bool:
     """True for a body of colored glass."""
-    return material.glass_transmission > 0.0 and max(_absorption_per_m(material)) > 0.0
+    is_glass = bool(kind_of(material) & SurfaceKind.GLASS)
+    return is_glass and max(_absorption_per_m(material)) > 0.0
 
 
 def _absorption_per_m(material: Material) -> tuple[float, ...]:

@@ -17,8 +17,8 @@ from omnisim.cameras.optics.shapes import Conic, Hyperbolic
 from omnisim.cameras.optics.surface_mesh import tessellate_surface
 from omnisim.core.errors import OmnisimError, OpticsError
 from omnisim.core.poses import pose
+from omnisim.rendering.atlas.parallax_plan import sample_rays
 from omnisim.rendering.camera.captured_image import valid_mask
-from omnisim.rendering.camera.parallax_plan import sample_rays
 from omnisim.rendering.camera.quality import MAX_ERROR_PX, auto_polygons
 from omnisim.validation.image_differences import psnr_of_levels_db
 from tests.cameras.optics.examples import EXAMPLES, SYSTEMS, at, port

@@ -65,14 +65,14 @@ def use_buffers(kind: str) -> None:
 
 def draw_nothing_blended() -> None:
     """Leave out blended triangles, whose indices and commands a shader writes."""
-    from omnisim.rendering.opengl.drawing.cluster_drawer import BlendedDrawer
+    from omnisim.rendering.opengl.surfaces.cluster_drawer import BlendedDrawer
 
     BlendedDrawer.draw = lambda self, *arguments: None
 
 
 def finish_around_draws() -> None:
     """Wait for the GPU before and after the draws of clusters."""
-    from omnisim.rendering.opengl.drawing.cluster_drawer import ClusterDrawer
+    from omnisim.rendering.opengl.surfaces.cluster_drawer import ClusterDrawer
 
     draw = ClusterDrawer.draw
     finish = gl_function("glFinish")

@@ -9,8 +9,8 @@ import pytest
 from omnisim.core.errors import MeasurementError
 from omnisim.measurement.noise import frame_statistics, measure_noise
 from omnisim.rendering.camera.degradations import Noise
-from omnisim.rendering.camera.degradations.fixed_pattern import random_pattern
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
+from omnisim.rendering.camera.degradations.noise import random_pattern
 from tests.measurement.noise.frames import NOISE, TIMES_S, Camera, dark_and_flat
 
 # Relative bounds: those asked of the measurement of any camera, for 640 × 480 frames and 50 per

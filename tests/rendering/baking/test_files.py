@@ -17,7 +17,7 @@ from omnisim.core.errors import OmnisimError
 from omnisim.core.files.image_files import read_radiance
 from omnisim.rendering.baking.baked_files import bake_scene
 from omnisim.rendering.baking.settings import BakeSettings
-from omnisim.scene.light.baked import baked_fingerprint, with_baked_light
+from omnisim.scene.light.baked import with_baked_light
 from omnisim.scene.model import Light, Lighting, LightKind
 from tests.rendering.baking.rooms import box, lit_by
 
@@ -41,7 +41,7 @@ def test_files(tmp_path):
     files = contents(tmp_path / "room.baked")
     assert set(files) == {"baked.json", "irradiance.exr", "probes.npz", "unwrapping.npz"}
     document = json.loads(files["baked.json"])
-    assert document["fingerprint"] == baked_fingerprint(scene)
+    assert document["fingerprint"] == scene.identity.light
     assert document["texel_m"] == 0.2
     assert set(document["rects"]) == {"0", "1"}
     pixels = read_radiance(tmp_path / "room.baked" / "irradiance.exr")

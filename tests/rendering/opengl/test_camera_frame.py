@@ -6,18 +6,18 @@ from omnisim.cameras import pixel_grid
 from omnisim.core import poses
 from omnisim.core.cube import FACE_NAMES, face_index
 from omnisim.core.srgb import srgb_from_linear
-from omnisim.rendering.contract import ScenePoses
-from omnisim.rendering.opengl.atlas.tile_plan import plan_tiles
-from omnisim.rendering.opengl.camera_frame import CameraFrame
+from omnisim.rendering.atlas.tile_plan import plan_tiles
+from omnisim.rendering.contract import ScenePoses, SubFrame, SubFrames
+from omnisim.rendering.opengl.camera_frame import CameraFrame, CubePass
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
-from omnisim.rendering.opengl.drawing.cube_pass import CubePass
-from omnisim.rendering.opengl.drawing.scene_view import VirtualCameras
-from omnisim.rendering.opengl.drawing.surface_program import SurfacePrograms
+from omnisim.rendering.opengl.scene_view import VirtualCameras
+from omnisim.rendering.opengl.surfaces.surface_program import SurfacePrograms
 from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
 from tests.camera_examples import camera_examples
 from tests.scenes import ROOM_HALF_M, next_to_another_face, room, room_color, room_hit, scene_of
 
 POSE = poses.pose((0.3, -0.4, 0.1), roll_deg=12.0, pitch_deg=-20.0, yaw_deg=33.0)
+FRAMES = SubFrames((SubFrame(ScenePoses(POSE)),))
 
 
 def _render(context, camera):
@@ -30,7 +30,7 @@ def _render(context, camera):
         plan,
         VirtualCameras(near_m=0.05, far_m=np.inf, unlit=True),
     )
-    return CameraFrame(cube, PixelMap(context, camera)).begin(ScenePoses(POSE)).result().rgba
+    return CameraFrame(cube, PixelMap(context, camera)).begin(FRAMES).result().rgba
 
 
 @camera_examples

@@ -9,7 +9,7 @@ import pytest
 import omnisim
 from omnisim.core.poses import pose
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.opengl.drawing import scene_view
+from omnisim.rendering.opengl import scene_view
 from omnisim.rendering.opengl.gl.functions import gl_function
 from omnisim.rendering.opengl.gl.state import GlState
 from omnisim.rendering.stage import Stage, open_sensor

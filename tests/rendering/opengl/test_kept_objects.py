@@ -13,8 +13,8 @@ from omnisim.rendering.opengl.gl.context import collect_garbage
 from omnisim.rendering.opengl.gl.functions import gl_function
 from omnisim.rendering.stage import Stage
 from tests.drivers.cases import poses_in
-from tests.rendering.opengl.drawing.test_blended_drawer import _scene as scene_of_panes
 from tests.rendering.opengl.sheets import SUN
+from tests.rendering.opengl.surfaces.test_blended_drawer import _scene as scene_of_panes
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")
 

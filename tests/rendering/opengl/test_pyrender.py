@@ -42,7 +42,7 @@ def _opaque_file(source, folder):
     Drawn flat, pyrender blends in the order of nodes, and takes base colors for sRGB values.
     """
     trimesh = pytest.importorskip("trimesh")
-    loaded = trimesh.load_scene(resolve_source(source)[0])
+    loaded = trimesh.load_scene(resolve_source(source).mesh_file)
     materials = {name: mesh.visual.material for name, mesh in loaded.geometry.items()}
     opaque = (None, "OPAQUE")
     loaded.delete_geometry([n for n, one in materials.items() if one.alphaMode not in opaque])

@@ -17,7 +17,7 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
 from omnisim.ground_truth.lidar_beams import EchoLimits
-from omnisim.rendering.rays.echoes import Echoes, cast_echoes, select_returns
+from omnisim.rendering.rays.beams import Echoes, cast_echoes, select_returns
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
 
 RED = 0.5

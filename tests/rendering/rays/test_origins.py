@@ -13,9 +13,10 @@ from tests.scenes import room, room_color, room_hit, scene_of
 
 pytest.importorskip("embreex", reason="embreex, which casts the rays, is missing")
 
+from omnisim.rendering.pixel_rays import PixelRays
 from omnisim.rendering.rays.caster import DepthLimits
 from omnisim.rendering.rays.pixel_hits import PixelHits
-from omnisim.rendering.rays.pixel_rays import PixelRays, RayImage
+from omnisim.rendering.rays.ray_backend import RayImage
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
 
 

@@ -8,14 +8,15 @@ import pytest
 from omnisim.core.bilinear import sample
 from omnisim.core.poses import pose
 from omnisim.scene.model import Fog, Light, Lighting, LightKind, Material
-from omnisim.scene.surface_reflectance import MAX_TRACED_ROUGHNESS, environment_table
+from omnisim.scene.surface_kind import MAX_TRACED_ROUGHNESS
+from omnisim.scene.surface_reflectance import environment_table
 from tests.rendering.rays.test_caster import rays_from
 from tests.scenes import room, room_color, room_hit, scene_of, square
 
 pytest.importorskip("embreex", reason="embreex, which casts the rays, is missing")
 
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
-from omnisim.rendering.rays.shading.reflections import MAX_BOUNCES, Paths
+from omnisim.rendering.rays.shading.ray_optics import MAX_BOUNCES, Paths
 from omnisim.rendering.stage import open_sensor
 from omnisim.validation.reflective_rooms import camera, camera_pose, rooms
 

@@ -214,7 +214,7 @@ def test_culling_changes_no_channel(monkeypatch):
     found = []
     for worth in (0, 10**9):  # triangles from which on it is worth a test what is hidden
         monkeypatch.setattr(
-            "omnisim.rendering.opengl.drawing.scene_view.MIN_TRIANGLES_OF_PASSES", (worth,) * 2
+            "omnisim.rendering.opengl.scene_view.MIN_TRIANGLES_OF_PASSES", (worth,) * 2
         )
         with open_sensor(surroundings(), OmniCamera().resized(90)) as renderer:
             found.append(_render_all(renderer).channels)

@@ -8,6 +8,7 @@ from trimesh.visual.texture import TextureVisuals
 from omnisim.core.errors import SceneError
 from omnisim.scene import read_scene
 from omnisim.scene.model import AlphaMode
+from omnisim.scene.surface_kind import pane_transmission
 from tests.docs.pages import ROOT
 
 GLOSS = 'names = ["oak*"]\nspecular = 0.8\nroughness = 0.1\n'
@@ -69,7 +70,7 @@ def test_a_blended_material_that_transmits_becomes_a_pane(changed):
     table = 'names = ["window"]\ntransmission = 0.9\nroughness = 0.0\nbase_color = [1, 0.5, 0.2]\n'
     window = by_name(changed(table))["window"]
     assert (window.alpha_mode, window.base_color) == (AlphaMode.OPAQUE, (1.0, 0.5, 0.2, 1.0))
-    assert window.pane_transmission == 0.9
+    assert pane_transmission(window) == 0.9
     tinted = by_name(changed('names = ["window"]\nbase_color = [1, 0.5, 0.2]\n'))["window"]
     assert tinted.alpha_mode is AlphaMode.BLEND
     assert tinted.base_color == (1.0, 0.5, 0.2, 64 / 255)
@@ -126,7 +127,7 @@ def test_a_change_without_effect_is_a_note(changed, table, head, words):
     ],
 )
 def test_only_what_changes_light_asks_for_another_bake(changed, values, is_other_light):
-    before, after = changed().given, changed(f'names = ["oak dark"]\n{values}\n').given
+    before, after = changed().identity, changed(f'names = ["oak dark"]\n{values}\n').identity
     assert (after.light != before.light) == is_other_light
     assert after.content != before.content
 
@@ -137,7 +138,7 @@ def test_a_variant_keeps_the_bake_of_its_base_unless_light_changes():
     assert polished.lighting.baked is not None
     assert polished.notices == ()
     glass = read_scene(ROOT / "examples" / "mapping-glass.toml")
-    assert by_name(glass)["glass"].pane_transmission == 1.0
+    assert pane_transmission(by_name(glass)["glass"]) == 1.0
     assert glass.lighting.baked is None
     (notice,) = glass.notices
     assert notice == (

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from omnisim.scene import Scene
-from omnisim.scene.light.baked import baked_fingerprint
 
 
 @pytest.fixture
@@ -20,8 +19,8 @@ def test_equal_scenes_have_one_fingerprint(scene):
         scene,
         meshes=tuple(dataclasses.replace(m, positions=m.positions.copy()) for m in scene.meshes),
     )
-    assert baked_fingerprint(copy) == baked_fingerprint(scene)
-    assert len(baked_fingerprint(scene)) == 64
+    assert copy.identity.light == scene.identity.light
+    assert len(scene.identity.light) == 64
 
 
 def test_names_fog_and_starts_count_for_nothing(scene):
@@ -33,7 +32,7 @@ def test_names_fog_and_starts_count_for_nothing(scene):
         meshes=(dataclasses.replace(mesh, name="other"),),
         background=(0.0, 0.0, 0.0),
     )
-    assert baked_fingerprint(other) == baked_fingerprint(scene)
+    assert other.identity.light == scene.identity.light
 
 
 def _with_vertex(scene):
@@ -63,4 +62,4 @@ def _with_light(**changes):
     ],
 )
 def test_what_light_depends_on_changes_it(scene, change):
-    assert baked_fingerprint(change(scene)) != baked_fingerprint(scene)
+    assert change(scene).identity.light != scene.identity.light

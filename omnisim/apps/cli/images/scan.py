@@ -11,9 +11,9 @@ from omnisim.core.errors import OutputError
 from omnisim.core.extras import require_extra
 from omnisim.core.files.atomic_file import check_target
 from omnisim.core.world import WorldState
+from omnisim.rendering.reflection_kinds import specular_notes
 from omnisim.rendering.stage import open_sensor
 from omnisim.sensors.laser_scanner.laser_scanner import LaserScanner
-from omnisim.sensors.specular_keys import specular_notes
 
 
 def run(request: ScanRequest) -> None:

@@ -64,7 +64,7 @@ from omnisim.measurement.timing import (
     measure_timing,
 )
 from omnisim.rendering.camera.degradations import Encoding
-from omnisim.rendering.camera.degradations.fixed_pattern import write_pattern
+from omnisim.rendering.camera.degradations.noise import write_pattern
 from omnisim.rendering.camera.omnicamera import OmniCamera
 
 _GREEN = 1

@@ -16,7 +16,6 @@ import numpy as np
 
 from omnisim.core.arrays import Bools, Floats, Indices
 from omnisim.core.errors import TrajectoryError
-from omnisim.core.files.sources import read_source
 from omnisim.core.poses import (
     MAX_M,
     is_rotation,
@@ -106,7 +105,7 @@ class TextTable:
 def read_text_table(path: Path) -> TextTable:
     """Read a text file with cells separated by commas or blanks; `#` starts a comment line."""
     try:
-        text = read_source(path).decode("utf-8-sig")
+        text = path.read_bytes().decode("utf-8-sig")
     except OSError as reason:
         raise TrajectoryError(f"{path}: cannot be read: {reason.strerror}") from None
     except UnicodeDecodeError:

@@ -13,12 +13,7 @@ import numpy as np
 
 from omnisim.core.arrays import Bools, Floats, Floats32, Indices
 from omnisim.rendering.camera.degradations.effect import DEFAULT_SHOT, SensorEffect, Shot
-from omnisim.rendering.camera.degradations.image_geometry import (
-    ImageGeometry,
-    LinearImage,
-    Step,
-    UniformValue,
-)
+from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage, Step
 
 RED_XY = {"RGGB": (0, 0), "GRBG": (1, 0), "GBRG": (0, 1), "BGGR": (1, 1)}  # column, row
 # Malvar's filters, in eighths: for green at red or blue; for red at green in red's row; for red
@@ -52,12 +47,10 @@ class Bayer(SensorEffect, name="degradation.bayer"):
 
     def steps(self, geometry: ImageGeometry, shot: Shot = DEFAULT_SHOT) -> list[Step]:
         """Two GPU passes: the mosaic, in all three channels, and demosaicing."""
-        mosaic = Step("bayer_mosaic", {"u_red_xy": RED_XY[self.pattern]})
-        if self.demosaic == "none":
-            return [mosaic]
-        uniforms: dict[str, UniformValue]
-        uniforms = {"u_red_xy": RED_XY[self.pattern], "u_malvar": self.demosaic == "malvar"}
-        return [mosaic, Step("bayer_demosaic", uniforms)]
+        red_xy, is_malvar = RED_XY[self.pattern], self.demosaic == "malvar"
+        mosaic = Step("bayer_mosaic", {"u_red_xy": red_xy})
+        demosaic = Step("bayer_demosaic", {"u_red_xy": red_xy, "u_malvar": is_malvar})
+        return [mosaic] if self.demosaic == "none" else [mosaic, demosaic]
 
     def apply(
         self, image: LinearImage, geometry: ImageGeometry, shot: Shot = DEFAULT_SHOT
@@ -92,10 +85,8 @@ class Bayer(SensorEffect, name="degradation.bayer"):
             for right, down in offsets:
                 layer_total += _neighbor(np.where(near, raw, np.float32(0.0)), right, down)
                 layer += _neighbor(near.astype(np.float32), right, down)
-            total, count = (
-                np.where(count > 0, total, layer_total),
-                np.where(count > 0, count, layer),
-            )
+            total = np.where(count > 0, total, layer_total)
+            count = np.where(count > 0, count, layer)
         guess = np.where(count > 0, total / np.maximum(count, np.float32(1.0)), raw)
         if self.demosaic == "malvar":
             whole = np.ones(raw.shape, dtype=bool)
@@ -111,6 +102,7 @@ class Bayer(SensorEffect, name="degradation.bayer"):
 
 
 def _filtered(raw: Floats32, eighths: Floats) -> Floats32:
+    """Image filtered by weights (5, 5) in eighths."""
     total = np.zeros(raw.shape, dtype=np.float32)
     for down in range(-2, 3):
         for right in range(-2, 3):

@@ -8,7 +8,7 @@ Source: Kang, "Automatic removal of chromatic aberration from a single image", C
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from pydantic import Field
@@ -46,10 +46,7 @@ class ChromaticAberration(OpticalEffect, name="degradation.chromatic_aberration"
 
     def steps(self, geometry: ImageGeometry) -> list[Step]:
         """One GPU pass."""
-        uniforms: dict[str, Any] = {
-            "u_center_px": geometry.center_px,
-            "u_inverse_radius_unit": 1.0 / geometry.radius_unit_px,
-        }
+        uniforms = geometry.uniforms()
         for color, scale, offsets_px in self._colors():
             uniforms[f"u_{color}_inverse_scale"] = 1.0 / scale
             uniforms[f"u_{color}_offsets"] = _relative(offsets_px, geometry)

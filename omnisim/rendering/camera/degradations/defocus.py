@@ -11,15 +11,14 @@ curved mirror lie at different depths, so that not all of them can be in focus.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from omnisim.core.arrays import Floats32
 from omnisim.core.files.parameters import Number, Typical
-from omnisim.rendering.camera.degradations.effect import OpticalEffect
+from omnisim.rendering.camera.degradations.effect import OpticalEffect, weighted_mean
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage, Step
 
 MAX_PX = 32.0  # 4225 samples per pixel
@@ -62,25 +61,10 @@ class Defocus(OpticalEffect, name="degradation.defocus"):
         """Reference in NumPy."""
         radii = self.radii_px(geometry)
         reach = int(np.ceil(radii.max() + 0.5))
-        height, width = radii.shape
-        padded = np.zeros((height + 2 * reach, width + 2 * reach, 4), dtype=np.float64)
-        valid = image[..., 3] > 0.5
-        padded[reach : reach + height, reach : reach + width, :3] = image[..., :3]
-        padded[reach : reach + height, reach : reach + width, 3] = valid
-        total = np.zeros((height, width, 4))
-        for down in range(-reach, reach + 1):
-            for right in range(-reach, reach + 1):
-                near = padded[reach + down :, reach + right :][:height, :width]
-                weight = covered_share(right, down, radii)
-                total += (weight * near[..., 3])[..., None] * np.concatenate(
-                    (near[..., :3], np.ones((height, width, 1))), axis=-1
-                )
-        result = image.copy()
-        result[valid, :3] = total[valid, :3] / total[valid, 3:]
-        return result
+        return weighted_mean(image, reach, lambda right, down: covered_share(right, down, radii))
 
 
-def covered_share(right_px: int, down_px: int, radius_px: Floats32) -> NDArray[Any]:
+def covered_share(right_px: int, down_px: int, radius_px: Floats32) -> Floats32:
     """Fraction (...) of a pixel that lies in a disc around another pixel.
 
     The pixel is cut into strips along its shorter offset; the chord across them is exact.

@@ -61,10 +61,8 @@ class Degradation:
 
     def __post_init__(self) -> None:
         if self.noise and self.noise.dark_current_e_per_s > 0.0 and self.exposure_s == 0.0:
-            raise OpticsError(
-                "degradation.noise.dark_current_e_per_s = "
-                f"{self.noise.dark_current_e_per_s:g}: needs degradation.shutter.exposure_s"
-            )
+            setting = f"noise.dark_current_e_per_s = {self.noise.dark_current_e_per_s:g}"
+            raise OpticsError(f"degradation.{setting}: needs degradation.shutter.exposure_s")
 
     def __repr__(self) -> str:
         return short_repr(self, *(self.parts or ("ideal",)))
@@ -130,12 +128,7 @@ class Degradation:
         return [step for effect in self.optics for step in effect.steps(geometry)]
 
     def sensor_steps(self, geometry: ImageGeometry, noise_key: int) -> list[Step]:
-        """GPU passes after the shutter, up to the linear image.
-
-        Args:
-            geometry: geometry of the image.
-            noise_key: key of the camera's random numbers.
-        """
+        """GPU passes after the shutter, up to the linear image; the key is that of the noise."""
         from omnisim.rendering.camera.degradations.effect import Shot
 
         shot = Shot(exposure_s=self.exposure_s, noise_key=noise_key)
@@ -159,7 +152,7 @@ class Degradation:
         Args:
             sub_frames: at least one ideal image, each with its share (height,) of the rows'
                 exposure; None: the whole frame.
-            geometry: geometry of the image.
+            geometry: geometry of the images.
 
         Raises:
             ValueError: there is no sub-frame.
@@ -192,8 +185,7 @@ class Degradation:
             image: collected light.
             geometry: geometry of the image.
             factors: exposure factors of red, green and blue light.
-            noise_key: key of the camera's random numbers.
-            frame_number: frame number of the image.
+            noise_key, frame_number: see `Shot`.
         """
         from omnisim.rendering.camera.degradations.effect import Shot
 

@@ -12,7 +12,6 @@ enabled = false           # off, whatever the preset says
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
@@ -27,13 +26,11 @@ from omnisim.core.package_files import PRESETS, preset_names
 from omnisim.rendering.camera.degradations.degradation import Degradation, effect_classes
 from omnisim.rendering.camera.degradations.effect import Effect
 
-
-def _effects() -> dict[str, type[Effect]]:
-    hints = get_type_hints(Degradation, localns=effect_classes())
-    return {field.name: get_args(hints[field.name])[0] for field in dataclasses.fields(Degradation)}
-
-
-EFFECTS = _effects()  # by table name
+# Effects by table name, in the order of the light path.
+EFFECTS: dict[str, type[Effect]] = {
+    name: get_args(hint)[0]
+    for name, hint in get_type_hints(Degradation, localns=effect_classes()).items()
+}
 
 
 @cache
@@ -118,14 +115,13 @@ def _with_paths(
     return result
 
 
-def _build(tables: Mapping[str, dict[str, Any]], source: str, prefix: str) -> Degradation:
+def _build(tables: dict[str, dict[str, Any]], source: str, prefix: str) -> Degradation:
     """Degradation of checked tables, whose names have the prefix in their file."""
     parts: dict[str, Any] = {}
     try:
         for name, values in tables.items():
-            keys = {key: value for key, value in values.items() if key != "enabled"}
-            if values.get("enabled", True):
-                parts[name] = EFFECTS[name](**keys)
+            if values.pop("enabled", True):
+                parts[name] = EFFECTS[name](**values)
         return Degradation(**parts)
     except OpticsError as reason:
         message = str(reason).replace("degradation.", prefix)

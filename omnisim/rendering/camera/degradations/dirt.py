@@ -99,9 +99,8 @@ class Dirt(OpticalEffect, name="degradation.dirt"):
             angle = np.arctan2(down, right)
             # specks are not round: an oval, three lumps and five small ones
             lumps = zip((0.22, 0.12, 0.07), (2, 3, 5), phases, strict=True)
-            edge = radius * (
-                1.0 + sum(size * np.sin(n * angle + 2 * np.pi * phase) for size, n, phase in lumps)
-            )
+            waves = [size * np.sin(n * angle + 2 * np.pi * phase) for size, n, phase in lumps]
+            edge = radius * (1.0 + sum(waves))
             soft = max(SOFT * radius, 0.5)
             inside = np.clip(0.5 + (edge - np.hypot(right, down)) / (2.0 * soft), 0.0, 1.0)
             window *= 1.0 - opacity * inside * inside * (3.0 - 2.0 * inside)
@@ -117,24 +116,22 @@ class Dirt(OpticalEffect, name="degradation.dirt"):
             steps = np.stack((np.cos(angle), np.sin(angle)), axis=-1) * (length / len(along))
             points = position + np.cumsum(steps, axis=0) - 0.5 * steps.sum(axis=0)
             # deep at its start or in the middle, never over its whole length
-            depth = np.cos(np.pi * along) * (
-                0.7 + 0.3 * np.sin(2 * np.pi * (5 * along + numbers[2]))
-            )
+            waves = np.sin(2 * np.pi * (5 * along + numbers[2]))
+            depth = np.cos(np.pi * along) * (0.7 + 0.3 * waves)
             opacity = self.scratch_opacity * (0.4 + 0.6 * numbers[3])
             dirt = np.zeros_like(clear)
             window, right, down = _window(dirt, points.mean(axis=0), 0.5 * length + reach)
             if not window.size:
                 continue
+            width = max(self.scratch_width_px, 0.3)
             points = points - points.mean(axis=0)
             for point, strength in zip(points, opacity * depth, strict=True):
-                part = (np.abs(right[0] - point[0]) < reach, np.abs(down[:, 0] - point[1]) < reach)
-                across = np.flatnonzero(part[0])
-                upright = np.flatnonzero(part[1])
-                if not across.size or not upright.size:
+                columns = np.flatnonzero(np.abs(right[0] - point[0]) < reach)
+                rows = np.flatnonzero(np.abs(down[:, 0] - point[1]) < reach)
+                if not columns.size or not rows.size:
                     continue
-                near = np.s_[upright[0] : upright[-1] + 1, across[0] : across[-1] + 1]
+                near = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
                 squared = (right[near] - point[0]) ** 2 + (down[near] - point[1]) ** 2
-                width = max(self.scratch_width_px, 0.3)
                 shape = strength * np.exp2(-np.minimum(squared / width**2, 60.0))
                 np.maximum(window[near], shape, out=window[near])
             clear *= 1.0 - dirt

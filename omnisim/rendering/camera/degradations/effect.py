@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Self
 
+import numpy as np
 from pydantic import Field
 
+from omnisim.core.arrays import Floats32
 from omnisim.core.files.parameters import NotNegative, Number, Parameters
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage, Step
 
@@ -25,27 +28,22 @@ class Effect(Parameters):
 
     def scaled(self, scale: float) -> Self:
         """Effect on an image `scale` times as large: lengths in pixels grow."""
-        lengths: dict[str, Any] = {
-            field.name: _scaled(getattr(self, field.name), scale)
-            for field in dataclasses.fields(self)
-            if field.name.endswith("_px")
-        }
+
+        def times(lengths: Any) -> Any:
+            if isinstance(lengths, tuple):
+                return tuple(times(length) for length in lengths)
+            return scale * lengths
+
+        names = [key.name for key in dataclasses.fields(self) if key.name.endswith("_px")]
+        lengths: dict[str, Any] = {name: times(getattr(self, name)) for name in names}
         return dataclasses.replace(self, **lengths) if lengths else self
-
-
-def _scaled(lengths: Any, scale: float) -> Any:
-    """Length, or rows of lengths, times a scale."""
-    if isinstance(lengths, tuple):
-        return tuple(_scaled(length, scale) for length in lengths)
-    return scale * lengths
 
 
 @dataclass(frozen=True)
 class Shot:
     """Conditions of one image."""
 
-    # factors of red, green and blue light
-    exposure_factors: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    exposure_factors: tuple[float, float, float] = (1.0, 1.0, 1.0)  # of red, green and blue light
     exposure_s: float = 0.0  # exposure time of a row; 0: instantaneous
     noise_key: int = 0  # key of the camera's random numbers
     frame_number: int = 0  # number of the image, for its noise
@@ -78,3 +76,27 @@ class SensorEffect(Effect, ABC):
         self, image: LinearImage, geometry: ImageGeometry, shot: Shot = DEFAULT_SHOT
     ) -> LinearImage:
         """Reference in NumPy."""
+
+
+def weighted_mean(
+    image: LinearImage, reach: int, weight: Callable[[int, int], Floats32]
+) -> LinearImage:
+    """Weighted mean of the valid pixels around each valid pixel, which others do not darken.
+
+    Args:
+        image: image.
+        reach: largest offset along rows and columns.
+        weight: weights (height, width) of the pixels at an offset, right and down.
+    """
+    height, width = image.shape[:2]
+    valid = image[..., 3] > 0.5
+    light = np.concatenate((image[..., :3], np.ones((height, width, 1))), axis=-1)
+    padded = np.pad(light * valid[..., None], ((reach, reach), (reach, reach), (0, 0)))
+    total = np.zeros((height, width, 4))
+    for down in range(-reach, reach + 1):
+        for right in range(-reach, reach + 1):
+            near = padded[reach + down :, reach + right :][:height, :width]
+            total += weight(right, down)[..., None] * near
+    result = image.copy()
+    result[valid, :3] = total[valid, :3] / total[valid, 3:]
+    return result

@@ -23,12 +23,9 @@ Gamma = Annotated[
     described("a number from 0.1 to 10 or 'srgb'"),
 ]
 
-
 MAX_POINTS = 64
 _BY_CURVE = -1.0  # exponent of the shader that means the curve
 Point = tuple[Annotated[Number, Field(ge=0.0, le=16.0)], Fraction]
-
-
 # Neutral curve: luminance where compression starts, and desaturation rate of highlights.
 _START, _DESATURATION, _TOE, _F90 = 0.76, 0.15, 0.08, 0.04
 
@@ -58,13 +55,11 @@ class Encoding(Effect, name="degradation.encoding"):
     tone_curve: Literal["clip", "neutral"] = "clip"
     """Tone curve, before the transfer function. "clip": none, light above 1 is white; "neutral":
     Khronos's PBR Neutral, which keeps base colors and compresses highlights."""
-
     curve: Annotated[tuple[Point, ...], Field(min_length=2, max_length=MAX_POINTS)] | None = None
     """Measured response in place of gamma: points of light, and the level that a camera gives it,
     from 0 to 1; linear between the points, constant beyond them."""
 
     def _check(self) -> None:
-        super()._check()
         points = self.curve or ()
         if any(after[0] <= before[0] or after[1] < before[1] for before, after in pairwise(points)):
             raise self._error("curve", "points in order of their light, with rising levels")
@@ -87,12 +82,11 @@ class Encoding(Effect, name="degradation.encoding"):
     def step(self) -> Step:
         """GPU pass into 8 bits."""
         power = 0.0 if self.gamma == "srgb" else 1.0 / self.gamma
-        exponent = power if self.curve is None else _BY_CURVE
+        points = self.curve or ((0.0, 0.0), (1.0, 1.0))
         curve = np.zeros((1, MAX_POINTS, 4), dtype=np.float32)
-        points = np.array(self.curve or ((0.0, 0.0), (1.0, 1.0)), dtype=np.float32)
         curve[0, : len(points), :2] = points
         uniforms = {
-            "u_exponent": exponent,
+            "u_exponent": power if self.curve is None else _BY_CURVE,
             "u_last_point": float(len(points) - 1),
             "u_largest": float(2**self.bit_depth - 1),
             "u_neutral": float(self.tone_curve == "neutral"),

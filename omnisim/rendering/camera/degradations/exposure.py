@@ -65,9 +65,8 @@ class Exposure(SensorEffect, name="degradation.exposure"):
     @property
     def meter(self) -> Metering | None:
         """Light meter; None: a fixed exposure."""
-        if not self.auto:
-            return None
-        return Metering(self.percentile if self.metering == "percentile" else None)
+        percentile = self.percentile if self.metering == "percentile" else None
+        return Metering(percentile) if self.auto else None
 
     def metered_ev(self, luminance: float) -> float:
         """Metered exposure in stops, from an image's metered luminance before exposure."""

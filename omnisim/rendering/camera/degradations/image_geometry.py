@@ -49,7 +49,6 @@ LinearImage = Floats32  # (height, width, 4): linear RGB, and 1 if valid, else 0
 class ImageGeometry:
     """Size and center of an image."""
 
-    # size
     width_px: int
     height_px: int
     center_px: tuple[float, float]  # (u, v) principal point

@@ -1,5 +1,7 @@
 """Shot noise, dark current, fixed pattern, read noise and A/D conversion of a sensor.
 
+The fixed pattern is each pixel's own gain and dark signal (PRNU, DSNU), equal in all images.
+
 Without `gain_e_per_dn`, a full well gives the converter's largest number.
 
 A linear value of 1 fills the well or gives the converter's largest number, whichever comes first:
@@ -16,6 +18,7 @@ Source: EMVA Standard 1288, release 4.0 (model and names); Cornish and Fisher, 1
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, ClassVar
 
@@ -23,21 +26,17 @@ import numpy as np
 from pydantic import Field
 
 from omnisim.core.arrays import Floats32, Uints32
+from omnisim.core.errors import OutputError, SensorFileError
 from omnisim.core.files.parameters import Fraction, LongSeed, Name, NotNegative, Positive, Typical
-from omnisim.core.random_numbers import normal, pcg4d, uniform
+from omnisim.core.random_numbers import key_of, normal, pcg4d, uniform
 from omnisim.rendering.camera.degradations.effect import DEFAULT_SHOT, SensorEffect, Shot
-from omnisim.rendering.camera.degradations.fixed_pattern import (
-    no_pattern,
-    random_pattern,
-    read_pattern,
-    resampled,
-)
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage, Step
 
 NORMAL_FROM_E = 32.0  # mean number of electrons from which the normal approximation suffices
 MAX_COUNTED = 128  # a mean below NORMAL_FROM_E gives no larger count
 # From this term on, the sum's terms are below float32's steps near 1, and the sum has converged.
 MIN_TERM = 2.0**-27
+GAIN, OFFSET = "prnu", "dsnu_e"  # channels of a pattern's file
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -150,7 +149,7 @@ class Noise(SensorEffect, name="degradation.noise"):
         if self.pattern is not None:
             return resampled(read_pattern(Path(self.pattern)), *size)
         if self.prnu == 0.0 and self.dsnu_e == 0.0:
-            return no_pattern()
+            return np.zeros((1, 1, 2), dtype=np.float32)
         return random_pattern(*size, self.prnu, self.dsnu_e, self.pattern_seed)
 
 
@@ -178,3 +177,78 @@ def _quantiles(mean: Floats32, fraction: Floats32) -> Floats32:
         total = np.where(more, total + term, total)
         count = np.where(more, np.float32(number), count)
     return count
+
+
+def random_pattern(
+    width_px: int, height_px: int, prnu: float, dsnu_e: float, seed: int
+) -> Floats32:
+    """Normally distributed pattern without rows or columns.
+
+    Args:
+        prnu: standard deviation of the pixels' gains, as a share of the mean gain.
+        dsnu_e: standard deviation of the pixels' dark signals, electrons.
+        seed: seed of the pattern.
+
+    Returns:
+        (height, width, 2): deviation of the gain as a share, and of the dark signal in electrons.
+    """
+    column, row = np.meshgrid(np.arange(width_px), np.arange(height_px))
+    hashes = pcg4d(column, row, 0, key_of("fixed pattern", seed))
+    deviations = normal(hashes[0], hashes[1]), normal(hashes[2], hashes[3])
+    sigmas = np.array((prnu, dsnu_e), dtype=np.float32)
+    return np.stack(deviations, axis=-1) * sigmas
+
+
+def write_pattern(path: Path, pattern: Floats32) -> None:
+    """Write a pattern (height, width, 2) as an EXR file with the channels `prnu` and `dsnu_e`.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    from omnisim.core.files.image_files import write_channels  # slow to import
+
+    write_channels(path, {GAIN: pattern[..., 0], OFFSET: pattern[..., 1]})
+
+
+def read_pattern(path: Path) -> Floats32:
+    """Pattern (height, width, 2) of a file, see `write_pattern`.
+
+    Raises:
+        SensorFileError: the file is damaged, or has other channels or numbers than expected.
+    """
+    try:
+        changed_ns = path.stat().st_mtime_ns
+    except OSError as reason:
+        raise SensorFileError(f"{path}: cannot be read: {reason.strerror}") from None
+    return _read(path, changed_ns)
+
+
+@lru_cache(maxsize=2)  # the reference reads it for each image
+def _read(path: Path, changed_ns: int) -> Floats32:
+    from omnisim.core.files.image_files import read_channels  # slow to import
+
+    try:
+        channels = read_channels(path).values
+    except OutputError as reason:
+        raise SensorFileError(str(reason)) from None
+    if sorted(channels) != sorted((GAIN, OFFSET)):
+        expected = f"expected the channels {GAIN} and {OFFSET}"
+        raise SensorFileError(f"{path}: {expected}, got {', '.join(sorted(channels))}")
+    pattern = np.stack((channels[GAIN], channels[OFFSET]), axis=-1)
+    if not np.isfinite(pattern).all() or (pattern[..., 0] < -1.0).any():
+        raise SensorFileError(f"{path}: expected finite numbers, and {GAIN} of at least -1")
+    pattern.setflags(write=False)
+    return pattern
+
+
+def resampled(pattern: Floats32, width_px: int, height_px: int) -> Floats32:
+    """Pattern (height, width, 2) of an image of another size: that of the nearest pixels.
+
+    Neighbors are not averaged, which would make the pattern weaker.
+    """
+    height, width = pattern.shape[:2]
+    if (height, width) == (height_px, width_px):
+        return pattern
+    rows = (2 * np.arange(height_px) + 1) * height // (2 * height_px)
+    columns = (2 * np.arange(width_px) + 1) * width // (2 * width_px)
+    return pattern[rows[:, None], columns]

@@ -19,13 +19,8 @@ from pydantic import Field
 
 from omnisim.core.arrays import Floats, Floats32, Ints
 from omnisim.core.files.parameters import NotNegative, Number
-from omnisim.rendering.camera.degradations.effect import OpticalEffect
-from omnisim.rendering.camera.degradations.image_geometry import (
-    ImageGeometry,
-    LinearImage,
-    Step,
-    UniformValue,
-)
+from omnisim.rendering.camera.degradations.effect import OpticalEffect, weighted_mean
+from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage, Step
 
 MAX_WIDTH_PX = 8.0  # 4225 samples per pixel
 MAX_ROWS = 64
@@ -66,13 +61,9 @@ class PointSpread(OpticalEffect, name="degradation.point_spread"):
     def steps(self, geometry: ImageGeometry) -> list[Step]:
         """One GPU pass."""
         largest_px, table = self.table()
-        uniforms: dict[str, UniformValue] = {
-            "u_center_px": geometry.center_px,
-            "u_radius_scale": (STEPS - 1) / largest_px,
-            "u_reach": REACH,
-        }
+        scale = {"u_radius_scale": (STEPS - 1) / largest_px, "u_reach": REACH}
         textures = {"u_widths_px": np.pad(table, ((0, 0), (0, 0), (0, 2)))}
-        return [Step("point_spread", uniforms, textures)]
+        return [Step("point_spread", {"u_center_px": geometry.center_px, **scale}, textures)]
 
     def apply(self, image: LinearImage, geometry: ImageGeometry) -> LinearImage:
         """Reference in NumPy."""
@@ -87,11 +78,22 @@ class PointSpread(OpticalEffect, name="degradation.point_spread"):
         column, across = _entry(radii * np.float32((STEPS - 1) / largest_px), STEPS)
         row, down = _entry(tangent * np.float32(ANGLES - 1), ANGLES)
         one = np.float32(1.0)
-        widths = (table[row, column] * (one - across) + table[row, column + 1] * across) * (
-            one - down
-        ) + (table[row + 1, column] * (one - across) + table[row + 1, column + 1] * across) * down
+        above, below = (
+            table[entry, column] * (one - across) + table[entry, column + 1] * across
+            for entry in (row, row + 1)
+        )
+        widths = above * (one - down) + below * down
         reach = np.ceil(np.float32(REACH) * widths.max(axis=-1)).astype(np.int64)
-        return _weighted_mean(image, outward, widths, reach)
+
+        def weight(right_px: int, down_px: int) -> Floats32:
+            """Density of each pixel's own normal distribution at an offset, to a factor."""
+            x, y = np.moveaxis(outward, -1, 0)
+            radial = (right_px * x + down_px * y) / widths[..., 0]
+            tangential = (down_px * x - right_px * y) / widths[..., 1]
+            density = np.exp(np.float32(-0.5) * (radial * radial + tangential * tangential))
+            return density * (max(abs(right_px), abs(down_px)) <= reach)
+
+        return weighted_mean(image, int(reach.max()), weight)
 
 
 def _entry(at: Floats32, count: int) -> tuple[Ints, Floats32]:
@@ -99,28 +101,6 @@ def _entry(at: Floats32, count: int) -> tuple[Ints, Floats32]:
     within = np.minimum(at, np.float32(count - 1))
     entry = np.minimum(within.astype(np.int64), count - 2)
     return entry, (within - entry)[..., None].astype(np.float32)
-
-
-def _weighted_mean(
-    image: LinearImage, outward: Floats32, widths_px: Floats32, reach_px: Ints
-) -> LinearImage:
-    """Mean of the valid pixels, weighted by each pixel's own normal distribution."""
-    height, width = image.shape[:2]
-    far = int(reach_px.max())
-    valid = image[..., 3] > 0.5
-    light = np.concatenate((image[..., :3], np.ones((height, width, 1))), axis=-1)
-    padded = np.pad(light * valid[..., None], ((far, far), (far, far), (0, 0)))
-    total = np.zeros((height, width, 4))
-    for down in range(-far, far + 1):
-        for right in range(-far, far + 1):
-            radial = (right * outward[..., 0] + down * outward[..., 1]) / widths_px[..., 0]
-            across = (down * outward[..., 0] - right * outward[..., 1]) / widths_px[..., 1]
-            weight = np.exp(np.float32(-0.5) * (radial * radial + across * across))
-            weight *= max(abs(right), abs(down)) <= reach_px
-            total += weight[..., None] * padded[far + down :, far + right :][:height, :width]
-    result = image.copy()
-    result[valid, :3] = total[valid, :3] / total[valid, 3:]
-    return result
 
 
 @lru_cache(maxsize=8)  # the reference reads it for each image

@@ -28,8 +28,6 @@ MAX_ERROR_PX = 0.05  # position error of a moving edge in a row
 MAX_STEP_PX = 0.5  # motion between sub-frames: avoids ghosts
 MAX_SUB_FRAMES = 64
 MAX_S = 3600.0
-
-
 SubFrames = Annotated[
     Literal["auto"] | Annotated[int, Field(strict=True, ge=1, le=4096)],
     described("a whole number from 1 to 4096 or 'auto'"),
@@ -57,11 +55,9 @@ class Shutter(Effect, name="degradation.shutter"):
         for key in ("exposure_s", "readout_s"):
             value = getattr(self, key) or 0.0
             if value > period_s * (1.0 + 1e-9):
-                raise self._error(
-                    key,
-                    f"at most {period_s:g} s, the time from image to image at "
-                    f"frame_rate_hz = {self.frame_rate_hz:g}",
-                )
+                period = f"{period_s:g} s, the time from image to image"
+                at = f"at frame_rate_hz = {self.frame_rate_hz:g}"
+                raise self._error(key, f"at most {period} {at}")
 
     @property
     def duration_s(self) -> float:

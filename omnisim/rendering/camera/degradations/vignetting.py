@@ -37,9 +37,8 @@ class Vignetting(OpticalEffect, name="degradation.vignetting"):
             OpticsError: the field is too wide for three terms, and the polynomial would rise again.
         """
         if not 0.0 <= tangent <= 0.6:
-            raise OpticsError(
-                f"vignetting by cos⁴: expected a tangent of 0 to 0.6, got {tangent:g}"
-            )
+            expected = "expected a tangent of 0 to 0.6"
+            raise OpticsError(f"vignetting by cos⁴: {expected}, got {tangent:g}")
         return cls((-2.0 * tangent**2, 3.0 * tangent**4, -4.0 * tangent**6))
 
     @property

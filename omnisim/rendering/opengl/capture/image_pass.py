@@ -10,8 +10,8 @@ import moderngl
 import numpy as np
 
 from omnisim.core.arrays import Bools, Floats32
-from omnisim.rendering.opengl.atlas.image_parts import ImagePart
-from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
+from omnisim.rendering.atlas.image_parts import ImagePart
+from omnisim.rendering.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.capture.pixel_map import CaptureOutput, PixelMap, valid_pixels_array
 from omnisim.rendering.opengl.gl.buffers import gpu_buffer
 from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer, within

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
 
 import moderngl
 import numpy as np
 
 from omnisim.core.arrays import Bools, Floats32, Indices
 from omnisim.core.cube import FACE_FROM_RIG, FACE_NAMES
-from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
+from omnisim.rendering.atlas.parallax_plan import MARGIN_PX, ParallaxRays, SampleRays
+from omnisim.rendering.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.capture.image_pass import image_array
-from omnisim.rendering.opengl.capture.parallax_rays import MARGIN_PX, ParallaxRays, SampleRays
 from omnisim.rendering.opengl.capture.pixel_map import valid_pixels_array
 from omnisim.rendering.opengl.gl.buffers import gpu_buffer
 from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer, use_target
@@ -37,38 +36,32 @@ from omnisim.scene.model import Fog
 
 # texture units
 _ATLAS, _RAYS, _ORIGINS, _RIM_RAYS, _SURFACES, _SAMPLES = range(6)
+_DEPTH, _BLOCKS, _CELL_TILES = 8, 9, 10
 _RIM_ROW = 1 << 12  # texels per row of the rim's rays, as in capture/parallax_rays.glsl
 _SAMPLE_ROW = 1 << 10  # samples per row of those drawn one by one
 _PARTS = 64  # maximum samples per pixel, as in capture/parallax_samples.frag
 _LEFT = 1  # attachment
+_GREEN = 1  # its rays decide which pixels are valid
+_CELLS = 64  # per face side; tiles end at cell edges; as in first_surface.glsl
+_BLOCK, _BLOCKS_PER_GROUP = 8, 8  # per side, as in depth_bounds.comp
+_GROUP_SIZE = 8  # invocations per side, as there
 
 # Linear RGB (n, 3) along rays (n,).
 CastSamples = Callable[[SampleRays], Floats32]
 
 
-class RayTextures(NamedTuple):
-    """Rays of pixels, and of the samples at the rim, as `capture/parallax.frag` reads them."""
-
-    rays: moderngl.Texture
-    origins: moderngl.Texture
-    rim: moderngl.Texture
-
-    def use(self) -> None:
-        """Bind the textures."""
-        for unit, texture in ((_RAYS, self.rays), (_ORIGINS, self.origins), (_RIM_RAYS, self.rim)):
-            texture.use(unit)
-
-
 class ParallaxPass:
     """Image pass of a camera whose rays do not pass through one point.
 
+    A refracting camera has rays for each color: they are drawn one after the other, from one atlas.
+
     Args:
-        rays: sample rays from the viewpoint, rig frame.
-        shown: pixels (height, width) to draw; None: all with samples.
+        colors: sample rays from the viewpoint, rig frame; one set, or one each for R, G and B.
+        pyramid: hierarchical depth of the atlas.
         fog: fog in the atlas, as seen from the viewpoint; None: clear air.
 
     Attributes:
-        undecided_samples: number of undecided samples in the last image.
+        undecided_samples: number of undecided samples in the last image, all colors.
 
     Raises:
         GraphicsError: out of GPU memory.
@@ -77,19 +70,61 @@ class ParallaxPass:
     def __init__(
         self,
         context: moderngl.Context,
+        colors: Sequence[ParallaxRays],
+        plan: TilePlan,
+        pyramid: DepthPyramid,
+        fog: Fog | None = None,
+    ):
+        self._pyramid, self.undecided_samples = pyramid, 0
+        shown = colors[0].shown if len(colors) == 1 else colors[_GREEN].valid_shares() >= 0.5
+        self._colors = [_ColorPass(context, one, plan, pyramid, shown, fog) for one in colors]
+
+    def draw(
+        self,
+        atlas: moderngl.Texture,
+        depth: moderngl.Texture,
+        target: moderngl.Framebuffer,
+        cast: CastSamples | None,
+    ) -> None:
+        """Draw the valid pixels; `cast` colors undecided samples; without, occluders are thin."""
+        self._pyramid.update(depth)
+        if len(self._colors) == 1:
+            self.undecided_samples = self._colors[0].draw(atlas, target, cast)
+            return
+        self.undecided_samples = 0
+        for channel, color in enumerate(self._colors):
+            _write_only(target, [channel == other for other in range(3)] + [channel == _GREEN])
+            try:
+                self.undecided_samples += color.draw(atlas, target, cast)
+            finally:
+                _write_only(target, [True] * 4)
+
+
+def _write_only(target: moderngl.Framebuffer, channels: Sequence[bool]) -> None:
+    """Set the RGBA channels that drawing writes, in all attachments."""
+    mask, count = tuple(channels), len(target.color_attachments)
+    masks = mask if count == 1 else (mask,) * count
+    setattr(target, "color_mask", masks)  # noqa: B010  moderngl's stubs know one attachment only
+
+
+class _ColorPass:
+    """Draws one set of rays, for the pixels `shown` (height, width)."""
+
+    def __init__(
+        self,
+        context: moderngl.Context,
         rays: ParallaxRays,
         plan: TilePlan,
         pyramid: DepthPyramid,
-        shown: Bools | None = None,
-        fog: Fog | None = None,
+        shown: Bools,
+        fog: Fog | None,
     ):
         self._context, self._sample_rays, self._plan = context, rays, plan
         self._pyramid, self._fog, self._readback = pyramid, fog, PixelReadback(context)
         self._size = width, height = rays.smooth.shape[1], rays.smooth.shape[0]
         self._what = f"a capture of {width} × {height} px"
-        self.undecided_samples = 0
         with gpu_allocation(self._what, "make the image or camera.supersampling smaller"):
-            self._rays = ray_textures(context, rays)
+            self._rays = _ray_textures(context, rays)
             self._surfaces = texture_2d(context, self._size, 4)
             self._colors = texture_2d(context, self._size, 4)
             left = renderbuffer(context, self._size, 2, dtype="u4")
@@ -100,20 +135,15 @@ class ParallaxPass:
         clear_target(self._target, (0.0, 0.0, 0.0, 0.0), None)
         self._valid_bits = rays.valid_bits()
         self._samples, self._samples_target = self._allocate_samples(1)
-        self._surfaces_array = self._covering("surfaces")
-        self._pixels_array = self._covering("parallax")
+        self._surfaces_array, self._pixels_array = (
+            valid_pixels_array(context, self._program("capture/image.vert", name), rays.shown)
+            for name in ("surfaces", "parallax")
+        )
         program = self._program("common/full_screen.vert", "parallax_samples")
         uniform(program, "u_width_px").value = width
         self._samples_array = context.vertex_array(program, [])
         self._samples_array.vertices = 3
-        self._image_array = image_array(
-            context, rays.shown if shown is None else rays.shown & shown, 1
-        )
-
-    def _covering(self, fragment: str) -> moderngl.VertexArray:
-        """Vertex array that draws all pixels with samples."""
-        program = self._program("capture/image.vert", fragment)
-        return valid_pixels_array(self._context, program, self._sample_rays.shown)
+        self._image_array = image_array(context, rays.shown & shown, 1)
 
     def _program(self, vertex: str, fragment: str) -> moderngl.Program:
         plan = self._plan
@@ -140,21 +170,11 @@ class ParallaxPass:
         return program
 
     def draw(
-        self,
-        atlas: moderngl.Texture,
-        depth: moderngl.Texture,
-        target: moderngl.Framebuffer,
-        cast: CastSamples | None,
-    ) -> None:
-        """Draw the valid pixels; `cast` colors undecided samples; without, occluders are thin."""
-        self._pyramid.update(depth)
-        self.draw_again(atlas, target, cast)
-
-    def draw_again(
         self, atlas: moderngl.Texture, target: moderngl.Framebuffer, cast: CastSamples | None
-    ) -> None:
-        """Draw again with the pyramid's current depth."""
-        self._rays.use()
+    ) -> int:
+        """Draw by the pyramid's current depth; return the number of undecided samples."""
+        for unit, texture in enumerate(self._rays, start=_RAYS):
+            texture.use(unit)
         atlas.use(_ATLAS)
         self._context.disable(moderngl.BLEND | moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         use_target(self._surfaces_target)
@@ -162,52 +182,37 @@ class ParallaxPass:
         self._surfaces.use(_SURFACES)
         use_target(self._target)
         self._pixels_array.render()
-        self._add_samples_left(cast)
+        undecided_samples = self._add_samples_left(cast)
         self._colors.use(_ATLAS)
         use_target(target)
         self._image_array.render()
+        return undecided_samples
 
-    def _add_samples_left(self, cast: CastSamples | None) -> None:
-        """Add the samples that the pass over the pixels left undecided, one by one."""
-        pixels, at, parts = self._samples_left()
-        self.undecided_samples = 0
-        if len(parts) == 0:
-            return
-        light = self._draw_samples(_PARTS * pixels[at] + parts)
-        undecided = np.flatnonzero(light[:, 3] < 0.5)
-        self.undecided_samples = len(undecided)
-        if cast is not None and len(undecided):
-            rows, columns = np.divmod(pixels[at[undecided]], self._size[0])
-            light[undecided, :3] = cast(self._sample_rays.of(rows, columns, parts[undecided]))
-        colors = np.empty((len(self._valid_bits), 4), dtype=np.float32)
-        self._readback.read((self._colors, colors))
-        share = 1.0 / self._sample_rays.supersampling**2
-        for channel in range(3):
-            sums = np.bincount(at, light[:, channel], len(pixels))
-            colors[pixels, channel] += share * sums
-        self._colors.write(colors)
-
-    def _samples_left(self) -> tuple[Indices, Indices, Indices]:
-        """Undecided samples.
-
-        Returns:
-            Pixels (m,) with undecided samples; and for each sample (n,) the index of its pixel, and
-            its number within the pixel.
-        """
+    def _add_samples_left(self, cast: CastSamples | None) -> int:
+        """Add the samples that the pass over the pixels left, one by one; count the undecided."""
         width, height = self._size
+        samples = self._sample_rays.supersampling**2
         bits = np.empty((height, width, 2), dtype="<u4")
         self._readback.read((Pixels(self._target, _LEFT), bits))
         left = bits.view("<u8").ravel() & self._valid_bits
         pixels = np.flatnonzero(left)
-        at, parts = np.nonzero(
-            np.unpackbits(
-                left[pixels, None].view(np.uint8),
-                axis=1,
-                count=self._sample_rays.supersampling**2,
-                bitorder="little",
-            )
-        )
-        return pixels, at, parts
+        of_pixels = left[pixels, None].view(np.uint8)
+        unpacked = np.unpackbits(of_pixels, axis=1, count=samples, bitorder="little")
+        at, parts = np.nonzero(unpacked)  # index of each sample's pixel, and its number there
+        if len(parts) == 0:
+            return 0
+        light = self._draw_samples(_PARTS * pixels[at] + parts)
+        undecided = np.flatnonzero(light[:, 3] < 0.5)
+        if cast is not None and len(undecided):
+            rows, columns = np.divmod(pixels[at[undecided]], width)
+            light[undecided, :3] = cast(self._sample_rays.of(rows, columns, parts[undecided]))
+        colors = np.empty((len(self._valid_bits), 4), dtype=np.float32)
+        self._readback.read((self._colors, colors))
+        for channel in range(3):
+            sums = np.bincount(at, light[:, channel], len(pixels))
+            colors[pixels, channel] += 1.0 / samples * sums
+        self._colors.write(colors)
+        return len(undecided)
 
     def _draw_samples(self, samples: Indices) -> Floats32:
         """Linear RGB (n, 4) of samples (n,), with alpha 1 where the surface hit is known."""
@@ -234,8 +239,8 @@ class ParallaxPass:
             return samples, framebuffer(self._context, [light])
 
 
-def ray_textures(context: moderngl.Context, rays: ParallaxRays) -> RayTextures:
-    """Upload rays.
+def _ray_textures(context: moderngl.Context, rays: ParallaxRays) -> list[moderngl.Texture]:
+    """Rays and origins of pixels, and rays of the rim, as `capture/parallax.frag` reads them.
 
     Raises:
         AllocationError: no memory for them.
@@ -243,12 +248,9 @@ def ray_textures(context: moderngl.Context, rays: ParallaxRays) -> RayTextures:
     height, width = rays.directions.shape[:2]
     inner = slice(MARGIN_PX, -MARGIN_PX)
     samples = rays.supersampling**2
+    rim_texels = np.where(rays.rim_numbers >= 0, 1 + 2 * samples * rays.rim_numbers, 0)
     textures = []
-    rim = rays.rim_numbers >= 0
-    for values, own in (
-        (rays.directions, rays.valid_shares()),
-        (rays.origins_m, np.where(rim, 1 + 2 * samples * rays.rim_numbers, 0)),
-    ):
+    for values, own in ((rays.directions, rays.valid_shares()), (rays.origins_m, rim_texels)):
         texels = np.zeros((height, width, 4), dtype=np.float32)
         texels[..., :3] = values
         texels[inner, inner, 3] = own
@@ -258,72 +260,7 @@ def ray_textures(context: moderngl.Context, rays: ParallaxRays) -> RayTextures:
     texels[:count:2, :3] = rays.rim_directions.reshape(-1, 3)
     texels[1:count:2, :3] = rays.rim_origins_m.reshape(-1, 3)
     size = _RIM_ROW, len(texels) // _RIM_ROW
-    return RayTextures(textures[0], textures[1], texture_2d(context, size, 4, texels))
-
-
-# Image pass with separate rays for red, green and blue.
-_GREEN = 1  # its rays decide which pixels are valid
-
-
-class ChromaticPass:
-    """Image pass of a refracting camera: one pass per channel, from one atlas.
-
-    Args:
-        rays: sample rays of R, G and B from the viewpoint, rig frame.
-        fog: see `ParallaxPass`.
-
-    Attributes:
-        undecided_samples: number of undecided samples in the last image, all channels.
-
-    Raises:
-        GraphicsError: out of GPU memory.
-    """
-
-    def __init__(
-        self,
-        context: moderngl.Context,
-        rays: Sequence[ParallaxRays],
-        plan: TilePlan,
-        pyramid: DepthPyramid,
-        fog: Fog | None = None,
-    ):
-        self._pyramid, self.undecided_samples = pyramid, 0
-        shown = rays[_GREEN].valid_shares() >= 0.5
-        self._passes = [ParallaxPass(context, one, plan, pyramid, shown, fog) for one in rays]
-
-    def draw(
-        self,
-        atlas: moderngl.Texture,
-        depth: moderngl.Texture,
-        target: moderngl.Framebuffer,
-        cast: CastSamples | None,
-    ) -> None:
-        """Draw the pixels that are valid in green, see `ParallaxPass.draw`."""
-        self._pyramid.update(depth)
-        self.undecided_samples = 0
-        for channel, one in enumerate(self._passes):
-            _write_only(target, [channel == color for color in range(3)] + [channel == _GREEN])
-            try:
-                one.draw_again(atlas, target, cast)
-            finally:
-                _write_only(target, [True] * 4)
-            self.undecided_samples += one.undecided_samples
-
-
-def _write_only(target: moderngl.Framebuffer, channels: Sequence[bool]) -> None:
-    """Set the RGBA channels that drawing writes, in all attachments."""
-    mask, count = tuple(channels), len(target.color_attachments)
-    masks = mask if count == 1 else (mask,) * count
-    setattr(target, "color_mask", masks)  # noqa: B010  moderngl's stubs know one attachment only
-
-
-# Hierarchical depth of an atlas with its tiles by direction, for rays beside its viewpoint.
-
-
-_CELLS = 64  # per face side; tiles end at cell edges; as in first_surface.glsl
-_BLOCK, _BLOCKS_PER_GROUP = 8, 8  # per side, as in depth_bounds.comp
-_GROUP_SIZE = 8  # invocations per side, as there
-_DEPTH, _BLOCKS, _CELL_TILES = 8, 9, 10  # texture units
+    return [*textures, texture_2d(context, size, 4, texels)]
 
 
 class DepthPyramid:
@@ -391,9 +328,7 @@ class DepthPyramid:
         copy_textures({depth: self._depth})
         context.copy_buffer(self._groups, self._empty)
         self._buffers.bind()
-        for texture, unit in (
-            (self._depth, _DEPTH), (self._bounds, _BLOCKS), (self._cells, _CELL_TILES)
-        ):  # fmt: skip
+        for unit, texture in enumerate((self._depth, self._bounds, self._cells), start=_DEPTH):
             texture.use(unit)
         self._find.run(*self._work_groups)
         context.memory_barrier(context.SHADER_STORAGE_BARRIER_BIT)

@@ -19,8 +19,8 @@ from omnisim.cameras.mirrors import MirrorMesh, tessellate
 from omnisim.cameras.mirrors.mirror_mesh_rays import mesh_rays
 from omnisim.core.arrays import Bools, Floats, Floats32
 from omnisim.core.cube import FACE_FROM_RIG, FACE_NAMES
-from omnisim.rendering.opengl.atlas.sampling_density import dilate
-from omnisim.rendering.opengl.atlas.tile_plan import MAX_TILES, TilePlan
+from omnisim.rendering.atlas.sampling_density import dilate
+from omnisim.rendering.atlas.tile_plan import MAX_TILES, TilePlan
 from omnisim.rendering.opengl.gl.buffers import gpu_buffer
 from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer
 from omnisim.rendering.opengl.gl.gpu_textures import texture_2d

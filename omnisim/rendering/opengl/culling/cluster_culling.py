@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.arrays import Bools, Floats, Indices, Uints32
+from omnisim.rendering.contract import ScenePoses
 from omnisim.rendering.opengl.culling.clusters import ClusterHierarchy
 from omnisim.rendering.opengl.gl.buffers import gpu_buffer, written_buffer
 from omnisim.rendering.opengl.gl.functions import COMMAND_BYTES, StorageBindings
@@ -452,17 +453,9 @@ class Views:
         """Number of views."""
         return self.cameras * self.tiles
 
-    def write(
-        self, worlds_from_rigs: Floats, worlds_from_objects: Floats | Sequence[Floats] = ()
-    ) -> None:
-        """Write the poses of one frame.
-
-        Args:
-            worlds_from_rigs: (cameras, 4, 4), or (4, 4) of one camera.
-            worlds_from_objects: (cameras, dynamic objects, 4, 4), or (dynamic objects, 4, 4) for
-                all cameras.
-        """
-        rigs = worlds_from_rigs.reshape(-1, 4, 4)
+    def write(self, shots: Sequence[ScenePoses]) -> None:
+        """Write the poses of one frame, a camera per shot."""
+        rigs = np.array([one.world_from_rig for one in shots])
         self.cameras = len(rigs)
         poses = self._poses[: self.cameras]
         viewpoints_m = rigs[:, :3, 3]
@@ -470,7 +463,7 @@ class Views:
         # in float64, which keeps precision far from the origin
         poses[:, 1, :, 3] = self._anchor_m - viewpoints_m
         if self.objects > 1:
-            objects = np.asarray(worlds_from_objects)[..., :3, :]
+            objects = np.array([one.world_from_objects for one in shots])[..., :3, :]
             poses[:, 2:, :, :3] = objects[..., :3]
             poses[:, 2:, :, 3] = objects[..., 3] - viewpoints_m[:, None]
         self.poses.write(poses)

@@ -15,6 +15,7 @@ from omnisim.rendering.opengl.gl.reversed_depth import CLEAR_DEPTH
 from omnisim.rendering.opengl.gl.state import GlState
 
 COLORS, DEPTH = 0x8CE0, 0x8D00  # attachments; further colors follow the first
+LAYER_EXTENSIONS = {"GL_ARB_shader_draw_parameters", "GL_ARB_shader_viewport_layer_array"}
 
 
 def framebuffer(
@@ -45,6 +46,11 @@ def depth_target(
     target.depth_mask = True
     attach_texture(target.glo, texture.glo, DEPTH, level)
     return target
+
+
+def draws_layers(context: moderngl.Context) -> bool:
+    """True if a vertex shader can choose the layer, and knows its draw call."""
+    return context.extensions >= LAYER_EXTENSIONS
 
 
 def layered_target(

@@ -4,31 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from omnisim.core.arrays import Bools, Floats, Floats32
 from omnisim.core.extras import require_extra
 from omnisim.core.pending import Pending
+from omnisim.core.world import ObjectPart
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits, ThroughHits
+from omnisim.rendering.atlas.image_parts import image_parts
+from omnisim.rendering.atlas.tile_plan import sensor_tiles
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.contract import DeformingDraw, HitSource, ScenePoses
-from omnisim.rendering.opengl.atlas.image_parts import image_parts
+from omnisim.rendering.contract import CameraRays, DeformingDraw, HitSource, ScenePoses
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
-from omnisim.rendering.opengl.drawing.cube_pass import EXTENSIONS
-from omnisim.rendering.opengl.drawing.scene_view import VirtualCameras
 from omnisim.rendering.opengl.gl.context import graphics_info
+from omnisim.rendering.opengl.gl.framebuffers import draws_layers
 from omnisim.rendering.opengl.gl.gpu_textures import check_image_size
 from omnisim.rendering.opengl.gl.memory import slice_length
 from omnisim.rendering.opengl.hits.ray_hit_pass import OcclusionPass, RayHitPass
 from omnisim.rendering.opengl.hits.visibility_pass import VisibilityPass
+from omnisim.rendering.opengl.scene_view import VirtualCameras
 from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
-from omnisim.rendering.sensor_tiles import sensor_tiles
-from omnisim.scene.planar_mirrors import specular_mask
-
-if TYPE_CHECKING:
-    from omnisim.rendering.rays.through import ThroughCaster
+from omnisim.scene.surface_kind import SurfaceKind, mask_of
 
 # A triangle is hit if a texel near the ray shows it or an adjacent one. Measured in the warehouse:
 # 0.1 % of the rays miss one at 1 texel per pixel, 0.05 % at 1.5, mostly at silhouettes.
@@ -50,10 +47,10 @@ class DrawnHits(HitSource):
 
     Attributes:
         details: see the arguments.
-        through_caster: caster of rays at glass and mirrors; its camera sets it.
+        camera_rays: rays at what virtual cameras do not see; its camera sets them.
     """
 
-    through_caster: ThroughCaster | None = None
+    camera_rays: CameraRays | None = None
 
     def __init__(
         self,
@@ -76,19 +73,25 @@ class DrawnHits(HitSource):
         if not self._is_specular[draws[draws > 0] - 1].any():
             return ThroughHits.of_first(hits)
         require_extra("rays", "what pixels show behind glass and in mirrors")
-        assert self.through_caster is not None
-        return self.through_caster.cast(poses, hits, self._is_specular, self.draws)
+        assert self.camera_rays is not None
+        return self.camera_rays.through(poses, hits, self._is_specular, self._numbers)
 
     @cached_property
     def _is_specular(self) -> Bools:
         """Mask (draws,) of glass and mirrors."""
-        materials = [item.material for item in self._buffers.draw_items]
-        return specular_mask(materials, self._buffers.is_matte)
+        return mask_of([item.kind for item in self._buffers.draw_items], SurfaceKind.SPECULAR)
+
+    @cached_property
+    def _numbers(self) -> dict[ObjectPart, int]:
+        """Draw IDs of the instances that are drawn."""
+        shown = np.flatnonzero(self._buffers.shown())
+        return {self.draws[number]: 1 + number for number in shown.tolist()}
 
     def _find_draws(self) -> None:
         items = self._buffers.draw_items
         self.draws = [(item.object_index, item.name) for item in items]
-        self.__dict__.pop("_is_specular", None)
+        for name in ("_is_specular", "_numbers"):
+            self.__dict__.pop(name, None)
         self.deforming = {
             index: DeformingDraw(
                 items[index].mesh, items[index].object_index, items[index].object_from_mesh
@@ -179,7 +182,7 @@ class HitBatches:
         has_clusters = visibility.buffers.clustered_geometry is not None
         deforms = visibility.buffers.deforming.size > 0
         is_single = deforms or not has_clusters or len(passes.parts) > 1
-        if is_single or not context.extensions >= EXTENSIONS:
+        if is_single or not draws_layers(context):
             return 1
         width, height = passes.pixels.size_px
         texels = visibility.plan.width_px * visibility.plan.height_px

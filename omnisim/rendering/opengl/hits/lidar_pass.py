@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import moderngl
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras import CylindricalCamera
 from omnisim.core.coordinate_frames import BASE_FROM_OPTICAL_LOOKING_AHEAD
 from omnisim.core.poses import pose_from_rotation, rotation_from_yaw
 from omnisim.core.world import ObjectPart
 from omnisim.ground_truth.lidar_beams import BeamHits, LidarBeams, LidarPoses, Revolution, Slice
-from omnisim.rendering.opengl.atlas.tile_plan import TilePlan, plan_tiles
-from omnisim.rendering.opengl.drawing.scene_view import VirtualCameras
+from omnisim.rendering.atlas.tile_plan import TilePlan, plan_tiles
+from omnisim.rendering.contract import PlacedMesh, ScenePoses, SceneRays
 from omnisim.rendering.opengl.gl.framebuffers import framebuffer, within
 from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
@@ -25,9 +24,9 @@ from omnisim.rendering.opengl.gl.pixel_readback import PixelReadback
 from omnisim.rendering.opengl.gl.shader_files import build_program, columns_first, uniform
 from omnisim.rendering.opengl.hits.ray_hit_pass import HitTables
 from omnisim.rendering.opengl.hits.visibility_pass import VisibilityPass
+from omnisim.rendering.opengl.scene_view import VirtualCameras
 from omnisim.rendering.opengl.world.draw_item import InstanceTransforms
 from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
-from omnisim.rendering.rays.geometry import Geometry, PlacedMesh
 
 # A triangle is hit if a texel near the beam shows it or an adjacent one. Measured in mapping: 0.06
 # % of the beams of five revolutions miss one at 1.5 texels per beam, 0.03 % at 2, 0.02 % at 2.5; a
@@ -53,8 +52,7 @@ class LidarPass:
         beams: beams of the lidar.
         near_m: minimum range.
         hidden: parts of dynamic objects that beams pass through.
-        geometry: geometry of the scene in its current state, for the triangles of hits; None: hits
-            have none.
+        scene_rays: rays at the scene, which look up the surfaces that beams hit.
 
     Raises:
         GraphicsError: more beams than fit on the GPU.
@@ -65,11 +63,10 @@ class LidarPass:
         buffers: SceneBuffers,
         beams: LidarBeams,
         near_m: float,
-        hidden: Collection[ObjectPart] = (),
-        geometry: Callable[[], Geometry] | None = None,
+        hidden: Collection[ObjectPart],
+        scene_rays: SceneRays,
     ):
-        self._buffers, self._beams, self._geometry = buffers, beams, geometry
-        self._first_triangles: tuple[Geometry, NDArray[np.int32]] | None = None
+        self._buffers, self._beams, self._scene_rays = buffers, beams, scene_rays
         self._cameras = VirtualCameras(
             near_m, beams.max_range_m, hidden=frozenset(hidden), both_sides=True
         )
@@ -80,12 +77,12 @@ class LidarPass:
             self._hits = texture_2d(context, size, 4, dtype="u4")
             self._target = framebuffer(context, [self._hits])
         self._readback = PixelReadback(context)
-        self._directions = beams.directions
         self._sector = lru_cache(maxsize=4)(self._make_sector)
 
     def refresh(self) -> None:
         """Update after the buffers changed."""
         self._sector.cache_clear()
+        self.__dict__.pop("_meshes", None)
 
     @property
     def draws(self) -> Sequence[ObjectPart]:
@@ -94,9 +91,10 @@ class LidarPass:
 
     def cast(self, revolution: Revolution) -> BeamHits:
         """Hits of all beams of a revolution."""
-        size = self._directions.shape[:2]
+        directions = self._beams.directions
+        size = directions.shape[:2]
         texels = np.empty((*size, 4), dtype=np.float32)
-        rays = np.einsum("fij,rfj->rfi", revolution.rotations, self._directions)
+        rays = np.einsum("fij,rfj->rfi", revolution.rotations, directions)
         texels[..., :3], texels[..., 3] = rays, revolution.shares
         self._rays.write(texels)
         slices = revolution.slices
@@ -107,21 +105,16 @@ class LidarPass:
                 sector.render(part, self._target, self._rays, self._heading_rad(part))
         hits = np.empty((*size, 4), dtype=np.uint32)
         self._readback.read((self._hits, hits))
-        found = BeamHits(hits[..., 1].view(np.float32), hits[..., 0])
-        if self._geometry is None:
-            return found
-        geometry = self._geometry()
-        if self._first_triangles is None or self._first_triangles[0] is not geometry:
-            places = (
-                PlacedMesh(
-                    one.object_index, one.name, one.object_from_mesh.tobytes(), one.triangles
-                )
-                for one in self._buffers.draw_items
-            )
-            # preceded by one for beams without a hit
-            self._first_triangles = geometry, np.insert(geometry.first_triangles(places), 0, 0)
-        before = self._first_triangles[1][found.draw_ids]
-        return found._replace(triangles=hits[..., 2].view(np.int32) + before)
+        triangles = hits[..., 2].view(np.int32)
+        found = BeamHits(hits[..., 1].view(np.float32), hits[..., 0], triangles=triangles)
+        return self._scene_rays.with_intensities(self._beams, revolution, self._meshes, found)
+
+    @cached_property
+    def _meshes(self) -> list[PlacedMesh]:
+        return [
+            PlacedMesh(one.object_index, one.name, one.object_from_mesh.tobytes(), one.triangles)
+            for one in self._buffers.draw_items
+        ]
 
     def _heading_rad(self, one: Slice) -> float:
         """Azimuth of a slice's middle; 0 for a whole revolution."""
@@ -176,7 +169,7 @@ class _Sector:
         world_from_rig = one.middle.world_from_lidar @ pose_from_rotation(
             rotation_from_yaw(heading_rad), np.zeros(3)
         )
-        self._visibility.render([(world_from_rig, one.middle.world_from_objects)])
+        self._visibility.render([ScenePoses(world_from_rig, one.middle.world_from_objects)])
         start, end = self._transforms(one.start), self._transforms(one.end)
         self._rig_from_viewpoint.write(columns_first(world_from_rig[:3, :3].T))
         self._path_m.write(one.path_m.astype("<f4"))

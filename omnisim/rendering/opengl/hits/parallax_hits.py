@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import moderngl
 import numpy as np
@@ -15,28 +13,20 @@ from omnisim.cameras import Rays
 from omnisim.core.arrays import Bools, Bytes, Floats
 from omnisim.core.pending import Pending
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
+from omnisim.rendering.atlas.parallax_plan import MARGIN_PX, ParallaxRays, parallax_tiles
+from omnisim.rendering.atlas.sampling_density import MAX_ANISOTROPY
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.camera.parallax_plan import parallax_tiles
-from omnisim.rendering.contract import ScenePoses
-from omnisim.rendering.opengl.atlas.sampling_density import MAX_ANISOTROPY
+from omnisim.rendering.contract import CameraRays, ScenePoses
 from omnisim.rendering.opengl.capture.parallax_pass import DepthPyramid
-from omnisim.rendering.opengl.capture.parallax_rays import MARGIN_PX, ParallaxRays
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
-from omnisim.rendering.opengl.drawing.scene_view import VirtualCameras
 from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
 from omnisim.rendering.opengl.gl.shader_files import uniform
 from omnisim.rendering.opengl.hits.drawn_hits import DrawnHits
 from omnisim.rendering.opengl.hits.ray_hit_pass import OcclusionPass, RayHitPass
 from omnisim.rendering.opengl.hits.visibility_pass import VisibilityPass
+from omnisim.rendering.opengl.scene_view import VirtualCameras
 from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
-from omnisim.rendering.rays.caster import DepthLimits
-from omnisim.rendering.rays.pixel_hits import SeenPoints, cast_hits, cast_occlusion, starts_of_rays
-from omnisim.rendering.rays.pixel_rays import Band, PixelRays
-from omnisim.rendering.rays.ray_scene import ObjectState
-
-if TYPE_CHECKING:
-    from omnisim.rendering.rays.ray_scene import RayScene
-
+from omnisim.rendering.pixel_rays import Band, PixelRays, starts_of_rays
 
 UNKNOWN_HIT = np.uint32(1 << 31)  # bit of a draw item's number, as in parallax_hits.frag
 UNKNOWN_OCCLUSION = np.uint8(2)  # as in parallax_occlusion.frag
@@ -108,7 +98,7 @@ class ParallaxHits(DrawnHits):
         buffers, cameras, details: see `DrawnHits`.
         sensor: camera with an optical system as its model.
         viewpoint_m: (3,) viewpoint of the virtual cameras, rig frame.
-        ray_scene: function that returns the ray scene; None: no ray casting.
+        cast_rays: rays that are cast; None: no ray casting.
 
     Attributes:
         undecided: (height, width) pixels of the latest hits that the viewpoint cannot decide.
@@ -121,10 +111,10 @@ class ParallaxHits(DrawnHits):
         cameras: VirtualCameras,
         viewpoint_m: Floats,
         details: HitDetails,
-        ray_scene: Callable[[], RayScene] | None,
+        cast_rays: CameraRays | None,
     ):
         super().__init__(buffers, sensor, cameras, details)
-        self._viewpoint_m, self._ray_scene = viewpoint_m, ray_scene
+        self._viewpoint_m, self._cast_rays = viewpoint_m, cast_rays
         self._rays = _joined(PixelRays(sensor.model, sensor.mesh_polygons))
         self.has_ray = self._rays.valid
         self.undecided = np.zeros_like(self.has_ray)
@@ -160,7 +150,6 @@ class ParallaxHits(DrawnHits):
         """Update to the current buffers."""
         super().refresh()
         self._passes.refresh()
-        self.__dict__.pop("_draw_of_surface", None)
 
     def rays(self) -> Floats:
         """Unit rays (height, width, 3), optical frame."""
@@ -175,7 +164,7 @@ class ParallaxHits(DrawnHits):
         self.undecided = undecided = self.has_ray & (hits.draw_ids & UNKNOWN_HIT > 0)
         hits = hits._replace(draw_ids=hits.draw_ids & ~UNKNOWN_HIT)
         offset_m = (pose[:3, 3] - poses.world_from_rig[:3, 3]).astype(np.float32)
-        if self._ray_scene is not None and undecided.any():
+        if self._cast_rays is not None and undecided.any():
             self._cast(hits, undecided, poses, pose[:3, 3], details)
             self._passes.put(hits)
         hits.points_m[hits.draw_ids > 0] += offset_m
@@ -191,25 +180,17 @@ class ParallaxHits(DrawnHits):
         details: HitDetails,
     ) -> None:
         """Cast the rays of undecided pixels (height, width), and store their hits."""
-        scene, rays = self._scene(), self._rays
-        some = undecided[rays.valid]
-        assert rays.origins_m is not None
-        band = rays._replace(
-            directions=rays.directions[some],
-            origins_m=rays.origins_m[some],
-            footprints=rays.footprints[some],
+        assert self._cast_rays is not None
+        assert self._rays.origins_m is not None
+        some = undecided[self._rays.valid]
+        band = self._rays._replace(
+            directions=self._rays.directions[some],
+            origins_m=self._rays.origins_m[some],
+            footprints=self._rays.footprints[some],
         )
-        rig_from_optical = self.camera.rig_from_optical
-        cast, _ = cast_hits(
-            scene,
-            band.aim(self._limits, rig_from_optical, poses.world_from_rig),
-            band.world_footprints(poses.world_from_rig[:3, :3] @ rig_from_optical),
-            viewpoint_m,
-            ObjectState(poses.world_from_objects, self._cameras.hidden),
-            details,
-        )
+        cast = self._cast_rays.hits(poses, band, viewpoint_m, self._numbers, details)
         hits.points_and_ranges_m[undecided] = cast.points_and_ranges_m
-        hits.draw_ids[undecided] = self._draw_of_surface[cast.draw_ids]
+        hits.draw_ids[undecided] = cast.draw_ids
         hits.triangles[undecided] = cast.triangles
         for name in details.components:
             getattr(hits, name)[undecided] = getattr(cast, name)
@@ -242,48 +223,21 @@ class ParallaxHits(DrawnHits):
         """Mask (height, width) of occluded points; undecided ones are cast."""
         occluded = bits & ~UNKNOWN_OCCLUSION > 0
         undecided = self.has_ray & (bits & UNKNOWN_OCCLUSION > 0)
-        if self._ray_scene is not None and undecided.any():
-            occluded[undecided] = self._cast_occlusion(undecided)
+        if self._cast_rays is not None and undecided.any():
+            (other, points_m, starts_m), some = self._moved, undecided[self.has_ray]
+            occluded[undecided] = self._cast_rays.occluded(
+                other,
+                starts_m[some],
+                points_m[some],
+                self._hits.draw_ids[undecided],
+                self._hits.triangles[undecided],
+                self._numbers,
+            )
         return occluded
-
-    def _cast_occlusion(self, undecided: Bools) -> Bools:
-        scene, (other, points_m, starts_m) = self._scene(), self._moved
-        some = undecided[self.has_ray]
-        geometry = scene.caster.geometry
-        surface_of_draw = np.zeros(1 + len(self.draws), dtype=np.intp)
-        surface_of_draw[self._draw_of_surface] = np.arange(len(self._draw_of_surface))
-        surfaces_plus_one = surface_of_draw[self._hits.draw_ids[undecided]]
-        triangles = geometry.first_of_surface[surfaces_plus_one - 1].astype(np.int32)
-        triangles += self._hits.triangles[undecided].astype(np.int32)
-        return cast_occlusion(
-            scene,
-            self._limits,
-            SeenPoints(points_m[some], surfaces_plus_one.astype(np.uint32), triangles),
-            starts_m[some],
-            other.world_from_rig,
-            ObjectState(other.world_from_objects, self._cameras.hidden),
-        )
 
     @cached_property
     def _occlusion_pass(self) -> OcclusionPass:
         return OcclusionPass(self._passes)
-
-    @property
-    def _limits(self) -> DepthLimits:
-        return DepthLimits(self._cameras.near_m, self._cameras.far_m)
-
-    def _scene(self) -> RayScene:
-        assert self._ray_scene is not None
-        return self._ray_scene()
-
-    @cached_property
-    def _draw_of_surface(self) -> NDArray[np.uint32]:
-        """1 + draw item of each surface (1 + n,) of the ray scene; 0: no surface."""
-        shown = self._buffers.shown()
-        numbers = {part: 1 + k for k, part in enumerate(self.draws) if shown[k]}
-        surfaces = self._scene().caster.geometry.surfaces
-        draws = [numbers.get((one.object_index, one.name), 0) for one in surfaces]
-        return np.array([0, *draws], dtype=np.uint32)
 
     def _viewpoint_pose(self, poses: ScenePoses) -> Floats:
         """Pose (4, 4) of the virtual cameras."""

@@ -18,7 +18,7 @@ from omnisim.rendering.opengl.world.draw_item import DrawItem
 from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.world.scene_textures import TextureArray
 from omnisim.rendering.opengl.world.triangle_table import bind_triangles, window_defines
-from omnisim.scene.model import AlphaMode
+from omnisim.scene.surface_kind import SurfaceKind
 
 _GROUP_SIZE = 256  # triangles, as in range.comp
 _MAX_GROUPS = 65535  # per dimension; every GPU allows as many
@@ -152,7 +152,7 @@ class RangePass:
 
 
 def _kind(item: DrawItem) -> _Kind:
-    if item.material.alpha_mode is AlphaMode.OPAQUE:
+    if not item.kind & SurfaceKind.HOLES:
         return (), None
     array = item.texture_layer.array
     return ("HOLES",) if array is None else ("HOLES", "TEXTURED"), array

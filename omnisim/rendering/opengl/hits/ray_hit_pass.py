@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from omnisim.core.arrays import Bytes, Floats
 from omnisim.core.pending import Pending
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
+from omnisim.rendering.atlas.image_parts import ImagePart
 from omnisim.rendering.contract import ScenePoses
-from omnisim.rendering.opengl.atlas.image_parts import ImagePart
 from omnisim.rendering.opengl.capture.pixel_map import (
     RAYS_UNIT,
     PixelMap,
@@ -38,6 +38,7 @@ from omnisim.rendering.opengl.world.triangle_table import (
     window_defines,
     write_table,
 )
+from omnisim.scene.surface_kind import SurfaceKind
 
 _DETAIL_UNITS = {"u_albedos": 4, "u_gloss": 5, "u_emission": 7}
 # Define and attachment components of each detail.
@@ -125,22 +126,24 @@ class RayHitPass:
         self.tables.refresh()
 
     def render(
-        self, poses: Sequence[ScenePoses], details: HitDetails = NO_DETAILS
+        self, shots: Sequence[ScenePoses], details: HitDetails = NO_DETAILS
     ) -> Pending[list[Hits]]:
-        """Begin to intersect the rays of images at these poses.
+        """Begin to intersect the rays of one image a shot.
 
         Details that textures change need a `visibility` that draws them.
         """
         visibility, buffers = self.visibility, self.visibility.buffers
         variant, rig_from_optical = self._variant(details), self.pixels.camera.rig_from_optical
-        transforms = [buffers.instance_transforms(rig[:3, 3], objects) for rig, objects in poses]
-        rotations = np.array([rig[:3, :3] @ rig_from_optical for rig, _ in poses])
+        transforms = [
+            buffers.instance_transforms(one.viewpoint_m, one.world_from_objects) for one in shots
+        ]
+        rotations = np.array([one.world_from_rig[:3, :3] @ rig_from_optical for one in shots])
         if variant.viewpoint_from_optical is not None:
             variant.viewpoint_from_optical.write(columns_first(rotations[0]))
         if variant.draw_items is not None:
             variant.draw_items.value = 1 + len(buffers.draw_items)
         for part in self.using_parts(variant.vertex_array.program, rig_from_optical):
-            visibility.render(poses, details)
+            visibility.render(shots, details)
             with within(variant.target, part.rectangle_px):
                 normals = [one.normal_from_mesh for one in transforms]
                 self.tables.update(transforms, normals, rotations)
@@ -148,8 +151,8 @@ class RayHitPass:
                 visibility.bind_details(details, _DETAIL_UNITS)
                 # vertices and indices, from which normals are interpolated
                 bind_triangles(buffers.context, buffers.vertices, buffers.triangles.indices)
-                variant.vertex_array.render(moderngl.TRIANGLES, instances=len(poses))
-        return self.begin_reading(variant.target, len(poses), details)
+                variant.vertex_array.render(moderngl.TRIANGLES, instances=len(shots))
+        return self.begin_reading(variant.target, len(shots), details)
 
     def using_parts(
         self, program: moderngl.Program, rig_from_optical: Floats
@@ -317,7 +320,7 @@ class HitTables:
 
 def _flags(draw: DrawItem, both_sides: bool) -> int:
     return (
-        _MASKED * (draw.material.hit_cutoff > 0.0)
+        _MASKED * bool(draw.kind & SurfaceKind.HOLES)
         + _DOUBLE_SIDED * (draw.material.double_sided or both_sides)
         + _FLIPS_WINDING * draw.flips_winding
     )
@@ -359,9 +362,11 @@ class OcclusionPass:
             next_from_current: (n, 3, 4) per draw item, from the current to the next viewpoint
                 frame.
         """
-        visibility, (rig, objects) = self._hits.visibility, other
-        transforms = visibility.buffers.instance_transforms(rig[:3, 3], objects)
-        self._rig_from_viewpoint.write(columns_first(rig[:3, :3].T))
+        visibility = self._hits.visibility
+        transforms = visibility.buffers.instance_transforms(
+            other.viewpoint_m, other.world_from_objects
+        )
+        self._rig_from_viewpoint.write(columns_first(other.world_from_rig[:3, :3].T))
         if len(self._hits.parts) > 1:
             clear_target(self._target, None)
         # each part may show the points of all pixels

@@ -16,18 +16,10 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.core.arrays import Floats, Indices
+from omnisim.core.arrays import Indices
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails
-from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
-from omnisim.rendering.opengl.drawing.cluster_drawer import BucketProgram
-from omnisim.rendering.opengl.drawing.scene_drawer import (
-    ItemProgram,
-    SceneDrawer,
-    connect_material,
-    material_tables,
-    reflectance_defines,
-)
-from omnisim.rendering.opengl.drawing.scene_view import TileRenderer, VirtualCameras
+from omnisim.rendering.atlas.tile_plan import TilePlan
+from omnisim.rendering.contract import ScenePoses
 from omnisim.rendering.opengl.gl.framebuffers import (
     COLORS,
     DEPTH,
@@ -45,14 +37,21 @@ from omnisim.rendering.opengl.gl.gpu_textures import (
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.shader_files import build_program, find_uniform, uniform
 from omnisim.rendering.opengl.gl.state import GlState
+from omnisim.rendering.opengl.scene_view import TileRenderer, VirtualCameras
+from omnisim.rendering.opengl.surfaces.cluster_drawer import BucketProgram
+from omnisim.rendering.opengl.surfaces.scene_drawer import (
+    ItemProgram,
+    SceneDrawer,
+    connect_material,
+    material_tables,
+    reflectance_defines,
+)
 from omnisim.rendering.opengl.world.clustered_geometry import Bucket, ClusteredGeometry
 from omnisim.rendering.opengl.world.draw_item import DrawItem
 from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.world.scene_textures import TextureArray
 from omnisim.rendering.opengl.world.triangle_table import ROW_BITS
-
-# Pose (4, 4) of a camera's rig, and poses of the dynamic objects.
-CameraPoses = tuple[Floats, Sequence[Floats]]
+from omnisim.scene.surface_kind import SurfaceKind
 
 
 class VisibilityPass:
@@ -171,7 +170,7 @@ class VisibilityPass:
         return np.flatnonzero(shown)
 
     def _item_program(self, details: HitDetails, item: DrawItem) -> VisibilityProgram:
-        variant = VisibilityVariant(item.material.hit_cutoff > 0.0, details)
+        variant = VisibilityVariant(bool(item.kind & SurfaceKind.HOLES), details)
         found = item.texture_layer.reflectance
         if found is not None:
             variant = variant.with_maps(found.maps, found.second_coordinates)
@@ -180,7 +179,8 @@ class VisibilityPass:
     def _bucket_program(self, details: HitDetails, bucket: Bucket) -> BucketProgram:
         """Program of a bucket's IDs and details."""
         is_layered, is_textured = self._layers is not None, bucket.array is not None
-        variant = VisibilityVariant(bucket.cutoff, details, is_textured, True, is_layered)
+        is_cutout = SurfaceKind.CUTOUT in bucket.kind
+        variant = VisibilityVariant(is_cutout, details, is_textured, True, is_layered)
         program = self._program(variant.with_maps(bucket.maps, bucket.second_coordinates))
         program.first_plus_one.value = self.triangle_ids.first_of_clusters + 1
         return BucketProgram(program.program, program.sampler(bucket.array), program.first_command)
@@ -195,23 +195,22 @@ class VisibilityPass:
         """Size of the buffers for culling, draw commands included, bytes."""
         return self._drawing(NO_DETAILS).tiles.culling_bytes
 
-    def render(self, poses: Sequence[CameraPoses], details: HitDetails = NO_DETAILS) -> None:
-        """Render all tiles of the cameras, each with the dynamic objects at their poses."""
+    def render(self, shots: Sequence[ScenePoses], details: HitDetails = NO_DETAILS) -> None:
+        """Render all tiles for each shot: poses of the rig and of the dynamic objects."""
         target, layer, attached, drawer, tiles = self._drawing(details.of_texels)
         if details.materials:
             bind_textures(material_tables(self.buffers, has_item_details=True))
-        self.buffers.deform(poses[0][1], triangles=True)
+        self.buffers.deform(shots[0].world_from_objects, triangles=True)
         tiles.begin(target, [None, *[(0.0, 0.0, 0.0, 0.0)] * (len(attached) - 2)])
         with self._state.drawing():
-            rigs, objects = zip(*poses, strict=True)
-            tiles.draw_clusters(target, np.array(rigs), np.array(objects))
-            for number, one in enumerate(poses if tiles.has_items else ()):
+            tiles.draw_clusters(target, shots)
+            for number, shot in enumerate(shots if tiles.has_items else ()):
                 if layer is not target:
                     attachments = (*range(COLORS, COLORS + len(attached) - 1), DEPTH)
                     for attachment, atlas in zip(attachments, attached, strict=True):
                         attach_layer(layer.glo, atlas.glo, number, attachment)
                     self._state.use(layer)
-                tiles.draw_one_by_one(layer, *one, drawer)
+                tiles.draw_one_by_one(layer, shot, drawer)
         for program in self._compiled.values():
             program.end()
 
@@ -369,7 +368,6 @@ class VisibilityProgram(ItemProgram):
         super().bind_material(item)
         if self._samplers:
             texture = item.texture
-            texture.use(0)
             self._samplers[texture.repeat_x, texture.repeat_y].use(0)
 
     def draw(self, array: moderngl.VertexArray, first: int, count: int, first_id: int) -> None:

@@ -11,21 +11,23 @@ import numpy as np
 
 from omnisim.core.arrays import Bools, Floats, Indices
 from omnisim.core.world import Poses
-from omnisim.rendering.opengl.atlas.tile_plan import frustum_planes
+from omnisim.rendering.atlas.tile_plan import frustum_planes
+from omnisim.rendering.contract import ScenePoses
 from omnisim.rendering.opengl.culling.cluster_culling import ClusterCuller, Views
-from omnisim.rendering.opengl.drawing.cluster_drawer import (
+from omnisim.rendering.opengl.gl.shader_files import build_program, columns_first
+from omnisim.rendering.opengl.gl.state import GlState
+from omnisim.rendering.opengl.surfaces.cluster_drawer import (
     BucketProgram,
     ClusterDrawer,
     DrawBatches,
 )
-from omnisim.rendering.opengl.drawing.scene_drawer import ItemProgram, SceneDrawer
-from omnisim.rendering.opengl.gl.shader_files import build_program, columns_first
-from omnisim.rendering.opengl.gl.state import GlState
+from omnisim.rendering.opengl.surfaces.scene_drawer import ItemProgram, SceneDrawer
 from omnisim.rendering.opengl.world.clustered_geometry import Bucket, ClusteredGeometry
 from omnisim.rendering.opengl.world.draw_item import DrawItem
 from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.world.vertex_records import INSTANCE
 from omnisim.scene.model import LAMP_NEAR_M
+from omnisim.scene.surface_kind import SurfaceKind
 
 # For maps that are not drawn: every point is nearer than the near plane.
 _NOWHERE = np.zeros((4, 4))
@@ -67,7 +69,7 @@ class CasterDrawer:
     ):
         self._context, self._buffers, self.anchor_m = buffers.context, buffers, anchor_m
         self._rectangles_px, self._state = rectangles_px, GlState()
-        self._programs: dict[tuple[str, ...], CasterProgram] = {}
+        self._programs: dict[tuple[str, ...], ItemProgram] = {}
         self._rig = np.eye(4)
         self._rig[:3, 3] = anchor_m
         self._clusters: tuple[ClusterCuller, ClusterDrawer] | None = None
@@ -121,7 +123,7 @@ class CasterDrawer:
         with self._state.drawing():
             if self._clusters is not None:
                 culler, drawer = self._clusters
-                culler.views.write(self._rig, world_from_objects)
+                culler.views.write((ScenePoses(self._rig, world_from_objects),))
                 seen = np.where(active[:, None, None], clips, _NOWHERE)
                 culler.views.clips_from_rig.write(columns_first(seen))
                 if self._shows_dynamic is not dynamic:
@@ -147,7 +149,7 @@ class CasterDrawer:
         with self._state.drawing():
             if self._part_clusters is not None:
                 culler, drawer = self._part_clusters
-                culler.views.write(self._rig, world_from_objects)
+                culler.views.write((ScenePoses(self._rig, world_from_objects),))
                 culler.views.clips_from_rig.write(columns_first(part.part_clip[None]))
                 culler.views.rectangles_px.write(np.array(part.part_px, dtype=np.float32))
                 culler.run(0)
@@ -201,34 +203,20 @@ class CasterDrawer:
         )  # fmt: skip
         return culler, ClusterDrawer(context, geometry, culler, batches)
 
-    def _program_of(self, item: DrawItem) -> CasterProgram:
-        return self._program(item.material.hit_cutoff > 0.0, item.material.texture is not None)
+    def _program_of(self, item: DrawItem) -> ItemProgram:
+        has_holes = bool(item.kind & SurfaceKind.HOLES)
+        return self._program(has_holes, item.material.texture is not None)
 
     def _program_of_bucket(self, bucket: Bucket) -> BucketProgram:
-        found = self._program(bucket.cutoff, bucket.array is not None, "CLUSTERED")
+        has_holes = SurfaceKind.CUTOUT in bucket.kind
+        found = self._program(has_holes, bucket.array is not None, "CLUSTERED")
         return BucketProgram(found.program)
 
-    def _program(self, has_holes: bool, is_textured: bool, *defines: str) -> CasterProgram:
+    def _program(self, has_holes: bool, is_textured: bool, *defines: str) -> ItemProgram:
         """Program of surfaces that may discard fragments with alpha below a cutoff."""
         if has_holes:
             defines = (*defines, "ALPHA_MASK", *(["TEXTURED"] if is_textured else []))
         if defines not in self._programs:
-            self._programs[defines] = CasterProgram(self._context, defines)
+            files = "scene/caster.vert", "scene/caster.frag"
+            self._programs[defines] = ItemProgram(build_program(self._context, *files, defines))
         return self._programs[defines]
-
-
-class CasterProgram(ItemProgram):
-    """Program that draws depth, compiled with these defines."""
-
-    def __init__(self, context: moderngl.Context, defines: tuple[str, ...]):
-        files = "scene/caster.vert", "scene/caster.frag"
-        super().__init__(program := build_program(context, *files, defines))
-        self._is_textured = "TEXTURED" in defines
-        if self._is_textured:
-            program["u_textures" if "CLUSTERED" in defines else "u_texture"] = 0
-
-    def bind_material(self, item: DrawItem) -> None:
-        """Bind an item's material for the next draw calls."""
-        super().bind_material(item)
-        if self._is_textured:
-            item.texture.use(0)

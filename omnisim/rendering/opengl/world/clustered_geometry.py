@@ -37,7 +37,8 @@ from omnisim.rendering.opengl.world.vertex_records import (
     NORMAL_BYTES,
     light_coordinates,
 )
-from omnisim.scene.model import AlphaMode, Lighting, LightKind
+from omnisim.scene.model import Lighting, LightKind
+from omnisim.scene.surface_kind import SurfaceKind
 
 # Unit normals that differ by less count as equal: light then differs by less than a tenth of an
 # 8-bit step, even in the dark, where steps are finest, for a light that makes a surface white.
@@ -129,10 +130,8 @@ class Bucket(NamedTuple):
     """Kind of clusters that one call can draw."""
 
     # properties of their materials
-    unlit: bool
-    alpha_mode: AlphaMode
+    kind: SurfaceKind  # unlit or not, with holes or not
     double_sided: bool
-    cutoff: bool  # their materials discard low alpha
     shading: Shading  # shading of their triangles
     array: TextureArray | None  # array of their textures; None: untextured
     maps: tuple[TextureArray | None, ...] | None = None  # see `Reflectance`; None: matte
@@ -276,9 +275,8 @@ def _buckets(
         item, shading = items[kind // len(Shading)], Shading(kind % len(Shading))
         material, reflectance = item.material, item.texture_layer.reflectance
         of_kind[kind] = Bucket(
-            material.unlit, material.alpha_mode, material.double_sided,
-            material.hit_cutoff > 0.0, shading, item.texture_layer.array,
-            reflectance and reflectance.maps,
+            item.kind & (SurfaceKind.UNLIT | SurfaceKind.CUTOUT), material.double_sided,
+            shading, item.texture_layer.array, reflectance and reflectance.maps,
             reflectance is not None and reflectance.second_coordinates, item.light,
         )  # fmt: skip
     buckets = sorted(set(of_kind.values()), key=_state_order)
@@ -292,7 +290,7 @@ def _state_order(bucket: Bucket) -> tuple[object, ...]:
     """Sort key that minimizes state changes: program first, then texture."""
     arrays = [0 if one is None else one.array.glo for one in (bucket.array, *(bucket.maps or ()))]
     return (
-        bucket.alpha_mode.value != AlphaMode.OPAQUE.value, bucket.double_sided, bucket.unlit,
+        SurfaceKind.CUTOUT in bucket.kind, bucket.double_sided, SurfaceKind.UNLIT in bucket.kind,
         bucket.shading.value, bucket.maps is not None, bucket.light.value, arrays,
         bucket.second_coordinates,
     )  # fmt: skip

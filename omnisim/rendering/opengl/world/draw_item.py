@@ -11,11 +11,13 @@ import moderngl
 import numpy as np
 
 from omnisim.core.arrays import Bools, Floats, Indices, bounds_of
-from omnisim.rendering.opengl.atlas.tile_plan import PosedViews
+from omnisim.rendering.atlas.tile_plan import PosedViews
 from omnisim.rendering.opengl.world.scene_textures import MaterialTexture
 from omnisim.scene.model import Material, Mesh
 from omnisim.scene.motion.deformation import Sphere
 from omnisim.scene.parts import BLENDED_CUTOFF, LightRectangle
+from omnisim.scene.planar_mirrors import SceneSurface
+from omnisim.scene.surface_kind import SurfaceKind, clear_share, kind_of
 
 MAX_DISTANCE_M = 2048.0  # up to which float32 rounds to 0.07 mm, and beyond to 0.13 mm
 _MAX_SEARCHED_TRIANGLES = 1024  # 10 µs
@@ -143,23 +145,29 @@ class DrawItem:
         """Texture of the material alone; white for untextured materials."""
         return self.texture_layer.texture
 
+    @cached_property
+    def kind(self) -> SurfaceKind:
+        """Kind of the surface, as the scene shows it."""
+        return kind_of(self.material, is_matte=self.texture_layer.reflectance is None)
+
     @property
-    def is_pane(self) -> bool:
-        """True for panes, unless all materials are matte."""
-        is_shiny = self.texture_layer.reflectance is not None
-        return is_shiny and self.material.pane_transmission > 0.0
+    def surface(self) -> SceneSurface:
+        """Surface for the search of mirrors and probes."""
+        return SceneSurface(
+            self.mesh, self.material, self.kind, self.object_from_mesh, self.object_index
+        )
 
     @property
     def casts_shadow(self) -> bool:
         """True for surfaces in shadow maps: not glass that passes at least half of the light."""
         is_shiny = self.texture_layer.reflectance is not None
-        is_clear = is_shiny and self.material.clear_share >= BLENDED_CUTOFF
+        is_clear = is_shiny and clear_share(self.material) >= BLENDED_CUTOFF
         return self.material.casts_shadow and not is_clear
 
     @property
     def is_blended(self) -> bool:
         """True for blended materials and panes, through which the background is visible."""
-        return self.material.is_blended or self.is_pane
+        return bool(self.kind & SurfaceKind.SEE_THROUGH)
 
 
 class InstanceTransforms(NamedTuple):

@@ -19,6 +19,7 @@ from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.world.draw_item import DrawItem
 from omnisim.rendering.opengl.world.vertex_records import VERTEX, light_coordinates
 from omnisim.scene.model import Mesh, Scene
+from omnisim.scene.surface_kind import SurfaceKind, kind_of
 
 # Vertices and indices that edits may append beyond the initial number.
 MIN_SPARE = 1 << 18
@@ -207,7 +208,7 @@ def _place_meshes(
         offsets.append([])
         for instance in part.instances:
             mesh = part.meshes[instance.mesh]
-            is_blended = part.materials[mesh.material].is_see_through
+            is_blended = bool(kind_of(part.materials[mesh.material]) & SurfaceKind.SEE_THROUGH)
             if is_blended or instance.mesh not in shared:
                 ranges.append(IndexRange(mesh, first, bases[instance.mesh], is_blended))
                 shared[instance.mesh] = first

@@ -16,6 +16,7 @@ from omnisim.core.arrays import Bools, Floats, Indices, bounds_of
 from omnisim.core.errors import GraphicsError
 from omnisim.core.world import ObjectPart, Poses, time_of
 from omnisim.rendering.camera.quality import MAX_PROBES
+from omnisim.rendering.contract import ScenePoses
 from omnisim.rendering.opengl.world.clustered_geometry import (
     ClusteredGeometry,
     build_clustered_geometry,
@@ -35,8 +36,9 @@ from omnisim.rendering.opengl.world.triangle_table import (
 )
 from omnisim.scene.model import Instance, Scene
 from omnisim.scene.parts import LightRectangle
-from omnisim.scene.planar_mirrors import MirrorPlane, find_mirrors, is_clear_pane, is_planar_mirror
+from omnisim.scene.planar_mirrors import MirrorPlane, find_mirrors
 from omnisim.scene.reflection_probes import ProbePlace, find_probes
+from omnisim.scene.surface_kind import SurfaceKind, kind_of
 
 # Extensions of OpenGL 4.5 that are part of 4.6.
 _CALLS_OF_CLUSTERS = {"GL_ARB_indirect_parameters", "GL_ARB_shader_draw_parameters"}
@@ -112,20 +114,19 @@ class SceneBuffers:
         self._find_mirrors(np.ones(len(items), dtype=np.bool_))
 
     def _find_mirrors(self, possible: Bools) -> None:
-        """Find planar mirrors, panes and reflection probes among the possible items (n,)."""
+        """Find planar mirrors, panes and probes among the possible items (n,), which are drawn."""
         self.mirrors: tuple[MirrorPlane, ...] = ()
         self.pane_mirrors: tuple[MirrorPlane, ...] = ()
         self.probe_places: tuple[ProbePlace, ...] = ()
         if self._lighting.is_matte:
             return
-        numbers = np.flatnonzero(possible).tolist()
-        surfaces = {number: self.draw_items[number] for number in numbers}
-        self.mirrors = find_mirrors(surfaces, is_planar_mirror)
-        self.pane_mirrors = find_mirrors(surfaces, is_clear_pane)
         drawn = np.flatnonzero(self._is_drawn).tolist()
-        surfaces = {number: self.draw_items[number] for number in drawn}
+        surfaces = {number: self.draw_items[number].surface for number in drawn}
+        some = {number: surfaces[number] for number in np.flatnonzero(possible).tolist()}
+        self.mirrors = find_mirrors(some, SurfaceKind.PLANAR_MIRROR)
+        self.pane_mirrors = find_mirrors(some, SurfaceKind.PLANAR_PANE)
         planes = (*self.mirrors, *self.pane_mirrors)
-        self.probe_places = find_probes(surfaces, planes, set(numbers))[:MAX_PROBES]
+        self.probe_places = find_probes(surfaces, planes, some.keys())[:MAX_PROBES]
 
     def _set_items(self, items: Sequence[DrawItem]) -> None:
         self.draw_items = tuple(items)
@@ -195,7 +196,8 @@ class SceneBuffers:
         offsets, ranges = [], len(self._store.ranges)
         for instance in added:
             mesh = scene.meshes[instance.mesh]
-            offsets.append(self._store.place(mesh, scene.materials[mesh.material].is_see_through))
+            is_sorted = bool(kind_of(scene.materials[mesh.material]) & SurfaceKind.SEE_THROUGH)
+            offsets.append(self._store.place(mesh, is_sorted))
         for name in _OF_VERTICES if len(self._store.ranges) > ranges else ():
             self.__dict__.pop(name, None)
         if self._store.is_overgrown:
@@ -275,15 +277,13 @@ class SceneBuffers:
         table = self.triangles if triangles else None
         self._deformer.run(time_of(world_from_objects), self._store.allocated[0], table)
 
-    def showing(
-        self, items: Indices, viewpoint_m: Floats, world_from_objects: Poses
-    ) -> Iterator[int]:
-        """Items, among indices (n,), that show something to a viewpoint (3,), world, anywhere."""
+    def showing(self, items: Indices, shot: ScenePoses) -> Iterator[int]:
+        """Items, among indices (n,), that show something to a viewpoint, anywhere."""
         for index in items.tolist():
-            item, place_m = self.draw_items[index], viewpoint_m
+            item, place_m = self.draw_items[index], shot.viewpoint_m
             if item.object_index is not None:
-                pose = world_from_objects[item.object_index]
-                place_m = (viewpoint_m - pose[:3, 3]) @ pose[:3, :3]
+                pose = shot.world_from_objects[item.object_index]
+                place_m = (place_m - pose[:3, 3]) @ pose[:3, :3]
             if item.shows(place_m):
                 yield index
 

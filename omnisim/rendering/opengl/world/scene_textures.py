@@ -26,6 +26,7 @@ from omnisim.rendering.opengl.gl.shader_files import set_uniforms
 from omnisim.scene.light.baked_light import BakedLight
 from omnisim.scene.mipmaps import masked_mipmaps, mipmaps
 from omnisim.scene.model import AlphaMode, Material, Mesh, Texture, Wrap
+from omnisim.scene.surface_kind import SurfaceKind, kind_of, pane_transmission
 from omnisim.scene.surface_reflectance import dielectric_f0, tinted_reflectance
 
 MAP_UNITS = 1, 2, 3, 4, 9, 14, 15  # in the order of `Material.maps`
@@ -208,7 +209,7 @@ class MaterialTextures:
 
     def _reflectance(self, material: Material, mesh: Mesh) -> Reflectance | None:
         """Reflectance of a material on a mesh, whose maps are uploaded."""
-        if self._is_matte or material.is_matte:
+        if self._is_matte or kind_of(material) & SurfaceKind.MATTE:
             return None
         keys = [_map_key(one, mesh) for one in material.maps]
         name = id(material), *keys
@@ -225,7 +226,8 @@ class MaterialTextures:
 
     def _uses(self, material: Material, mesh: Mesh) -> dict[_Key, Texture]:
         """Textures of a material on a mesh."""
-        maps = () if self._is_matte or material.is_matte else material.maps
+        is_matte = self._is_matte or kind_of(material) & SurfaceKind.MATTE
+        maps = () if is_matte else material.maps
         pairs = [(material.texture, _base_key(material, mesh))]
         pairs += [(one, _map_key(one, mesh)) for one in maps]
         return {key: one for one, key in pairs if one is not None and key is not None}
@@ -299,12 +301,13 @@ class MaterialTable:
             material.metallic, material.roughness, material.normal_scale,
             material.occlusion_strength,
         )  # fmt: skip
-        record[2] = *material.emissive, material.pane_transmission
+        record[2] = *material.emissive, pane_transmission(material)
         record[3] = (
             material.clearcoat, material.clearcoat_roughness, material.clearcoat_normal_scale,
             material.ior,
         )  # fmt: skip
-        record[4] = *tinted_reflectance(material.ior, material.specular_color), material.is_slab
+        is_slab = SurfaceKind.SLAB in kind_of(material)
+        record[4] = *tinted_reflectance(material.ior, material.specular_color), is_slab
         record[19, :3] = material.optical_depths
         for number, (texture, layer) in enumerate(zip(material.maps, layers, strict=True)):
             if texture is not None and layer is not None:

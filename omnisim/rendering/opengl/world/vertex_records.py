@@ -14,6 +14,7 @@ from omnisim.rendering.opengl.culling.clusters import MAX_COPIED_TRIANGLES
 from omnisim.scene.model import Mesh, Scene
 from omnisim.scene.parts import LightRectangle
 from omnisim.scene.summary import memory_bytes
+from omnisim.scene.surface_kind import SurfaceKind, kind_of
 
 VERTEX = np.dtype(  # read word by word in shaders/scene/vertex_words.glsl
     [
@@ -71,8 +72,8 @@ def gpu_bytes(scene: Scene) -> int:
     """
     vertices = np.array([len(mesh.positions) for mesh in scene.meshes], dtype=np.int64)
     triangles = np.array([len(mesh.triangles) for mesh in scene.meshes], dtype=np.int64)
-    materials = [scene.materials[mesh.material] for mesh in scene.meshes]
-    is_single = np.array([one.is_see_through for one in materials], dtype=np.bool_)
+    kinds = [kind_of(scene.materials[mesh.material]) for mesh in scene.meshes]
+    is_single = np.array([bool(one & SurfaceKind.SEE_THROUGH) for one in kinds], dtype=np.bool_)
     is_single |= np.array([mesh.deformation is not None for mesh in scene.meshes], dtype=np.bool_)
     used = np.array([one.mesh for one in scene.instances], dtype=np.intp)
     is_copy = np.ones(len(used), dtype=np.bool_)

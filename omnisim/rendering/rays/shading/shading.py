@@ -16,38 +16,33 @@ from omnisim.core.arrays import Bools, Floats, Floats32, Indices, Ints32
 from omnisim.core.world import Poses
 from omnisim.rendering.rays.caster import RayHits, Rays
 from omnisim.rendering.rays.geometry import Geometry
-from omnisim.rendering.rays.shading.glass import (
-    NO_MEDIUM,
-    Glass,
-    Panes,
-    Refracted,
-    interface_reflectance,
-    pane_reflectance,
-    refracted_rays,
-)
-from omnisim.rendering.rays.shading.lights import (
+from omnisim.rendering.rays.shading.lit_surfaces import (
     CastShadow,
     LampLight,
-    Shadows,
-    lamps_at,
-    light_of_lamps,
-    light_on_surfaces,
-)
-from omnisim.rendering.rays.shading.ray_reflectance import (
     Reflectance,
+    Shadows,
     SurfaceDirections,
     Traced,
     coat_fresnel,
+    lamps_at,
+    light_of_lamps,
+    light_on_surfaces,
     reflected_light,
 )
-from omnisim.rendering.rays.shading.ray_textures import TextureTable
-from omnisim.rendering.rays.shading.reflections import (
+from omnisim.rendering.rays.shading.ray_optics import (
+    NO_MEDIUM,
     Arrivals,
+    Glass,
     Lobe,
+    Panes,
     Paths,
+    Refracted,
     TracedGloss,
     Tracing,
     halfway_spreads,
+    interface_reflectance,
+    pane_reflectance,
+    refracted_rays,
     traced_gloss,
 )
 from omnisim.rendering.rays.shading.surface_table import (
@@ -55,11 +50,12 @@ from omnisim.rendering.rays.shading.surface_table import (
     NORMAL_SCALES,
     Sampler,
     SurfaceTable,
+    TextureTable,
     mapped_normals,
 )
 from omnisim.scene.light.baked_light import BakedLight
-from omnisim.scene.model import AlphaMode, Lighting
-from omnisim.scene.planar_mirrors import specular_mask
+from omnisim.scene.model import Lighting
+from omnisim.scene.surface_kind import SurfaceKind, kind_of, mask_of, transmitted
 from omnisim.scene.surface_reflectance import MIN_ROUGHNESS
 
 # Mip level bias, as in `sensor_tiles`: averaging within the pixel removes slight oversharpness.
@@ -89,6 +85,7 @@ class Shading:
     Attributes:
         is_blended, is_unlit, is_pane, is_glass, is_specular, is_double_sided: (surfaces,) masks.
         is_slab: (surfaces,) mask of glass that beams and depths pass like panes.
+        is_mirror: (surfaces,) mask of surfaces that are smooth somewhere, see `SurfaceKind`.
         panes: parameters of the surfaces that are panes.
         glass: parameters of the surfaces that are thick glass.
         frosted: (surfaces,) transmitted share of the light that frosted panes do not reflect.
@@ -100,22 +97,23 @@ class Shading:
         self._geometry, self._lighting = geometry, lighting
         materials = [surface.material for surface in geometry.surfaces]
         self._textures = TextureTable(geometry.surfaces)
-        self.table = SurfaceTable(geometry.surfaces, lighting.is_matte)
+        kinds = [kind_of(material, lighting.is_matte) for material in materials]
+        self.table = SurfaceTable(geometry.surfaces, mask_of(kinds, SurfaceKind.MATTE))
         self._base_color = np.array(
             [material.base_color for material in materials], dtype=np.float32
         ).reshape(-1, 4)
         self._is_lightmapped = np.array([one.is_lightmapped for one in geometry.surfaces], np.bool_)
-        self.is_unlit = np.array([material.unlit for material in materials], dtype=np.bool_)
-        modes = [material.alpha_mode for material in materials]
-        self.is_blended = np.array([mode is AlphaMode.BLEND for mode in modes], dtype=np.bool_)
+        self.is_unlit = mask_of(kinds, SurfaceKind.UNLIT)
+        self.is_blended = mask_of(kinds, SurfaceKind.BLENDED)
         self.panes = Panes.of(materials)
         self.glass = Glass.of(materials, lighting.is_matte)
-        self.is_glass = self.glass.transmission > 0.0
-        self.is_slab = self.is_glass & (self.panes.transmission > 0.0)
-        self.is_pane = (self.panes.transmission > 0.0) & (not lighting.is_matte) & ~self.is_glass
-        frosted = [one.frosted_transmission * (one.thickness_m == 0.0) for one in materials]
+        self.is_glass = mask_of(kinds, SurfaceKind.REFRACTING)
+        self.is_slab = mask_of(kinds, SurfaceKind.SLAB)
+        self.is_pane = mask_of(kinds, SurfaceKind.PANE) & ~self.is_slab
+        frosted = [transmitted(one, SurfaceKind.FROSTED_PANE) for one in materials]
         self.frosted = np.array(frosted) * (not lighting.is_matte)
-        self.is_specular = specular_mask(materials, lighting.is_matte)
+        self.is_specular = mask_of(kinds, SurfaceKind.SPECULAR)
+        self.is_mirror = mask_of(kinds, SurfaceKind.MIRROR)
         self.is_double_sided = geometry.is_double_sided
         self.hit_cutoff = np.array([m.hit_cutoff for m in materials], dtype=np.float32)
         self.shadow_cutoff = np.array([m.shadow_cutoff for m in materials], dtype=np.float32)

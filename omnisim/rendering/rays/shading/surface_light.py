@@ -20,8 +20,8 @@ import numpy as np
 
 from omnisim.core.arrays import AnyFloats, Bools, Floats, Floats32, Indices
 from omnisim.rendering.rays.caster import RayCaster, RayHits, Rays
-from omnisim.rendering.rays.shading.glass import pane_reflectance
-from omnisim.rendering.rays.shading.ray_reflectance import Reflectance, microfacets
+from omnisim.rendering.rays.shading.lit_surfaces import Reflectance, microfacets
+from omnisim.rendering.rays.shading.ray_optics import pane_reflectance
 from omnisim.rendering.rays.shading.shading import Shading, View
 from omnisim.scene.surface_reflectance import COAT_F0, MIN_ROUGHNESS
 

@@ -21,7 +21,7 @@ from omnisim.cameras import PerspectiveCamera, UnifiedCamera
 from omnisim.core.arrays import Floats, Ints
 from omnisim.core.coordinate_frames import BASE_FROM_OPTICAL_LOOKING_AHEAD
 from omnisim.core.errors import SceneError, did_you_mean, printable
-from omnisim.core.files.sources import note_file
+from omnisim.core.files.sources import SourceReader
 from omnisim.core.poses import inverse, pose_from_rotation
 from omnisim.core.short_repr import counted
 from omnisim.scene.formats import features
@@ -43,14 +43,14 @@ from omnisim.scene.parts import Instance, StartPose
 VISIBLE_GROUPS = (0, 1, 2)
 
 
-def read_mjcf(path: Path, world_from_file: Floats) -> ImportedScene:
+def read_mjcf(path: Path, world_from_file: Floats, reader: SourceReader) -> ImportedScene:
     """Read a model file in its first keyframe, or else in its initial configuration.
 
     Raises:
         SceneError: MuJoCo cannot read the file.
     """
     model, data, warnings = load_model(path)
-    parts = chain(*(xml_parts(root, "mjcf") for root in note_model_files(path)))
+    parts = chain(*(xml_parts(root, "mjcf") for root in note_model_files(path, reader)))
     unread = part_notices("mjcf", chain(parts, _drawn_parts(model, VISIBLE_GROUPS)))
     cameras = Cameras()
     try:
@@ -224,7 +224,7 @@ def geom_names(model: mujoco.MjModel) -> tuple[str, ...]:
 _FOLDERS = ("assetdir", "meshdir", "texturedir")
 
 
-def note_model_files(path: Path) -> list[Element]:
+def note_model_files(path: Path, reader: SourceReader) -> list[Element]:
     """Record the files of a model: included files, meshes, textures and height fields.
 
     Returns the roots of its XML files.
@@ -237,7 +237,7 @@ def note_model_files(path: Path) -> list[Element]:
         if file in seen:
             continue
         seen.add(file)
-        note_file(file)
+        reader.note(file)
         try:
             roots.append(ElementTree.parse(file).getroot())
         except (OSError, ElementTree.ParseError):  # MuJoCo reports faults itself
@@ -253,7 +253,7 @@ def note_model_files(path: Path) -> list[Element]:
         for folder in folders:
             candidate = path.parent / folder / name
             if candidate.is_file():
-                note_file(candidate)
+                reader.note(candidate)
     return roots
 
 

@@ -17,7 +17,7 @@ from PIL import Image
 
 from omnisim.core.arrays import Bytes, Floats
 from omnisim.core.errors import SceneError
-from omnisim.core.files.sources import read_source
+from omnisim.core.files.sources import SourceReader
 from omnisim.core.short_repr import counted
 from omnisim.scene import primitives
 from omnisim.scene.formats.gltf.nodes import NO_ANIMATION, AnimationChoice
@@ -48,9 +48,9 @@ class MeshFile(NamedTuple):
 class MeshLibrary:
     """Mesh files by path. As in Gazebo, their axes are not rotated."""
 
-    def __init__(self, textures: TextureStore) -> None:
+    def __init__(self, textures: TextureStore, reader: SourceReader) -> None:
         self._notices: dict[str, list[tuple[str, str]]] = {}  # by text without its count
-        self._textures = textures
+        self._textures, self._reader = textures, reader
         self._files: dict[Path, MeshFile | str] = {}
 
     @property
@@ -83,13 +83,13 @@ class MeshLibrary:
         if suffix not in _GLTF:
             check_format(path)
         try:
-            data = read_source(path)
+            data = self._reader.read(path)
         except OSError as reason:
             raise SceneError(f"cannot be read: {reason.strerror}") from None
         if not data:
             raise SceneError("is an empty file")
         folder = path.parent
-        assets = AssetResolver(path, [folder / inner for inner in _TEXTURE_FOLDERS])
+        assets = AssetResolver(path, self._reader, [folder / inner for inner in _TEXTURE_FOLDERS])
         meters_from_file = world_from_file(suffix, data, FileAxes("z"))
         if suffix in _GLTF:
             none = AnimationChoice(NO_ANIMATION)

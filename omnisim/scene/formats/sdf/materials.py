@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import re
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +14,7 @@ from typing import NamedTuple
 from PIL import Image
 
 from omnisim.core.arrays import Floats
-from omnisim.core.files.sources import read_source
+from omnisim.core.files.sources import SourceReader
 from omnisim.scene.formats.imported_scene import Omissions
 from omnisim.scene.formats.resources import ResourcePath
 from omnisim.scene.formats.sdf.geometry import Layer, blend, terrain_size_m
@@ -186,7 +186,7 @@ class MaterialReader:
         if image is None:
             reason = NO_IMAGE
             with suppress(OSError):
-                reason = unreadable_image(read_source(path))
+                reason = unreadable_image(self._resources.reader.read(path))
             self._omissions.count(f"image {name} {reason}: drawn without it", "material")
         return image
 
@@ -204,7 +204,7 @@ class MaterialReader:
             try:
                 with warnings.catch_warnings():
                     warnings.simplefilter("ignore")  # about large images
-                    image = Image.open(io.BytesIO(read_source(path)))
+                    image = Image.open(io.BytesIO(self._resources.reader.read(path)))
                     image.load()
                     self._images[path] = image
             except MemoryError:
@@ -231,7 +231,7 @@ class MaterialReader:
         paths = [self._resources.find(uri, element.file.parent) for uri in uris if uri]
         files = tuple(path for path in paths if path is not None)
         if files not in self._scripts:
-            self._scripts[files] = read_scripts(list(files))
+            self._scripts[files] = read_scripts(files, self._resources.reader)
         material = self._scripts[files].get(name) or GAZEBO_MATERIALS.get(name)
         if material is None:
             has_color = element.find("diffuse") is not None
@@ -339,13 +339,13 @@ def parse_scripts(text: str, parents: dict[str, ScriptMaterial]) -> dict[str, Sc
     return materials
 
 
-def read_scripts(paths: list[Path]) -> dict[str, ScriptMaterial]:
+def read_scripts(paths: Sequence[Path], reader: SourceReader) -> dict[str, ScriptMaterial]:
     """Materials of all scripts among files and folders; unreadable files are skipped."""
     materials: dict[str, ScriptMaterial] = {}
     for path in paths:
         for file in sorted(path.glob("*.material")) if path.is_dir() else [path]:
             try:
-                text = read_source(file).decode("utf-8", "replace")
+                text = reader.read(file).decode("utf-8", "replace")
             except OSError:  # the missing material is reported later
                 continue
             materials |= parse_scripts(text, materials)

@@ -15,7 +15,7 @@ import numpy as np
 
 from omnisim.core.arrays import Floats
 from omnisim.core.errors import SceneError, did_you_mean
-from omnisim.core.files.sources import read_source
+from omnisim.core.files.sources import SourceReader
 from omnisim.core.poses import inverse
 from omnisim.core.short_repr import counted
 from omnisim.scene.formats.imported_scene import Omissions, unique_name
@@ -239,7 +239,7 @@ class ModelLibrary:
             raise include.error("a <uri>", "none")
         path = self.resources.find(uri, include.file.parent)
         if path is not None and path.is_dir():
-            path = model_file(path)
+            path = model_file(path, self.resources.reader)
         if path is None:
             name = _last_part(uri).lower().replace(" ", "_")
             if name not in BUILTIN_MODELS:
@@ -249,7 +249,7 @@ class ModelLibrary:
             substitute = parse_xml(BUILTIN_MODELS[name].encode())
             return XmlElement(substitute, f"{uri}: {substitute.tag}", Path(name))
         if path not in self._files:
-            self._files[path] = read_xml(path)
+            self._files[path] = read_xml(path, self.resources.reader)
         entity = next((child for child in self._files[path] if child.tag in ENTITIES), None)
         if entity is None:
             raise include.error(f"a model, light or actor in {path}", uri)
@@ -318,7 +318,7 @@ def read_root(path: Path, data: bytes | None = None) -> XmlElement:
         SceneError: an unreadable file, or another root element.
     """
     try:
-        root = parse_xml(read_source(path) if data is None else data)
+        root = parse_xml(path.read_bytes() if data is None else data)
     except OSError as reason:
         raise SceneError(f"cannot be read: {reason.strerror}") from None
     if root.tag != "sdf":
@@ -353,7 +353,7 @@ BUILTIN_MODELS = {
 MANIFESTS = ("model.config", "manifest.xml")
 
 
-def model_file(folder: Path) -> Path | None:
+def model_file(folder: Path, reader: SourceReader) -> Path | None:
     """SDF file in a model folder, of the latest version listed in its `model.config`.
 
     Raises:
@@ -362,7 +362,7 @@ def model_file(folder: Path) -> Path | None:
     manifest = next((path for name in MANIFESTS if (path := folder / name).is_file()), None)
     named = []
     if manifest is not None:
-        entries = [entry for entry in read_xml(manifest).iter("sdf") if entry.text]
+        entries = [entry for entry in read_xml(manifest, reader).iter("sdf") if entry.text]
         entries.sort(key=lambda entry: _version(entry.get("version")), reverse=True)
         named = [(entry.text or "").strip() for entry in entries]
     for name in (*named, "model.sdf"):
@@ -371,10 +371,10 @@ def model_file(folder: Path) -> Path | None:
     return next(iter(sorted(folder.glob("*.sdf"))), None)
 
 
-def read_xml(path: Path) -> Element:
+def read_xml(path: Path, reader: SourceReader) -> Element:
     """Root of an XML file."""
     try:
-        return parse_xml(read_source(path))
+        return parse_xml(reader.read(path))
     except OSError as reason:
         raise SceneError(f"{path}: cannot be read: {reason.strerror}") from None
     except SceneError as reason:

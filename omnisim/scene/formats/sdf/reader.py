@@ -83,7 +83,7 @@ class _Reader:
         self._library = ModelLibrary(resources, self._omissions)
         self._resources = resources
         self._materials = MaterialReader(resources, textures, self._omissions)
-        self._files = MeshLibrary(textures)
+        self._files = MeshLibrary(textures, resources.reader)
         self._world_from_file = world_from_file
         self._meshes: list[Mesh] = []
         self._shapes: dict[tuple[object, ...], Shape] = {}

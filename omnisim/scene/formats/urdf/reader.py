@@ -13,7 +13,6 @@ from PIL import Image
 
 from omnisim.core.arrays import Floats
 from omnisim.core.errors import SceneError
-from omnisim.core.files.sources import read_source
 from omnisim.core.poses import pose_from_rotation
 from omnisim.core.short_repr import counted
 from omnisim.core.srgb import linear_from_srgb
@@ -70,7 +69,7 @@ class _Reader:
     ) -> None:
         self._chosen, self._hidden = chosen, 0
         self._folder, self._textures, self._resources = path.parent, textures, resources
-        self._files, self._omissions = MeshLibrary(textures), Omissions()
+        self._files, self._omissions = MeshLibrary(textures, resources.reader), Omissions()
         self._missing: Counter[str] = Counter()
         self._meshes: list[Mesh] = []
         self._materials: list[Material] = [Material("", _GRAY, double_sided=True)]
@@ -197,7 +196,7 @@ class _Reader:
         name = texture.attribute("filename")
         path = self._resources.find(name, self._folder)
         try:
-            data = read_source(path) if path is not None else None
+            data = self._resources.reader.read(path) if path is not None else None
         except OSError:
             data = None
         if data is None:

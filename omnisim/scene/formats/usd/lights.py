@@ -12,6 +12,7 @@ from pxr import Sdf, Usd, UsdLux
 from omnisim.core.arrays import Floats, Floats32
 from omnisim.core.errors import OutputError
 from omnisim.core.files.image_files import read_image, read_radiance
+from omnisim.core.files.sources import SourceReader
 from omnisim.core.srgb import linear_from_srgb8
 from omnisim.scene.formats.imported_scene import Omissions
 from omnisim.scene.formats.usd.surfaces import content_of, numbers
@@ -31,13 +32,20 @@ def is_light(prim: Usd.Prim) -> bool:
 class Lights:
     """Lights of a stage, in the world frame."""
 
-    def __init__(self, world_from_stage: Floats, time: Usd.TimeCode, notices: Omissions):
+    def __init__(
+        self,
+        world_from_stage: Floats,
+        time: Usd.TimeCode,
+        notices: Omissions,
+        reader: SourceReader,
+    ):
         self.lights: list[Light] = []
         # linear RGB luminance of the first dome light, cd/m², and that (rows, 2 rows, 3) of its
         # texture, in world axes
         self.dome: tuple[float, float, float] | None = None
         self.environment: Floats32 | None = None
-        self._world_from_stage, self._time, self._notices = world_from_stage, time, notices
+        self._world_from_stage, self._time = world_from_stage, time
+        self._notices, self._reader = notices, reader
 
     def add(self, prim: Usd.Prim, stage_from_prim: Floats) -> None:
         """Add a light of any type; unsupported attributes become notices."""
@@ -140,7 +148,7 @@ class Lights:
         if isinstance(texture, Sdf.AssetPath) and texture.path:
             world_from_dome = (self._world_from_stage @ stage_from_prim)[:3, :3]
             layout = str(self._get(prim, "texture:format") or "")
-            pixels = dome_map(texture, layout, world_from_dome)
+            pixels = dome_map(texture, layout, world_from_dome, self._reader)
             if pixels is None:
                 self._notices.count("texture of a dome light is not drawn: its color is", "light")
             else:
@@ -176,7 +184,9 @@ _LAT_LONG = ("", "automatic", "latlong")
 _DOME_FROM_MAP = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 
 
-def dome_map(texture: Sdf.AssetPath, layout: str, world_from_dome: Floats) -> Floats32 | None:
+def dome_map(
+    texture: Sdf.AssetPath, layout: str, world_from_dome: Floats, reader: SourceReader
+) -> Floats32 | None:
     """Radiance (rows, 2 rows, 3) of a dome's texture in world axes; None: not readable.
 
     `layout` is the light's `texture:format`, and `world_from_dome` (3, 3) its axes, of any length.
@@ -185,7 +195,7 @@ def dome_map(texture: Sdf.AssetPath, layout: str, world_from_dome: Floats) -> Fl
     rotation = axes @ turned
     if layout not in _LAT_LONG or not np.isfinite(rotation).all():
         return None
-    pixels = _read(texture.resolvedPath)
+    pixels = _read(texture.resolvedPath, reader)
     if pixels is None or min(pixels.shape[:2]) < 2:
         return None
     rows = min(max(pixels.shape[0], 2), MAX_ROWS)
@@ -197,9 +207,9 @@ def dome_map(texture: Sdf.AssetPath, layout: str, world_from_dome: Floats) -> Fl
     return np.concatenate(parts).reshape(rows, 2 * rows, 3)
 
 
-def _read(resolved: str) -> Floats32 | None:
+def _read(resolved: str, reader: SourceReader) -> Floats32 | None:
     try:
-        data = content_of(resolved)
+        data = content_of(resolved, reader)
     except OSError:
         return None
     suffix = PurePosixPath(resolved.rstrip("]")).suffix.lower()

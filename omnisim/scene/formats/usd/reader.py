@@ -16,11 +16,11 @@ from typing import TypeVar
 
 from omnisim.core.arrays import Floats
 from omnisim.core.errors import OmnisimError, SceneError
-from omnisim.core.files.sources import Sources, note_sources, recorded_sources
+from omnisim.core.files.sources import SourceReader
 from omnisim.scene.formats.imported_scene import FileAxes, ImportedScene
 
 
-def read_usd(path: Path, axes: FileAxes) -> tuple[ImportedScene, Floats]:
+def read_usd(path: Path, axes: FileAxes, reader: SourceReader) -> tuple[ImportedScene, Floats]:
     """Read a stage in a separate process; `axes` override its up axis and unit.
 
     Returns:
@@ -29,17 +29,16 @@ def read_usd(path: Path, axes: FileAxes) -> tuple[ImportedScene, Floats]:
     Raises:
         SceneError: the stage is damaged.
     """
-    read, matrix, sources = call_isolated(_read, path, axes)
-    note_sources(sources)
+    read, matrix, its_reader = call_isolated(_read, path, axes)
+    reader.update(its_reader)
     return read, matrix
 
 
-def _read(path: Path, axes: FileAxes) -> tuple[ImportedScene, Floats, Sources]:
+def _read(path: Path, axes: FileAxes) -> tuple[ImportedScene, Floats, SourceReader]:
     from omnisim.scene.formats.usd.stage_reader import read_stage  # imports usd-core, slow
 
-    with recorded_sources() as sources:
-        read, matrix = read_stage(path, axes)
-    return read, matrix, sources
+    reader = SourceReader()
+    return *read_stage(path, axes, reader), reader
 
 
 # Function calls in a separate process, to contain a library's crashes, output and memory use.

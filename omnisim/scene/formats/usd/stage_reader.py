@@ -21,7 +21,7 @@ from omnisim.cameras import (
 )
 from omnisim.core.arrays import Floats, Ints
 from omnisim.core.errors import SceneError
-from omnisim.core.files.sources import note_file
+from omnisim.core.files.sources import SourceReader
 from omnisim.ground_truth.label_names import distinct_color
 from omnisim.scene.formats.features import Parts, feature_table, part_notices
 from omnisim.scene.formats.imported_scene import (
@@ -45,11 +45,11 @@ MAX_INSTANCES = 1_000_000
 MAX_NESTED = 16  # nesting depth of point instancers
 
 
-def read_stage(path: Path, axes: FileAxes) -> tuple[ImportedScene, Floats]:
+def read_stage(path: Path, axes: FileAxes, reader: SourceReader) -> tuple[ImportedScene, Floats]:
     """Read a stage; see `omnisim.scene.formats.usd.reader.read_usd`."""
     try:
         with large_textures():
-            return _Reader(path, axes).read()
+            return _Reader(path, axes, reader).read()
     except Tf.ErrorException as reason:
         text = " ".join(str(reason.args[0].commentary if reason.args else reason).split())
         raise SceneError(f"cannot be read as USD: {text}") from None
@@ -68,11 +68,11 @@ class _PlacedMesh(NamedTuple):
 class _Reader:
     """Reader of one stage."""
 
-    def __init__(self, path: Path, axes: FileAxes):
-        self._notices = Omissions()
-        self._assets, self._textures = AssetResolver(path), TextureStore()
+    def __init__(self, path: Path, axes: FileAxes, reader: SourceReader):
+        self._notices, self._reader = Omissions(), reader
+        self._assets, self._textures = AssetResolver(path, reader), TextureStore()
         self._stage = open_stage(path, self._notices)
-        note_file(path)
+        reader.note(path)
         # the first frame, or else the earliest time of each attribute
         self._time = Usd.TimeCode.EarliestTime()
         if self._stage.HasAuthoredTimeCodeRange():
@@ -86,7 +86,7 @@ class _Reader:
         files = TextureFiles(self._assets, self._textures, self._notices)
         surfaces = Surfaces(files, self._time, self._notices)
         self._gprims = Gprims(surfaces, self._time, unit, self._notices)
-        self._lights = Lights(self._world_from_stage, self._time, self._notices)
+        self._lights = Lights(self._world_from_stage, self._time, self._notices, reader)
         self._children = Usd.TraverseInstanceProxies()
         roots = self._stage.GetPseudoRoot().GetChildren()
         alone = roots[0] if len(roots) == 1 else None
@@ -121,7 +121,7 @@ class _Reader:
             raise SceneError(f"has no triangles to draw{reasons}")
         for layer in self._stage.GetUsedLayers():
             if layer.realPath:
-                note_file(Path(Ar.SplitPackageRelativePathOuter(layer.realPath)[0]))
+                self._reader.note(Path(Ar.SplitPackageRelativePathOuter(layer.realPath)[0]))
         return read, self._world_from_stage
 
     def _placed(self, root: Usd.Prim, frame_from_parent: Floats, nested: int) -> list[_PlacedMesh]:

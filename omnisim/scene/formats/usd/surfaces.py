@@ -15,11 +15,11 @@ from PIL import Image
 from pxr import Ar, Sdf, Usd, UsdShade
 
 from omnisim.core.arrays import Bytes, Floats
-from omnisim.core.files.sources import note_file, read_source
+from omnisim.core.files.sources import SourceReader
 from omnisim.scene.formats.imported_scene import Omissions
 from omnisim.scene.formats.resources import AssetResolver
 from omnisim.scene.parts import AlphaMode, Material, Texture, Wrap
-from omnisim.scene.surface_reflectance import MAX_PANE_ROUGHNESS
+from omnisim.scene.surface_kind import MAX_PANE_ROUGHNESS
 from omnisim.scene.textures import TextureStore, unreadable_image
 
 _PREVIEW = ("UsdPreviewSurface", "ND_UsdPreviewSurface_surfaceshader")
@@ -105,7 +105,7 @@ class _PreviewSurface:
         is_plain &= not diffuse.primvar
         is_smooth = material.metallic == 0.0 and material.roughness <= MAX_PANE_ROUGHNESS
         is_faded = str(self._inputs.get("opacityMode").value or "transparent") == "presence"
-        if material.is_blended and is_plain and is_smooth and not is_faded:
+        if material.alpha_mode is AlphaMode.BLEND and is_plain and is_smooth and not is_faded:
             material = _pane(material)
         return Appearance(material, self._uv, diffuse.primvar, opacity.primvar)
 
@@ -477,7 +477,7 @@ class TextureFiles:
             self._notices.count("texture without a file is not drawn", "texture")
             return None
         with suppress(OSError):  # reported by the resolver
-            data = content_of(source.resolved) or self._assets[source.path]
+            data = content_of(source.resolved, self._assets.reader) or self._assets[source.path]
             try:
                 self._images[key] = Image.open(io.BytesIO(data))
             except Exception:  # Pillow's readers raise exceptions of any type
@@ -485,7 +485,7 @@ class TextureFiles:
         return self._images[key]
 
 
-def content_of(resolved: str) -> bytes:
+def content_of(resolved: str, reader: SourceReader) -> bytes:
     """Content of a file or package member; empty if unreadable."""
     if not resolved:
         return b""
@@ -493,8 +493,8 @@ def content_of(resolved: str) -> bytes:
     if not Path(package).is_file():  # reading a device might never end
         return b""
     if package == resolved:
-        return read_source(Path(resolved))
-    note_file(Path(package))
+        return reader.read(Path(resolved))
+    reader.note(Path(package))
     asset = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(resolved))
     return b"" if asset is None else bytes(asset.GetBuffer())
 

@@ -6,7 +6,7 @@ import pytest
 from omnisim.apps.live.camera_document import CameraDocument
 from omnisim.core.files.image_files import read_image
 from omnisim.datasets.generate.plan import read_plan
-from omnisim.rendering.camera.degradations.fixed_pattern import random_pattern, write_pattern
+from omnisim.rendering.camera.degradations.noise import random_pattern, write_pattern
 
 MEASURED = """
 [lens]

@@ -8,7 +8,7 @@ from omnisim.core.files.image_files import write_channels
 from omnisim.core.random_numbers import key_of
 from omnisim.rendering.camera.degradations import Noise
 from omnisim.rendering.camera.degradations.effect import Shot
-from omnisim.rendering.camera.degradations.fixed_pattern import (
+from omnisim.rendering.camera.degradations.noise import (
     random_pattern,
     read_pattern,
     resampled,

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
+from omnisim.rendering.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.capture.parallax_pass import DepthPyramid
 from tests.rendering.opengl.depths import drawn_depth
 

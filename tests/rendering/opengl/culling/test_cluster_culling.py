@@ -5,8 +5,9 @@ import pytest
 
 from omnisim.core.cube import FACE_FROM_RIG
 from omnisim.core.poses import pose
+from omnisim.rendering.atlas.tile_plan import TileViews, clips_from_rig, plan_tiles
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.opengl.atlas.tile_plan import TileViews, clips_from_rig, plan_tiles
+from omnisim.rendering.contract import ScenePoses
 from omnisim.rendering.opengl.culling.cluster_culling import ClusterCuller, Views
 from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
 from omnisim.scene.model import AlphaMode, Material, Mesh
@@ -119,7 +120,7 @@ def test_all_triangles_that_a_tile_shows_are_drawn(context, far_m):
     seen = submitted = 0
     for number, viewpoint_m in enumerate(generator.uniform(-3.0, 3.0, (12, 3))):
         world_from_rig = pose(viewpoint_m, roll_deg=9.0, yaw_deg=31.0 * number)
-        views.write(world_from_rig)
+        views.write((ScenePoses(world_from_rig),))
         culler.run(0)
         drawn = _drawn(culler, geometry)
         local = corners_m - viewpoint_m
@@ -167,7 +168,7 @@ def test_near_clusters_come_first_and_every_run_gives_the_same(context):
     middle_m = 0.5 * (geometry.clusters.aabb_min + geometry.clusters.aabb_max) + geometry.anchor_m
     runs = []
     for _ in range(3):
-        views.write(np.eye(4))
+        views.write((ScenePoses(np.eye(4)),))
         culler.run(0)
         runs.append(submitted_commands(culler))
     assert all(np.array_equal(one, runs[0]) for one in runs)

@@ -10,8 +10,8 @@ from omnisim.cameras import pixel_grid
 from omnisim.core.poses import pose
 from omnisim.core.world import WorldState
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.opengl.drawing.cube_pass import CubePass
 from omnisim.rendering.opengl.gl.functions import gl_function
+from omnisim.rendering.opengl.scene_view import SceneView
 from omnisim.rendering.opengl.shadows import shadow_plan
 from omnisim.rendering.opengl.shadows.caster_drawer import CasterDrawer
 from omnisim.rendering.opengl.shadows.kept_cascades import LEVELS
@@ -234,13 +234,11 @@ def test_a_batch_of_what_is_static_is_drawn_together():
 
 def _in_batches(renderer, states, monkeypatch):
     """Images of a batch, and whether they were drawn together."""
-    alone = []
+    groups = []
     with monkeypatch.context() as patch:
-        draw_each = CubePass._draw_each
-        patch.setattr(
-            CubePass, "_draw_each", lambda *given: alone.append(given) or draw_each(*given)
-        )
-        return renderer.render_batch(states), not alone
+        draw = SceneView.draw
+        patch.setattr(SceneView, "draw", lambda *given: groups.append(given) or draw(*given))
+        return renderer.render_batch(states), len(groups) == 1
 
 
 @pytest.mark.parametrize("light", LIGHTS.values(), ids=LIGHTS.keys())

@@ -5,6 +5,7 @@ import pytest
 import trimesh
 
 from omnisim.core.poses import pose
+from omnisim.rendering.contract import ScenePoses
 from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
 from omnisim.scene.model import Material, Mesh
 from tests.scenes import scene_of
@@ -41,6 +42,6 @@ def test_items_of_objects_show_themselves_by_the_pose_of_their_object(context):
     buffers = SceneBuffers(context, scene_of([]), [scene_of([_ball()], [Material()])] * 2)
     poses = [pose((5.0, 0.0, 1e5), yaw_deg=20.0), pose((9.0, 0.0, 1e5), pitch_deg=70.0)]
     for number, viewpoint_m in enumerate([(5.2, 0.1, 1e5), (9.0, -0.2, 1e5 + 0.3)]):
-        shown = buffers.showing(np.arange(2), np.array(viewpoint_m), poses)
+        shown = buffers.showing(np.arange(2), ScenePoses(pose(viewpoint_m), poses))
         objects = [buffers.draw_items[index].object_index for index in shown]
         assert objects == [1 - number]

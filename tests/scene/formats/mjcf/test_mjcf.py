@@ -13,6 +13,7 @@ from omnisim.core.srgb import linear_from_srgb
 from omnisim.scene.labels import find_labels
 from omnisim.scene.light.lighting import DEFAULT_LIGHTING
 from omnisim.scene.model import AlphaMode, LightKind
+from omnisim.scene.surface_kind import SurfaceKind, kind_of
 from omnisim.scene.surface_reflectance import dielectric_f0
 from tests.scene.formats.mjcf.models import SHAPES
 from tests.scene.gltf_builder import png
@@ -68,10 +69,10 @@ def test_planes_mirror_the_scene_and_other_geoms_do_not(tmp_path):
     # reflected at all angles, with the rest for the body
     assert dielectric_f0(floor.ior, floor.specular, (1.0, 1.0, 1.0))[0] == pytest.approx(0.3, 1e-4)
     assert (floor.specular, floor.roughness, floor.metallic) == (pytest.approx(0.3), 0.0, 0.0)
-    assert crate.is_matte
+    assert SurfaceKind.MATTE in kind_of(crate)
     assert any("mirror images in 1 material" in notice for notice in scene.notices)
     clear = load_scene(_written(tmp_path, body.format(share=0.0)))
-    assert _material(clear, "floor").is_matte
+    assert SurfaceKind.MATTE in kind_of(_material(clear, "floor"))
     assert not any("mirror" in notice for notice in clear.notices)
 
 

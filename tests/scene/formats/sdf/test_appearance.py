@@ -9,6 +9,7 @@ from PIL import Image
 
 from omnisim.core.errors import SceneError
 from omnisim.scene.model import AlphaMode, LightKind
+from omnisim.scene.surface_kind import SurfaceKind, kind_of
 from tests.scene.formats.sdf.worlds import BOX, load, model, sdf, visual, world
 
 
@@ -121,7 +122,7 @@ def test_metal_and_maps_are_those_of_gltf(tmp_path):
 
 def test_what_states_no_metal_is_matte(tmp_path):
     scene = load_material(tmp_path, "<diffuse>1 0 0 1</diffuse><specular>1 1 1 1</specular>")
-    assert material_of(scene).is_matte
+    assert SurfaceKind.MATTE in kind_of(material_of(scene))
 
 
 def test_what_glows_or_takes_no_light(tmp_path):

@@ -8,6 +8,7 @@ import trimesh
 
 from omnisim import OmniCamera, load_scene, open_sensor
 from omnisim.scene.model import AlphaMode, Wrap
+from omnisim.scene.surface_kind import pane_transmission
 from tests.scene.formats.usd.stages import define_box, define_mesh, new_stage
 from tests.scene.gltf_builder import png
 
@@ -104,14 +105,14 @@ def test_smooth_clear_surfaces_are_panes(tmp_path):
     assert glass.alpha_mode is AlphaMode.OPAQUE
     assert (glass.ior, glass.roughness) == (pytest.approx(1.52), 0.0)
     color = np.array(glass.base_color[:3])
-    np.testing.assert_allclose(glass.pane_transmission * color, 0.9, rtol=1e-6)
-    np.testing.assert_allclose((1.0 - glass.pane_transmission) * color, 0.1 * 0.2, rtol=1e-5)
-    assert _glass(tmp_path, opacity=0.0).pane_transmission == 1.0
+    np.testing.assert_allclose(pane_transmission(glass) * color, 0.9, rtol=1e-6)
+    np.testing.assert_allclose((1.0 - pane_transmission(glass)) * color, 0.1 * 0.2, rtol=1e-5)
+    assert pane_transmission(_glass(tmp_path, opacity=0.0)) == 1.0
     # a colored body tints the light a little: on average it is the same
     tinted = _glass(tmp_path, diffuseColor=(0.0, 1.0, 0.2), opacity=0.2)
     color = np.array(tinted.base_color[:3])
-    assert np.mean(tinted.pane_transmission * color) == pytest.approx(0.8)
-    np.testing.assert_allclose(tinted.pane_transmission * color, 0.8, rtol=0.15)
+    assert np.mean(pane_transmission(tinted) * color) == pytest.approx(0.8)
+    np.testing.assert_allclose(pane_transmission(tinted) * color, 0.8, rtol=0.15)
 
 
 @pytest.mark.parametrize(
@@ -126,13 +127,13 @@ def test_other_surfaces_are_blended(tmp_path, inputs):
     blended = _glass(tmp_path, **inputs)
     assert blended.alpha_mode is AlphaMode.BLEND
     assert blended.base_color == pytest.approx((0.2, 0.2, 0.2, 0.1))
-    assert blended.pane_transmission == 0.0
+    assert pane_transmission(blended) == 0.0
 
 
 def test_opaque_and_masked_surfaces_are_no_panes(tmp_path):
-    assert _glass(tmp_path, opacity=1.0).pane_transmission == 0.0
+    assert pane_transmission(_glass(tmp_path, opacity=1.0)) == 0.0
     masked = _glass(tmp_path, opacityThreshold=0.05)
-    assert (masked.alpha_mode, masked.pane_transmission) == (AlphaMode.MASK, 0.0)
+    assert (masked.alpha_mode, pane_transmission(masked)) == (AlphaMode.MASK, 0.0)
 
 
 def test_a_texture_with_scale_wrap_and_transform(tmp_path):

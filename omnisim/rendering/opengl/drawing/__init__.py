@@ -1,1 +1,0 @@
-"""Drawing of the scene: surface programs, cluster and item drawers, the cube pass."""

@@ -1,0 +1,1 @@
+"""Reflections of the scene: planar mirrors and panes, and reflection probes."""
