@@ -9,12 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.rendering.opengl.gl.framebuffers import framebuffer
-from omnisim.rendering.opengl.gl.gpu_textures import (
-    CLEAR_DEPTH,
-    DEPTH,
-    DEPTH_FUNCTION,
-    renderbuffer,
-)
+from omnisim.rendering.opengl.gl.gpu_textures import DEPTH, renderbuffer
+from omnisim.rendering.opengl.gl.reversed_depth import CLEAR_DEPTH, DEPTH_FUNCTION
 from omnisim.rendering.opengl.gl.shader_files import columns_first, find_uniform, uniform
 from omnisim.rendering.opengl.surfaces.surface_program import (
     SurfaceProgram,

@@ -16,8 +16,7 @@ from omnisim.rendering.contract import (
     SubFrames,
     Taken,
 )
-from omnisim.rendering.truth.moving_boxes import MovingBoxes
-from omnisim.rendering.twist import moved_px
+from omnisim.rendering.twist import MovingBoxes, moved_px
 
 BeginSubFrames = Callable[[SubFrames], Pending[Readback]]
 

@@ -1,11 +1,11 @@
-"""Motion of camera and dynamic objects during an exposure, and the motion in the image."""
+"""Motion of camera and dynamic objects during an exposure, and how far it moves the image."""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -14,8 +14,11 @@ from omnisim.cameras import CentralCamera, pixels_of_points
 from omnisim.core.arrays import Floats
 from omnisim.core.files.parameters import Number, Parameters
 from omnisim.core.poses import pose_from_rotation
-from omnisim.core.world import Pose
+from omnisim.core.world import Pose, time_of
 from omnisim.rendering.contract import ScenePoses
+from omnisim.scene import Scene
+from omnisim.scene.model import Instance
+from omnisim.scene.motion.deformation import Deformation
 
 # Assumed distance of the nearest surface, because depth is unknown before rendering. Nearer
 # surfaces move farther between sub-frames.
@@ -24,7 +27,6 @@ ASSUMED_DISTANCE_M = 1.0
 MAX_MPS, MAX_RADPS = 1e4, 1e3
 GRID = 13  # samples of the motion per image side
 SPREAD_RAD = 0.3  # from any direction in the image to the nearest sample of a wide lens
-
 
 Speed = Annotated[Number, Field(ge=-MAX_MPS, le=MAX_MPS)]
 TurnRate = Annotated[Number, Field(ge=-MAX_RADPS, le=MAX_RADPS)]
@@ -178,3 +180,56 @@ def _px_per_rad(camera: CentralCamera) -> float:
 def _moved(points_m: Floats, target_from_source: Floats) -> Floats:
     """Points (n, 3) in another frame."""
     return points_m @ target_from_source[:3, :3].T + target_from_source[:3, 3]
+
+
+# Bounding boxes of moving parts: dynamic objects, and the vertices bound to each joint.
+_MIN_VOLUME = 1e-12  # of a joint's transform: flatter ones are ignored
+
+
+class _JointBox(NamedTuple):
+    """Joint of a deforming mesh."""
+
+    object_index: int | None  # index of the dynamic object with the mesh; None: static
+    instance: Instance  # instance of the mesh
+    deformation: Deformation  # deformation of the mesh
+    joint: int  # index of the joint
+    bind_from_object: Pose  # (4, 4) transform at 0 s
+
+
+class MovingBoxes:
+    """Bounding boxes in moving frames; `corners_m`: (8, 3) in each one's own, or (0, 3)."""
+
+    def __init__(self, scene: Scene, objects: Iterable[Scene]):
+        objects = list(objects)
+        boxes = [np.array(list(itertools.product(*one.bounds_m().T))) for one in objects]
+        self.corners_m = [one if np.isfinite(one).all() else one[:0] for one in boxes]
+        self._joints: list[_JointBox] = []
+        for index, part in enumerate((scene, *objects), start=-1):
+            for instance in part.instances:
+                deformation = part.meshes[instance.mesh].deformation
+                if deformation is None:
+                    continue
+                matrices = instance.world_from_mesh @ deformation.matrices_at(0.0)
+                for joint, corners in zip(*deformation.joint_boxes(), strict=True):
+                    matrix = matrices[joint]
+                    size = float(np.linalg.norm(matrix[:3, :3], 2))
+                    if abs(np.linalg.det(matrix[:3, :3])) > _MIN_VOLUME * size**3:
+                        of_object, inverse = index if index >= 0 else None, np.linalg.inv(matrix)
+                        self._joints.append(
+                            _JointBox(of_object, instance, deformation, int(joint), inverse)
+                        )
+                        self.corners_m.append(corners @ matrix[:3, :3].T + matrix[:3, 3])
+
+    def poses(self, world_from_objects: Sequence[Pose]) -> list[Pose]:
+        """Transforms (4, 4) of the boxes at the objects' poses and time; nearly rigid."""
+        poses, time_s = list(world_from_objects), time_of(world_from_objects)
+        for index, instance, deformation, joint, bind_from_object in self._joints:
+            matrix = deformation.matrices_at(time_s)[joint] @ bind_from_object
+            shift = np.eye(4)
+            if deformation.targets is not None:
+                # maximum displacement of vertices by morph targets
+                change = deformation.weights_at(time_s) - deformation.weights_at(0.0)
+                shift[0, 3] = np.abs(change) @ deformation.targets.longest
+            matrix = instance.world_from_mesh @ shift @ matrix
+            poses.append(matrix if index is None else world_from_objects[index] @ matrix)
+        return poses

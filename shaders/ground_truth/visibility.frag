@@ -1,4 +1,4 @@
-// Triangle ID of a texel, plus 1, see triangle_ids.py; 0: nothing visible.
+// Triangle ID of a texel, plus 1, see visibility_pass.py; 0: nothing visible.
 // With ALPHA_MASK, only where alpha reaches the cutoff; blended surfaces have a cutoff, too.
 // With ALBEDO, also the square root of the plain base color: 8 bits are then as fine as sRGB.
 // With MATERIALS, also roughness, metalness and emission, see gloss.glsl.

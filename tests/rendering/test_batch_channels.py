@@ -48,9 +48,16 @@ def _assert_same(renderer, batch, states):
 @pytest.mark.parametrize("names", [NAMES, ("range",), ("normals",), ("albedo", "instance")])
 def test_channels_drawn_together_are_those_of_single_frames(stage, names, monkeypatch):
     with stage.open(CAMERA) as renderer:
-        with monkeypatch.context() as alone:  # nothing is drawn image by image
-            alone.setattr(VisibilityPass, "render", None)
+        drawn, render = list[int](), VisibilityPass.render
+        with monkeypatch.context() as counted:
+
+            def render_all(self, poses, details):
+                drawn.append(len(poses))
+                render(self, poses, details)
+
+            counted.setattr(VisibilityPass, "render", render_all)
             batch = renderer.render_batch(_poses(5), channels=names)
+        assert drawn == [5]  # none is drawn alone
         _assert_same(renderer, batch, _poses(5))
         assert len({values.tobytes() for values in batch[names[0]]}) == 5
 

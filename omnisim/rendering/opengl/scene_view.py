@@ -23,7 +23,7 @@ from omnisim.rendering.opengl.culling.cluster_culling import (
     Views,
 )
 from omnisim.rendering.opengl.gl.buffers import written_buffer
-from omnisim.rendering.opengl.gl.gpu_textures import CLEAR_DEPTH
+from omnisim.rendering.opengl.gl.reversed_depth import CLEAR_DEPTH
 from omnisim.rendering.opengl.gl.shader_files import columns_first
 from omnisim.rendering.opengl.gl.state import GlState
 from omnisim.rendering.opengl.surfaces.cluster_drawer import (

@@ -17,7 +17,7 @@ from omnisim.cameras import (
     pixel_grid,
     pixels_of_points,
 )
-from omnisim.core.arrays import Bools, Bytes, Floats, Floats32, Indices, Uints32
+from omnisim.core.arrays import Bytes, Floats, Floats32, Indices, Uints32
 from omnisim.core.world import time_of
 from omnisim.ground_truth.hits import Hits
 from omnisim.rendering.contract import DeformingDraw, HitSource, ScenePoses
@@ -31,13 +31,12 @@ def moved_from_current(current: ScenePoses, other: ScenePoses) -> Floats:
     """Motions (objects, 4, 4) of the objects from one time to another, in the viewpoint frame."""
     viewpoint_m = current.world_from_rig[:3, 3]
     transforms = np.tile(np.eye(4), (1 + len(current.world_from_objects), 1, 1))
-    for index, (before, then) in enumerate(
-        zip(current.world_from_objects, other.world_from_objects, strict=True), start=1
-    ):
+    pairs = zip(current.world_from_objects, other.world_from_objects, strict=True)
+    for transform, (before, then) in zip(transforms[1:], pairs, strict=True):
         moved = then @ np.linalg.inv(before)
-        transforms[index, :3, :3] = moved[:3, :3]
+        transform[:3, :3] = moved[:3, :3]
         # a point at the current viewpoint, minus that viewpoint
-        transforms[index, :3, 3] = moved[:3, :3] @ viewpoint_m + (moved[:3, 3] - viewpoint_m)
+        transform[:3, 3] = moved[:3, :3] @ viewpoint_m + (moved[:3, 3] - viewpoint_m)
     return transforms
 
 
@@ -249,9 +248,10 @@ class OpticalFlow:
         flow.view(np.uint64)[self._valid] = motion_px.astype(np.float32).view(np.uint64)
         status = np.full(len(flow), INVALID, dtype=np.uint8)
         occluded = self._occluded.result().ravel()[self._valid]
-        status[self._valid] = np.where(
-            self._is_inside(projected), occluded * np.uint8(OCCLUDED), np.uint8(OUTSIDE)
-        )
+        u, v = projected.positions_px.T
+        is_inside = projected.valid & (u >= -0.5) & (u < self._camera.width_px - 0.5)
+        is_inside &= (v >= -0.5) & (v < self._camera.height_px - 0.5)
+        status[self._valid] = np.where(is_inside, occluded * np.uint8(OCCLUDED), np.uint8(OUTSIDE))
         return flow.reshape(*self._shape, 2), status.reshape(self._shape)
 
     def _pixels_of(self, hits: Hits, optical_from_current: Floats) -> Pixels:
@@ -273,14 +273,6 @@ class OpticalFlow:
                 self._camera, optical_m, points_m[batch, 3] > 0.0
             )
         return Pixels(positions_px, valid)
-
-    def _is_inside(self, pixels: Pixels) -> Bools:
-        """Mask (n,) of positions in the image."""
-        u, v = pixels.positions_px.T
-        camera = self._camera
-        inside: Bools = pixels.valid & (u >= -0.5) & (u < camera.width_px - 0.5)
-        inside &= (v >= -0.5) & (v < camera.height_px - 0.5)
-        return inside
 
 
 def _optical_from_world(poses: ScenePoses, camera: CentralCamera) -> Floats:

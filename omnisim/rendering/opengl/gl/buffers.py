@@ -5,22 +5,19 @@ Only those of `written_buffer` are written by the processor, and only `pixel_rea
 
 from __future__ import annotations
 
-import ctypes
-
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.arrays import Bytes
 from omnisim.rendering.opengl.gl import debug
-from omnisim.rendering.opengl.gl.functions import gl_function
+from omnisim.rendering.opengl.gl.functions import ENUM, POINTER, SIZE, gl_function
 from omnisim.rendering.opengl.gl.memory import check_allocation
 
 Content = NDArray[np.generic] | bytes | int
 
 _DYNAMIC_STORAGE = 0x0100
 _EMPTY_BYTES = 64  # OpenGL has no empty buffers
-_ENUM, _SIZE, _POINTER = ctypes.c_uint, ctypes.c_ssize_t, ctypes.c_void_p
 
 
 def gpu_buffer(context: moderngl.Context, content: Content) -> moderngl.Buffer:
@@ -49,7 +46,7 @@ def read_buffer(buffer: moderngl.Buffer) -> bytes:
 
 def copy_buffer(buffer: moderngl.Buffer, content: Bytes) -> None:
     """Copy all bytes of any buffer to an array (size,), once the GPU has finished it."""
-    read = gl_function("glGetNamedBufferSubData", _ENUM, _SIZE, _SIZE, _POINTER)
+    read = gl_function("glGetNamedBufferSubData", ENUM, SIZE, SIZE, POINTER)
     read(buffer.glo, 0, buffer.size, content.ctypes.data)
 
 
@@ -64,7 +61,7 @@ def immutable_buffer(context: moderngl.Context, content: Content, access: int) -
     # moderngl's own storage is replaced before anything uses it
     buffer = context.buffer(reserve=size or _EMPTY_BYTES)
     address = None if values is None or not size else values.ctypes.data
-    allocate = gl_function("glNamedBufferStorage", _ENUM, _SIZE, _POINTER, _ENUM)
+    allocate = gl_function("glNamedBufferStorage", ENUM, SIZE, POINTER, ENUM)
     allocate(buffer.glo, buffer.size, address, access)
     check_allocation(context, f"a buffer of {buffer.size} bytes")
     debug.label(debug.BUFFER, buffer.glo)

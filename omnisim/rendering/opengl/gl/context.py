@@ -6,7 +6,6 @@ leaks some memory per context.
 
 from __future__ import annotations
 
-import ctypes
 import os
 import threading
 import warnings
@@ -29,7 +28,7 @@ from omnisim.rendering.opengl.gl.diagnosis import (
     version_fault,
 )
 from omnisim.rendering.opengl.gl.framebuffers import framebuffer
-from omnisim.rendering.opengl.gl.functions import Fences, gl_function
+from omnisim.rendering.opengl.gl.functions import ENUM, POINTER, Fences, gl_function
 from omnisim.rendering.opengl.gl.gpu_textures import delete_texture, renderbuffer
 from omnisim.rendering.opengl.gl.state import set_constants
 
@@ -153,7 +152,7 @@ def collect_garbage(context: moderngl.Context) -> None:
     if not context.objects and not context.extra.dropped_textures:
         return
     context.extra.lasting_target.use()
-    gl_function("glBindVertexArray", ctypes.c_uint)(0)  # deletions change the array that is bound
+    gl_function("glBindVertexArray", ENUM)(0)  # deletions change the array that is bound
     context.gc()
     while context.extra.dropped_textures:
         delete_texture(context.extra.dropped_textures.pop())
@@ -207,7 +206,7 @@ def release_unclosed_contexts() -> None:
 
 def _current_handle() -> int | None:
     """EGL's handle of this thread's current context; None: no context is current."""
-    return gl_function("eglGetCurrentContext", returns=ctypes.c_void_p)()
+    return gl_function("eglGetCurrentContext", returns=POINTER)()
 
 
 def _open(device: int | None) -> moderngl.Context:

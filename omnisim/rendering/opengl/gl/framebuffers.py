@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 import moderngl
 
 from omnisim.rendering.opengl.gl import debug
-from omnisim.rendering.opengl.gl.functions import end_pass, gl_function
-from omnisim.rendering.opengl.gl.gpu_textures import CLEAR_DEPTH, depth_array
+from omnisim.rendering.opengl.gl.functions import ENUM, INT, POINTER, end_pass, gl_function
+from omnisim.rendering.opengl.gl.gpu_textures import depth_array
 from omnisim.rendering.opengl.gl.memory import AllocationError
+from omnisim.rendering.opengl.gl.reversed_depth import CLEAR_DEPTH
 from omnisim.rendering.opengl.gl.state import GlState
 
 COLORS, DEPTH = 0x8CE0, 0x8D00  # attachments; further colors follow the first
 LAYER_EXTENSIONS = {"GL_ARB_shader_draw_parameters", "GL_ARB_shader_viewport_layer_array"}
-_ENUM, _INT, _POINTER = ctypes.c_uint, ctypes.c_int, ctypes.c_void_p
 
 
 def framebuffer(
@@ -33,9 +32,9 @@ def framebuffer(
         raise AllocationError(f"a framebuffer of {'; '.join(kinds)}", str(error)) from None
     debug.label(debug.FRAMEBUFFER, target.glo)
     # moderngl enables all attachments only when it binds a target
-    attachments = (_ENUM * len(colors))(*range(COLORS, COLORS + len(colors)))
-    draw = gl_function("glNamedFramebufferDrawBuffers", _ENUM, _INT, _POINTER)
-    draw(target.glo, len(colors), ctypes.addressof(attachments))
+    attachments = (ENUM * len(colors))(*range(COLORS, COLORS + len(colors)))
+    draw = gl_function("glNamedFramebufferDrawBuffers", ENUM, INT, POINTER)
+    draw(target.glo, len(colors), attachments)
     return target
 
 
@@ -69,7 +68,7 @@ def attach_texture(
     framebuffer: int, texture: int, attachment: int = COLORS, level: int = 0
 ) -> None:
     """Attach a mip level of a texture, or of all layers of an array, to a framebuffer."""
-    attach = gl_function("glNamedFramebufferTexture", _ENUM, _ENUM, _ENUM, _INT)
+    attach = gl_function("glNamedFramebufferTexture", ENUM, ENUM, ENUM, INT)
     attach(framebuffer, attachment, texture, level)
 
 
@@ -77,7 +76,7 @@ def attach_layer(
     framebuffer: int, array: int, layer: int, attachment: int = COLORS, level: int = 0
 ) -> None:
     """Attach one layer of a texture array to a framebuffer."""
-    attach = gl_function("glNamedFramebufferTextureLayer", _ENUM, _ENUM, _ENUM, _INT, _INT)
+    attach = gl_function("glNamedFramebufferTextureLayer", ENUM, ENUM, ENUM, INT, INT)
     attach(framebuffer, attachment, array, level, layer)
 
 

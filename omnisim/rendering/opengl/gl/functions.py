@@ -14,7 +14,9 @@ from omnisim.core.errors import GraphicsError
 
 _UNSIGNED_INT, _TRIANGLES = 0x1405, 4
 _DRAW_INDIRECT_BUFFER, _PARAMETER_BUFFER, _SHADER_STORAGE_BUFFER = 0x8F3F, 0x80EE, 0x90D2
-_ENUM, _INT = ctypes.c_uint, ctypes.c_int
+# Types of the functions' parameters, and of the elements of arrays that they read or write.
+ENUM, INT, SIZE, FLOAT = ctypes.c_uint, ctypes.c_int, ctypes.c_ssize_t, ctypes.c_float
+BOOLEAN, POINTER = ctypes.c_ubyte, ctypes.c_void_p  # 0 or 1; an address or an array
 
 COMMAND_BYTES = 20  # of an indirect draw command
 
@@ -48,12 +50,12 @@ class IndirectDraws:
     """
 
     def __init__(self) -> None:
-        self.use_program = gl_function("glUseProgram", _ENUM)
-        self._bind_vertex_array = gl_function("glBindVertexArray", _ENUM)
-        self._bind_buffer = gl_function("glBindBuffer", _ENUM, _ENUM)
+        self.use_program = gl_function("glUseProgram", ENUM)
+        self._bind_vertex_array = gl_function("glBindVertexArray", ENUM)
+        self._bind_buffer = gl_function("glBindBuffer", ENUM, ENUM)
         self._draw = gl_function(
             "glMultiDrawElementsIndirectCountARB",
-            _ENUM, _ENUM, ctypes.c_void_p, ctypes.c_void_p, _INT, _INT,
+            ENUM, ENUM, POINTER, POINTER, INT, INT,
         )  # fmt: skip
 
     def bind(self, commands: int, counts: int, vertex_array: int) -> None:
@@ -77,8 +79,8 @@ class StorageBindings:
 
     def __init__(self, buffers: Sequence[moderngl.Buffer], first: int = 0):
         self.buffers = tuple(buffers)
-        self._names = (ctypes.c_uint * len(buffers))(*(one.glo for one in buffers))
-        bind = gl_function("glBindBuffersBase", _ENUM, _ENUM, _INT, ctypes.c_void_p)
+        self._names = (ENUM * len(buffers))(*(one.glo for one in buffers))
+        bind = gl_function("glBindBuffersBase", ENUM, ENUM, INT, POINTER)
         address = ctypes.addressof(self._names)
         self.bind = constant_call(bind, _SHADER_STORAGE_BUFFER, first, len(buffers), address)
 
@@ -106,13 +108,11 @@ class Fences:
     """Sync objects of the current context; llvmpipe's last ones are kept."""
 
     def __init__(self, keeps_passes: bool) -> None:
-        create = gl_function("glFenceSync", ctypes.c_uint, ctypes.c_uint, returns=ctypes.c_void_p)
+        create = gl_function("glFenceSync", ENUM, ENUM, returns=POINTER)
         self.create = constant_call(create, _GPU_COMMANDS_COMPLETE, 0)
-        self._wait = gl_function(
-            "glClientWaitSync",
-            ctypes.c_void_p, ctypes.c_uint, ctypes.c_uint64, returns=ctypes.c_uint,
-        )  # fmt: skip
-        self._delete = gl_function("glDeleteSync", ctypes.c_void_p)
+        wait = "glClientWaitSync"
+        self._wait = gl_function(wait, POINTER, ENUM, ctypes.c_uint64, returns=ENUM)
+        self._delete = gl_function("glDeleteSync", POINTER)
         self.keeps_passes = keeps_passes
         self._kept: deque[int] = deque()  # newest last
 

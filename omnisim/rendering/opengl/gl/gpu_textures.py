@@ -1,15 +1,7 @@
-"""Textures and renderbuffers: limits are known before, and OpenGL's error is seen after each.
-
-Depth is reversed and float: a depth buffer stores near/z. With 1 at the near plane and 0 at
-infinity, floats have a relative precision of 6e-8 at every distance; the usual 24 bits from −1 to 1
-confuse surfaces 10 cm apart at 500 m.
-
-Source: Reed, "Depth precision visualized", 2015.
-"""
+"""Textures and renderbuffers: limits are known before, and OpenGL's error is seen after each."""
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TypeVar
@@ -20,23 +12,20 @@ from numpy.typing import NDArray
 
 from omnisim.core.errors import GraphicsError
 from omnisim.rendering.opengl.gl import debug
-from omnisim.rendering.opengl.gl.functions import end_pass, gl_function
+from omnisim.rendering.opengl.gl.functions import ENUM, INT, POINTER, end_pass, gl_function
 from omnisim.rendering.opengl.gl.memory import AllocationError, check_allocation
 
 AnyTexture = moderngl.Texture | moderngl.Texture3D | moderngl.TextureArray
 TextureT = TypeVar("TextureT", moderngl.Texture, moderngl.Texture3D, moderngl.TextureArray)
 
-DEPTH_FUNCTION = ">"  # set per context, see omnisim/rendering/opengl/gl/state.py
-CLEAR_DEPTH = 0.0
 DEPTH = "d4"  # type of a renderbuffer of depth
 SRGB8_ALPHA8, RGBA8 = 0x8C43, 0x8058
 _DEPTH_COMPONENT32F, _RGB16F, _RGBA16F = 0x8CAC, 0x881B, 0x881A
-_TEXTURE_2D, _TEXTURE_2D_ARRAY, _CUBE_MAP_ARRAY = 0x0DE1, 0x8C1A, 0x9009
+_TEXTURE_2D, _CUBE_MAP_ARRAY = 0x0DE1, 0x9009
 _MIN_FILTER, _MAG_FILTER, _LINEAR, _LINEAR_MIPMAP_LINEAR = 0x2801, 0x2800, 0x2601, 0x2703
 _BASE_LEVEL, _MAX_LEVEL = 0x813C, 0x813D
 _RGB, _RGBA, _HALF_FLOAT, _UNSIGNED_BYTE = 0x1907, 0x1908, 0x140B, 0x1401
 _UNPACK_ALIGNMENT = 0x0CF5
-_ENUM, _INT, _POINTER = ctypes.c_uint, ctypes.c_int, ctypes.c_void_p
 _LIMITS = "GL_MAX_TEXTURE_SIZE", "GL_MAX_TEXTURE_SIZE", "GL_MAX_ARRAY_TEXTURE_LAYERS"
 _PROXY_TEXTURE_2D, _WIDTH, _FLOAT, _RGBA32F = 0x8064, 0x1000, 0x1406, 0x8814
 
@@ -72,12 +61,12 @@ def texture_2d(
 
 def fits_texture(size: tuple[int, int], has_half_floats: bool) -> bool:
     """Ask OpenGL, without an allocation, whether it takes an RGBA texture of floats."""
-    internal_format, width = _RGBA16F if has_half_floats else _RGBA32F, _INT()
-    describe = gl_function("glTexImage2D", _ENUM, *(_INT,) * 5, _ENUM, _ENUM, _POINTER)
+    internal_format, width = _RGBA16F if has_half_floats else _RGBA32F, (INT * 1)()
+    describe = gl_function("glTexImage2D", ENUM, *(INT,) * 5, ENUM, ENUM, POINTER)
     describe(_PROXY_TEXTURE_2D, 0, internal_format, *size, 0, _RGBA, _FLOAT, None)
-    read = gl_function("glGetTexLevelParameteriv", _ENUM, _INT, _ENUM, _POINTER)
-    read(_PROXY_TEXTURE_2D, 0, _WIDTH, ctypes.addressof(width))
-    return width.value == size[0]
+    read = gl_function("glGetTexLevelParameteriv", ENUM, INT, ENUM, POINTER)
+    read(_PROXY_TEXTURE_2D, 0, _WIDTH, width)
+    return width[0] == size[0]
 
 
 def texture_3d(
@@ -114,13 +103,13 @@ def byte_textures(
     Moderngl does not free the layers. They are `stored` as `RGBA8` or `SRGB8_ALPHA8`.
     """
     width, height, layers = size
-    names = (_ENUM * layers)()
+    names = (ENUM * layers)()
     with _allocation(context, "a texture array", *size):
         array = context.texture_array((1, 1, 1), 4)  # moderngl has no sRGB
         _allocate(array.glo, levels, stored, *size)
-        gl_function("glGenTextures", _INT, _POINTER)(layers, ctypes.addressof(names))
+        gl_function("glGenTextures", INT, POINTER)(layers, names)
         for layer, name in enumerate(names):
-            view = gl_function("glTextureView", *(_ENUM,) * 8)
+            view = gl_function("glTextureView", *(ENUM,) * 8)
             view(name, _TEXTURE_2D, array.glo, stored, 0, levels, layer, 1)
     views = [context.external_texture(name, (width, height), 4, 0, "f1") for name in names]
     return _finished(array), [_finished(one) for one in views]
@@ -128,16 +117,16 @@ def byte_textures(
 
 def cube_array(context: moderngl.Context, size_px: int, levels: int, cubes: int) -> int:
     """Name of an array of cube maps of RGBA half floats with mip levels, filtered linearly."""
-    name = ctypes.c_uint()
+    names = (ENUM * 1)()
     with _allocation(context, "an array of cube maps", size_px, size_px, 6 * cubes):
-        create = gl_function("glCreateTextures", _ENUM, _INT, _POINTER)
-        create(_CUBE_MAP_ARRAY, 1, ctypes.addressof(name))
-        _allocate(name.value, levels, _RGBA16F, size_px, size_px, 6 * cubes)
-    debug.label(debug.TEXTURE, name.value)
-    set_parameter = gl_function("glTextureParameteri", _ENUM, _ENUM, _INT)
-    set_parameter(name.value, _MIN_FILTER, _LINEAR_MIPMAP_LINEAR)
-    set_parameter(name.value, _MAG_FILTER, _LINEAR)
-    return name.value
+        create = gl_function("glCreateTextures", ENUM, INT, POINTER)
+        create(_CUBE_MAP_ARRAY, 1, names)
+        _allocate(names[0], levels, _RGBA16F, size_px, size_px, 6 * cubes)
+    debug.label(debug.TEXTURE, names[0])
+    set_parameter = gl_function("glTextureParameteri", ENUM, ENUM, INT)
+    set_parameter(names[0], _MIN_FILTER, _LINEAR_MIPMAP_LINEAR)
+    set_parameter(names[0], _MAG_FILTER, _LINEAR)
+    return int(names[0])
 
 
 def depth_texture(
@@ -175,7 +164,7 @@ def renderbuffer(
         if dtype == DEPTH:
             buffer = context.depth_renderbuffer(size, samples=samples)
             storage = "glNamedRenderbufferStorageMultisample"
-            allocate = gl_function(storage, _ENUM, _INT, _ENUM, _INT, _INT)
+            allocate = gl_function(storage, ENUM, INT, ENUM, INT, INT)
             allocate(buffer.glo, samples, _DEPTH_COMPONENT32F, *size)
         else:
             buffer = context.renderbuffer(size, components, samples=samples, dtype=dtype)
@@ -185,7 +174,7 @@ def renderbuffer(
 
 def limit_levels(texture: int, first: int, last: int) -> None:
     """Restrict sampling to a range of mip levels, so that another level can be a render target."""
-    limit = gl_function("glTextureParameteri", _ENUM, _ENUM, _INT)
+    limit = gl_function("glTextureParameteri", ENUM, ENUM, INT)
     limit(texture, _BASE_LEVEL, first)
     limit(texture, _MAX_LEVEL, last)
 
@@ -196,8 +185,8 @@ def upload(
     """Upload RGB or RGBA (height, width, n) to a whole mip level, of a layer of an array."""
     height, width, components = pixels.shape
     size = (0, 0, width, height) if layer is None else (0, 0, layer, width, height, 1)
-    gl_function("glPixelStorei", _ENUM, _INT)(_UNPACK_ALIGNMENT, 1)
-    kinds = _ENUM, _INT, *(_INT for _ in size), _ENUM, _ENUM, _POINTER
+    gl_function("glPixelStorei", ENUM, INT)(_UNPACK_ALIGNMENT, 1)
+    kinds = ENUM, INT, *(INT for _ in size), ENUM, ENUM, POINTER
     write = gl_function(f"glTextureSubImage{len(size) // 2}D", *kinds)
     texels = np.ascontiguousarray(pixels)
     kind = _HALF_FLOAT if texels.dtype == np.float16 else _UNSIGNED_BYTE
@@ -206,8 +195,7 @@ def upload(
 
 def delete_texture(name: int) -> None:
     """Delete a texture that moderngl does not own."""
-    names = ctypes.c_uint(name)
-    gl_function("glDeleteTextures", _INT, _POINTER)(1, ctypes.addressof(names))
+    gl_function("glDeleteTextures", INT, POINTER)(1, (ENUM * 1)(name))
 
 
 def copy_region(
@@ -219,8 +207,8 @@ def copy_region(
     size_px: tuple[int, int],
 ) -> None:
     """Copy a rectangle of a mip level, by left and top in both, between 2D textures by name."""
-    place = _ENUM, _ENUM, _INT, _INT, _INT, _INT
-    copy = gl_function("glCopyImageSubData", *place, *place, _INT, _INT, _INT)
+    place = ENUM, ENUM, INT, INT, INT, INT
+    copy = gl_function("glCopyImageSubData", *place, *place, INT, INT, INT)
     from_place, to_place = (source, _TEXTURE_2D, level), (target, _TEXTURE_2D, level)
     copy(*from_place, *first_px, 0, *to_place, *to_px, 0, *size_px, 1)
 
@@ -235,7 +223,7 @@ def copy_textures(copies: Mapping[moderngl.Texture, moderngl.Texture]) -> None:
 
 def bind_texture(unit: int, texture: int) -> None:
     """Bind a texture to a unit."""
-    gl_function("glBindTextureUnit", _ENUM, _ENUM)(unit, texture)
+    gl_function("glBindTextureUnit", ENUM, ENUM)(unit, texture)
 
 
 def bind_textures(textures: Mapping[int, AnyTexture]) -> None:
@@ -243,11 +231,11 @@ def bind_textures(textures: Mapping[int, AnyTexture]) -> None:
     if not textures:
         return
     first = min(textures)
-    names = (ctypes.c_uint * (1 + max(textures) - first))()
+    names = (ENUM * (1 + max(textures) - first))()
     for unit, texture in textures.items():
         names[unit - first] = texture.glo
-    bind = gl_function("glBindTextures", _ENUM, _INT, _POINTER)
-    bind(first, len(names), ctypes.addressof(names))
+    bind = gl_function("glBindTextures", ENUM, INT, POINTER)
+    bind(first, len(names), names)
 
 
 @contextmanager
@@ -266,7 +254,7 @@ def _allocation(
 def _allocate(texture: int, levels: int, internal_format: int, *size: int) -> None:
     """Allocate a texture anew, with immutable storage."""
     storage = f"glTextureStorage{len(size)}D"
-    allocate = gl_function(storage, _ENUM, _INT, _ENUM, *(_INT for _ in size))
+    allocate = gl_function(storage, ENUM, INT, ENUM, *(INT for _ in size))
     allocate(texture, levels, internal_format, *size)
 
 

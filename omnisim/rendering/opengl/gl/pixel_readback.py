@@ -19,7 +19,16 @@ from numpy.typing import NDArray
 from omnisim.core.arrays import Bytes
 from omnisim.core.errors import GraphicsError
 from omnisim.rendering.opengl.gl.buffers import copy_buffer, immutable_buffer
-from omnisim.rendering.opengl.gl.functions import Fences, end_pass, flush, gl_function
+from omnisim.rendering.opengl.gl.functions import (
+    ENUM,
+    INT,
+    POINTER,
+    SIZE,
+    Fences,
+    end_pass,
+    flush,
+    gl_function,
+)
 from omnisim.rendering.opengl.gl.memory import check_allocation, gpu_allocation
 
 LENGTH = 3  # one buffer is drawn, one read, one copied
@@ -33,7 +42,6 @@ _TYPES = {  # OpenGL's and NumPy's by moderngl's
     "f2": (0x140B, "<f2"), "f4": (0x1406, "<f4"),
 }  # fmt: skip
 _ALIGNMENT = 16  # bytes
-_ENUM, _INT, _SIZE, _POINTER = ctypes.c_uint, ctypes.c_int, ctypes.c_ssize_t, ctypes.c_void_p
 
 
 class Pixels(NamedTuple):
@@ -70,7 +78,7 @@ class MappedBuffer:
                 self.content: Bytes = np.empty(size, dtype=np.uint8)
                 return
             map_range = gl_function(
-                "glMapNamedBufferRange", _ENUM, _SIZE, _SIZE, _ENUM, returns=_POINTER
+                "glMapNamedBufferRange", ENUM, SIZE, SIZE, ENUM, returns=POINTER
             )
             address = map_range(self.buffer.glo, 0, size, _MAPPED)
             check_allocation(context, what)
@@ -128,15 +136,11 @@ class PixelReadback:
         self.fences: Fences = context.extra.fences
         self._readings: deque[Reading] = deque()  # oldest first
         self._free: list[MappedBuffer] = []
-        self._bind = gl_function("glBindBuffer", _ENUM, _ENUM)
-        self._bind_target = gl_function("glBindFramebuffer", _ENUM, _ENUM)
-        self._select = gl_function("glNamedFramebufferReadBuffer", _ENUM, _ENUM)
-        self._read_pixels = gl_function(
-            "glReadPixels", _INT, _INT, _INT, _INT, _ENUM, _ENUM, _POINTER
-        )
-        self._read_texture = gl_function(
-            "glGetTextureImage", _ENUM, _INT, _ENUM, _ENUM, _INT, _POINTER
-        )
+        self._bind = gl_function("glBindBuffer", ENUM, ENUM)
+        self._bind_target = gl_function("glBindFramebuffer", ENUM, ENUM)
+        self._select = gl_function("glNamedFramebufferReadBuffer", ENUM, ENUM)
+        self._read_pixels = gl_function("glReadPixels", INT, INT, INT, INT, ENUM, ENUM, POINTER)
+        self._read_texture = gl_function("glGetTextureImage", ENUM, INT, ENUM, ENUM, INT, POINTER)
 
     def start(self, *reads: Read) -> Reading:
         """Start to read what has been drawn; in a full ring, finish the oldest reading first.

@@ -7,41 +7,47 @@ one disables it again, also if it is interrupted.
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
 import moderngl
 
-from omnisim.rendering.opengl.gl.functions import constant_call, end_pass, gl_function
+from omnisim.rendering.opengl.gl.functions import (
+    BOOLEAN,
+    ENUM,
+    FLOAT,
+    INT,
+    POINTER,
+    constant_call,
+    end_pass,
+    gl_function,
+)
+from omnisim.rendering.opengl.gl.reversed_depth import GREATER, reverse_depth
 
 _FRAMEBUFFER, _COLOR, _DEPTH = 0x8D40, 0x1800, 0x1801
 _PACK_ALIGNMENT = 0x0D05
 _CULL_FACE, _DEPTH_TEST, _BLEND, _SCISSOR_TEST = 0x0B44, 0x0B71, 0x0BE2, 0x0C11
 _CLIP_DISTANCES = range(0x3000, 0x3004)  # at tile edges, see shaders/scene/vertex.glsl
 _MIRROR_CLIP_DISTANCE = 0x3004  # at a mirror, see shaders/scene/mirror_clip.glsl
-_GREATER, _EQUAL, _ALWAYS, _BACK = 0x0204, 0x0202, 0x0207, 0x0405
+_EQUAL, _ALWAYS, _BACK = 0x0202, 0x0207, 0x0405
 _CLOCKWISE, _COUNTERCLOCKWISE = 0x0900, 0x0901
 _SRC_ALPHA, _ONE_MINUS_SRC_ALPHA, _ZERO, _ONE = 0x0302, 0x0303, 0, 1
-_LOWER_LEFT, _ZERO_TO_ONE = 0x8CA1, 0x935F
 _SRC1_COLOR, _SEAMLESS_CUBES = 0x88F9, 0x884F
-_ENUM, _INT, _POINTER, _BOOLEAN = ctypes.c_uint, ctypes.c_int, ctypes.c_void_p, ctypes.c_ubyte
 
 
 def set_constants() -> None:
     """Set the state that all passes of a context share.
 
-    Reversed depth, clipped to [0, w]; winding, blend function, filters across the edges of cube
+    Reversed depth, winding, blend function, filters across the edges of cube
     maps, and readback without gaps between rows. Clip-space y points down the image, which reverses
     the winding.
     """
-    gl_function("glClipControl", _ENUM, _ENUM)(_LOWER_LEFT, _ZERO_TO_ONE)
-    gl_function("glDepthFunc", _ENUM)(_GREATER)
-    gl_function("glFrontFace", _ENUM)(_CLOCKWISE)
-    gl_function("glCullFace", _ENUM)(_BACK)
-    gl_function("glEnable", _ENUM)(_SEAMLESS_CUBES)
-    gl_function("glPixelStorei", _ENUM, _INT)(_PACK_ALIGNMENT, 1)
-    blend = gl_function("glBlendFuncSeparate", _ENUM, _ENUM, _ENUM, _ENUM)
+    reverse_depth()
+    gl_function("glFrontFace", ENUM)(_CLOCKWISE)
+    gl_function("glCullFace", ENUM)(_BACK)
+    gl_function("glEnable", ENUM)(_SEAMLESS_CUBES)
+    gl_function("glPixelStorei", ENUM, INT)(_PACK_ALIGNMENT, 1)
+    blend = gl_function("glBlendFuncSeparate", ENUM, ENUM, ENUM, ENUM)
     blend(_SRC_ALPHA, _ONE_MINUS_SRC_ALPHA, _ZERO, _ONE)
 
 
@@ -49,26 +55,29 @@ class GlState:
     """Setters of the current context's state; each OpenGL function is looked up once."""
 
     def __init__(self) -> None:
-        self._bind = gl_function("glBindFramebuffer", _ENUM, _ENUM)
-        self._viewport = gl_function("glViewport", _INT, _INT, _INT, _INT)
-        self._scissor = gl_function("glScissor", _INT, _INT, _INT, _INT)
-        self._clear_floats = gl_function("glClearBufferfv", _ENUM, _INT, _POINTER)
-        self._clear_integers = gl_function("glClearBufferuiv", _ENUM, _INT, _POINTER)
-        self.bind_texture = gl_function("glBindTextureUnit", _ENUM, _ENUM)
+        self._bind = gl_function("glBindFramebuffer", ENUM, ENUM)
+        self._viewport = gl_function("glViewport", INT, INT, INT, INT)
+        self._scissor = gl_function("glScissor", INT, INT, INT, INT)
+        self._clear_floats = gl_function("glClearBufferfv", ENUM, INT, POINTER)
+        self._clear_integers = gl_function("glClearBufferuiv", ENUM, INT, POINTER)
+        self.bind_texture = gl_function("glBindTextureUnit", ENUM, ENUM)
         self._texture_barrier = gl_function("glTextureBarrier")
-        depth_mask = gl_function("glDepthMask", _BOOLEAN)
+        depth_mask = gl_function("glDepthMask", BOOLEAN)
         self._set_depth_mask = _choice(
             constant_call(depth_mask, False), constant_call(depth_mask, True)
         )
-        self._set_depth_function = gl_function("glDepthFunc", _ENUM)
+        self._set_depth_function = gl_function("glDepthFunc", ENUM)
         self.set_culling = _capability(_CULL_FACE)
         self._set_depth_test = _capability(_DEPTH_TEST)
         self._set_blending = _capability(_BLEND)
         self._set_scissor_test = _capability(_SCISSOR_TEST)
         self._set_each_clip_distance = [_capability(one) for one in _CLIP_DISTANCES]
         self._set_mirror_clip = _capability(_MIRROR_CLIP_DISTANCE)
-        self._set_front_face = gl_function("glFrontFace", _ENUM)
-        self._set_blend_function = gl_function("glBlendFuncSeparate", _ENUM, _ENUM, _ENUM, _ENUM)
+        face = gl_function("glFrontFace", ENUM)
+        self.set_mirrored = _choice(
+            constant_call(face, _CLOCKWISE), constant_call(face, _COUNTERCLOCKWISE)
+        )
+        self._set_blend_function = gl_function("glBlendFuncSeparate", ENUM, ENUM, ENUM, ENUM)
 
     def use(self, target: moderngl.Framebuffer, has_depth: bool = False) -> None:
         """Draw to all of a target; `has_depth`: write depth, too.
@@ -87,10 +96,10 @@ class GlState:
         """Clear the bound target: depth, and each color; None marks integer attachments."""
         for number, color in enumerate(colors):
             if color is None:
-                self._clear_integers(_COLOR, number, (ctypes.c_uint * 4)())
+                self._clear_integers(_COLOR, number, (ENUM * 4)())
             else:
-                self._clear_floats(_COLOR, number, (ctypes.c_float * 4)(*color))
-        self._clear_floats(_DEPTH, 0, (ctypes.c_float * 1)(depth))
+                self._clear_floats(_COLOR, number, (FLOAT * 4)(*color))
+        self._clear_floats(_DEPTH, 0, (FLOAT * 1)(depth))
 
     @contextmanager
     def sampling(
@@ -153,7 +162,7 @@ class GlState:
             self._set_depth_function(_EQUAL)
             yield
         finally:
-            self._set_depth_function(_GREATER)
+            self._set_depth_function(GREATER)
             self._set_depth_mask(True)
 
     @contextmanager
@@ -164,17 +173,17 @@ class GlState:
             self._set_depth_function(_ALWAYS)
             yield
         finally:
-            self._set_depth_function(_GREATER)
+            self._set_depth_function(GREATER)
             self._set_depth_test(False)
 
     @contextmanager
     def mirrored(self) -> Iterator[None]:
         """Draw with a mirrored rig, which reverses the winding of all triangles."""
         try:
-            self._set_front_face(_COUNTERCLOCKWISE)
+            self.set_mirrored(True)
             yield
         finally:
-            self._set_front_face(_CLOCKWISE)
+            self.set_mirrored(False)
 
     @contextmanager
     def clipped_at_mirror(self) -> Iterator[None]:
@@ -221,7 +230,7 @@ class GlState:
 
 def _capability(number: int) -> Callable[[bool], object]:
     """Function that enables or disables a capability."""
-    enable, disable = gl_function("glEnable", _ENUM), gl_function("glDisable", _ENUM)
+    enable, disable = gl_function("glEnable", ENUM), gl_function("glDisable", ENUM)
     return _choice(constant_call(disable, number), constant_call(enable, number))
 
 

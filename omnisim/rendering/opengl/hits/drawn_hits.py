@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from functools import cached_property
 
-import moderngl
 import numpy as np
 
 from omnisim.core.arrays import Bools, Floats, Floats32
@@ -17,15 +16,13 @@ from omnisim.rendering.atlas.image_parts import image_parts
 from omnisim.rendering.atlas.tile_plan import sensor_tiles
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.contract import CameraRays, DeformingDraw, HitSource, ScenePoses
-from omnisim.rendering.opengl.capture.pixel_map import PixelMap, valid_pixels_array
+from omnisim.rendering.opengl.capture.pixel_map import PixelMap
 from omnisim.rendering.opengl.gl.context import graphics_info
-from omnisim.rendering.opengl.gl.framebuffers import draws_layers, use_target
-from omnisim.rendering.opengl.gl.gpu_textures import check_image_size, renderbuffer
-from omnisim.rendering.opengl.gl.memory import gpu_allocation, slice_length
-from omnisim.rendering.opengl.gl.shader_files import uniform
-from omnisim.rendering.opengl.hits.occlusion_pass import OcclusionPass
-from omnisim.rendering.opengl.hits.ray_hit_pass import RayHitPass, bind_details, hits_target
-from omnisim.rendering.opengl.hits.visibility_pass import VisibilityLayers, VisibilityPass
+from omnisim.rendering.opengl.gl.framebuffers import draws_layers
+from omnisim.rendering.opengl.gl.gpu_textures import check_image_size
+from omnisim.rendering.opengl.gl.memory import slice_length
+from omnisim.rendering.opengl.hits.ray_hit_pass import OcclusionPass, RayHitPass
+from omnisim.rendering.opengl.hits.visibility_pass import VisibilityPass
 from omnisim.rendering.opengl.scene_view import VirtualCameras
 from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
 from omnisim.scene.surface_kind import SurfaceKind, mask_of
@@ -137,7 +134,7 @@ class CubeHits(DrawnHits):
 
     def hits(self, poses: ScenePoses, details: HitDetails = NO_DETAILS) -> Hits:
         """Intersect all rays with the triangles visible around them."""
-        return self._passes.render(*poses, details=details)
+        return self._passes.render([poses], details).result()[0]
 
     def batch_hits(
         self, poses: Sequence[ScenePoses], details: HitDetails = NO_DETAILS
@@ -155,33 +152,12 @@ class CubeHits(DrawnHits):
         """Begin to render the occlusion from another viewpoint."""
         if deformed is not None:
             self._passes.put_points(deformed)
-        bits = self._occlusion_pass.begin(
-            other.world_from_rig, other.world_from_objects, other_from_current
-        )
+        bits = self._occlusion_pass.begin(other, other_from_current)
         return bits.then(lambda values: values > 0)
 
     @cached_property
     def _occlusion_pass(self) -> OcclusionPass:
         return OcclusionPass(self._passes)
-
-
-class _BatchTarget:
-    """Program for a set of channels, and its target."""
-
-    def __init__(self, passes: RayHitPass, details: HitDetails, count: int):
-        context, (width, height) = passes.pixels.context, passes.pixels.size_px
-        self.details = details
-        self.layers = VisibilityLayers(passes.visibility, count, details)
-        self.program = passes.build_program(details, "BATCH")
-        self.array = valid_pixels_array(context, self.program, passes.pixels.valid)
-        uniform(self.program, "u_images").value = self.count = count
-        with gpu_allocation(f"ground truth of {count} images", "render fewer at once"):
-            size = (width, count * height)
-            held = [
-                renderbuffer(context, size, 4, dtype="f4"),
-                renderbuffer(context, size, 2, dtype="u4"),
-            ]  # fmt: skip
-            self.target = hits_target(context, size, held, details)
 
 
 class HitBatches:
@@ -193,11 +169,11 @@ class HitBatches:
 
     def __init__(self, passes: RayHitPass):
         self._passes = passes
-        self._variant: _BatchTarget | None = None
+        self._reserved: tuple[HitDetails, int, RayHitPass] | None = None
 
     def refresh(self) -> None:
         """Update after the buffers changed."""
-        self._variant = None
+        self._reserved = None
 
     def slice_length(self, details: HitDetails = NO_DETAILS) -> int:
         """Maximum number of images per slice; 1: single images are faster."""
@@ -221,44 +197,29 @@ class HitBatches:
         """Yield the hits of each image in order; see `RayHitPass.render`."""
         length = min(self.slice_length(details), len(poses))
         if length <= 1:
-            yield from (self._passes.render(*one, details) for one in poses)
+            for one in poses:
+                yield from self._passes.render([one], details).result()
             return
         length = -(-len(poses) // -(-len(poses) // length))
         drawn: Pending[list[Hits]] | None = None
         for first in range(0, len(poses), length):
-            following = self._draw(poses[first : first + length], length, details)
+            some = poses[first : first + length]
+            following = self._reserve(length, details).render(some, details)
             if drawn is not None:  # the GPU draws the next slice meanwhile
                 yield from drawn.result()
             drawn = following
         if drawn is not None:
             yield from drawn.result()
 
-    def _draw(
-        self, poses: Sequence[ScenePoses], count: int, details: HitDetails
-    ) -> Pending[list[Hits]]:
-        passes, variant = self._passes, self._reserve(count, details)
-        layers, buffers = variant.layers, passes.visibility.buffers
-        layers.draw(poses)
-        use_target(variant.target)
-        optical = passes.pixels.camera.rig_from_optical
-        passes.tables.update_batch(
-            layers.ids,
-            [buffers.instance_transforms(rig[:3, 3], objects) for rig, objects in poses],
-            np.array([rig[:3, :3] @ optical for rig, _ in poses]),
+    def _reserve(self, count: int, details: HitDetails) -> RayHitPass:
+        """Pass for `count` to 2 `count` images."""
+        kept, visibility = self._reserved, self._passes.visibility
+        if kept is not None and kept[0] == details and count <= kept[1] <= 2 * count:
+            return kept[2]
+        self._reserved = None  # frees its memory first
+        layers = VisibilityPass(
+            visibility.buffers, visibility.plan, visibility.cameras, details, count, visibility
         )
-        passes.bind()
-        bind_details(layers.details, details)
-        passes.bind_geometry()
-        uniform(variant.program, "u_draw_item_count").value = 1 + len(buffers.draw_items)
-        variant.array.render(moderngl.TRIANGLES, instances=len(poses))
-        return passes.begin_reading(variant.target, len(poses), details)
-
-    def _reserve(self, count: int, details: HitDetails) -> _BatchTarget:
-        """Program and layers for `count` to 2 `count` images."""
-        variant = self._variant
-        if variant is None or not (
-            variant.details == details and count <= variant.count <= 2 * count
-        ):
-            self._variant = None  # frees its memory first
-            self._variant = variant = _BatchTarget(self._passes, details, count)
-        return variant
+        together = RayHitPass(layers, self._passes.pixels, images=count)
+        self._reserved = details, count, together
+        return together

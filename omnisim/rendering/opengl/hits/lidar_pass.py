@@ -16,13 +16,13 @@ from omnisim.core.poses import pose_from_rotation, rotation_from_yaw
 from omnisim.core.world import ObjectPart
 from omnisim.ground_truth.lidar_beams import BeamHits, LidarBeams, LidarPoses, Revolution, Slice
 from omnisim.rendering.atlas.tile_plan import TilePlan, plan_tiles
-from omnisim.rendering.contract import PlacedMesh, SceneRays
+from omnisim.rendering.contract import PlacedMesh, ScenePoses, SceneRays
 from omnisim.rendering.opengl.gl.framebuffers import framebuffer, within
 from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.pixel_readback import PixelReadback
 from omnisim.rendering.opengl.gl.shader_files import build_program, columns_first, uniform
-from omnisim.rendering.opengl.hits.hit_tables import HitTables
+from omnisim.rendering.opengl.hits.ray_hit_pass import HitTables
 from omnisim.rendering.opengl.hits.visibility_pass import VisibilityPass
 from omnisim.rendering.opengl.scene_view import VirtualCameras
 from omnisim.rendering.opengl.world.draw_item import InstanceTransforms
@@ -169,11 +169,11 @@ class _Sector:
         world_from_rig = one.middle.world_from_lidar @ pose_from_rotation(
             rotation_from_yaw(heading_rad), np.zeros(3)
         )
-        self._visibility.render(world_from_rig, one.middle.world_from_objects)
+        self._visibility.render([ScenePoses(world_from_rig, one.middle.world_from_objects)])
         start, end = self._transforms(one.start), self._transforms(one.end)
         self._rig_from_viewpoint.write(columns_first(world_from_rig[:3, :3].T))
         self._path_m.write(one.path_m.astype("<f4"))
-        self._tables.update(start, end.viewpoint_from_mesh[:, :3])
+        self._tables.update([start], [end.viewpoint_from_mesh[:, :3]])
         rays.use(_RAYS_UNIT)
         with within(target, (one.first, 0, one.last - one.first, target.size[1])):
             self._array.render()

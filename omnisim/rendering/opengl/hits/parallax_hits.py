@@ -22,8 +22,7 @@ from omnisim.rendering.opengl.capture.pixel_map import PixelMap
 from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
 from omnisim.rendering.opengl.gl.shader_files import uniform
 from omnisim.rendering.opengl.hits.drawn_hits import DrawnHits
-from omnisim.rendering.opengl.hits.occlusion_pass import OcclusionPass
-from omnisim.rendering.opengl.hits.ray_hit_pass import RayHitPass
+from omnisim.rendering.opengl.hits.ray_hit_pass import OcclusionPass, RayHitPass
 from omnisim.rendering.opengl.hits.visibility_pass import VisibilityPass
 from omnisim.rendering.opengl.scene_view import VirtualCameras
 from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
@@ -68,6 +67,7 @@ class ParallaxHitPass(RayHitPass):
         """Bind rays, origins, and the depth of the last rendered atlas."""
         super().bind()
         self.origins.use(_ORIGINS)
+        assert isinstance(self.visibility.depth, moderngl.Texture)  # it has no layers
         self._pyramid.update(self.visibility.depth)
 
     def prepare(self, program: moderngl.Program, rig_from_optical: Floats) -> None:
@@ -160,7 +160,8 @@ class ParallaxHits(DrawnHits):
         """Intersect all rays with the surfaces visible near their ends, and cast undecided rays."""
         pose = self._viewpoint_pose(poses)
         self._passes.put_origins(self._origins_m)
-        hits = self._passes.render(pose, poses.world_from_objects, details)
+        at_viewpoint = poses._replace(world_from_rig=pose)
+        (hits,) = self._passes.render([at_viewpoint], details).result()
         self.undecided = undecided = self.has_ray & (hits.draw_ids & UNKNOWN_HIT > 0)
         hits = hits._replace(draw_ids=hits.draw_ids & ~UNKNOWN_HIT)
         offset_m = (pose[:3, 3] - poses.world_from_rig[:3, 3]).astype(np.float32)
@@ -213,7 +214,7 @@ class ParallaxHits(DrawnHits):
         # from the points in the pass, relative to both viewpoints
         transforms = other_from_current.copy()
         transforms[..., 3] += other_from_current[..., :3] @ self._from_rig_m - offset_m
-        bits = self._occlusion_pass.begin(pose, other.world_from_objects, transforms)
+        bits = self._occlusion_pass.begin(other._replace(world_from_rig=pose), transforms)
         return bits.then(self._occluded)
 
     def _occluded(self, bits: Bytes) -> Bools:

@@ -1,36 +1,46 @@
-"""Exact hits of an image's rays: triangle, point, range and surface details."""
+"""Exact hits of images' rays: triangle, point, range, surface details; and their occlusion."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, ClassVar, NamedTuple
 
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.core.arrays import Floats
+from omnisim.core.arrays import Bytes, Floats
 from omnisim.core.pending import Pending
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
 from omnisim.rendering.atlas.image_parts import ImagePart
+from omnisim.rendering.contract import ScenePoses
 from omnisim.rendering.opengl.capture.pixel_map import (
     RAYS_UNIT,
     PixelMap,
     bind_tiles,
     valid_pixels_array,
 )
-from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer, within
+from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer, use_target, within
 from omnisim.rendering.opengl.gl.gpu_textures import renderbuffer, texture_2d
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.pixel_readback import PixelReadback, Pixels, Read
-from omnisim.rendering.opengl.gl.shader_files import build_program, columns_first, uniform
-from omnisim.rendering.opengl.hits.hit_tables import HitTables
-from omnisim.rendering.opengl.hits.visibility_pass import VisibilityPass
-from omnisim.rendering.opengl.hits.visibility_program import atlas_formats
-from omnisim.rendering.opengl.world.triangle_table import bind_triangles, window_defines
+from omnisim.rendering.opengl.gl.shader_files import (
+    build_program,
+    columns_first,
+    find_uniform,
+    uniform,
+)
+from omnisim.rendering.opengl.hits.visibility_pass import VisibilityPass, atlas_formats
+from omnisim.rendering.opengl.world.draw_item import DrawItem, InstanceTransforms
+from omnisim.rendering.opengl.world.triangle_table import (
+    bind_triangles,
+    table_texture,
+    window_defines,
+    write_table,
+)
+from omnisim.scene.surface_kind import SurfaceKind
 
-_UNITS = {"u_albedos": 4, "u_gloss": 5, "u_emission": 7}
-_PRIMITIVES = 1  # attachment, after the points; details follow
+_DETAIL_UNITS = {"u_albedos": 4, "u_gloss": 5, "u_emission": 7}
 # Define and attachment components of each detail.
 _DEFINES = {"normals": "NORMALS", "albedos": "ALBEDO", "materials": "MATERIALS"}
 _PARTS = {"normals": (3,), "albedos": (3,), "materials": (2, 3)}
@@ -40,22 +50,25 @@ class _Variant(NamedTuple):
     """Program for a set of channels, and its target."""
 
     target: moderngl.Framebuffer
-    viewpoint_from_optical: moderngl.Uniform
+    viewpoint_from_optical: moderngl.Uniform | None  # of one image; several have it in the tables
+    draw_items: moderngl.Uniform | None  # of several images: number of draw items of each
     vertex_array: moderngl.VertexArray
 
 
 class RayHitPass:
-    """Intersects an image's rays with the visible triangles; GPU resources are created once.
+    """Intersects images' rays with the visible triangles; GPU resources are created once.
 
     Args:
         visibility: pass that draws the triangle IDs.
         pixels: rays of the pixels.
         parts: parts of the image, drawn one after the other; by default a single one.
+        images: maximum number of images that are drawn together, stacked vertically, from the
+            layers of `visibility`; None: one image.
 
     Attributes:
         visibility, pixels, parts: see the arguments.
-        points: texture of points and ranges, see `Hits`.
-        primitives: texture of 1 + draw item, and triangle in the item.
+        points: points and ranges of one image as a texture, see `Hits`.
+        primitives: 1 + draw item, and triangle in the item, likewise.
         tables: tables of the draw items.
         readback: ring of its readbacks.
         shader: fragment shader of hits.
@@ -69,20 +82,34 @@ class RayHitPass:
     occlusion_shader: ClassVar[str] = "ground_truth/occlusion.frag"
 
     def __init__(
-        self, visibility: VisibilityPass, pixels: PixelMap, parts: Sequence[ImagePart] | None = None
+        self,
+        visibility: VisibilityPass,
+        pixels: PixelMap,
+        parts: Sequence[ImagePart] | None = None,
+        images: int | None = None,
     ):
-        self.visibility, self.pixels = visibility, pixels
+        self.visibility, self.pixels, self._images = visibility, pixels, images
         visibility.buffers.check_readable("to look up what its pixels show")
-        width, height = pixels.size_px
-        self.parts = parts or [ImagePart((0, 0, width, height), visibility.plan)]
-        self._what = f"ground truth of {width} × {height} px"
-        with gpu_allocation(self._what, "make the image smaller"):
-            self._rays = pixels.rays
-            self.points = texture_2d(pixels.context, pixels.size_px, 4)
-            self.primitives = texture_2d(pixels.context, pixels.size_px, 2, dtype="u4")
+        (width, height), context = pixels.size_px, pixels.context
+        self._size_px = size = width, height * (images or 1)
+        self.parts = parts or [ImagePart((0, 0, *size), visibility.plan)]
+        self._allocation = f"ground truth of {width} × {height} px", "make the image smaller"
+        if images is not None:
+            self._allocation = f"ground truth of {images} images", "render fewer at once"
+        with gpu_allocation(*self._allocation):
+            self._held: list[moderngl.Texture | moderngl.Renderbuffer]
+            if images is None:
+                self.points = texture_2d(context, size, 4)
+                self.primitives = texture_2d(context, size, 2, dtype="u4")
+                self._held = [self.points, self.primitives]
+            else:
+                self._held = [
+                    renderbuffer(context, size, 4, dtype="f4"),
+                    renderbuffer(context, size, 2, dtype="u4"),
+                ]
         self._variants: dict[HitDetails, _Variant] = {}
         self.tables = HitTables(visibility)
-        self.readback = PixelReadback(pixels.context)
+        self.readback = PixelReadback(context)
         self._compiled_windows = self._windows()
 
     def _windows(self) -> tuple[str, ...]:
@@ -99,31 +126,33 @@ class RayHitPass:
         self.tables.refresh()
 
     def render(
-        self,
-        world_from_rig: Floats,
-        world_from_objects: Sequence[Floats] = (),
-        details: HitDetails = NO_DETAILS,
-    ) -> Hits:
-        """Intersect all rays from a pose (4, 4), with the dynamic objects at their poses.
+        self, shots: Sequence[ScenePoses], details: HitDetails = NO_DETAILS
+    ) -> Pending[list[Hits]]:
+        """Begin to intersect the rays of one image a shot.
 
         Details that textures change need a `visibility` that draws them.
         """
         visibility, buffers = self.visibility, self.visibility.buffers
-        transforms = buffers.instance_transforms(world_from_rig[:3, 3], world_from_objects)
-        if details not in self._variants:
-            self._variants[details] = self._variant(details)
-        variant, rig_from_optical = self._variants[details], self.pixels.camera.rig_from_optical
-        viewpoint_from_optical = world_from_rig[:3, :3] @ rig_from_optical
-        variant.viewpoint_from_optical.write(columns_first(viewpoint_from_optical))
+        variant, rig_from_optical = self._variant(details), self.pixels.camera.rig_from_optical
+        transforms = [
+            buffers.instance_transforms(one.viewpoint_m, one.world_from_objects) for one in shots
+        ]
+        rotations = np.array([one.world_from_rig[:3, :3] @ rig_from_optical for one in shots])
+        if variant.viewpoint_from_optical is not None:
+            variant.viewpoint_from_optical.write(columns_first(rotations[0]))
+        if variant.draw_items is not None:
+            variant.draw_items.value = 1 + len(buffers.draw_items)
         for part in self.using_parts(variant.vertex_array.program, rig_from_optical):
-            visibility.render(world_from_rig, world_from_objects, details)
+            visibility.render(shots, details)
             with within(variant.target, part.rectangle_px):
-                self.tables.update(transforms, transforms.normal_from_mesh)
+                normals = [one.normal_from_mesh for one in transforms]
+                self.tables.update(transforms, normals, rotations)
                 self.bind()
-                bind_details(visibility.detail_atlases, details)
-                self.bind_geometry()
-                variant.vertex_array.render()
-        return self.begin_reading(variant.target, 1, details).result()[0]
+                visibility.bind_details(details, _DETAIL_UNITS)
+                # vertices and indices, from which normals are interpolated
+                bind_triangles(buffers.context, buffers.vertices, buffers.triangles.indices)
+                variant.vertex_array.render(moderngl.TRIANGLES, instances=len(shots))
+        return self.begin_reading(variant.target, len(shots), details)
 
     def using_parts(
         self, program: moderngl.Program, rig_from_optical: Floats
@@ -171,14 +200,9 @@ class RayHitPass:
         """Replace the points of the last hits, for occlusion."""
         self.points.write(np.ascontiguousarray(hits.points_and_ranges_m))
 
-    def bind_geometry(self) -> None:
-        """Bind vertices and indices, from which normals are interpolated."""
-        buffers = self.visibility.buffers
-        bind_triangles(buffers.context, buffers.vertices, buffers.triangles.indices)
-
     def bind(self) -> None:
         """Bind the rays."""
-        self._rays.use(RAYS_UNIT)
+        self.pixels.rays.use(RAYS_UNIT)
 
     def prepare(self, program: moderngl.Program, rig_from_optical: Floats) -> None:
         """Set the constant uniforms of a program, with rig_from_optical (3, 3)."""
@@ -186,47 +210,175 @@ class RayHitPass:
         uniform(program, "u_rays").value = RAYS_UNIT
 
     def _variant(self, details: HitDetails) -> _Variant:
-        context = self.pixels.context
-        program = self.build_program(details)
-        with gpu_allocation(self._what, "make the image smaller"):
-            target = hits_target(
-                context, self.pixels.size_px, [self.points, self.primitives], details
-            )
-        array = valid_pixels_array(context, program, self.pixels.valid)
-        return _Variant(target, uniform(program, "u_viewpoint_from_optical"), array)
-
-    def build_program(self, details: HitDetails, *defines: str) -> moderngl.Program:
-        """Compile a program of hits, and set its constant uniforms."""
-        program = build_program(
-            self.pixels.context,
-            "capture/image.vert",
-            self.shader,
-            (*self._compiled_windows, *(_DEFINES[name] for name in details.components), *defines),
-        )
+        """Program and target of details, created on first use."""
+        if details in self._variants:
+            return self._variants[details]
+        context, images = self.pixels.context, self._images
+        defines = [*self._compiled_windows, *(_DEFINES[name] for name in details.components)]
+        defines += [] if images is None else ["BATCH"]
+        program = build_program(context, "capture/image.vert", self.shader, defines)
         self.prepare(program, self.pixels.camera.rig_from_optical)
         for name in atlas_formats(details):
-            uniform(program, name).value = _UNITS[name]
-        return program
+            uniform(program, name).value = _DETAIL_UNITS[name]
+        with gpu_allocation(*self._allocation):
+            more = [renderbuffer(context, self._size_px, 4, dtype="f4")] if details.normals else []
+            more += [
+                renderbuffer(context, self._size_px, 4, dtype="f2") for _ in atlas_formats(details)
+            ]
+            target = framebuffer(context, [*self._held, *more])
+        # pixels without a ray are never drawn
+        nothing = 0.0, 0.0, 0.0, np.inf
+        clear_target(target, nothing, None, *(nothing for _ in more))
+        array = valid_pixels_array(context, program, self.pixels.valid)
+        if images is not None:
+            uniform(program, "u_images").value = images
+        self._variants[details] = _Variant(
+            target,
+            find_uniform(program, "u_viewpoint_from_optical"),
+            find_uniform(program, "u_draw_item_count"),
+            array,
+        )
+        return self._variants[details]
 
 
-def bind_details(
-    atlases: Mapping[str, moderngl.Texture | moderngl.TextureArray], details: HitDetails
-) -> None:
-    """Bind the atlases of details."""
-    for name in atlas_formats(details):
-        atlases[name].use(_UNITS[name])
+# Textures of the draw items, for shaders with `ground_truth/intersect.glsl`.
+_DRAW_ITEM = np.dtype(  # as in shaders/ground_truth/tables.glsl
+    [
+        ("first", "<u4"),
+        ("flags", "<u4"),
+        ("unused", "<u4", 2),
+        ("viewpoint_from_mesh", "<f4", (3, 4)),
+        ("second_matrix", "<f4", (3, 4)),
+        ("unused_too", "<u4", 4),
+    ]
+)
+_MASKED, _DOUBLE_SIDED, _FLIPS_WINDING = 1, 2, 4  # flags
+_UNITS = {"u_triangle_ids": 0, "u_corners": 2, "u_draw_items": 3, "u_primitives": 6}
 
 
-def hits_target(
-    context: moderngl.Context,
-    size: tuple[int, int],
-    points_and_primitives: Sequence[moderngl.Texture | moderngl.Renderbuffer],
-    details: HitDetails,
-) -> moderngl.Framebuffer:
-    """Target without hits: pixels without a ray are never drawn."""
-    attachments = [renderbuffer(context, size, 4, dtype="f4")] if details.normals else []
-    attachments += [renderbuffer(context, size, 4, dtype="f2") for _ in atlas_formats(details)]
-    target = framebuffer(context, [*points_and_primitives, *attachments])
-    nothing = 0.0, 0.0, 0.0, np.inf
-    clear_target(target, nothing, None, *(nothing for _ in attachments))
-    return target
+class HitTables:
+    """Textures of visible triangles and their draw items."""
+
+    def __init__(self, visibility: VisibilityPass):
+        self._visibility = visibility
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Update after the buffers changed."""
+        visibility = self._visibility
+        draws = visibility.buffers.draw_items
+        self._draw_items = np.zeros(len(draws), dtype=_DRAW_ITEM)
+        self._draw_items["first"] = [draw.first for draw in draws]
+        self._draw_items["flags"] = [_flags(draw, visibility.both_sides) for draw in draws]
+        self._texture: moderngl.Texture | None = None
+
+    def bind_program(self, program: moderngl.Program, rig_from_optical: Floats) -> None:
+        """Set the constant uniforms of a program, with rig_from_optical (3, 3)."""
+        visibility = self._visibility
+        bind_tiles(program, visibility.plan, rig_from_optical)
+        for name, unit in _UNITS.items():
+            uniform(program, name).value = unit
+        depth_limits_m = (visibility.near_m, min(visibility.far_m, 3e38))
+        uniform(program, "u_depth_limits_m").value = depth_limits_m
+
+    def update(
+        self,
+        transforms: Sequence[InstanceTransforms],
+        second_matrices: Sequence[Floats],
+        viewpoints_from_optical: Floats | None = None,
+    ) -> None:
+        """Write the draw items of images, and bind the tables.
+
+        Args:
+            transforms: transforms of the draw items, per image.
+            second_matrices: second matrices (n, 3, 3) or (n, 3, 4) of the draw items, per image.
+            viewpoints_from_optical: (images, 3, 3) camera rotations, if shaders read them here.
+        """
+        visibility, count = self._visibility, len(self._draw_items)
+        tables = np.zeros((len(transforms), count + 1), dtype=_DRAW_ITEM)
+        tables[:, :count] = self._draw_items
+        for table, one, second in zip(tables, transforms, second_matrices, strict=True):
+            table["viewpoint_from_mesh"][:count] = one.viewpoint_from_mesh[:, :3]
+            table["second_matrix"][:count, :, : second.shape[-1]] = second
+        if viewpoints_from_optical is not None:
+            tables["viewpoint_from_mesh"][:, count, :, :3] = viewpoints_from_optical
+        entries = tables.nbytes // 16
+        if self._texture is None or self._texture.width * self._texture.height < entries:
+            what = "the scene's instances" if len(tables) == 1 else "the instances of a batch"
+            self._texture = table_texture(visibility.buffers.context, entries, what)
+        write_table(self._texture, tables.ravel())
+        visibility.id_atlas.use(_UNITS["u_triangle_ids"])
+        visibility.buffers.triangles.corners.use(_UNITS["u_corners"])
+        self._texture.use(_UNITS["u_draw_items"])
+        visibility.triangle_ids.texture.use(_UNITS["u_primitives"])
+
+    @property
+    def image_bytes(self) -> int:
+        """Size of one image's draw items, bytes."""
+        return int(_DRAW_ITEM.itemsize * (len(self._draw_items) + 1))
+
+
+def _flags(draw: DrawItem, both_sides: bool) -> int:
+    return (
+        _MASKED * bool(draw.kind & SurfaceKind.HOLES)
+        + _DOUBLE_SIDED * (draw.material.double_sided or both_sides)
+        + _FLIPS_WINDING * draw.flips_winding
+    )
+
+
+# Occlusion of an image's points from the next viewpoint.
+_POINTS_UNIT, _PRIMITIVES_UNIT = 4, 5
+
+
+class OcclusionPass:
+    """Casts a ray from the next viewpoint to each hit point; GPU resources are created once.
+
+    Args:
+        hits: pass of the current viewpoint; its triangle IDs are redrawn from the next one.
+
+    Raises:
+        GraphicsError: out of GPU memory.
+    """
+
+    def __init__(self, hits: RayHitPass):
+        self._hits, pixels, context = hits, hits.pixels, hits.pixels.context
+        defines = ("PARTS",) if len(hits.parts) > 1 else ()
+        program = build_program(context, "capture/image.vert", hits.occlusion_shader, defines)
+        hits.prepare(program, np.eye(3))
+        uniform(program, "u_points").value = _POINTS_UNIT
+        uniform(program, "u_hit_primitives").value = _PRIMITIVES_UNIT
+        self._rig_from_viewpoint = uniform(program, "u_rig_from_viewpoint")
+        self._vertex_array = valid_pixels_array(context, program, pixels.valid)
+        occluded = renderbuffer(context, pixels.size_px, 1, dtype="u1")
+        self._target = framebuffer(context, [occluded])
+        # once: pixels without a ray are never drawn
+        clear_target(self._target, None)
+
+    def begin(self, other: ScenePoses, next_from_current: Floats) -> Pending[Bytes]:
+        """Draw, and start to read; the result is the occlusion, encoded as in occlusion.frag.
+
+        Args:
+            other: next poses.
+            next_from_current: (n, 3, 4) per draw item, from the current to the next viewpoint
+                frame.
+        """
+        visibility = self._hits.visibility
+        transforms = visibility.buffers.instance_transforms(
+            other.viewpoint_m, other.world_from_objects
+        )
+        self._rig_from_viewpoint.write(columns_first(other.world_from_rig[:3, :3].T))
+        if len(self._hits.parts) > 1:
+            clear_target(self._target, None)
+        # each part may show the points of all pixels
+        for _ in self._hits.using_parts(self._vertex_array.program, np.eye(3)):
+            visibility.render([other])
+            use_target(self._target)
+            self._hits.tables.update([transforms], [next_from_current])
+            self._hits.bind()
+            self._hits.points.use(_POINTS_UNIT)
+            self._hits.primitives.use(_PRIMITIVES_UNIT)
+            self._vertex_array.render()
+        width, height = self._hits.pixels.size_px
+        occluded = np.empty((height, width), dtype=np.uint8)
+        reading = self._hits.readback.start((Pixels(self._target), occluded))
+        return Pending(reading.finish).then(lambda _: occluded)

@@ -18,14 +18,10 @@ import numpy as np
 from omnisim.core.arrays import Floats
 from omnisim.core.world import Poses
 from omnisim.rendering.opengl.gl.framebuffers import depth_target, use_target
-from omnisim.rendering.opengl.gl.gpu_textures import (
-    CLEAR_DEPTH,
-    DEPTH_FUNCTION,
-    copy_region,
-    depth_texture,
-    limit_levels,
-)
+from omnisim.rendering.opengl.gl.gpu_textures import copy_region, depth_texture, limit_levels
+from omnisim.rendering.opengl.gl.reversed_depth import CLEAR_DEPTH
 from omnisim.rendering.opengl.gl.shader_files import build_program, uniform
+from omnisim.rendering.opengl.gl.state import GlState
 from omnisim.rendering.opengl.shadows.caster_drawer import CasterDrawer, MapPart
 from omnisim.rendering.opengl.shadows.shadow_plan import (
     CELLS,
@@ -240,7 +236,7 @@ class DepthLevels:
     def __init__(
         self, context: moderngl.Context, size_px: tuple[int, int], like: DepthLevels | None = None
     ):
-        self._context, self.size_px = context, size_px
+        self.size_px, self._state = size_px, GlState()
         self.texture = depth_texture(context, size_px, LEVELS)
         self.texture.compare_func = ">="
         self.texture.filter = (moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR)
@@ -261,21 +257,17 @@ class DepthLevels:
         """Draw the coarser levels of rectangles of the finest: left, top, width and height."""
         if not rectangles_px:
             return
-        context, texture = self._context, self.texture
-        context.enable_only(moderngl.DEPTH_TEST)
-        context.depth_func = "1"
-        texture.use(0)
+        self.texture.use(0)
         self._sampler.use(0)
-        for level, target in enumerate(self._coarser, start=1):
-            limit_levels(texture.glo, level - 1, level - 1)
-            use_target(target)
-            for rectangle_px in rectangles_px:
-                target.viewport = _halved(rectangle_px, level)
-                self._triangle.render(moderngl.TRIANGLES, vertices=3)
-        limit_levels(texture.glo, 0, LEVELS - 1)
+        with self._state.setting_depth():
+            for level, target in enumerate(self._coarser, start=1):
+                limit_levels(self.texture.glo, level - 1, level - 1)
+                use_target(target)
+                for rectangle_px in rectangles_px:
+                    target.viewport = _halved(rectangle_px, level)
+                    self._triangle.render(moderngl.TRIANGLES, vertices=3)
+        limit_levels(self.texture.glo, 0, LEVELS - 1)
         self._sampler.clear(0)
-        context.depth_func = DEPTH_FUNCTION
-        context.disable(moderngl.DEPTH_TEST)
 
     def copy(
         self,

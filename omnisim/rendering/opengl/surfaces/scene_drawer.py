@@ -133,9 +133,8 @@ class SceneDrawer(Generic[P]):
         is_mirrored: bool = False,
         indices: moderngl.Buffer | None = None,
     ):
-        self._both_sides = both_sides
-        self._front_faces = ("ccw", "cw") if is_mirrored else ("cw", "ccw")
-        self._context, self._items = buffers.context, buffers.draw_items
+        self._both_sides, self._is_mirrored = both_sides, is_mirrored
+        self._items = buffers.draw_items
         self._state = GlState()
         self._programs = {
             index: find_program(buffers.draw_items[index]) for index in items.tolist()
@@ -166,11 +165,11 @@ class SceneDrawer(Generic[P]):
         item, program = self._items[index], self._programs[index]
         viewpoint_from_mesh, normal_from_mesh = self._transforms
         if item.flips_winding:
-            self._context.front_face = self._front_faces[1]
+            self._state.set_mirrored(not self._is_mirrored)
         self._state.set_culling(not (item.material.double_sided or self._both_sides))
         program.set_matrices(clip_from_mesh, viewpoint_from_mesh[index], normal_from_mesh[index])
         program.bind_material(item)
         first_id = self._id_of_item.get(index, 0)
         program.draw(self._arrays[program], item.first, item.count, first_id)
         if item.flips_winding:
-            self._context.front_face = self._front_faces[0]
+            self._state.set_mirrored(self._is_mirrored)

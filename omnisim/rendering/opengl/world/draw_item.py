@@ -57,23 +57,19 @@ class DrawItem:
 
     name: str  # name of the instance
     object_index: int | None  # index of its dynamic object; None: static
-    mesh: Mesh  # mesh of the instance
-    # range in the index buffer
-    first: int
+    mesh: Mesh
+    first: int  # range in the index buffer
     count: int
     base: int  # first vertex of its mesh in the vertex buffer
-    material: Material  # material of the mesh
+    material: Material
     texture_layer: MaterialTexture  # textures of the material on this mesh
     object_from_mesh: Floats  # (4, 4) float64, to the world or the dynamic object's frame
-    # (3, 3) cofactors of its linear part, signed to keep normals outward
-    normal_from_mesh: Floats
+    normal_from_mesh: Floats  # (3, 3) cofactors of its linear part, signed to keep normals outward
     flips_winding: bool  # True if the transform reverses the winding of triangles
-    # bounding sphere in the world or the dynamic object's frame
-    center_m: Floats
+    center_m: Floats  # bounding sphere in the world or the dynamic object's frame
     radius_m: float
     light: LightSource = LightSource.COMPUTED  # source of the light on it
-    # lightmap rectangles of front and back; empty without a lightmap
-    light_rectangles: tuple[LightRectangle, ...] = ()
+    light_rectangles: tuple[LightRectangle, ...] = ()  # of front and back; empty: no lightmap
 
     @property
     def triangles(self) -> int:
@@ -179,9 +175,8 @@ class InstanceTransforms(NamedTuple):
 
     viewpoint_from_mesh: Floats  # (n, 4, 4) matrices
     normal_from_mesh: Floats  # (n, 3, 3), see `DrawItem`
-    # (n, 3) and (n,) bounding spheres
-    centers_m: Floats
-    radii_m: Floats
+    centers_m: Floats  # (n, 3) of the bounding spheres
+    radii_m: Floats  # (n,)
 
     def seen_in(self, views: PosedViews, items: Indices) -> Bools:
         """Mask (tiles, n) of the items (n,) whose bounding spheres may be in view."""

@@ -6,6 +6,7 @@ Clusters have their own vertices: most meshes are needed here for ground truth a
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import accumulate
 from typing import NamedTuple
 
 import moderngl
@@ -16,18 +17,14 @@ from omnisim.core.arrays import Uints32
 from omnisim.rendering.opengl.gl.buffers import gpu_buffer, written_buffer
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.world.draw_item import DrawItem
-from omnisim.rendering.opengl.world.vertex_records import (
-    VERTEX,
-    fill_vertices,
-    light_coordinates,
-)
+from omnisim.rendering.opengl.world.vertex_records import VERTEX, light_coordinates
 from omnisim.scene.model import Mesh, Scene
 from omnisim.scene.surface_kind import SurfaceKind, kind_of
 
 # Vertices and indices that edits may append beyond the initial number.
 MIN_SPARE = 1 << 18
 
-GeometryKey = tuple[int, ...]
+GeometryKey = tuple[int, ...]  # identity of a mesh's arrays
 
 
 class IndexRange(NamedTuple):
@@ -180,7 +177,12 @@ class GeometryStore:
 def _vertices(mesh: Mesh) -> NDArray[np.void]:
     """Vertices (n,) of type `VERTEX` of a mesh."""
     vertices = np.zeros(len(mesh.positions), dtype=VERTEX)
-    fill_vertices(vertices, mesh)
+    vertices["in_position"] = mesh.positions
+    vertices["in_color"] = 1.0 if mesh.colors is None else mesh.colors
+    if mesh.normals is not None:
+        vertices["in_normal"] = mesh.normals
+    if mesh.texture_coordinates is not None:
+        vertices["in_texture_coordinate"] = mesh.texture_coordinates
     return vertices
 
 
@@ -201,10 +203,7 @@ def _place_meshes(
     offsets: list[list[tuple[int, int]]] = []
     base = first = 0
     for part in parts:
-        bases = []
-        for mesh in part.meshes:
-            bases.append(base)
-            base += len(mesh.positions)
+        *bases, base = accumulate((len(mesh.positions) for mesh in part.meshes), initial=base)
         shared: dict[int, int] = {}
         offsets.append([])
         for instance in part.instances:

@@ -42,6 +42,7 @@ from omnisim.scene.surface_kind import SurfaceKind, kind_of
 
 # Extensions of OpenGL 4.5 that are part of 4.6.
 _CALLS_OF_CLUSTERS = {"GL_ARB_indirect_parameters", "GL_ARB_shader_draw_parameters"}
+_OF_VERTICES = ("item_details", "light_coordinates")  # made again when meshes are added
 
 
 class SceneBuffers:
@@ -107,10 +108,8 @@ class SceneBuffers:
         rank = {id(material): rank for rank, material in enumerate(materials)}
         items.sort(key=lambda item: (item.is_blended, rank[id(item.material)]))
         self._set_items(items)
-        self._item_details: tuple[int, moderngl.Texture | None] | None = None
-        self._light_coordinates: tuple[int, moderngl.Buffer] | None = None
         self._is_drawn, self._free = np.ones(len(items), dtype=np.bool_), set[int]()
-        for name in ("triangles", "clustered_geometry"):
+        for name in ("triangles", "clustered_geometry", *_OF_VERTICES):
             self.__dict__.pop(name, None)
         self._find_mirrors(np.ones(len(items), dtype=np.bool_))
 
@@ -155,28 +154,20 @@ class SceneBuffers:
         """Records of the materials that are not matte."""
         return self._textures.table
 
-    @property
+    @cached_property
     def item_details(self) -> moderngl.Texture | None:
         """Vertex details, see `vertex_details`; None: no item has second texture coordinates."""
-        ranges = self._store.ranges
-        if self._item_details is None or self._item_details[0] != len(ranges):
-            placed = [
-                (one.mesh, 0, one.base)
-                for one in ranges
-                if one.mesh.second_texture_coordinates is not None
-            ]
-            details = vertex_details(self.context, placed) if placed else None
-            self._item_details = len(ranges), details
-        return self._item_details[1]
+        placed = [
+            (one.mesh, 0, one.base)
+            for one in self._store.ranges
+            if one.mesh.second_texture_coordinates is not None
+        ]
+        return vertex_details(self.context, placed) if placed else None
 
-    @property
+    @cached_property
     def light_coordinates(self) -> moderngl.Buffer | None:
         """Lightmap coordinates of the vertices; None: no baked light."""
-        if self._lighting.baked is None:
-            return None
-        if self._light_coordinates is None or self._light_coordinates[0] != len(self._store.ranges):
-            self._light_coordinates = len(self._store.ranges), self._store.light_coordinates()
-        return self._light_coordinates[1]
+        return None if self._lighting.baked is None else self._store.light_coordinates()
 
     @property
     def vertices(self) -> moderngl.Buffer:
@@ -202,11 +193,13 @@ class SceneBuffers:
         self.version += 1
         static = self._static_mask
         added, drawn = _changed(scene, self.draw_items, static)
-        offsets = []
+        offsets, ranges = [], len(self._store.ranges)
         for instance in added:
             mesh = scene.meshes[instance.mesh]
             is_sorted = bool(kind_of(scene.materials[mesh.material]) & SurfaceKind.SEE_THROUGH)
             offsets.append(self._store.place(mesh, is_sorted))
+        for name in _OF_VERTICES if len(self._store.ranges) > ranges else ():
+            self.__dict__.pop(name, None)
         if self._store.is_overgrown:
             self._build(scene)
             return
@@ -410,13 +403,12 @@ def make_draw_items(
     cofactors[flips_winding] *= -1.0
     scales = np.linalg.norm(linear, 2, axis=(1, 2))
     items = []
-    for number, instance in enumerate(instances):
-        mesh = part.meshes[instance.mesh]
+    for number, (instance, (first, base)) in enumerate(zip(instances, offsets, strict=True)):
+        mesh, object_from_mesh = part.meshes[instance.mesh], instance.world_from_mesh
         material = part.materials[mesh.material]
         low, high = bounds_of(mesh.positions)
         center = 0.5 * (low + high)
         radius = np.linalg.norm(mesh.positions - center, axis=1).max()
-        object_from_mesh = instance.world_from_mesh
         light = LightSource.PROBES if is_baked else LightSource.COMPUTED
         rectangles: tuple[LightRectangle, ...] = ()
         has_places = mesh.light_coordinates is not None and object_index is None
@@ -428,9 +420,9 @@ def make_draw_items(
                 name=instance.name,
                 object_index=object_index,
                 mesh=mesh,
-                first=offsets[number][0],
+                first=first,
                 count=mesh.triangles.size,
-                base=offsets[number][1],
+                base=base,
                 material=material,
                 texture_layer=textures.find(material, mesh),
                 object_from_mesh=object_from_mesh,

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.core.arrays import Floats32
 from omnisim.rendering.opengl.culling.clusters import MAX_COPIED_TRIANGLES
@@ -43,18 +42,6 @@ INSTANCE = np.dtype(  # one object in one view, as in shaders/culling/views.glsl
 )
 
 
-def fill_vertices(vertices: NDArray[np.void], mesh: Mesh) -> None:
-    """Write a mesh's vertices to records of `VERTEX`."""
-    vertices["in_position"] = mesh.positions
-    vertices["in_color"] = 1.0
-    if mesh.normals is not None:
-        vertices["in_normal"] = mesh.normals
-    if mesh.texture_coordinates is not None:
-        vertices["in_texture_coordinate"] = mesh.texture_coordinates
-    if mesh.colors is not None:
-        vertices["in_color"] = mesh.colors
-
-
 def light_coordinates(
     parts: Sequence[tuple[int, Mesh, Sequence[LightRectangle]]], count: int
 ) -> Floats32:
@@ -85,14 +72,9 @@ def gpu_bytes(scene: Scene) -> int:
     """
     vertices = np.array([len(mesh.positions) for mesh in scene.meshes], dtype=np.int64)
     triangles = np.array([len(mesh.triangles) for mesh in scene.meshes], dtype=np.int64)
-    is_single = np.array(
-        [
-            bool(kind_of(scene.materials[mesh.material]) & SurfaceKind.SEE_THROUGH)
-            or mesh.deformation is not None
-            for mesh in scene.meshes
-        ],
-        dtype=np.bool_,
-    )
+    kinds = [kind_of(scene.materials[mesh.material]) for mesh in scene.meshes]
+    is_single = np.array([bool(one & SurfaceKind.SEE_THROUGH) for one in kinds], dtype=np.bool_)
+    is_single |= np.array([mesh.deformation is not None for mesh in scene.meshes], dtype=np.bool_)
     used = np.array([one.mesh for one in scene.instances], dtype=np.intp)
     is_copy = np.ones(len(used), dtype=np.bool_)
     is_copy[np.unique(used, return_index=True)[1]] = False

@@ -28,7 +28,12 @@ MAKERS = {
 }
 # Of a moderngl.Buffer: these map it.
 MAPPING = {"read_chunks", "read_chunks_into", "write_chunks", "orphan"}
-SUSPECT = re.compile(rf"\.({'|'.join([*MAKERS, *MAPPING])})\(|ctypes|gl_function|end_pass|Fences")
+# Of a moderngl.Context: these set what `GlState` does.
+STATE = {"enable_only", "enable", "depth_func", "front_face", "cull_face", "blend_func"}
+SUSPECT = re.compile(
+    rf"\.({'|'.join([*MAKERS, *MAPPING])})\(|\.({'|'.join(STATE)})\b"
+    "|ctypes|gl_function|end_pass|Fences"
+)
 FILES = {str(path.relative_to(PACKAGE)): path for path in sorted(PACKAGE.rglob("*.py"))}
 
 
@@ -36,6 +41,10 @@ def _faults(name, tree):
     """Calls of a file that belong into another, by line."""
     is_in_room = name.startswith(ROOM)
     for node in ast.walk(tree):
+        if isinstance(node, ast.Attribute) and node.attr in STATE and not is_in_room:
+            owner = ast.unparse(node.value).rsplit(".", 1)[-1].lstrip("_")
+            if owner in ("context", "ctx"):
+                yield f"{name}:{node.lineno}: {node.attr}: see {ROOM}/state.py"
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
             called, owner = node.func.attr, ast.unparse(node.func.value)
             is_context = owner.rsplit(".", 1)[-1].lstrip("_") in ("context", "ctx")
@@ -72,6 +81,7 @@ OUTSIDE = "rendering/opengl/camera_frame.py"  # any file that draws
         ("rendering/opengl/surfaces/sky_pass.py", "buffers.context.buffer(reserve=4)"),
         (f"{ROOM}/framebuffers.py", "context.texture((1, 1), 4)"),
         (OUTSIDE, "self._context.framebuffer([one])"),
+        (OUTSIDE, "self._context.front_face = 'ccw'"),
         (OUTSIDE, "import ctypes"),
         (
             OUTSIDE,

@@ -7,9 +7,13 @@ from omnisim.core.poses import pose as make_pose
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails
 from omnisim.rendering.atlas.tile_plan import plan_tiles
 from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.contract import ScenePoses
 from omnisim.rendering.opengl import scene_view
-from omnisim.rendering.opengl.hits.triangle_ids import TriangleIds, cluster_triangle_entries
-from omnisim.rendering.opengl.hits.visibility_pass import VisibilityPass
+from omnisim.rendering.opengl.hits.visibility_pass import (
+    TriangleIds,
+    VisibilityPass,
+    cluster_triangle_entries,
+)
 from omnisim.rendering.opengl.scene_view import VirtualCameras
 from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
 from omnisim.scene.model import AlphaMode, Material
@@ -40,7 +44,7 @@ def _scene():
 
 def _surfaces(visibility, buffers, pose, details=NO_DETAILS):
     """1 + number of the item, and number of the triangle, of every texel (height, width, 2)."""
-    visibility.render(pose, (), details)
+    visibility.render([ScenePoses(pose)], details)
     size = visibility.id_atlas.height, visibility.id_atlas.width
     seen = np.frombuffer(visibility.id_atlas.read(), dtype="<u4").reshape(size)
     entries = np.frombuffer(visibility.triangle_ids.texture.read(), dtype="<u4").reshape(-1, 2)
