@@ -15,7 +15,7 @@ import moderngl
 import numpy as np
 
 from omnisim.core.arrays import Bytes, Floats, Indices
-from omnisim.rendering.atlas.tile_plan import PosedViews, TilePlan, TileViews
+from omnisim.rendering.atlas.tile_plan import TilePlan, TileViews
 from omnisim.rendering.contract import ScenePoses
 from omnisim.rendering.opengl.gl.buffers import gpu_buffer
 from omnisim.rendering.opengl.gl.framebuffers import framebuffer
@@ -32,16 +32,15 @@ from omnisim.rendering.opengl.surfaces.surface_program import (
     SurfaceProgram,
     SurfacePrograms,
 )
-from omnisim.rendering.opengl.world.draw_item import DrawItem, InstanceTransforms
+from omnisim.rendering.opengl.world.draw_item import DrawItem
 from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
 from omnisim.scene.model import Material
 from omnisim.scene.planar_mirrors import MirrorPlane
 from omnisim.scene.surface_kind import SurfaceKind, kind_of
 from omnisim.scene.surface_reflectance import MIN_ROUGHNESS
 
-_OWNERS_UNIT = 0
+_OWNERS_UNIT, _NUMBERS_UNIT = 0, 0
 _ROW_TRIANGLES = 4096  # of the table of owners
-_NUMBERS_UNIT = 0
 _NOWHERE_M = 1e9  # height above a plane without a view
 
 
@@ -149,7 +148,14 @@ class MirrorPass:
         planes, sides = self._planes_at(shot)
         transforms = self._buffers.instance_transforms(shot.viewpoint_m, shot.world_from_objects)
         views = view.tiles.views.at(shot.world_from_rig)
-        visible = self._visible(sides, self._whole_views.at(shot.world_from_rig), transforms)
+        # the largest mirrors that face the viewpoint and that some tile may show
+        whole = self._whole_views.at(shot.world_from_rig)
+        visible: list[int] = []
+        for number, mirror in enumerate(self._mirrors):
+            items = np.array([one for one in mirror.parts if one in self.items], dtype=np.intp)
+            is_faced = len(visible) < self._count and sides[number] in mirror.sides
+            if is_faced and transforms.seen_in(whole, items).any():
+                visible.append(number)
         self._planes = np.full_like(planes, _NOWHERE_M)
         self._planes[visible] = planes[visible]
         self._world_from_rig = shot.world_from_rig
@@ -201,21 +207,6 @@ class MirrorPass:
             planes[number] = *(side * normal), abs(height_m)
         return planes, sides
 
-    def _visible(
-        self, sides: Indices, views: PosedViews, transforms: InstanceTransforms
-    ) -> list[int]:
-        """Indices of the largest mirrors that face the viewpoint and that some tile may show."""
-        visible: list[int] = []
-        for number, mirror in enumerate(self._mirrors):
-            if len(visible) == self._count:
-                break
-            if sides[number] not in mirror.sides:
-                continue
-            items = np.array([one for one in mirror.parts if one in self.items], dtype=np.intp)
-            if transforms.seen_in(views, items).any():
-                visible.append(number)
-        return visible
-
     def _draw_view(self, number: int, shot: ScenePoses) -> None:
         """Draw the view in a mirror."""
         normal, height_m = self._planes[number, :3], self._planes[number, 3]
@@ -230,29 +221,6 @@ class MirrorPass:
         self._state.use(self._target, has_depth=True)
         plane = np.array((*normal, -height_m, self._spreads[number]))
         self._view.draw(self._target, (shot._replace(world_from_rig=mirrored),), plane)
-
-
-class MirrorOwnerProgram(ItemProgram):
-    """Program that draws the numbers (n,) of the triangles' mirrors; 0: none."""
-
-    def __init__(self, context: moderngl.Context, numbers: Bytes):
-        files = "scene/mirror_owner.vert", "scene/mirror_owner.frag"
-        super().__init__(build_program(context, *files))
-        self._first_triangle = uniform(self.program, "u_first_triangle")
-        uniform(self.program, "u_numbers").value = _NUMBERS_UNIT
-        rows = -(-len(numbers) // _ROW_TRIANGLES)
-        padded = np.zeros((rows, _ROW_TRIANGLES), dtype=np.uint8)
-        padded.ravel()[: len(numbers)] = numbers
-        self._numbers = texture_2d(context, (_ROW_TRIANGLES, rows), 1, padded, dtype="u1")
-
-    def bind_material(self, item: DrawItem) -> None:
-        """Bind the table of numbers."""
-        self._numbers.use(_NUMBERS_UNIT)
-
-    def draw(self, array: moderngl.VertexArray, first: int, count: int, first_id: int) -> None:
-        """Draw `count` indices of a vertex array; `first_id`: its first triangle, and number."""
-        self._first_triangle.value = first_id
-        array.render(moderngl.TRIANGLES, vertices=count, first=3 * first_id)
 
 
 class _OwnerProgram(ItemProgram):

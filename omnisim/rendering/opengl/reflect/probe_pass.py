@@ -120,7 +120,12 @@ class ProbePass:
         self._maps = _ProbeMaps(context, plan, near_m, len(places))
         self._own = _OwnProbe(buffers, self._maps.name)
         self._is_mirror = self._mask(self._own.items)
-        self._view = self._make_view(plan, near_m)
+        cameras = VirtualCameras(near_m, math.inf, background=background, mirrors=0)
+        sky = programs.sky_seen(False)
+        behind = None if sky is None else SkyPass(context, sky, plan)
+        self._view = SceneView(
+            buffers, programs, plan, cameras, self._depths, 1, behind, probes=self._own
+        )
         self.items = frozenset(index for one in places for index in one.surfaces)
         self._left_out = [self._mask(one.left_out) | self._is_mirror for one in places]
         self._mirrors = [self._is_mirror & ~self._mask(one.left_out) for one in places]
@@ -130,20 +135,6 @@ class ProbePass:
         self._static: dict[int, tuple[moderngl.Texture, moderngl.Texture]] = {}
         self._has_moving = any(item.moves for item in buffers.draw_items)
         self._state = GlState()
-
-    def _make_view(self, plan: TilePlan, near_m: float) -> SceneView:
-        cameras = VirtualCameras(near_m, math.inf, background=self._background, mirrors=0)
-        sky = self._programs.sky_seen(False)
-        return SceneView(
-            self._buffers,
-            self._programs,
-            plan,
-            cameras,
-            self._depths,
-            1,
-            None if sky is None else SkyPass(self._buffers.context, sky, plan),
-            probes=self._own,
-        )
 
     def _mask(self, left_out: Collection[int]) -> Bools:
         mask = np.zeros(len(self._buffers.draw_items), dtype=np.bool_)
@@ -171,8 +162,10 @@ class ProbePass:
         if self._programs.shadows is not None:
             self._programs.shadows.prepare(shot.viewpoint_m, world_from_objects)
         self._programs.bind_tables()
-        left_out, parts = self._left_out[number], SceneParts.ALL
-        if self._has_static_copy(self._places[number]):
+        left_out, parts, place = self._left_out[number], SceneParts.ALL, self._places[number]
+        is_fixed = place.object_index is None and place.deforming is None
+        # moving items may cast shadows on static ones
+        if is_fixed and self._has_moving and self._programs.shadows is None:
             parts = SceneParts.MOVING
             self._copy_static(number, shot)
         else:
@@ -188,14 +181,6 @@ class ProbePass:
             self._state.use(self._target, has_depth=True)
             self._view.add_one_by_one(self._target, shot)
             self._maps.draw(number, self._colors, self._depths, self._gloss[number])
-
-    def _has_static_copy(self, place: ProbePlace) -> bool:
-        """True if the scene around a probe changes only where moving items are.
-
-        Moving items may cast shadows on static ones.
-        """
-        is_fixed = place.object_index is None and place.deforming is None
-        return is_fixed and self._has_moving and self._programs.shadows is None
 
     def _copy_static(self, number: int, shot: ScenePoses) -> None:
         """Copy the static opaque items, drawn once, into the atlas."""
