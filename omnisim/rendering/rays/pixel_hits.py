@@ -74,7 +74,7 @@ def cast_hits(
     view = View(some, exact, poses, footprints[hit])
     find: dict[str, Callable[[], Floats32]] = {
         "normals": lambda: shading.normals(exact, poses),
-        "albedos": lambda: shading.base_colors(*view)[:, :3],
+        "albedos": lambda: shading.base_colors(view)[:, :3],
         "materials": lambda: shading.materials(view),
     }
     values = {name: np.empty((0, 0), dtype=np.float32) for name in find}

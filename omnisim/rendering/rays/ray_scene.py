@@ -16,7 +16,6 @@ from omnisim.rendering.rays.shading.lit_surfaces import CastShadow
 from omnisim.rendering.rays.shading.ray_optics import NO_MEDIUM, Paths, Tracing
 from omnisim.rendering.rays.shading.shading import Shading, View
 from omnisim.rendering.rays.shading.surface_light import straight_shares
-from omnisim.scene.light.environment import Environment
 from omnisim.scene.model import Fog, Scene
 
 # Maximum number of surfaces that a ray passes through; it ends at the last one.
@@ -116,37 +115,35 @@ class RayScene:
                 share[active] *= glass.attenuation(active, rays, hits)
             is_hit = hits.triangles != NO_TRIANGLE
             missed = active[~is_hit]
-            seen = background
+            seen, widths = background, None
             if environment is not None:
-                seen = _sky(environment, rays.directions[~is_hit], footprints, missed)
+                if footprints is not None:
+                    widths = np.linalg.norm(footprints[missed], axis=-1).max(axis=-1)
+                seen = environment.seen(rays.directions[~is_hit], widths)
             total[missed] += share[missed] * seen
             kept = np.flatnonzero(is_hit)
             active, rays, hits = active[kept], rays.take(kept), hits.take(kept)
             if len(active) == 0:
                 break
-            widths = None if footprints is None else footprints[active]
-            colors = shading.base_colors(rays, hits, poses, widths)
+            view = View(rays, hits, poses, None if footprints is None else footprints[active])
+            colors = shading.base_colors(view)
             opacity = self._opacity(hits, colors[:, 3], layer)
             shown = np.flatnonzero(opacity > 0.0)
             light = colors[shown, :3]
             if not unlit:
-                some = None if widths is None else widths[shown]
                 cast = self._shadow_caster(poses)
                 tracing = (
                     None if paths is None else self._tracing(paths, active[shown], share, poses)
                 )
-                light = shading.lit(
-                    light, rays.take(shown), hits.take(shown), cast, poses, some, tracing
-                )
+                light = shading.lit(light, view.take(shown), cast, tracing)
             if fog is not None:
                 light = fogged(fog, light, hits.ranges_m[shown] - starts_m[active[shown]])
             total[active[shown]] += share[active[shown]] * opacity[shown, None] * light
             through = 1.0 - opacity[:, None]
             if has_panes and layer < MAX_LAYERS - 1:
-                passing = shading.transmitted(rays, hits, colors, poses)
+                passing = shading.transmitted(view, colors)
                 through = through + opacity[:, None] * passing
             if glass is not None and layer < MAX_LAYERS - 1:
-                view = View(rays, hits, poses, widths)
                 rays, passing = glass.refract(active, view, colors, opacity)
                 through = through + opacity[:, None] * passing
             share[active] *= through
@@ -191,7 +188,8 @@ class RayScene:
                 break
             hits, some = first.take(active), rays.take(active)
             widths = None if footprints is None else footprints[active]
-            alphas = shading.base_colors(some, hits, objects.world_from_objects, widths)[:, 3]
+            view = View(some, hits, objects.world_from_objects, widths)
+            alphas = shading.base_colors(view)[:, 3]
             clear = np.flatnonzero(alphas < limits[shading.surfaces(hits)])
             active = active[clear]
             some = self.caster.behind(some.take(clear), hits.ranges_m[clear])
@@ -235,8 +233,8 @@ class RayScene:
                 if len(on) == 0:
                     break
                 active, passed, rays, hits = active[on], passed[on], rays.take(on), hits.take(on)
-                colors = shading.base_colors(rays, hits, poses)
-                passed *= straight_shares(shading, View(rays, hits, poses, None), colors)
+                view = View(rays, hits, poses)
+                passed *= straight_shares(shading, view, shading.base_colors(view))
                 triangles = hits.triangles
                 rays = self.caster.behind(rays, hits.ranges_m)
                 hits = first(rays, triangles)
@@ -262,15 +260,6 @@ class RayScene:
         opacity = np.where(is_blended, np.clip(alphas, 0.0, 1.0), 1.0).astype(np.float32)
         opacity[is_hole] = 0.0
         return opacity
-
-
-def _sky(
-    environment: Environment, directions: Floats, footprints: Floats32 | None, missed: Indices
-) -> Floats32:
-    """Radiance (n, 3) of the sky along the directions (n, 3) of the rays that missed."""
-    if footprints is None:
-        return environment.seen(directions)
-    return environment.seen(directions, np.linalg.norm(footprints[missed], axis=-1).max(axis=-1))
 
 
 class GlassPassage:
