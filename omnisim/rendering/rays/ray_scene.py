@@ -16,6 +16,7 @@ from omnisim.rendering.rays.shading.lit_surfaces import CastShadow
 from omnisim.rendering.rays.shading.ray_optics import NO_MEDIUM, Paths, Tracing
 from omnisim.rendering.rays.shading.shading import Shading, View
 from omnisim.rendering.rays.shading.surface_light import straight_shares
+from omnisim.scene.light.environment import Environment
 from omnisim.scene.model import Fog, Scene
 
 # Maximum number of surfaces that a ray passes through; it ends at the last one.
@@ -115,11 +116,9 @@ class RayScene:
                 share[active] *= glass.attenuation(active, rays, hits)
             is_hit = hits.triangles != NO_TRIANGLE
             missed = active[~is_hit]
-            seen, widths = background, None
+            seen = background
             if environment is not None:
-                if footprints is not None:
-                    widths = np.linalg.norm(footprints[missed], axis=-1).max(axis=-1)
-                seen = environment.seen(rays.directions[~is_hit], widths)
+                seen = _sky(environment, rays.directions[~is_hit], footprints, missed)
             total[missed] += share[missed] * seen
             kept = np.flatnonzero(is_hit)
             active, rays, hits = active[kept], rays.take(kept), hits.take(kept)
@@ -260,6 +259,15 @@ class RayScene:
         opacity = np.where(is_blended, np.clip(alphas, 0.0, 1.0), 1.0).astype(np.float32)
         opacity[is_hole] = 0.0
         return opacity
+
+
+def _sky(
+    environment: Environment, directions: Floats, footprints: Floats32 | None, missed: Indices
+) -> Floats32:
+    """Radiance (n, 3) of the sky along the directions (n, 3) of the rays that missed."""
+    if footprints is None:
+        return environment.seen(directions)
+    return environment.seen(directions, np.linalg.norm(footprints[missed], axis=-1).max(axis=-1))
 
 
 class GlassPassage:
