@@ -57,27 +57,21 @@ class RayHits(NamedTuple):
 
 
 class RayCaster:
-    """Casts rays at the static scene and its objects; BVHs are built once and instanced by pose.
+    """Casts rays at the static scene and its objects; BVHs are built on first use, and instanced.
 
     Embree finds the triangle in float32, with coordinates relative to the middle of each object
     so that they are small. `exact` computes the other values in float64.
 
     Args:
         scene: the static part of the world.
-        casts: False: no more than `exact` is needed, and no embreex, until `prepare`.
 
     Attributes:
         geometry: tables of all triangles.
-
-    Raises:
-        OmnisimError: embreex is not installed.
     """
 
-    def __init__(self, scene: Scene, dynamic_objects: Sequence[Scene] = (), casts: bool = True):
+    def __init__(self, scene: Scene, dynamic_objects: Sequence[Scene] = ()):
         self.geometry = build_geometry(scene, dynamic_objects)
         self._part_meshes: dict[tuple[int, frozenset[ObjectPart]], _PartMesh] = {}
-        if casts:
-            self.prepare()
         # of the last times, shared by the threads
         self._deformed_mesh = lru_cache(maxsize=_MESHES_KEPT)(self._build_deformed_mesh)
         self._deforming_parts = {
@@ -85,7 +79,7 @@ class RayCaster:
         }
 
     def prepare(self) -> None:
-        """Build what all casts share, unless it is there.
+        """Build what all casts share, before threads do, unless it is there.
 
         Raises:
             OmnisimError: embreex is not installed.

@@ -45,24 +45,16 @@ class RayScene:
 
     Args:
         threads: number of threads for casting; None: one per core.
-        casts: False: its surfaces are looked up only, without embreex.
 
     Attributes:
         caster, shading: triangles of the scene, and their appearance.
-
-    Raises:
-        OmnisimError: embreex is not installed.
     """
 
     def __init__(
-        self,
-        scene: Scene,
-        dynamic_objects: Sequence[Scene] = (),
-        threads: int | None = None,
-        casts: bool = True,
+        self, scene: Scene, dynamic_objects: Sequence[Scene] = (), threads: int | None = None
     ):
         self.scene = scene
-        self.caster = RayCaster(scene, dynamic_objects, casts)
+        self.caster = RayCaster(scene, dynamic_objects)
         self.shading = Shading(self.caster.geometry, scene.lighting)
         self._threads = threads or os.cpu_count() or 1
         self._background = np.array(scene.background, dtype=np.float32)
@@ -245,6 +237,7 @@ class RayScene:
 
     def in_threads(self, function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
         """Results of a function for each item, in order; Embree and NumPy release the GIL."""
+        self.caster.prepare()
         with ThreadPoolExecutor(self._threads) as pool:
             return list(pool.map(function, items))
 

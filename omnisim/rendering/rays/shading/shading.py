@@ -23,11 +23,11 @@ from omnisim.rendering.rays.shading.lit_surfaces import (
     Shadows,
     SurfaceDirections,
     Traced,
+    ambient_light,
     coat_fresnel,
     lamps_at,
-    light_of_lamps,
-    light_on_surfaces,
     reflected_light,
+    with_lamps,
 )
 from omnisim.rendering.rays.shading.ray_optics import (
     NO_MEDIUM,
@@ -258,7 +258,7 @@ class Shading:
         baked = self._lighting.baked
         if baked is None:
             lamps = lamps_at(self._lighting, points_m, normals, Shadows(hits, cast_shadow))
-            light = light_on_surfaces(self._lighting, lamps, normals)
+            light = with_lamps(ambient_light(self._lighting, normals), lamps, normals)
             lamps = [lamp.take(glossy) for lamp in lamps]
         else:
             light = self._baked_light(baked, hits, points_m, normals)
@@ -267,7 +267,8 @@ class Shading:
         lamps = [lamp.facing(normals[glossy]) for lamp in lamps]
         surroundings = None
         if baked is not None:  # without the light of lamps
-            beyond: Floats32 = light[glossy] - light_of_lamps(lamps, normals[glossy])
+            of_lamps = with_lamps(np.zeros_like(light[glossy]), lamps, normals[glossy])
+            beyond: Floats32 = light[glossy] - of_lamps
             surroundings = np.maximum(beyond, np.float32(0.0), out=beyond)
         light[self.is_unlit[surfaces]] = 1.0
         light *= colors[:, :3]
