@@ -17,7 +17,7 @@ from omnisim.core.pending import Pending
 from omnisim.core.random_numbers import key_of
 from omnisim.core.world import ObjectPart
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits, ThroughHits
-from omnisim.ground_truth.lidar_beams import EchoLimits, LidarBeams
+from omnisim.ground_truth.lidar_beams import LidarBeams, ScanBeams
 from omnisim.rendering.camera.degradations.encoding import Encoding, eight_bits
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage
 from omnisim.rendering.contract import (
@@ -98,15 +98,9 @@ class RayBackend(SceneBackend):
         """Camera in the scene."""
         return RayCamera(self, setup)
 
-    def range_finder(
-        self,
-        angles_rad: Floats,
-        max_range_m: float,
-        hidden: frozenset[ObjectPart],
-        limits: EchoLimits | None = None,
-    ) -> Beams:
+    def range_finder(self, beams: ScanBeams, hidden: frozenset[ObjectPart]) -> Beams:
         """Beams of a scanner."""
-        return self.rays.range_finder(angles_rad, max_range_m, hidden, limits)
+        return self.rays.range_finder(beams, hidden)
 
     def beam_caster(self, beams: LidarBeams, hidden: frozenset[ObjectPart]) -> LidarCaster:
         """Beams of a spinning lidar."""

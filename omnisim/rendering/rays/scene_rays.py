@@ -10,7 +10,7 @@ import numpy as np
 from omnisim.core.arrays import Bools, Floats, Floats32, Ints32, Uints32
 from omnisim.core.world import ObjectPart
 from omnisim.ground_truth.hits import HitDetails, Hits, ThroughHits
-from omnisim.ground_truth.lidar_beams import BeamHits, EchoLimits, LidarBeams, Revolution
+from omnisim.ground_truth.lidar_beams import BeamHits, LidarBeams, Revolution, ScanBeams
 from omnisim.rendering.contract import CameraRays, CameraSetup, PlacedMesh, ScenePoses, SceneRays
 from omnisim.rendering.pixel_rays import Band, PixelRays
 from omnisim.rendering.rays.beams import Beams, LidarCaster, intensities_of
@@ -57,15 +57,9 @@ class CastScene(SceneRays):
         scene.caster.prepare()
         return scene
 
-    def range_finder(
-        self,
-        angles_rad: Floats,
-        max_range_m: float,
-        hidden: frozenset[ObjectPart],
-        limits: EchoLimits | None = None,
-    ) -> Beams:
+    def range_finder(self, beams: ScanBeams, hidden: frozenset[ObjectPart]) -> Beams:
         """Beams of a scanner."""
-        return Beams(self.ray_scene, angles_rad, max_range_m, hidden, limits)
+        return Beams(self.ray_scene, beams, hidden)
 
     def beam_caster(self, beams: LidarBeams, hidden: frozenset[ObjectPart]) -> LidarCaster:
         """Beams of a spinning lidar."""
