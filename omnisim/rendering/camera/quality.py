@@ -76,7 +76,7 @@ DEFAULT_PROBES, MAX_PROBES = 8, 16
 DEFAULT_QUALITY: QualityName = "default"
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Capture(Parameters):
     """Settings of the virtual cameras, and of the samples of the image that they capture."""
 
