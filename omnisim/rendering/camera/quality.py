@@ -1,8 +1,8 @@
-"""Capture quality: texels of the virtual cameras and samples per pixel, by name or by number.
+"""Capture settings: quality, by name or by number, near plane, and polygons of a mirror's mesh.
 
-Both numbers control jagged edges and lost detail: texels per side of the image's finest pixels,
-and samples per pixel side, which are averaged. The named settings balance them: more texels would
-need more samples to be visible, and more samples more texels.
+Quality is two numbers, against jagged edges and lost detail: texels per side of the image's finest
+pixels, and samples per pixel side, which are averaged. The named settings balance them: more texels
+would need more samples to be visible, and more samples more texels.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ DEFAULT_PROBES, MAX_PROBES = 8, 16
 DEFAULT_QUALITY: QualityName = "default"
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Capture(Parameters):
     """Settings of the virtual cameras, and of the samples of the image that they capture."""
 
