@@ -22,14 +22,13 @@ from omnisim.scene.formats.gltf.nodes import (
     FIRST_ANIMATION,
     AnimationChoice,
     animated_nodes,
-    file_from_nodes,
     moving_objects,
     read_animation,
     read_copies,
     read_lights,
     reshaped_nodes,
     scene_parents,
-    transforms_at_start,
+    transform_at_start,
 )
 from omnisim.scene.formats.gltf.primitives import (
     POINTS_AND_LINES,
@@ -80,8 +79,11 @@ def read_gltf(
     nodes, accessors = root.objects("nodes"), Accessors(root, chunk, assets)
     parents = scene_parents(root, nodes)
     animation = read_animation(root, nodes, accessors, choice.name)
-    local = transforms_at_start(nodes, parents, animation)
-    poses = file_from_nodes(parents, local)
+    local = {one: transform_at_start(nodes[one], animation.nodes.get(one)) for one in parents}
+    poses: dict[int, Floats] = {}
+    for index, parent in parents.items():
+        above = np.eye(4) if parent is None else poses[parent]
+        poses[index] = above @ local[index]
     moved = animated_nodes(nodes, parents, local, animation, world_from_file)
     reshaped = reshaped_nodes(nodes, moved, animation) if choice.moves_objects else set(moved)
     played = PlayedNodes(nodes, poses, moved, reshaped, animation, world_from_file)

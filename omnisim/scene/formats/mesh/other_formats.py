@@ -60,8 +60,11 @@ logging.getLogger("trimesh").addHandler(logging.NullHandler())
 def check_format(path: Path) -> None:
     """Check that trimesh reads surfaces from files with the suffix of `path`."""
     if path.suffix.lower()[1:] not in set(trimesh.available_formats()) - _NOT_SCENES:
-        if hint := conversion_hint(path):
-            raise SceneError(f"{path}: {hint}")
+        conversion = _BY_SUFFIX.get(path.suffix.lower())
+        if conversion is not None:
+            hint = f"{path}: is not read ({conversion.format}): {conversion.advice}"
+            command = f": {conversion.command_for(path)}" if conversion.command else ""
+            raise SceneError(hint + command)
         raise SceneError(
             f"{path}: unknown scene format: expected .glb .gltf .obj .ply .stl .dae .sdf "
             f".world .urdf .xml .usd, or a scene's .toml, got {path.suffix or '(no suffix)'!r}"
@@ -470,12 +473,3 @@ CONVERSIONS = (
     ),
 )
 _BY_SUFFIX = {suffix: found for found in CONVERSIONS for suffix in found.suffixes}
-
-
-def conversion_hint(path: Path) -> str:
-    """One-line hint on how to convert a file; empty for an unknown suffix."""
-    conversion = _BY_SUFFIX.get(path.suffix.lower())
-    if conversion is None:
-        return ""
-    hint = f"is not read ({conversion.format}): {conversion.advice}"
-    return f"{hint}: {conversion.command_for(path)}" if conversion.command else hint

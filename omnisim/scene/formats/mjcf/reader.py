@@ -32,7 +32,7 @@ from omnisim.scene.formats.imported_scene import (
     read_lens,
     translate,
 )
-from omnisim.scene.formats.mjcf.materials import read_background, read_lighting, transformed
+from omnisim.scene.formats.mjcf.materials import read_lighting, transformed
 from omnisim.scene.formats.mjcf.meshes import Geom, Meshes, Parts, visible_deformables
 from omnisim.scene.light.lighting import DEFAULT_BACKGROUND, DEFAULT_LIGHTING
 from omnisim.scene.model import Scene
@@ -114,14 +114,16 @@ class ModelReader:
     def content(self, instances: Iterable[Instance]) -> ImportedScene:
         """Import instances created by this reader."""
         lighting, lights = read_lighting(self._model, self._data)
-        background, sky = read_background(self._model, self.meshes.materials.textures)
+        boxes = np.flatnonzero(self._model.tex_type == int(mujoco.mjtTexture.mjTEXTURE_SKYBOX))
+        sky = ["the sky box is drawn in its mean color"] if len(boxes) else []
+        textures = self.meshes.materials.textures
         return ImportedScene(
             tuple(self.meshes.entries),
             tuple(self.meshes.materials.entries),
             tuple(instances),
             [*self._notices(), *self.meshes.materials.notices, *lights, *sky],
             lighting=lighting,
-            background=background,
+            background=textures.mean_color(int(boxes[0])) if len(boxes) else DEFAULT_BACKGROUND,
         )
 
     def instances(self, geoms: Iterable[int], frame_from_world: Floats) -> list[Instance]:
