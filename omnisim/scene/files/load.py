@@ -33,9 +33,8 @@ from omnisim.scene.formats.imported_scene import FileAxes, ImportedScene, place
 from omnisim.scene.identity import identity_of_files
 from omnisim.scene.labels import label_rules
 from omnisim.scene.light.baked import with_baked_light
-from omnisim.scene.light.environment import Environment
 from omnisim.scene.light.light_tables import SkyTable, SunTable
-from omnisim.scene.light.lighting import DEFAULT_BACKGROUND, expose
+from omnisim.scene.light.lighting import DEFAULT_BACKGROUND, expose, with_environment
 from omnisim.scene.light.sky import with_sky
 from omnisim.scene.model import (
     MAX_LIGHTS,
@@ -347,8 +346,7 @@ def _scene(
     lighting = read.lighting or expose(read.lights, read.meshes, instances, read.dome)
     background = read.background or (lighting.ambient if read.dome else DEFAULT_BACKGROUND)
     if read.environment is not None:
-        environment = Environment(read.environment).scaled(math.pi * lighting.exposure)
-        lighting = dataclasses.replace(lighting, ambient=(0.0, 0.0, 0.0), environment=environment)
+        lighting = with_environment(lighting, read.environment)
     return Scene(
         name=name,
         meshes=read.meshes,

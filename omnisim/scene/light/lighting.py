@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from omnisim.core.arrays import Floats
+from omnisim.core.arrays import Floats, Floats32
+from omnisim.scene.light.environment import Environment
 from omnisim.scene.parts import (
     MAX_LIGHTS,
     Instance,
@@ -124,6 +125,12 @@ def background_light(color: tuple[float, float, float]) -> tuple[float, float, f
 def is_bright(material: Material) -> bool:
     """True for emission brighter than white: a lamp's tubes, but not a screen."""
     return not material.unlit and max(material.emissive) > 1.0
+
+
+def with_environment(lighting: Lighting, luminance: Floats32) -> Lighting:
+    """Lighting with an environment map, cd/m², in place of its ambient light."""
+    radiance = (math.pi * lighting.exposure * luminance).astype(np.float32)
+    return replace(lighting, ambient=(0.0, 0.0, 0.0), environment=Environment(radiance))
 
 
 def _ambient_only(lux: Floats) -> Lighting:
