@@ -197,11 +197,15 @@ class _Meshes:
             if not node.has("mesh"):
                 continue
             copies = read_copies(node, self._accessors)
-            if copies is not None:
-                yield from self._copy(node, index, pose, copies)
-                continue
             name = node.text("name", f"node {index}")
-            for part in self._parts[node.index("mesh", self._parts)]:
+            parts = self._parts[node.index("mesh", self._parts)]
+            if copies is not None:
+                for number, file_from_copy in enumerate(pose @ copies):
+                    for part in parts:
+                        placed = translate(file_from_copy, part.center)
+                        yield index, Instance(f"{name}_{number}", part.mesh, placed, file_from_copy)
+                continue
+            for part in parts:
                 deformed = deforming.make(index, part.primitive, self.meshes[part.mesh])
                 if deformed is None:
                     yield index, Instance(name, part.mesh, translate(pose, part.center), pose)
@@ -211,16 +215,6 @@ class _Meshes:
                 number = len(self.meshes) - 1
                 placed = Instance(name, number, deformed.file_from_mesh, node_pose)
                 yield deformed.owner, placed
-
-    def _copy(
-        self, node: JsonObject, index: int, pose: Floats, copies: Floats
-    ) -> Iterator[tuple[int | None, Instance]]:
-        name = node.text("name", f"node {index}")
-        parts = self._parts[node.index("mesh", self._parts)]
-        for number, file_from_copy in enumerate(pose @ copies):
-            for part in parts:
-                placed = translate(file_from_copy, part.center)
-                yield index, Instance(f"{name}_{number}", part.mesh, placed, file_from_copy)
 
     def _read(self, mesh: JsonObject, name: str) -> Iterator[_Part]:
         entries = self._materials.entries
