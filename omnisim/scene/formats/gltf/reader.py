@@ -202,8 +202,9 @@ class _Meshes:
             if copies is not None:
                 for number, file_from_copy in enumerate(pose @ copies):
                     for part in parts:
-                        placed = translate(file_from_copy, part.center)
-                        yield index, Instance(f"{name}_{number}", part.mesh, placed, file_from_copy)
+                        file_from_mesh = translate(file_from_copy, part.center)
+                        copy = f"{name}_{number}"
+                        yield index, Instance(copy, part.mesh, file_from_mesh, file_from_copy)
                 continue
             for part in parts:
                 deformed = deforming.make(index, part.primitive, self.meshes[part.mesh])
