@@ -66,7 +66,7 @@ def test_slices_are_the_same(stage, monkeypatch):
     with stage.open(CAMERA) as renderer:
         whole = renderer.render_batch(_poses(5), channels=("range", "albedo"))
         monkeypatch.setattr(memory, "MAX_SLICE_BYTES", 3 << 20)
-        assert 2 <= renderer._passes.hit_source(NO_DETAILS)._batches.slice_length() < 5
+        assert 2 <= renderer._passes.hit_source(NO_DETAILS).slice_length() < 5
         for name, values in renderer.render_batch(_poses(5), channels=tuple(whole)).items():
             np.testing.assert_array_equal(values, whole[name])
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import cached_property
 from typing import Any, ClassVar, NamedTuple
 
 import moderngl
@@ -31,7 +32,7 @@ from omnisim.rendering.opengl.gl.shader_files import (
     uniform,
 )
 from omnisim.rendering.opengl.hits.visibility_pass import VisibilityPass, atlas_formats
-from omnisim.rendering.opengl.world.draw_item import DrawItem, InstanceTransforms
+from omnisim.rendering.opengl.world.draw_item import InstanceTransforms
 from omnisim.rendering.opengl.world.triangle_table import (
     bind_triangles,
     table_texture,
@@ -196,6 +197,11 @@ class RayHitPass:
 
         return Pending(finish)
 
+    @cached_property
+    def occlusion(self) -> OcclusionPass:
+        """Occlusion of the last hits from another viewpoint."""
+        return OcclusionPass(self)
+
     def put_points(self, hits: Hits) -> None:
         """Replace the points of the last hits, for occlusion."""
         self.points.write(np.ascontiguousarray(hits.points_and_ranges_m))
@@ -269,7 +275,12 @@ class HitTables:
         draws = visibility.buffers.draw_items
         self._draw_items = np.zeros(len(draws), dtype=_DRAW_ITEM)
         self._draw_items["first"] = [draw.first for draw in draws]
-        self._draw_items["flags"] = [_flags(draw, visibility.both_sides) for draw in draws]
+        self._draw_items["flags"] = [
+            _MASKED * bool(draw.kind & SurfaceKind.HOLES)
+            + _DOUBLE_SIDED * (draw.material.double_sided or visibility.both_sides)
+            + _FLIPS_WINDING * draw.flips_winding
+            for draw in draws
+        ]
         self._texture: moderngl.Texture | None = None
 
     def bind_program(self, program: moderngl.Program, rig_from_optical: Floats) -> None:
@@ -316,14 +327,6 @@ class HitTables:
     def image_bytes(self) -> int:
         """Size of one image's draw items, bytes."""
         return int(_DRAW_ITEM.itemsize * (len(self._draw_items) + 1))
-
-
-def _flags(draw: DrawItem, both_sides: bool) -> int:
-    return (
-        _MASKED * bool(draw.kind & SurfaceKind.HOLES)
-        + _DOUBLE_SIDED * (draw.material.double_sided or both_sides)
-        + _FLIPS_WINDING * draw.flips_winding
-    )
 
 
 # Occlusion of an image's points from the next viewpoint.
