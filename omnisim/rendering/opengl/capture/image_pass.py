@@ -79,7 +79,6 @@ class RemapPass:
         target = framebuffer(
             context, [renderbuffer(context, samples.size_px, parts, dtype="f4") for parts in (2, 1)]
         )
-        context.disable(moderngl.BLEND | moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         clear_target(target, *[(-1.0, -1.0, 0.0, 0.0)] * 2)
         samples.vertex_array(CaptureOutput.UV, plan).render()
         corrections = samples.corrections(_values(target, 0)[..., 0] >= 0.0)

@@ -176,7 +176,6 @@ class _ColorPass:
         for unit, texture in enumerate(self._rays, start=_RAYS):
             texture.use(unit)
         atlas.use(_ATLAS)
-        self._context.disable(moderngl.BLEND | moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         use_target(self._surfaces_target)
         self._surfaces_array.render()
         self._surfaces.use(_SURFACES)

@@ -155,7 +155,6 @@ class PixelMap:
         Returns:
             Mask (height, width) of the pixels with a ray, and `corrections` of what is drawn.
         """
-        self.context.disable(moderngl.BLEND | moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         clear_target(target)
         self._model_array(CaptureOutput.RAY).render()
         width, height = self.size_px

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from functools import cached_property
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import moderngl
 import numpy as np
@@ -28,7 +28,7 @@ from omnisim.rendering.opengl.gl.pixel_readback import PixelReadback, Pixels, Re
 from omnisim.rendering.opengl.gl.shader_files import (
     build_program,
     columns_first,
-    find_uniform,
+    set_uniforms,
     uniform,
 )
 from omnisim.rendering.opengl.hits.visibility_pass import VisibilityPass, atlas_formats
@@ -45,15 +45,6 @@ _DETAIL_UNITS = {"u_albedos": 4, "u_gloss": 5, "u_emission": 7}
 # Define and attachment components of each detail.
 _DEFINES = {"normals": "NORMALS", "albedos": "ALBEDO", "materials": "MATERIALS"}
 _PARTS = {"normals": (3,), "albedos": (3,), "materials": (2, 3)}
-
-
-class _Variant(NamedTuple):
-    """Program for a set of channels, and its target."""
-
-    target: moderngl.Framebuffer
-    viewpoint_from_optical: moderngl.Uniform | None  # of one image; several have it in the tables
-    draw_items: moderngl.Uniform | None  # of several images: number of draw items of each
-    vertex_array: moderngl.VertexArray
 
 
 class RayHitPass:
@@ -108,7 +99,7 @@ class RayHitPass:
                     renderbuffer(context, size, 4, dtype="f4"),
                     renderbuffer(context, size, 2, dtype="u4"),
                 ]
-        self._variants: dict[HitDetails, _Variant] = {}
+        self._drawings: dict[HitDetails, tuple[moderngl.Framebuffer, moderngl.VertexArray]] = {}
         self.tables = HitTables(visibility)
         self.readback = PixelReadback(context)
         self._compiled_windows = self._windows()
@@ -122,7 +113,7 @@ class RayHitPass:
         self.visibility.buffers.check_readable("to look up what its pixels show")
         if self._windows() != self._compiled_windows:
             self._compiled_windows = self._windows()
-            self._variants = {}
+            self._drawings = {}
         self.visibility.refresh()
         self.tables.refresh()
 
@@ -134,26 +125,33 @@ class RayHitPass:
         Details that textures change need a `visibility` that draws them.
         """
         visibility, buffers = self.visibility, self.visibility.buffers
-        variant, rig_from_optical = self._variant(details), self.pixels.camera.rig_from_optical
+        (target, array), rig_from_optical = (
+            self._drawing(details),
+            self.pixels.camera.rig_from_optical,
+        )
         transforms = [
             buffers.instance_transforms(one.viewpoint_m, one.world_from_objects) for one in shots
         ]
         rotations = np.array([one.world_from_rig[:3, :3] @ rig_from_optical for one in shots])
-        if variant.viewpoint_from_optical is not None:
-            variant.viewpoint_from_optical.write(columns_first(rotations[0]))
-        if variant.draw_items is not None:
-            variant.draw_items.value = 1 + len(buffers.draw_items)
-        for part in self.using_parts(variant.vertex_array.program, rig_from_optical):
+        # of a single image, and of several, which have their rotations in the tables
+        set_uniforms(
+            array.program,
+            {
+                "u_viewpoint_from_optical": columns_first(rotations[0]),
+                "u_draw_item_count": 1 + len(buffers.draw_items),
+            },
+        )
+        for part in self.using_parts(array.program, rig_from_optical):
             visibility.render(shots, details)
-            with within(variant.target, part.rectangle_px):
+            with within(target, part.rectangle_px):
                 normals = [one.normal_from_mesh for one in transforms]
                 self.tables.update(transforms, normals, rotations)
                 self.bind()
                 visibility.bind_details(details, _DETAIL_UNITS)
                 # vertices and indices, from which normals are interpolated
                 bind_triangles(buffers.context, buffers.vertices, buffers.triangles.indices)
-                variant.vertex_array.render(moderngl.TRIANGLES, instances=len(shots))
-        return self.begin_reading(variant.target, len(shots), details)
+                array.render(moderngl.TRIANGLES, instances=len(shots))
+        return self.begin_reading(target, len(shots), details)
 
     def using_parts(
         self, program: moderngl.Program, rig_from_optical: Floats
@@ -215,10 +213,10 @@ class RayHitPass:
         self.tables.bind_program(program, rig_from_optical)
         uniform(program, "u_rays").value = RAYS_UNIT
 
-    def _variant(self, details: HitDetails) -> _Variant:
-        """Program and target of details, created on first use."""
-        if details in self._variants:
-            return self._variants[details]
+    def _drawing(self, details: HitDetails) -> tuple[moderngl.Framebuffer, moderngl.VertexArray]:
+        """Target of details, and rectangles with their program, created on first use."""
+        if details in self._drawings:
+            return self._drawings[details]
         context, images = self.pixels.context, self._images
         defines = [*self._compiled_windows, *(_DEFINES[name] for name in details.components)]
         defines += [] if images is None else ["BATCH"]
@@ -235,16 +233,11 @@ class RayHitPass:
         # pixels without a ray are never drawn
         nothing = 0.0, 0.0, 0.0, np.inf
         clear_target(target, nothing, None, *(nothing for _ in more))
-        array = valid_pixels_array(context, program, self.pixels.valid)
         if images is not None:
             uniform(program, "u_images").value = images
-        self._variants[details] = _Variant(
-            target,
-            find_uniform(program, "u_viewpoint_from_optical"),
-            find_uniform(program, "u_draw_item_count"),
-            array,
-        )
-        return self._variants[details]
+        array = valid_pixels_array(context, program, self.pixels.valid)
+        self._drawings[details] = target, array
+        return target, array
 
 
 # Textures of the draw items, for shaders with `ground_truth/intersect.glsl`.
