@@ -125,14 +125,13 @@ class RayHitPass:
         Details that textures change need a `visibility` that draws them.
         """
         visibility, buffers = self.visibility, self.visibility.buffers
-        (target, array), rig_from_optical = (
-            self._drawing(details),
-            self.pixels.camera.rig_from_optical,
-        )
+        (target, array), camera = self._drawing(details), self.pixels.camera
         transforms = [
             buffers.instance_transforms(one.viewpoint_m, one.world_from_objects) for one in shots
         ]
-        rotations = np.array([one.world_from_rig[:3, :3] @ rig_from_optical for one in shots])
+        rotations = np.array(
+            [one.world_from_rig[:3, :3] @ camera.rig_from_optical for one in shots]
+        )
         # of a single image, and of several, which have their rotations in the tables
         set_uniforms(
             array.program,
@@ -141,7 +140,7 @@ class RayHitPass:
                 "u_draw_item_count": 1 + len(buffers.draw_items),
             },
         )
-        for part in self.using_parts(array.program, rig_from_optical):
+        for part in self.using_parts(array.program, camera.rig_from_optical):
             visibility.render(shots, details)
             with within(target, part.rectangle_px):
                 normals = [one.normal_from_mesh for one in transforms]
