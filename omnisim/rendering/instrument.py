@@ -16,9 +16,8 @@ from omnisim.core.short_repr import short_repr
 from omnisim.core.version import __version__
 from omnisim.core.world import ObjectPart, WorldState
 from omnisim.rendering.contract import Passes
-from omnisim.rendering.scene_edits import EditableScene
 from omnisim.rendering.sensor import Moment, Mount, Reading, SensorSettings
-from omnisim.rendering.shared_scene import Closeable, SharedScene
+from omnisim.rendering.shared_scene import Closeable, EditableScene, SharedScene
 from omnisim.scene import Scene
 from omnisim.scene.labels import BODY
 

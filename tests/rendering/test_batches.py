@@ -74,7 +74,8 @@ def test_slices_bound_the_memory(stage, monkeypatch):
     with stage.open(PAPER) as renderer:
         renderer.render_batch(_poses(9))
         batches = renderer._passes.frame
-        texels = batches._atlases.width * batches._atlases.height * batches._atlases.layers
+        atlases = batches._batch.layers.atlases
+        texels = atlases.width * atlases.height * atlases.layers
         assert 1 <= batches.slice_length < 9
         assert 8 * texels <= 1 << 20 or batches.slice_length == 1
 

@@ -276,4 +276,4 @@ def test_other_scenes_are_drawn_without_probes(reflecting):
     for scene in (scene_of([room()], [SHINING]), scene_of([room()], [WHITE])):
         with open_sensor(scene, sensor) as renderer:
             renderer.render(AT)
-            assert renderer._passes.cube._probes is None
+            assert renderer._passes.cube._view.probes is None

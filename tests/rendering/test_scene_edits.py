@@ -15,7 +15,7 @@ from omnisim.rendering.opengl.camera_frame import CubePass
 from omnisim.rendering.opengl.scene_view import VirtualCameras
 from omnisim.rendering.opengl.surfaces.surface_program import SurfacePrograms
 from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
-from omnisim.rendering.scene_edits import EditableScene
+from omnisim.rendering.shared_scene import EditableScene
 from omnisim.rendering.stage import Stage, open_sensor
 from omnisim.scene import Scene
 from omnisim.sensors import LaserScanner
