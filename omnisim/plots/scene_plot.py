@@ -12,8 +12,9 @@ from omnisim.core.arrays import Floats
 from omnisim.core.srgb import linear_from_srgb, srgb_from_linear
 from omnisim.plots.style import BLUE, GREEN, ORANGE, plot
 from omnisim.scene import Scene
-from omnisim.scene.model import AlphaMode, Landmark
+from omnisim.scene.model import Landmark
 from omnisim.scene.space.floor import floor_height_m
+from omnisim.scene.surface_kind import SurfaceKind, kind_of
 
 # Larger scenes are shown around their starts, paths and landmarks, with this margin.
 MAX_SIDE_M, AROUND_M = 30.0, 12.0
@@ -100,7 +101,7 @@ def draw_scene_map(
             color = color * mesh.colors[:, :3].mean(axis=0)
         pale = _PALE + (1.0 - _PALE) * srgb_from_linear(color)
         colors.append(np.tile(pale, (int(below.sum()), 1)))
-        if material.alpha_mode is not AlphaMode.BLEND:
+        if not kind_of(material) & SurfaceKind.BLENDED:
             cut = (z.min(axis=1) < cut_m) & (z.max(axis=1) > cut_m)
             walls.append(_cross_sections(triangles[cut], cut_m))
     order = np.argsort(np.concatenate(heights), kind="stable")

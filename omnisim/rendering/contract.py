@@ -339,15 +339,10 @@ class PlacedMesh(NamedTuple):
     triangles: int
 
 
-class SceneRays(Protocol):
-    """Rays at a scene, for a back end that draws what a viewpoint sees.
+class BeamSource(ABC):
+    """Opens the beams of sensors at a scene."""
 
-    Methods raise an OmnisimError if embreex is not installed, but for `with_intensities`.
-    """
-
-    def update(self, scene: Scene) -> None:
-        """Replace the static scene."""
-
+    @abstractmethod
     def range_finder(
         self,
         angles_rad: Floats,
@@ -355,11 +350,31 @@ class SceneRays(Protocol):
         hidden: frozenset[ObjectPart],
         limits: EchoLimits | None = None,
     ) -> RangeFinder:
-        """Beams of a scanner, see `SceneBackend.range_finder`."""
+        """Beams of a scanner.
 
+        Args:
+            angles_rad: (n,) in the scanner's frame, counter-clockwise from its x axis.
+            max_range_m: range beyond which surfaces may be missed; may be infinite.
+            hidden: parts of the vehicle that beams pass through.
+            limits: limits of echoes behind glass and mirrors; None: beams end at them.
+        """
+
+    @abstractmethod
     def beam_caster(self, beams: LidarBeams, hidden: frozenset[ObjectPart]) -> BeamCaster:
-        """Beams of a spinning lidar, see `SceneBackend.beam_caster`."""
+        """Beams of a spinning lidar, which pass through hidden parts of the vehicle."""
 
+
+class SceneRays(BeamSource):
+    """Rays at a scene, for a back end that draws what a viewpoint sees.
+
+    Methods raise an OmnisimError if embreex is not installed, but for `with_intensities`.
+    """
+
+    @abstractmethod
+    def update(self, scene: Scene) -> None:
+        """Replace the static scene."""
+
+    @abstractmethod
     def with_intensities(
         self,
         beams: LidarBeams,
@@ -373,11 +388,12 @@ class SceneRays(Protocol):
             draws: instances by draw ID − 1; the same object as long as none has changed.
         """
 
+    @abstractmethod
     def camera(self, setup: CameraSetup) -> CameraRays:
         """Rays of a camera's pixels."""
 
 
-class SceneBackend(ABC):
+class SceneBackend(BeamSource):
     """Scene and dynamic objects, ready for cameras."""
 
     def __init__(self, scene: Scene, objects: Mapping[str, Scene]):
@@ -427,27 +443,6 @@ class SceneBackend(ABC):
         Raises:
             OmnisimError: a camera that this back end cannot render, by name.
         """
-
-    @abstractmethod
-    def range_finder(
-        self,
-        angles_rad: Floats,
-        max_range_m: float,
-        hidden: frozenset[ObjectPart],
-        limits: EchoLimits | None = None,
-    ) -> RangeFinder:
-        """Beams of a scanner.
-
-        Args:
-            angles_rad: (n,) in the scanner's frame, counter-clockwise from its x axis.
-            max_range_m: range beyond which surfaces may be missed; may be infinite.
-            hidden: parts of the vehicle that beams pass through.
-            limits: limits of echoes behind glass and mirrors; None: beams end at them.
-        """
-
-    @abstractmethod
-    def beam_caster(self, beams: LidarBeams, hidden: frozenset[ObjectPart]) -> BeamCaster:
-        """Beams of a spinning lidar, which pass through hidden parts of the vehicle."""
 
     @abstractmethod
     def close(self) -> None:

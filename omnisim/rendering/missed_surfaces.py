@@ -15,7 +15,7 @@ from omnisim.scene import Scene
 from omnisim.scene.parts import instance_bounds_m
 from omnisim.scene.space.enclosure import enclosing_nodes
 from omnisim.scene.space.floor import triangles_within
-from omnisim.scene.space.start_pose import triangle_distances
+from omnisim.scene.space.start_pose import nearest_points
 
 _PROBES = 48  # maximum number of rays per image side
 _TRIANGLES_PER_BATCH = 256
@@ -63,7 +63,7 @@ def viewpoint_notes(scene: Scene, sensor: OmniCamera, world_from_base: Floats) -
         notes.append(f"{place} is outside of the scene, which is from {low} to {high} m")
     elif near is None:
         triangles = triangles_within(still, point_m - seeing.near_m, point_m + seeing.near_m)
-        gaps_m = triangle_distances(triangles.corners_m - point_m)
+        _, gaps_m = nearest_points(triangles.corners_m - point_m)
         if len(gaps_m) and gaps_m.min() < 0.99 * seeing.near_m:
             name = still.instances[triangles.instances[np.argmin(gaps_m)]].name
             notes.append(

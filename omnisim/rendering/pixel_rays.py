@@ -18,7 +18,7 @@ from omnisim.cameras import (
 from omnisim.cameras import Rays as CameraRays
 from omnisim.cameras.mirrors import tessellate
 from omnisim.cameras.mirrors.mirror_mesh_rays import mesh_rays
-from omnisim.core.arrays import Bools, Floats, Floats32
+from omnisim.core.arrays import AnyFloats, Bools, Floats, Floats32, Uints32
 
 # Approximate number of samples per band: intermediate arrays stay in the cache, and threads have
 # enough work between Python's own steps.
@@ -98,6 +98,14 @@ def _steps(directions: Floats, valid: Bools, axis: int) -> Floats:
     has_next, has_last = np.roll(valid, -1, axis), np.roll(valid, 1, axis)
     back = np.roll(ahead, 1, axis)
     return np.where(has_next[..., None], ahead, np.where(has_last[..., None], back, 0.0))
+
+
+def moved_points(points_m: AnyFloats, draw_ids: Uints32, other_from_current: Floats) -> Floats:
+    """Points (n, 3) of hits moved to another viewpoint frame by (draws, 3, 4); directions stay."""
+    moved_m, hit = points_m.astype(np.float64), np.flatnonzero(draw_ids)
+    moves = other_from_current[draw_ids[hit] - 1]
+    moved_m[hit] = np.einsum("nij,nj->ni", moves[..., :3], moved_m[hit]) + moves[..., 3]
+    return moved_m
 
 
 def starts_of_rays(

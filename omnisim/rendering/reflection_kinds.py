@@ -89,7 +89,6 @@ def reflection_kinds(
 
 # Notices on reflective and transparent materials that are drawn approximately.
 
-
 # PSNR against rays within the objects of the rooms of `omnisim validate --only reflections`.
 _ACCURACY = "26 dB within a chrome ball in a room"
 _GLASS_ACCURACY = "35 dB within a ball in a room"

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from omnisim.core.arrays import Floats
 from omnisim.core.errors import OmnisimError, SceneError, did_you_mean
-from omnisim.core.poses import check_pose, inverse, is_pose
+from omnisim.core.poses import check_pose, inverse, is_pose, pose_from_rotation
 from omnisim.core.srgb import linear_from_srgb8
 from omnisim.scene.formats.imported_scene import PLAIN_GRAY, ImportedScene, make_mesh
 from omnisim.scene.parts import AlphaMode, Instance, Material, Mesh, Texture
@@ -36,7 +36,7 @@ def find(content: Content, name: str) -> tuple[Instance, ...]:
     if not parts:
         names = dict.fromkeys(one.name for one in content.instances)
         hint = did_you_mean(str(name), names, "the scene has")
-        raise SceneError(f"instance {name!r}: unknown; {hint}")
+        raise _error(name, f"unknown; {hint}")
     return parts
 
 
@@ -45,13 +45,10 @@ def pose_of(content: Content, name: str) -> Floats:
     node = find(content, name)[0].world_from_node
     if is_pose(node):
         return node.copy()
-    pose = np.eye(4)
     left, _, right = np.linalg.svd(node[:3, :3])
-    left[:, 2] *= np.sign(
-        np.linalg.det(left @ right)
-    )  # the nearest rotation, also for a mirrored frame
-    pose[:3, :3], pose[:3, 3] = left @ right, node[:3, 3]
-    return pose
+    # the nearest rotation, also for a mirrored frame
+    left[:, 2] *= np.sign(np.linalg.det(left @ right))
+    return pose_from_rotation(left @ right, node[:3, 3])
 
 
 def move(content: Content, name: str, world_from_instance: ArrayLike) -> Content:
@@ -78,7 +75,7 @@ def add(content: Content, name: str, part: Content, world_from_part: ArrayLike) 
     if not isinstance(name, str) or not name:
         raise SceneError(f"instance: expected a name, got {name!r}")
     if any(one.name == name for one in content.instances):
-        raise SceneError(f"instance {name!r}: expected a new name, got that of another instance")
+        raise _error(name, "expected a new name, got that of another instance")
     pose = instance_pose(name, world_from_part)
     meshes, materials = list(content.meshes), list(content.materials)
     # meshes and materials that other instances already have are shared
@@ -123,9 +120,7 @@ def recolor(
     for number in dict.fromkeys(one.mesh for one in find(content, name)):
         mesh = meshes[number]
         if texture is not None and mesh.texture_coordinates is None:
-            raise SceneError(
-                f"instance {name!r}: texture: expected texture coordinates in mesh {mesh.name!r}"
-            )
+            raise _error(name, f"texture: expected texture coordinates in mesh {mesh.name!r}")
         if mesh.material not in material_at:
             like = content.materials[mesh.material]
             material_at[mesh.material] = len(materials)
@@ -190,16 +185,16 @@ def import_arrays(
     vertices = _numbers(name, "vertices_m", vertices_m, ("n", 3))
     corners = _numbers(name, "triangles", triangles, ("m", 3))
     if not (len(corners) and (corners == np.floor(corners)).all()):
-        raise SceneError(f"instance {name!r}: triangles: expected whole numbers (m, 3), m ≥ 1")
+        raise _error(name, "triangles: expected whole numbers (m, 3), m ≥ 1")
     count = len(vertices)
     coordinates = None if uv is None else _numbers(name, "uv", uv, (count, 2))
     if texture is not None and coordinates is None:
-        raise SceneError(f"instance {name!r}: texture: expected uv beside it, got none")
+        raise _error(name, "texture: expected uv beside it, got none")
     mesh, center = make_mesh(
         name,
+        0,
         vertices,
         corners,
-        0,
         None if normals is None else _numbers(name, "normals", normals, (count, 3)),
         coordinates,
         None if colors is None else _vertex_colors(name, colors, count),
@@ -227,9 +222,8 @@ def color_material(
     """
     rgba = _numbers(name, "base_color", base_color, None)
     if rgba.shape not in ((3,), (4,)) or rgba.min() < 0.0 or rgba.max() > 1.0:
-        raise SceneError(
-            f"instance {name!r}: base_color: expected three or four numbers from 0 to 1, "
-            f"got {rgba.tolist()}"
+        raise _error(
+            name, f"base_color: expected three or four numbers from 0 to 1, got {rgba.tolist()}"
         )
     red, green, blue, alpha = (*rgba.tolist(), 1.0)[:4]
     image = None if texture is None else _texture(name, texture)
@@ -254,20 +248,16 @@ def instance_pose(name: str, matrix: ArrayLike) -> Floats:
     try:
         return check_pose(checked)
     except OmnisimError as reason:
-        raise SceneError(f"instance {name!r}: {reason}") from None
+        raise _error(name, f"{reason}") from None
 
 
 def _texture(name: str, texture: ArrayLike) -> Texture:
     pixels = np.asarray(texture)
-    if (
-        pixels.dtype != _BYTE
-        or pixels.ndim != 3
-        or pixels.shape[2] not in (3, 4)
-        or not pixels.size
-    ):
-        raise SceneError(
-            f"instance {name!r}: texture: expected (height, width, 3 or 4) uint8, "
-            f"got {pixels.shape} {pixels.dtype}"
+    is_image = pixels.ndim == 3 and pixels.shape[2] in (3, 4) and pixels.size
+    if pixels.dtype != _BYTE or not is_image:
+        raise _error(
+            name,
+            f"texture: expected (height, width, 3 or 4) uint8, got {pixels.shape} {pixels.dtype}",
         )
     rgba = np.full((*pixels.shape[:2], 4), 255, dtype=np.uint8)
     rgba[..., : pixels.shape[2]] = pixels
@@ -283,9 +273,10 @@ def _vertex_colors(name: str, colors: ArrayLike, count: int) -> Floats:
             (linear_from_srgb8(np.asarray(colors)[:, :3]), values[:, 3:] / 255.0), axis=1
         )
     if values.size and (values.min() < 0.0 or values.max() > 1.0):
-        raise SceneError(
-            f"instance {name!r}: colors: expected uint8, or numbers from 0 to 1, "
-            f"got {values.min():g} to {values.max():g}"
+        raise _error(
+            name,
+            f"colors: expected uint8, or numbers from 0 to 1, "
+            f"got {values.min():g} to {values.max():g}",
         )
     rgba = np.ones((count, 4))
     rgba[:, :width] = values
@@ -297,15 +288,17 @@ def _numbers(name: str, key: str, values: ArrayLike, shape: tuple[str | int, ...
     try:
         array = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError):
-        raise SceneError(
-            f"instance {name!r}: {key}: expected numbers, got {values!r:.40}"
-        ) from None
+        raise _error(name, f"{key}: expected numbers, got {values!r:.40}") from None
     if shape is not None and (
         array.ndim != len(shape)
         or any(got != n for got, n in zip(array.shape, shape, strict=True) if isinstance(n, int))
     ):
         expected = "(" + ", ".join(map(str, shape)) + ")"
-        raise SceneError(f"instance {name!r}: {key}: expected {expected}, got {array.shape}")
+        raise _error(name, f"{key}: expected {expected}, got {array.shape}")
     if not np.isfinite(array).all():
-        raise SceneError(f"instance {name!r}: {key}: expected finite numbers, got NaN or infinity")
+        raise _error(name, f"{key}: expected finite numbers, got NaN or infinity")
     return array
+
+
+def _error(name: str, fault: str) -> SceneError:
+    return SceneError(f"instance {name!r}: {fault}")

@@ -89,7 +89,12 @@ def find_labels(
             classes[ids[name]] = ClassLabel(ids[name], name, distinct_color(ids[name]))
     instances, unlabeled = [], []
     for number, (owner, name) in enumerate(names, start=1):
-        class_id = _first_match(rules, name) if scene.labels else ids.get(class_name(name))
+        # patterns know only the wildcards * and ?
+        patterns = (
+            (rule.id, one.replace("[", "[[]")) for rule in scene.labels for one in rule.nodes
+        )
+        matches = (number for number, pattern in patterns if fnmatchcase(name, pattern))
+        class_id = next(matches, None) if scene.labels else ids.get(class_name(name))
         if owner in vehicles:
             class_id = ids[VEHICLE]
         elif class_id is None:
@@ -102,11 +107,3 @@ def find_labels(
         "table" if scene.labels else "names",
         tuple(unlabeled),
     )
-
-
-def _first_match(rules: tuple[LabelRule, ...], name: str) -> int | None:
-    """ID of the first rule that matches a name; patterns know only the wildcards * and ?."""
-    for rule in rules:
-        if any(fnmatchcase(name, pattern.replace("[", "[[]")) for pattern in rule.nodes):
-            return rule.id
-    return None

@@ -53,21 +53,15 @@ def rectangle(half_x: float, half_y: float) -> Surface:
 
 def box(half_sizes: ArrayLike) -> Surface:
     """Axis-aligned box at the origin, with half sizes (3,)."""
-    corners: list[Floats] = []
-    triangles: list[Ints] = []
+    square = rectangle(1.0, 1.0)
+    faces = []
     for axis in range(3):
         for sign in (-1.0, 1.0):
-            u, v = (axis + 1) % 3, (axis + 2) % 3
-            face = np.zeros((4, 3))
+            face = np.roll(square.positions, axis + 1, axis=1)
             face[:, axis] = sign
-            face[:, u] = (-1.0, 1.0, 1.0, -1.0)
-            face[:, v] = (-1.0, -1.0, 1.0, 1.0)
-            order = ((0, 1, 2), (0, 2, 3)) if sign > 0 else ((0, 2, 1), (0, 3, 2))
-            triangles.append(np.array(order) + 4 * len(corners))
-            corners.append(face)
-    return Surface(
-        np.concatenate(corners) * np.asarray(half_sizes, float), np.concatenate(triangles), None
-    )
+            order = square.triangles if sign > 0 else square.triangles[:, (0, 2, 1)]
+            faces.append(Surface(face * np.asarray(half_sizes, float), order, None))
+    return join(*faces)
 
 
 def ellipsoid(radii: ArrayLike, max_segments: int = MAX_SEGMENTS) -> Surface:
@@ -122,11 +116,10 @@ def join(*surfaces: Surface) -> Surface:
     """Union of several surfaces; either all of them have normals or none has."""
     starts = np.cumsum([0, *(len(one.positions) for one in surfaces)])
     normals = [one.normals for one in surfaces if one.normals is not None]
+    triangles = [one.triangles + start for one, start in zip(surfaces, starts, strict=False)]
     return Surface(
         np.concatenate([one.positions for one in surfaces]),
-        np.concatenate(
-            [one.triangles + start for one, start in zip(surfaces, starts, strict=False)]
-        ),
+        np.concatenate(triangles),
         np.concatenate(normals) if normals else None,
     )
 
@@ -158,12 +151,8 @@ def _dome(count: int, first_rad: float, last_rad: float) -> Surface:
     steps = max(2, round((last_rad - first_rad) * count / (2.0 * math.pi)))
     polar = np.linspace(first_rad, last_rad, steps + 1)[:, None]
     circle = _circle(count)
-    positions = np.stack(
-        np.broadcast_arrays(
-            np.sin(polar) * circle[:, 0], np.sin(polar) * circle[:, 1], np.cos(polar)
-        ),
-        axis=-1,
-    ).reshape(-1, 3)
+    x, y, z = np.sin(polar) * circle[:, 0], np.sin(polar) * circle[:, 1], np.cos(polar)
+    positions = np.stack(np.broadcast_arrays(x, y, z), axis=-1).reshape(-1, 3)
     triangles = grid_triangles(steps + 1, count + 1)[:, ::-1]
     area = np.linalg.norm(triangle_crosses(positions[triangles]), axis=1)
     return Surface(positions, triangles[area > 1e-12], positions)  # drops zero areas at the poles
@@ -213,12 +202,8 @@ def triangulate(loops: Sequence[ArrayLike]) -> tuple[Floats, Ints]:
     for outline, ring in enumerate(rings):
         if depths[outline] % 2:
             continue
-        holes = [
-            k
-            for k, depth in enumerate(depths)
-            if depth == depths[outline] + 1 and surrounds(ring, rings[k][0])
-        ]
-        members = [outline, *holes]
+        inner = [k for k, depth in enumerate(depths) if depth == depths[outline] + 1]
+        members = [outline, *(k for k in inner if surrounds(ring, rings[k][0]))]
         ears = clip_ears([rings[k] for k in members])
         triangles.append(np.concatenate([indices[k] for k in members])[ears])
     return points, np.concatenate(triangles)

@@ -12,7 +12,16 @@
 #include "ground_truth/triangle.glsl"
 
 const uint NO_TRIANGLE = 0xFFFFFFFFu;
-const uint MAX_STEPS = 3u;  // steps to adjacent triangles, after a miss
+// Steps to adjacent triangles after a miss.
+const uint FEW_STEPS = 3u;
+// Those of a second search, if the ray hits nothing: between a texel's triangle and the ray's may
+// lie many that are too narrow for any texel. With GUESS there is none: the texel may be the wrong
+// one, and such a ray remains undecided.
+#ifdef GUESS
+const uint MANY_STEPS = FEW_STEPS;
+#else
+const uint MANY_STEPS = 64u;
+#endif
 // The search does not continue from a triangle whose plane is farther than this times the hit.
 const float FARTHER = 1.1;
 #define INFINITE uintBitsToFloat(0x7F800000u)  // some compilers lack it as a constant
@@ -45,15 +54,23 @@ Hit trace(vec3 texel, vec3 ray, uvec2 ignored, float max_range, bool any_hit) {
     bool hits = false;
     float least_rad = 1.0;
     uint ids[TEXELS] = ids_around(own_texel);
-    uint candidates = distinct_texels(ids);
+    uint distinct = distinct_texels(ids), candidates = distinct;
+    bool shows_nothing = false;
+    for (uint at = 0u; at < TEXELS; ++at) shows_nothing = shows_nothing || ids[at] == 0u;
     uvec2 own_primitive = primitive_at(ids[OWN]);
     if (any_hit && own_primitive == ignored) {  // a triangle does not occlude itself
         candidates &= ~1u;
         hits = true;
     }
     uvec2 adjacent = uvec2(0u);  // triangle beyond the edge that the ray passed last
-    uint steps = 0u;
-    while (candidates != 0u || adjacent.x != 0u) {
+    uvec2 previous = uvec2(0u);  // triangle before that edge
+    uint steps = 0u, max_steps = FEW_STEPS;
+    while (true) {
+        if (candidates == 0u && adjacent.x == 0u) {
+            if (hits || shows_nothing || max_steps == MANY_STEPS) break;
+            max_steps = MANY_STEPS;
+            candidates = distinct;
+        }
         uvec2 primitive = adjacent;
         bool is_adjacent = adjacent.x != 0u;
         bool is_own = false;
@@ -65,6 +82,7 @@ Hit trace(vec3 texel, vec3 ray, uvec2 ignored, float max_range, bool any_hit) {
             triangle_id = id_at(own_texel + texel_offset(at));
             primitive = primitive_at(triangle_id);
             if (primitive == hit.primitive) hit.triangle_id = triangle_id;
+            previous = uvec2(0u);
             steps = 0u;
         }
         adjacent = uvec2(0u);
@@ -82,11 +100,13 @@ Hit trace(vec3 texel, vec3 ray, uvec2 ignored, float max_range, bool any_hit) {
         if (is_adjacent && is_back && (draw_item.y & DOUBLE_SIDED) == 0u) continue;
         Crossing crossing = intersect_triangle(t, ray);
         bool may_be_nearer = crossing.range < FARTHER * hit.range;
-        if (crossing.outside_rad >= EDGE_RAD && steps < MAX_STEPS && may_be_nearer) {
+        if (crossing.outside_rad >= EDGE_RAD && steps < max_steps && may_be_nearer) {
             uvec2 next = uvec2(primitive.x, crossing.adjacent);
             // skip triangles that have been intersected already
-            if (crossing.adjacent != NO_TRIANGLE && next != own_primitive && next != hit.primitive)
+            if (crossing.adjacent != NO_TRIANGLE && next != own_primitive && next != hit.primitive
+                    && next != previous)
                 adjacent = next;
+            previous = primitive;
             ++steps;
         }
         if (crossing.range < limits.x || crossing.range > limits.y) continue;
@@ -106,8 +126,6 @@ Hit trace(vec3 texel, vec3 ray, uvec2 ignored, float max_range, bool any_hit) {
             miss = Hit(primitive, triangle_id, true, range, weights, t.normal);
         }
     }
-    bool shows_nothing = false;
-    for (uint at = 0u; at < TEXELS; ++at) shows_nothing = shows_nothing || ids[at] == 0u;
     // The hit triangle is too small for any texel: take the one that the ray misses by least.
     if (!hits && !shows_nothing && miss.primitive.x != 0u) hit = miss;
     return hit;

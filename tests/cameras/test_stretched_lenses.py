@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from omnisim.cameras import KannalaBrandtCamera, RationalPolynomialCamera
+from omnisim.cameras import EquidistantCamera, KannalaBrandtCamera, RationalPolynomialCamera
 from omnisim.cameras.camera import pixel_grid
 from omnisim.core.errors import OpticsError
 from omnisim.core.poses import pose
@@ -95,12 +95,16 @@ def _wall(center, across, up, cells):
     return Mesh("wall", points.reshape(-1, 3).astype(np.float32), triangles, 0), world_from_mesh
 
 
+def _walls(cells):
+    """The room's six walls, see `_wall`, with a number of cells each."""
+    x, y, z = np.diag(ROOM_HALF_M)
+    sides = (-z, x, y), (z, x, y), (-y, x, z), (y, x, z), (-x, y, z), (x, y, z)
+    return [_wall(*side, count) for side, count in zip(sides, cells, strict=True)]
+
+
 def _check_hits(lens, random, rays):
     """Number of rays in a room of six meshes, any way round: each hits what projects onto it."""
-    x, y, z = np.diag(ROOM_HALF_M)
-    cells = random.integers(1, 12, 6)
-    sides = (-z, x, y), (z, x, y), (-y, x, z), (y, x, z), (-x, y, z), (x, y, z)
-    walls = [_wall(*side, count) for side, count in zip(sides, cells, strict=True)]
+    walls = _walls(random.integers(1, 12, 6))
     world_from_room = pose(random.uniform(-5.0, 5.0, 3), **_angles(random))
     placed = [world_from_room @ world_from_mesh for _, world_from_mesh in walls]
     scene = scene_of([mesh for mesh, _ in walls], poses=placed)
@@ -142,6 +146,21 @@ def _angles(random):
 def test_rays_of_an_action_camera_hit_the_room_around(needs_opengl):
     small = dataclasses.replace(ACTION, theta_max_rad=math.radians(80.0))
     assert _check_hits(small, np.random.default_rng(1), 700_000) > 300_000
+
+
+@pytest.mark.parametrize("images", [1, 4], ids=["alone", "in a batch"])
+def test_rays_along_a_wall_of_narrow_triangles_hit_it(images, needs_opengl):
+    """Also those of its triangles that no texel shows, many edges away from any that one shows."""
+    walls = _walls([20] * 6)
+    scene = scene_of([mesh for mesh, _ in walls], poses=[placed for _, placed in walls])
+    lens = EquidistantCamera(64, 64, 32.0 / math.radians(85.0), (31.5, 31.5))
+    # 15 cm below the ceiling, which is seen along 5.7 m
+    poses = np.stack([pose((-2.7, 0.5 * k, 1.35), yaw_deg=5.0 * k) for k in range(images)])
+    with Stage(scene) as stage, stage.open(OmniCamera.of(lens)) as camera:
+        found = camera.render_batch(poses, channels=("position", "valid"))
+    from_walls_m = np.abs(found["position"][found["valid"] == 1]) - ROOM_HALF_M
+    assert len(from_walls_m) > 3000 * images
+    assert np.abs(from_walls_m.max(axis=-1)).max() < 1e-5
 
 
 @pytest.mark.slow

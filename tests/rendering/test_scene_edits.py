@@ -144,6 +144,11 @@ def test_many_edits_are_as_good_as_one():
         np.testing.assert_array_equal(after.channels[name], before.channels[name])
 
 
+def _drawn(cube):
+    cube.draw((ScenePoses(HERE),))
+    return cube.atlas.read()
+
+
 @pytest.mark.parametrize("edit", EDITS.values(), ids=EDITS)
 def test_items_drawn_one_by_one_are_equal_byte_for_byte(context, edit):
     class Holder(EditableScene):
@@ -160,14 +165,14 @@ def test_items_drawn_one_by_one_are_equal_byte_for_byte(context, edit):
 
     buffers = SceneBuffers(context, Holder.scene, uses_clusters=False)
     edited = cube(buffers)
-    edited.draw((ScenePoses(HERE),))
+    _drawn(edited)
     holder = Holder()
     edit(holder)
     buffers.update(holder.scene)
     edited.refresh()
-    frame = edited.draw((ScenePoses(HERE),)).read()
+    frame = _drawn(edited)
     fresh = cube(SceneBuffers(context, holder.scene, uses_clusters=False))
-    assert frame == fresh.draw((ScenePoses(HERE),)).read()
+    assert frame == _drawn(fresh)
 
 
 def test_all_renderers_of_a_stage_see_an_edit():

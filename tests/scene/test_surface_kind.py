@@ -1,10 +1,13 @@
 """Kinds of surfaces, by the properties of their materials."""
 
 import dataclasses
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import omnisim
 from omnisim.scene.model import AlphaMode, Material, Texture
 from omnisim.scene.parts import SlabMaterial
 from omnisim.scene.surface_kind import NO_KIND, SurfaceKind, kind_of, lobe_roughnesses, mask_of
@@ -110,3 +113,16 @@ def test_masks_are_of_any_asked_kind():
 )
 def test_gloss_and_coats_have_roughnesses(material, expected):
     np.testing.assert_allclose(lobe_roughnesses(material), expected, atol=1e-3)
+
+
+def test_only_kinds_are_asked():
+    """Textures read the alpha mode, for their mip levels."""
+    package = Path(omnisim.__file__).parent
+    rooms = "rendering", "sensors", "runs", "apps", "plots", "scene/light", "scene/space"
+    asking = {
+        path.name
+        for room in rooms
+        for path in (package / room).rglob("*.py")
+        if re.search(r"\b(material|one)\.(alpha_mode|thickness_m|transmission)\b", path.read_text())
+    }
+    assert asking == {"scene_textures.py", "ray_textures.py"}

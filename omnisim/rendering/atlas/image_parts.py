@@ -77,14 +77,19 @@ def image_parts(
         part = ImagePart(rectangle, pack_tiles(tiles, plan.max_level, plan.level_bias))
         if _fits(part, supersampling, part_px, part_px**2):
             parts.append(part)
-        elif max(rectangle[2:]) <= _STEP_PX:
+            continue
+        left, top, width, height = rectangle
+        if max(width, height) <= _STEP_PX:
             raise GraphicsError(
                 f"an atlas of {plan.width_px} × {plan.height_px} texels: expected at most "
                 f"{part_px} × {part_px} for {_STEP_PX} px of the image; make "
                 "virtual_cameras.size_px or texels_per_pixel smaller"
             )
+        half = _STEP_PX * math.ceil(max(width, height) / (2 * _STEP_PX))
+        if width >= height:
+            rectangles += [(left + half, top, width - half, height), (left, top, half, height)]
         else:
-            rectangles += _halves(rectangle)
+            rectangles += [(left, top + half, width, height - half), (left, top, width, half)]
     width_px = max(part.plan.width_px for part in parts)
     height_px = max(part.plan.height_px for part in parts)
     return [
@@ -94,18 +99,10 @@ def image_parts(
 
 
 def _fits(part: ImagePart, supersampling: int, side_px: int, max_texels: int) -> bool:
+    """True if neither the samples nor the atlas have longer sides or more texels."""
     sides_px = [supersampling * side for side in part.rectangle_px[2:]]
     has_few_samples = max(sides_px) <= side_px and math.prod(sides_px) <= max_texels
     return has_few_samples and part.plan.fits(side_px, max_texels)
-
-
-def _halves(rectangle: tuple[int, int, int, int]) -> list[tuple[int, int, int, int]]:
-    """Left and right, or upper and lower half, in reverse."""
-    left, top, width, height = rectangle
-    half = _STEP_PX * math.ceil(max(width, height) / (2 * _STEP_PX))
-    if width >= height:
-        return [(left + half, top, width - half, height), (left, top, half, height)]
-    return [(left, top + half, width, height - half), (left, top, width, half)]
 
 
 class _Lookups:
@@ -160,21 +157,14 @@ class _SeenCells(NamedTuple):
 
 def _bounds(local: AnyFloats, wider_at_rim: float) -> tuple[AnyFloats, AnyFloats]:
     """Lower and upper tangents (rows, columns, 2) of cells by their corners; inverted: none."""
-    shown = local[..., 2] > _MIN_DEPTH
-    tangents = local[..., :2] / np.where(shown, local[..., 2], 1.0)[..., None]
-    corners = [
-        (slice(row, local.shape[0] - 1 + row), slice(column, local.shape[1] - 1 + column))
-        for row in (0, 1)
-        for column in (0, 1)
-    ]
-    of_corners = np.stack([shown[one] for one in corners])[..., None]
-    all_tangents = np.stack([tangents[one] for one in corners])
-    first = np.where(of_corners, all_tangents, np.inf).min(axis=0)
-    last = np.where(of_corners, all_tangents, -np.inf).max(axis=0)
-    size = np.where(of_corners.any(axis=0), last - first, 0.0)
-    wider = np.where(of_corners.all(axis=0), _WIDER, wider_at_rim) * np.stack(
-        [dilate(size[..., axis]) for axis in (0, 1)], axis=-1
-    )
+    corners = np.stack((local[:-1, :-1], local[:-1, 1:], local[1:, :-1], local[1:, 1:]))
+    shown = corners[..., 2:] > _MIN_DEPTH
+    tangents = corners[..., :2] / np.where(shown, corners[..., 2:], 1.0)
+    first = np.where(shown, tangents, np.inf).min(axis=0)
+    last = np.where(shown, tangents, -np.inf).max(axis=0)
+    size = np.where(shown.any(axis=0), last - first, 0.0)
+    of_neighbors = np.stack([dilate(size[..., axis]) for axis in (0, 1)], axis=-1)
+    wider = np.where(shown.all(axis=0), _WIDER, wider_at_rim) * of_neighbors
     return first - wider, last + wider
 
 

@@ -141,7 +141,7 @@ class ParallaxRays:
                 origins_m += weight * self.origins_m[neighbor]
         rightward = self.directions[row, column + 1] - self.directions[row, column - 1]
         downward = self.directions[row + 1, column] - self.directions[row - 1, column]
-        footprints = np.stack((rightward, downward), axis=1) / (2 * side)
+        footprints = np.stack((rightward, downward), axis=1) / np.float32(2 * side)
         numbers = self.rim_numbers[rows, columns]
         rim = np.flatnonzero(numbers >= 0)
         directions[rim] = self.rim_directions[numbers[rim], parts[rim]]

@@ -66,7 +66,7 @@ def valid_mask(camera: CentralCamera, polygons: int | None) -> Bools:
         OpticsError: the polygon count does not make a mesh.
     """
     if polygons is not None and isinstance(camera, NonCentralCamera):
-        from omnisim.cameras.optics.mesh_rays import MeshRays  # imported late: few cameras need it
+        from omnisim.cameras.optics.mesh_rays import MeshRays  # few cameras need it
 
         pixels = pixel_grid(camera.width_px, camera.height_px)
         return MeshRays(camera, polygons).ray_from_pixel(pixels).valid
@@ -89,9 +89,7 @@ class CapturedImage:
     pixels: NDArray[Any]  # (height, width, 3) uint8 sRGB, or float32 linear
     covered: Bools  # (height, width) mask of pixels that show the scene
     camera: CentralCamera  # camera of the image
-    base_from_optical: (
-        Floats  # (3, 3) rotation from the camera's optical frame to the vehicle's base
-    )
+    base_from_optical: Floats  # (3, 3) rotation from the optical frame to the vehicle's base
     world_from_base: Floats | None  # (4, 4) pose, if the image has it
     world_from_optical: Floats | None
     metadata: dict[str, Any]  # metadata of the image file; empty if there is none
@@ -148,28 +146,23 @@ def read_captured_image(path: Path, sensor: OmniCamera | None = None) -> Capture
     if sensor is not None:
         camera, polygons = sensor.model, sensor.mesh_polygons
         base_from_optical = sensor.base_from_optical[:3, :3]
-    elif not isinstance(metadata.get("camera"), dict):
-        raise OutputError(
-            f"{path}: has no camera parameters inside: pass the sensor file that it was taken "
-            "with, --sensor FILE"
-        )
     else:
+        way_out = "pass the sensor file that it was taken with, --sensor FILE"
+        if not isinstance(metadata.get("camera"), dict):
+            raise OutputError(f"{path}: has no camera parameters inside: {way_out}")
         try:
             camera = camera_of_parameters(metadata["camera"])
         except OmnisimError as reason:
             raise OutputError(f"{path}: its metadata: {reason}") from None
         if world_from_base is None or world_from_optical is None:
-            raise OutputError(
-                f"{path}: its metadata has no pose of the camera on its vehicle: pass the sensor "
-                "file that it was taken with, --sensor FILE"
-            )
+            missing = "its metadata has no pose of the camera on its vehicle"
+            raise OutputError(f"{path}: {missing}: {way_out}")
         base_from_optical = world_from_base[:3, :3].T @ world_from_optical[:3, :3]
         polygons = metadata.get("polygons") if type(metadata.get("polygons")) is int else None
-    if pixels.shape[:2] != (camera.height_px, camera.width_px):
-        raise OutputError(
-            f"{path}: is {pixels.shape[1]} × {pixels.shape[0]} px, where its camera's images are "
-            f"{camera.width_px} × {camera.height_px}"
-        )
+    height, width = pixels.shape[:2]
+    if (width, height) != (camera.width_px, camera.height_px):
+        size = f"{camera.width_px} × {camera.height_px}"
+        raise OutputError(f"{path}: is {width} × {height} px, where its camera's images are {size}")
     try:
         covered = valid_mask(camera, polygons)
     except OmnisimError as reason:

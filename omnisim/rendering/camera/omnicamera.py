@@ -249,9 +249,8 @@ class OmniCamera(SensorSettings):
         """
         near_m = near_plane_m(size_m, DEFAULT_NEAR_M)
         is_kept = self.near_m != DEFAULT_NEAR_M or isinstance(self.model, NonCentralCamera)
-        if is_kept or near_m == DEFAULT_NEAR_M:
-            return self
-        return dataclasses.replace(self, near_m=near_m)
+        is_kept |= near_m == DEFAULT_NEAR_M
+        return self if is_kept else dataclasses.replace(self, near_m=near_m)
 
     @cached_property
     def mesh_polygons(self) -> int | None:
@@ -259,9 +258,7 @@ class OmniCamera(SensorSettings):
 
         "auto" is exact if even the finest mesh has a larger error.
         """
-        if isinstance(self.polygons, str):
-            return auto_polygons(self.model)
-        return self.polygons
+        return auto_polygons(self.model) if isinstance(self.polygons, str) else self.polygons
 
     @property
     def mesh_error_px(self) -> float:
@@ -321,11 +318,11 @@ class OmniCamera(SensorSettings):
         """
         from omnisim.rendering.camera.degradations import Exposure  # an ideal camera has none
 
-        own = self.degradation.exposure or Exposure()
-        if exposure == "auto":
-            changed = own if own.auto else dataclasses.replace(own, ev=0.0, auto=True)
-        else:
-            changed = dataclasses.replace(own, ev=exposure, auto=False)
+        changed = self.degradation.exposure or Exposure()
+        if exposure != "auto":
+            changed = dataclasses.replace(changed, ev=exposure, auto=False)
+        elif not changed.auto:
+            changed = dataclasses.replace(changed, ev=0.0, auto=True)
         return self.with_degradation(dataclasses.replace(self.degradation, exposure=changed))
 
     def base_pose(
@@ -399,8 +396,6 @@ class OmniCamera(SensorSettings):
         }
         return json.dumps(content, indent=2) + "\n"
 
-    # On a vehicle, as every sensor; see `SensorSettings`.
-
     def open(self, stage: CameraStage[RendererT_co], mount: Mount[object]) -> RendererT_co:
         """Open a renderer on a stage."""
         return stage.open_camera(self, mount)
@@ -425,10 +420,9 @@ class OmniCamera(SensorSettings):
     def suffixes_of(cls, manifest: Mapping[str, Any]) -> tuple[str, ...]:
         """Suffixes of an image, its channels, and its instances' bounding boxes."""
         suffixes, channels = [IMAGE_SUFFIX], manifest["channels"]
-        channel_format = manifest["channel_format"]
-        if channels and channel_format != "npy":
+        if channels and manifest["channel_format"] != "npy":
             suffixes.append(CHANNELS_SUFFIX)
-        if channels and channel_format != "auto":
+        if channels and manifest["channel_format"] != "auto":
             suffixes += [*(f".{name}.npy" for name in channels), DESCRIPTION_SUFFIX]
         if "instance" in channels:
             suffixes.append(BOXES_SUFFIX)
@@ -439,8 +433,7 @@ class OmniCamera(SensorSettings):
     def manifest(self, mount: Mount[object]) -> dict[str, Any]:
         """Settings of degradation and quality, and all parameters of an optical system.
 
-        The optics are included because their files may change. Ray casting of unreliable samples is
-        recorded because it depends on installed packages.
+        Files of optics may change, and whether unreliable samples are cast depends on packages.
         """
         settings: dict[str, Any] = {}
         if isinstance(self.model, NonCentralCamera):

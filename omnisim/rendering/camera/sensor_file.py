@@ -352,12 +352,9 @@ def _polygon_count(polygons: int | Literal["auto", "exact"], where: str) -> Poly
     Raises:
         SensorFileError: the count does not make a mesh.
     """
-    if polygons == "exact":
-        return None
-    if polygons == "auto":
-        return polygons
-    try:
-        sectors_and_rings(polygons)
-    except OpticsError as reason:
-        raise _fault(f"{where}.polygons = {polygons}: ", reason, "mirror") from None
-    return polygons
+    if isinstance(polygons, int):
+        try:
+            sectors_and_rings(polygons)
+        except OpticsError as reason:
+            raise _fault(f"{where}.polygons = {polygons}: ", reason, "mirror") from None
+    return None if polygons == "exact" else polygons

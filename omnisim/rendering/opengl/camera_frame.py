@@ -7,7 +7,7 @@ images, sub-frames, parts of large images, batches and faces all go this way.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Sequence
 from contextlib import closing
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
@@ -141,8 +141,8 @@ class CameraFrame:
         target = self._both_targets if linear else self.encoded_target
         for part in self._parts:
             self._cube.use_plan(part.plan)
-            atlas = self._cube.draw((poses,))
-            self.image_pass.draw(atlas, target, part)
+            self._cube.draw((poses,))
+            self.image_pass.draw(self._cube.atlas, target, part)
 
     def _begin_reading(self, linear: moderngl.Texture | None, *others: Read) -> Pending[Readback]:
         """Begin to read the encoded image, a linear one, and what else was drawn for it."""
@@ -177,8 +177,8 @@ class CameraFrame:
             for first in range(0, len(poses), length or 1):
                 some = slice(first, min(first + length, len(poses)))
                 layers, target = self._reserve(length)
-                atlases = self._cube.draw(poses[some], layers)
-                self.image_pass.draw_batch(atlases, target, some.stop - first)
+                self._cube.draw(poses[some], layers)
+                self.image_pass.draw_batch(layers.atlases, target, some.stop - first)
                 region = (0, 0, target.width, (some.stop - first) * self.size_px[1])
                 readings.append(self._readback.start((Pixels(target, region=region), out[some])))
         except BaseException:
@@ -369,14 +369,12 @@ class CubePass:
             if mirrors
         ]
 
-    def draw(
-        self, shots: Sequence[ScenePoses], layers: AtlasLayers | None = None
-    ) -> moderngl.Texture | moderngl.TextureArray:
-        """Draw all tiles from the poses of shots; return their atlas.
+    def draw(self, shots: Sequence[ScenePoses], layers: AtlasLayers | None = None) -> None:
+        """Draw all tiles from the poses of shots.
 
         Args:
             shots: poses of the rig and the objects; one, or one per layer.
-            layers: atlases of shots that belong together; None: the atlas of a single one.
+            layers: atlases to draw, one per shot; None: `atlas`, from a single shot.
         """
         with closing(self._drawn_together(shots, layers)) as groups:
             for some, view, target in groups:
@@ -394,11 +392,10 @@ class CubePass:
                 if self._is_multisampled:
                     resolve(self._resolved, target)
         (self if layers is None else layers).levels.draw(len(shots))
-        return self.atlas if layers is None else layers.atlases
 
     def _drawn_together(
         self, shots: Sequence[ScenePoses], layers: AtlasLayers | None
-    ) -> Iterator[tuple[Sequence[ScenePoses], SceneView, moderngl.Framebuffer]]:
+    ) -> Generator[tuple[Sequence[ScenePoses], SceneView, moderngl.Framebuffer], None, None]:
         """Shots with the view and the target that draw them: all at once, or one by one."""
         if layers is None:
             yield shots, self._view, self._target

@@ -151,9 +151,9 @@ class ParallaxFrame(CameraFrame):
         """Draw the encoded image and, on request, the linear one."""
         pose, cast = poses.world_from_rig.copy(), self._cast
         pose[:3, 3] += pose[:3, :3] @ self._viewpoint_m
-        atlas = self._cube.draw((ScenePoses(pose, poses.world_from_objects),))
+        self._cube.draw((ScenePoses(pose, poses.world_from_objects),))
         self._parallax.draw(
-            atlas,
+            self._cube.atlas,
             self._cube.depth,
             self._both_targets if linear else self.encoded_target,
             None if cast is None else lambda rays: cast(poses, rays),

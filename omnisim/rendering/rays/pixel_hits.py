@@ -3,100 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.arrays import Bools, Floats, Floats32, Indices, Ints, Ints32, Uints32
 from omnisim.ground_truth.hits import HitDetails, Hits
-from omnisim.rendering.pixel_rays import PixelRays, starts_of_rays
+from omnisim.rendering.pixel_rays import PixelRays
 from omnisim.rendering.rays.caster import NO_TRIANGLE, DepthLimits, Rays
 from omnisim.rendering.rays.ray_scene import MAX_LAYERS, ObjectState, RayScene
 from omnisim.rendering.rays.shading.ray_optics import MAX_BOUNCES
 from omnisim.rendering.rays.shading.shading import View
 from omnisim.rendering.rays.shading.surface_light import mirrored_rays, surface_light
-
-_POINTS_PER_BATCH = 1 << 14
-
-T = TypeVar("T", bound=np.generic)
-
-
-class PixelHits:
-    """Hits of all pixels' rays, kept for occlusion; `has_ray`: (height, width) mask."""
-
-    def __init__(self, scene: RayScene, pixels: PixelRays, limits: DepthLimits):
-        self._scene, self._pixels, self._limits = scene, pixels, limits
-        self._bands = range(len(pixels.bands))
-        self.has_ray = np.concatenate([pixels.band(number).valid for number in self._bands])
-        # last hits of the pixels that have a ray
-        self._points_m = np.empty((0, 3))  # viewpoint frame; directions where nothing is hit
-        self._draws_plus_one = np.empty(0, dtype=np.uint32)
-        self._triangles = np.empty(0, dtype=np.int32)
-
-    def rays(self) -> Floats:
-        """Unit rays (height, width, 3), optical frame."""
-        return self._placed([self._pixels.band(number).directions for number in self._bands], 0.0)
-
-    def cast(self, world_from_rig: Floats, objects: ObjectState, details: HitDetails) -> Hits:
-        """Cast all rays from a pose (4, 4)."""
-        rig_from_optical = self._pixels.camera.rig_from_optical
-
-        def of_band(number: int) -> CastHits:
-            band = self._pixels.band(number)
-            aimed = self._limits.aim_band(band, rig_from_optical, world_from_rig)
-            return cast_hits(self._scene, *aimed, world_from_rig[:3, 3], objects, details)
-
-        bands = self._scene.in_threads(of_band, self._bands)
-        hits = [band.hits for band in bands]
-        self._triangles = np.concatenate([band.triangles for band in bands])
-        self._draws_plus_one = np.concatenate([one.draw_ids for one in hits])
-        self._points_m = np.concatenate([one.points_m for one in hits]).astype(np.float64)
-        none = np.empty((0, self.has_ray.shape[1], 3), dtype=np.float32)
-        arrays = dict.fromkeys(details._fields, none)
-        for name in details.components:
-            arrays[name] = self._placed([getattr(one, name) for one in hits], 0.0)
-        return Hits(
-            self._placed([one.points_and_ranges_m for one in hits], (0.0, 0.0, 0.0, np.inf)),
-            self._placed([one.draw_ids for one in hits], 0),
-            self._placed([one.triangles for one in hits], 0),
-            **arrays,
-        )
-
-    def put_points(self, hits: Hits) -> None:
-        """Replace the points of the last hits, from which occlusion is computed."""
-        self._points_m = hits.points_m[self.has_ray].astype(np.float64)
-
-    def occluded(
-        self, world_from_rig: Floats, objects: ObjectState, other_from_current: Floats
-    ) -> Bools:
-        """Mask (height, width) of the last hits' points that another pose (4, 4) does not see."""
-
-        def of_batch(first: int) -> Bools:
-            own = slice(first, first + _POINTS_PER_BATCH)
-            seen = SeenPoints(self._points_m[own], self._draws_plus_one[own], self._triangles[own])
-            moved = seen._replace(points_m=moved_points(seen, other_from_current))
-            hit, camera = moved.surfaces_plus_one > 0, self._pixels.camera
-            starts_m = starts_of_rays(camera, moved.points_m, hit, world_from_rig)
-            return cast_occlusion(
-                self._scene, self._limits, moved, starts_m, world_from_rig, objects
-            )
-
-        firsts = range(0, len(self._triangles), _POINTS_PER_BATCH)
-        none = np.empty(0, dtype=np.bool_)
-        return self._placed([none, *self._scene.in_threads(of_batch, firsts)], False)
-
-    def _placed(self, parts: list[NDArray[T]], otherwise: object) -> NDArray[T]:
-        """Image (height, width, …) from values (n, …) of the pixels that have a ray."""
-        values = np.concatenate(parts)
-        image = np.empty((*self.has_ray.shape, *values.shape[1:]), dtype=values.dtype)
-        image[:] = otherwise
-        image[self.has_ray] = values
-        return image
-
-
-# Ray hits in the form of ground truth, and occlusion of their points from another viewpoint.
-
 
 # A hit that is nearer than the point by more than this share occludes it, as in occlusion.frag.
 _NEARER = 1e-3
@@ -115,6 +34,11 @@ class SeenPoints(NamedTuple):
     points_m: Floats  # (n, 3) viewpoint frame; directions for rays without a hit
     surfaces_plus_one: Uints32  # (n,) 1 + index into the geometry's surfaces; 0: no hit
     triangles: Ints32  # (n,) indices into the geometry
+
+    @classmethod
+    def none(cls) -> SeenPoints:
+        """No points."""
+        return cls(np.empty((0, 3)), np.empty(0, np.uint32), np.empty(0, np.int32))
 
 
 def cast_hits(
@@ -158,14 +82,6 @@ def cast_hits(
         values[name] = np.zeros((len(points), numbers), dtype=np.float32)
         values[name][hit] = find[name]()
     return CastHits(Hits(points, draw_ids, triangles, **values), first.triangles)
-
-
-def moved_points(seen: SeenPoints, other_from_current: Floats) -> Floats:
-    """Points (n, 3) moved to another viewpoint frame by (surfaces, 3, 4); directions stay."""
-    points_m, hit = seen.points_m.copy(), np.flatnonzero(seen.surfaces_plus_one)
-    moves = other_from_current[seen.surfaces_plus_one[hit] - 1]
-    points_m[hit] = np.einsum("nij,nj->ni", moves[..., :3], points_m[hit]) + moves[..., 3]
-    return points_m
 
 
 def cast_occlusion(

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from importlib.metadata import version
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera, NonCentralCamera
 from omnisim.core.arrays import Bools, Floats, Floats32
@@ -30,14 +32,18 @@ from omnisim.rendering.contract import (
     SubFrames,
 )
 from omnisim.rendering.degraded_camera import DegradedCamera
-from omnisim.rendering.pixel_rays import Band, PixelRays
+from omnisim.rendering.pixel_rays import Band, PixelRays, moved_points, starts_of_rays
 from omnisim.rendering.rays.beams import Beams, LidarCaster
 from omnisim.rendering.rays.caster import DepthLimits
-from omnisim.rendering.rays.pixel_hits import PixelHits
+from omnisim.rendering.rays.pixel_hits import CastHits, SeenPoints, cast_hits, cast_occlusion
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
 from omnisim.rendering.rays.scene_rays import CastCamera, CastScene
 from omnisim.rendering.rays.shading.ray_optics import Paths
 from omnisim.scene import Scene
+
+_POINTS_PER_BATCH = 1 << 14
+
+T = TypeVar("T", bound=np.generic)
 
 
 class RayBackend(SceneBackend):
@@ -174,9 +180,7 @@ class RayCamera(CameraBackend):
     def hit_source(self, details: HitDetails) -> RayHitSource:
         """Hits behind its ground truth."""
         if self._hit_source is None:
-            self._hit_source = RayHitSource(
-                self._ray_world.rays.ray_scene(), self.setup, self._limits
-            )
+            self._hit_source = RayHitSource(self._ray_world.rays.ray_scene(), self.setup)
         return self._hit_source
 
     def faces(self, poses: ScenePoses) -> dict[str, Floats32]:
@@ -263,48 +267,93 @@ class RayImage:
 
 
 class RayHitSource(HitSource):
-    """Exact hits of the pixels' rays by Embree, in float64."""
+    """Exact hits of the pixels' rays by Embree, in float64; the last are kept for occlusion."""
 
-    def __init__(self, rays: RayScene, setup: CameraSetup, limits: DepthLimits):
-        sensor = setup.sensor
-        self.camera, self.polygons = sensor.model, sensor.mesh_polygons
-        surfaces = rays.caster.geometry.surfaces
-        self.draws = rays.caster.geometry.draws
+    def __init__(self, scene: RayScene, setup: CameraSetup):
+        geometry, sensor = scene.caster.geometry, setup.sensor
+        self.camera, self.polygons, self.draws = sensor.model, sensor.mesh_polygons, geometry.draws
         self.deforming = {
             one.number: DeformingDraw(
-                one.mesh, surfaces[one.number].object_index, one.instance.world_from_mesh
+                one.mesh, geometry.surfaces[one.number].object_index, one.instance.world_from_mesh
             )
-            for one in rays.caster.geometry.deforming
+            for one in geometry.deforming
         }
-        self._hidden = setup.hidden
-        self._is_specular = rays.shading.is_specular
-        self._camera_rays = CastCamera(lambda: rays, setup)
+        self._scene, self._hidden = scene, setup.hidden
+        self._camera_rays = CastCamera(lambda: scene, setup)
         self._numbers = {part: 1 + number for number, part in enumerate(self.draws)}
-        self._pixels = PixelHits(rays, PixelRays(sensor.model, sensor.mesh_polygons), limits)
-        self.has_ray = self._pixels.has_ray
+        self._limits, self._pixels = self._camera_rays.limits, self._camera_rays.pixels
+        self._bands = range(len(self._pixels.bands))
+        self.has_ray = np.concatenate([self._pixels.band(number).valid for number in self._bands])
+        self._seen = SeenPoints.none()  # by the pixels that have a ray
 
     def rays(self) -> Floats:
         """Unit rays (height, width, 3), optical frame."""
-        return self._pixels.rays()
+        return self._placed([self._pixels.band(number).directions for number in self._bands], 0.0)
 
     def hits(self, poses: ScenePoses, details: HitDetails = NO_DETAILS) -> Hits:
         """Cast all rays."""
         objects = ObjectState(poses.world_from_objects, self._hidden)
-        return self._pixels.cast(poses.world_from_rig, objects, details)
+        viewpoint_m = poses.world_from_rig[:3, 3]
+
+        def of_band(number: int) -> CastHits:
+            aimed = self._limits.aim_band(
+                self._pixels.band(number), self.camera.rig_from_optical, poses.world_from_rig
+            )
+            return cast_hits(self._scene, *aimed, viewpoint_m, objects, details)
+
+        bands = self._scene.in_threads(of_band, self._bands)
+        hits = [band.hits for band in bands]
+        self._seen = SeenPoints(
+            np.concatenate([one.points_m for one in hits]).astype(np.float64),
+            np.concatenate([one.draw_ids for one in hits]),
+            np.concatenate([band.triangles for band in bands]),
+        )
+        none = np.empty((0, self.has_ray.shape[1], 3), dtype=np.float32)
+        arrays = dict.fromkeys(details._fields, none)
+        for name in details.components:
+            arrays[name] = self._placed([getattr(one, name) for one in hits], 0.0)
+        return Hits(
+            self._placed([one.points_and_ranges_m for one in hits], (0.0, 0.0, 0.0, np.inf)),
+            self._placed([one.draw_ids for one in hits], 0),
+            self._placed([one.triangles for one in hits], 0),
+            **arrays,
+        )
 
     def through(self, poses: ScenePoses, hits: Hits) -> ThroughHits:
         """Surfaces behind glass and after mirrors."""
-        return self._camera_rays.through(poses, hits, self._is_specular, self._numbers)
+        is_specular = self._scene.shading.is_specular
+        return self._camera_rays.through(poses, hits, is_specular, self._numbers)
 
     def begin_occlusion(
         self, other: ScenePoses, other_from_current: Floats, deformed: Hits | None
     ) -> Pending[Bools]:
         """Cast rays from another viewpoint to the points of the last hits."""
         if deformed is not None:
-            self._pixels.put_points(deformed)
+            points_m = deformed.points_m[self.has_ray].astype(np.float64)
+            self._seen = self._seen._replace(points_m=points_m)
         objects = ObjectState(other.world_from_objects, self._hidden)
-        occluded = self._pixels.occluded(other.world_from_rig, objects, other_from_current)
+
+        def of_batch(first: int) -> Bools:
+            own = slice(first, first + _POINTS_PER_BATCH)
+            seen = SeenPoints._make(values[own] for values in self._seen)
+            points_m = moved_points(seen.points_m, seen.surfaces_plus_one, other_from_current)
+            is_hit, pose = seen.surfaces_plus_one > 0, other.world_from_rig
+            starts_m = starts_of_rays(self.camera, points_m, is_hit, pose)
+            seen = seen._replace(points_m=points_m)
+            return cast_occlusion(self._scene, self._limits, seen, starts_m, pose, objects)
+
+        firsts = range(0, len(self._seen.triangles), _POINTS_PER_BATCH)
+        none = np.empty(0, dtype=np.bool_)
+        occluded = self._placed([none, *self._scene.in_threads(of_batch, firsts)], False)
         return Pending(lambda: occluded)
+
+    def _placed(self, parts: list[NDArray[T]], otherwise: object) -> NDArray[T]:
+        """Image (height, width, …) from values (n, …) of the pixels that have a ray."""
+        values = np.concatenate(parts)
+        image = np.empty((*self.has_ray.shape, *values.shape[1:]), dtype=values.dtype)
+        image[:] = otherwise
+        image[self.has_ray] = values
+        return image
 
 
 def _readback(image: LinearImage, encoding: Encoding | None, linear: bool) -> Readback:

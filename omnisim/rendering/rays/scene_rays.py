@@ -11,7 +11,7 @@ from omnisim.core.arrays import Bools, Floats, Floats32, Ints32, Uints32
 from omnisim.core.world import ObjectPart
 from omnisim.ground_truth.hits import HitDetails, Hits, ThroughHits
 from omnisim.ground_truth.lidar_beams import BeamHits, EchoLimits, LidarBeams, Revolution
-from omnisim.rendering.contract import CameraSetup, PlacedMesh, ScenePoses
+from omnisim.rendering.contract import CameraRays, CameraSetup, PlacedMesh, ScenePoses, SceneRays
 from omnisim.rendering.pixel_rays import Band, PixelRays
 from omnisim.rendering.rays.beams import Beams, LidarCaster, intensities_of
 from omnisim.rendering.rays.caster import DepthLimits
@@ -23,8 +23,8 @@ from omnisim.scene import Scene
 _RAYS_PER_BATCH = 1 << 12
 
 
-class CastScene:
-    """Rays at a scene, which is prepared on first use after an edit; see `contract.SceneRays`.
+class CastScene(SceneRays):
+    """Rays at a scene, which is prepared on first use after an edit.
 
     Args:
         scene: static scene.
@@ -95,21 +95,25 @@ class CastScene:
         return CastCamera(self.ray_scene, setup)
 
 
-class CastCamera:
-    """Rays of one camera at the current scene; see `contract.CameraRays`.
+class CastCamera(CameraRays):
+    """Rays of one camera at the current scene.
 
     Args:
         scene: function that returns the scene in its current state.
         setup: the camera.
+
+    Attributes:
+        limits: limits of the depth that it sees.
     """
 
     def __init__(self, scene: Callable[[], RayScene], setup: CameraSetup):
         self._scene, self._setup = scene, setup
-        self._limits = DepthLimits(setup.sensor.near_m, setup.sensor.far_m)
+        self.limits = DepthLimits(setup.sensor.near_m, setup.sensor.far_m)
         self._rig_from_optical = setup.sensor.model.rig_from_optical
 
     @cached_property
-    def _pixels(self) -> PixelRays:
+    def pixels(self) -> PixelRays:
+        """Rays of its pixels."""
         return PixelRays(self._setup.sensor.model, self._setup.sensor.mesh_polygons)
 
     def radiance(
@@ -117,7 +121,7 @@ class CastCamera:
     ) -> Floats32:
         """Linear RGB (n, 3) along rays (n,), rig frame."""
         scene, rotation = self._scene(), poses.world_from_rig[:3, :3]
-        aimed = self._limits.aim(directions, poses.world_from_rig)
+        aimed = self.limits.aim(directions, poses.world_from_rig)
         offsets_m = np.einsum("nj,ij->ni", origins_m, rotation)
         aimed = aimed._replace(origins_m=aimed.origins_m + offsets_m)
         footprints = np.einsum("nsj,ij->nsi", footprints, rotation.astype(np.float32))
@@ -141,7 +145,7 @@ class CastCamera:
     ) -> Hits:
         """Hits (n,) of a band's rays, relative to a viewpoint (3,), world."""
         scene = self._scene()
-        aimed = self._limits.aim_band(band, self._rig_from_optical, poses.world_from_rig)
+        aimed = self.limits.aim_band(band, self._rig_from_optical, poses.world_from_rig)
         hits = cast_hits(scene, *aimed, viewpoint_m, self._objects(poses), details).hits
         return hits._replace(draw_ids=_draws_of_surfaces(scene, numbers)[hits.draw_ids])
 
@@ -168,7 +172,7 @@ class CastCamera:
             firsts.astype(np.int32) + triangles.astype(np.int32),
         )
         return cast_occlusion(
-            scene, self._limits, seen, starts_m, poses.world_from_rig, self._objects(poses)
+            scene, self.limits, seen, starts_m, poses.world_from_rig, self._objects(poses)
         )
 
     def through(
@@ -183,7 +187,7 @@ class CastCamera:
         wanted = np.concatenate(([False], is_specular))[hits.draw_ids]
         if not wanted.any():
             return through
-        scene, pixels, objects = self._scene(), self._pixels, self._objects(poses)
+        scene, pixels, objects = self._scene(), self.pixels, self._objects(poses)
         draws = _draws_of_surfaces(scene, numbers)
 
         def cast_band(number: int) -> None:
@@ -192,7 +196,7 @@ class CastCamera:
                 return
             band = pixels.band(number)
             some = np.flatnonzero(wanted[rows][band.valid])
-            rays, footprints = self._limits.aim_band(
+            rays, footprints = self.limits.aim_band(
                 band, self._rig_from_optical, poses.world_from_rig
             )
             ends = cast_through(scene, rays.take(some), objects, footprints[some])

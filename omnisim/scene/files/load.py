@@ -24,8 +24,14 @@ from omnisim.scene.files.extension import (
     with_objects,
 )
 from omnisim.scene.files.readers import check_format, read_file
-from omnisim.scene.files.scene_file import SceneFile
-from omnisim.scene.files.source import NO_SKY, SceneSource, resolve_source, shining_sun, sky_table
+from omnisim.scene.files.scene_file import (
+    NO_SKY,
+    SceneFile,
+    SceneSource,
+    resolve_source,
+    shining_sun,
+    sky_table,
+)
 from omnisim.scene.formats.gltf.nodes import NO_ANIMATION, AnimationChoice
 from omnisim.scene.formats.imported_scene import FileAxes, ImportedScene, place
 from omnisim.scene.identity import identity_of_files

@@ -98,9 +98,9 @@ def material_notices(read: ImportedScene) -> list[str]:
 
 def make_mesh(
     name: str,
+    material: int,
     positions: ArrayLike,
     triangles: ArrayLike,
-    material: int,
     normals: ArrayLike | None = None,
     texture_coordinates: ArrayLike | None = None,
     colors: ArrayLike | None = None,

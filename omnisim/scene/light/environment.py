@@ -148,12 +148,8 @@ def map_directions(height: int, width: int) -> tuple[Floats, Floats]:
     azimuth = 2.0 * np.pi * (0.5 - (np.arange(width) + 0.5) / width)[None]
     polar = np.pi * (np.arange(height) + 0.5)[:, None] / height
     edges = np.cos(np.pi * np.arange(height + 1) / height)
-    directions = np.stack(
-        np.broadcast_arrays(
-            np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)
-        ),
-        axis=-1,
-    )
+    x, y, z = np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)
+    directions = np.stack(np.broadcast_arrays(x, y, z), axis=-1)
     return directions, (edges[:-1] - edges[1:]) * 2.0 * np.pi / width
 
 
@@ -207,10 +203,8 @@ def _filtered(pyramid: list[Floats32], rows: int, roughness: float) -> Floats32:
         if along <= 0.0:
             continue
         side = np.sqrt(1.0 - along * along)
-        light = (
-            side * np.cos(azimuth) * tangents + side * np.sin(azimuth) * bitangents
-            + along * normals
-        )  # fmt: skip
+        light = side * np.cos(azimuth) * tangents + side * np.sin(azimuth) * bitangents
+        light += along * normals
         spread = height2 * (alpha_squared - 1.0) + 1.0
         density = alpha_squared / (np.pi * spread * spread) / 4.0
         level = 0.5 * np.log2(1.0 / (_SAMPLES * density) / pixel) + 1.0

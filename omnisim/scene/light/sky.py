@@ -163,7 +163,6 @@ def _direction(azimuth_deg: float, elevation_deg: float) -> Floats:
 # Source: Preetham, Shirley and Smits, "A practical analytic model for daylight", 1999, appendix
 # A.2.
 
-
 ROWS = 256
 MIN_SUN_ELEVATION_DEG = 2.0  # the model is undefined nearer to the horizon
 GROUND_REFLECTANCE = 0.2
@@ -212,7 +211,9 @@ def clear_sky(toward_sun: Floats, turbidity: float) -> Floats32:
         zenith * _perez(one, height, between) / _perez(one, np.float64(1.0), sun_angle)
         for zenith, one in zip(_zenith(sun_angle, turbidity), coefficients, strict=True)
     ]
-    rgb = np.maximum(_rgb(*values), 0.0)
+    luminance, x, y = values
+    xyz = np.stack((x / y * luminance, luminance, (1.0 - x - y) / y * luminance), axis=-1)
+    rgb = np.maximum(xyz @ _RGB_FROM_XYZ.T, 0.0)
     weights = (angles[: ROWS // 2, None] * height)[..., None]
     ground = GROUND_REFLECTANCE / np.pi * (rgb * weights).sum(axis=(0, 1))
     return np.concatenate((rgb, np.broadcast_to(ground, rgb.shape))).astype(np.float32)
@@ -261,18 +262,12 @@ def _zenith(sun_angle: float, turbidity: float) -> tuple[float, float, float]:
     return 1000.0 * max(float(luminance), 0.0), float(x), float(y)
 
 
-def _rgb(luminance: Floats, x: Floats, y: Floats) -> Floats:
-    xyz = np.stack((x / y * luminance, luminance, (1.0 - x - y) / y * luminance), axis=-1)
-    return xyz @ _RGB_FROM_XYZ.T
-
-
 # Position and light of the sun, by time and place.
 #
 # The accuracy is 0.01° between the years 1950 and 2050, without refraction, which raises the sun by
 # 0.5° at the horizon and by 0.02° at 45°.
 # Source: Meeus, "Astronomical Algorithms", 2nd edition, 1998, chapters 12, 13, 22 and 25 (low
 # accuracy); light: IESNA, "The Lighting Handbook", 9th edition, 2000, chapter 8 (clear sky).
-
 
 _J2000 = datetime(2000, 1, 1, 12, tzinfo=UTC)
 _CENTURY_DAYS = 36525.0

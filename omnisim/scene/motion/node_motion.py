@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from omnisim.core.arrays import Floats
+from omnisim.core.arrays import Floats, Indices
 from omnisim.core.poses import nearest_rotation, pose_from_rotation, rotation_from_quaternion
 from omnisim.core.world import Pose
 
@@ -160,10 +160,18 @@ class _Tracks:
                 groups.setdefault(key, []).append(index)
             else:
                 self._rest[index] = value
-        self._groups = [
-            (np.array(indices), _stacked([values[index] for index in indices]))
-            for indices in groups.values()
-        ]
+        self._groups: list[tuple[Indices, Keyframes]] = []
+        for indices in groups.values():
+            tracks = [one for one in map(values.__getitem__, indices) if isinstance(one, Keyframes)]
+            before = [one.in_tangents for one in tracks if one.in_tangents is not None]
+            after = [one.out_tangents for one in tracks if one.out_tangents is not None]
+            joined = replace(
+                tracks[0],
+                values=np.stack([one.values for one in tracks], axis=1),
+                in_tangents=np.stack(before, axis=1) if before else None,
+                out_tangents=np.stack(after, axis=1) if after else None,
+            )
+            self._groups.append((np.array(indices), joined))
 
     def at(self, time_s: float) -> Floats:
         """Values (nodes, width) at a world time."""
@@ -171,19 +179,6 @@ class _Tracks:
         for indices, keyframes in self._groups:
             values[indices] = keyframes.at(time_s)
         return values
-
-
-def _stacked(tracks: Sequence[Keyframes | Floats]) -> Keyframes:
-    """Keyframes of several tracks merged into one, with values (times, tracks, width)."""
-    every = [one for one in tracks if isinstance(one, Keyframes)]
-    before = [one.in_tangents for one in every if one.in_tangents is not None]
-    after = [one.out_tangents for one in every if one.out_tangents is not None]
-    return replace(
-        every[0],
-        values=np.stack([one.values for one in every], axis=1),
-        in_tangents=np.stack(before, axis=1) if before else None,
-        out_tangents=np.stack(after, axis=1) if after else None,
-    )
 
 
 # Keyframe interpolation: stepwise, linear, or along cubic splines.

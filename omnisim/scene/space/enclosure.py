@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from omnisim.core.arrays import Floats
-from omnisim.scene.model import AlphaMode, Scene
+from omnisim.scene.model import Scene
+from omnisim.scene.surface_kind import SurfaceKind, kind_of
 
 # The winding number of a closed surface is 1 inside and 0 outside; that of an infinite wall is ½.
 MIN_WINDING_NUMBER = 0.5
@@ -35,7 +36,7 @@ def enclosing_nodes(
         if instance.name in ignored:
             continue
         mesh, matrix = scene.meshes[instance.mesh], instance.world_from_mesh
-        if scene.materials[mesh.material].alpha_mode is AlphaMode.BLEND:
+        if kind_of(scene.materials[mesh.material]) & SurfaceKind.BLENDED:
             continue
         offsets = mesh.positions.astype(np.float64) @ matrix[:3, :3].T + (matrix[:3, 3] - point)
         numbers = _winding_numbers(offsets[mesh.triangles])

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
-from typing import NamedTuple
 
 import numpy as np
 
@@ -30,13 +29,6 @@ COMPARISONS, MIN_SIGHTS, MAX_SIGHTS = 100_000_000, 64, 1024
 HEIGHTS_SHARE = 4  # one height uses at most 1/4 of the sight tests
 RING_GROWTH, RING_POINTS = 1.25, 12
 GOLDEN_ANGLE_RAD = 2.399963  # offset between rings, so that every direction is covered
-
-
-class _Sight(NamedTuple):
-    """Result of a look from a point along the axes."""
-
-    is_inside: bool
-    has_floor: bool
 
 
 def default_start(bounds: Floats) -> StartPose:
@@ -77,7 +69,7 @@ def find_start(meshes: tuple[Mesh, ...], instances: tuple[Instance, ...]) -> Sta
     position = middle
     if scale > 0.0:
         near = _Surroundings(meshes, instances, middle, NEAR_SCALES * scale)
-        if near.is_clear(middle[None], clearance)[0] and not near.sight(middle).is_inside:
+        if near.is_clear(middle[None], clearance)[0] and not near.sight(middle)[0]:
             return StartPose(_plain(middle))
         best = _search(near, bounds, middle, scale, clearance)
         is_whole = np.all(bounds[1, :2] - middle[:2] <= near.half_m)
@@ -98,16 +90,21 @@ def _search(
     count = COMPARISONS // max(1, len(surroundings.triangles))
     inside, left = None, min(max(count, MIN_SIGHTS), MAX_SIGHTS)
     share = left // HEIGHTS_SHARE
-    for z in _heights(bounds, middle[2], scale):
+    heights = [middle[2]] if middle[2] > bounds[0, 2] else []
+    for level in LEVELS:
+        z = bounds[0, 2] + level * scale
+        if level <= FLAT_LEVELS or z < bounds[1, 2]:
+            heights.append(z)
+    for z in heights:
         without_floor = None
         clear = _clear_points(surroundings, plan, z, clearance)
         for point in itertools.islice(clear, min(share, left)):
-            sight, left = surroundings.sight(point), left - 1
-            if not sight.is_inside and sight.has_floor:
+            (is_inside, has_floor), left = surroundings.sight(point), left - 1
+            if not is_inside and has_floor:
                 return True, point
-            if not sight.is_inside and without_floor is None:
+            if not is_inside and without_floor is None:
                 without_floor = point
-            elif sight.is_inside and inside is None:
+            elif is_inside and inside is None:
                 inside = point
         if without_floor is not None:
             return True, without_floor
@@ -127,15 +124,6 @@ def _clear_points(
                 yield point
                 wanted += 1 + count // 16
             count += 1
-
-
-def _heights(bounds: Floats, default: float, scale: float) -> Iterator[float]:
-    if default > bounds[0, 2]:
-        yield default
-    for level in LEVELS:
-        z = bounds[0, 2] + level * scale
-        if level <= FLAT_LEVELS or z < bounds[1, 2]:
-            yield z
 
 
 def _rings(middle: Floats, step: float, radius: float, grid: float) -> Floats:
@@ -202,12 +190,15 @@ class _Surroundings:
             for point in points
         ]
         rows = np.repeat(np.arange(len(points)), [len(ones) for ones in near])
-        distances = triangle_distances(corners[np.concatenate(near)] - points[rows, None])
+        _, distances = nearest_points(corners[np.concatenate(near)] - points[rows, None])
         clear[rows[distances < clearance]] = False
         return clear
 
-    def sight(self, point: Floats) -> _Sight:
-        """Look along the axes: a point is inside an object if most hits are back faces."""
+    def sight(self, point: Floats) -> tuple[bool, bool]:
+        """Look along the axes: is a point (3,) inside an object, and is a floor below it?
+
+        It is inside if most hits are back faces.
+        """
         hits = backs = 0
         has_floor = False
         for axis in range(3):
@@ -224,7 +215,7 @@ class _Surroundings:
                 hits += 1
                 backs += int(fronts[nearest] * direction > 0.0)
                 has_floor |= axis == 2 and direction < 0.0
-        return _Sight(2 * backs > hits, has_floor)
+        return 2 * backs > hits, has_floor
 
 
 def _crossings(corners: Floats, axis: int) -> tuple[Floats, Floats]:
@@ -239,11 +230,6 @@ def _crossings(corners: Floats, axis: int) -> tuple[Floats, Floats]:
     shares = areas[crossed] / total[crossed, None]
     along = corners[crossed][:, [2, 0, 1], axis]
     return np.einsum("nk,nk->n", shares, along), np.sign(total[crossed])
-
-
-def triangle_distances(corners: Floats) -> Floats:
-    """Distances (n,) from the origin to triangles (n, 3, 3)."""
-    return nearest_points(corners)[1]
 
 
 def nearest_points(corners: Floats) -> tuple[Floats, Floats]:

@@ -16,7 +16,7 @@ from omnisim.ground_truth.hits import NO_DETAILS
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.contract import CameraSetup, HitSource, ScenePoses
 from omnisim.rendering.opengl.parallax_camera import ParallaxCamera
-from omnisim.rendering.rays.caster import DepthLimits, Rays
+from omnisim.rendering.rays.caster import Rays
 from omnisim.rendering.rays.ray_backend import RayHitSource
 from omnisim.rendering.rays.ray_scene import RayScene
 from omnisim.rendering.stage import Stage
@@ -105,8 +105,7 @@ def same_triangles(
         camera = stage.backend.camera(CameraSetup(sensor, False, frozenset(), 0, ()))
         if not isinstance(camera, ParallaxCamera):
             raise OpticsError("camera: expected an optical system, got a central camera")
-        limits = DepthLimits(sensor.near_m, sensor.far_m)
-        judge = RayHitSource(rays, camera.setup, limits)
+        judge = RayHitSource(rays, camera.setup)
         expected = _Triangles.of(judge, poses)
         sources = camera.make_hits(NO_DETAILS, True), camera.make_hits(NO_DETAILS, False)
         cast, alone = (

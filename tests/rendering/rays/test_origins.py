@@ -8,15 +8,14 @@ import pytest
 
 from omnisim.cameras import EquidistantCamera, Rays, pixel_grid
 from omnisim.core.poses import pose
-from omnisim.ground_truth.hits import NO_DETAILS
 from tests.scenes import room, room_color, room_hit, scene_of
 
 pytest.importorskip("embreex", reason="embreex, which casts the rays, is missing")
 
-from omnisim.rendering.pixel_rays import PixelRays
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.contract import CameraSetup, ScenePoses
 from omnisim.rendering.rays.caster import DepthLimits
-from omnisim.rendering.rays.pixel_hits import PixelHits
-from omnisim.rendering.rays.ray_backend import RayImage
+from omnisim.rendering.rays.ray_backend import RayHitSource, RayImage
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
 
 
@@ -44,8 +43,8 @@ def test_each_ray_starts_at_its_own_origin():
     directions = rays.directions[rays.valid] @ world_from_optical.T
     assert np.ptp(rays.origins_m[..., 2]) > 0.15
     expected = room_hit(origins, directions)
-    pixels = PixelHits(scene, PixelRays(camera, None), limits)
-    hits = pixels.cast(world_from_rig, still, NO_DETAILS)
+    sensor = OmniCamera(camera, near_m=limits.near_m, far_m=limits.far_m)
+    hits = RayHitSource(scene, CameraSetup(sensor)).hits(ScenePoses(world_from_rig))
     points = hits.points_m[rays.valid] + world_from_rig[:3, 3]
     np.testing.assert_allclose(points, expected, atol=1e-6)
     lengths_m = np.linalg.norm(expected - origins, axis=1)

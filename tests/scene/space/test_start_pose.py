@@ -9,7 +9,6 @@ from omnisim.scene.space.start_pose import (
     default_start,
     find_start,
     nearest_points,
-    triangle_distances,
 )
 
 CLEARANCE_M = 0.25
@@ -148,10 +147,10 @@ def test_distances_of_triangles_are_those_of_trimesh():
     points = trimesh.triangles.closest_point(corners, np.zeros((500, 3)))
     np.testing.assert_allclose(nearest_points(corners)[0][20:], points[20:], atol=1e-12)
     expected = np.linalg.norm(points, axis=1)
-    np.testing.assert_allclose(triangle_distances(corners)[20:], expected[20:], atol=1e-12)
+    np.testing.assert_allclose(nearest_points(corners)[1][20:], expected[20:], atol=1e-12)
     lines = [np.linspace(a, b, 20001) for a, b in corners[:20, :2]]
     shortest = [np.linalg.norm(line, axis=1).min() for line in lines]
-    np.testing.assert_allclose(triangle_distances(corners)[:20], shortest, atol=1e-4)
+    np.testing.assert_allclose(nearest_points(corners)[1][:20], shortest, atol=1e-4)
 
 
 @pytest.mark.parametrize("size_m", [0.02, 0.9])

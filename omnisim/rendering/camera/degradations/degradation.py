@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterable
 from dataclasses import dataclass
-from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from omnisim.core.arrays import Floats32
@@ -200,11 +199,3 @@ class Degradation:
 EFFECT_MODULES = {
     str(one.type).partition(" ")[0]: one.name for one in dataclasses.fields(Degradation)
 }
-
-
-def effect_classes() -> dict[str, Any]:
-    """Classes of all effects by name."""
-    return {
-        name: getattr(import_module(f"{__package__}.{module}"), name)
-        for name, module in EFFECT_MODULES.items()
-    }

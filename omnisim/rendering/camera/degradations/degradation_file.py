@@ -14,8 +14,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cache
+from importlib import import_module
 from pathlib import Path
-from typing import Any, get_args, get_type_hints
+from typing import Any
 
 from pydantic import create_model
 
@@ -23,13 +24,13 @@ from omnisim.core.errors import OpticsError, SensorFileError, did_you_mean
 from omnisim.core.files.parameters import Table, parse_table, table_of
 from omnisim.core.files.toml_file import find_beside, read_toml
 from omnisim.core.package_files import PRESETS, preset_names
-from omnisim.rendering.camera.degradations.degradation import Degradation, effect_classes
+from omnisim.rendering.camera.degradations.degradation import EFFECT_MODULES, Degradation
 from omnisim.rendering.camera.degradations.effect import Effect
 
 # Effects by table name, in the order of the light path.
 EFFECTS: dict[str, type[Effect]] = {
-    name: get_args(hint)[0]
-    for name, hint in get_type_hints(Degradation, localns=effect_classes()).items()
+    module: getattr(import_module(f"{__package__}.{module}"), name)
+    for name, module in EFFECT_MODULES.items()
 }
 
 

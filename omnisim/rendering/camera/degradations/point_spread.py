@@ -10,7 +10,7 @@ is exp(−2π²σ²f²).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property
 from itertools import pairwise
 from typing import Annotated
 
@@ -51,23 +51,30 @@ class PointSpread(OpticalEffect, name="degradation.point_spread"):
         if any(after <= before for before, after in pairwise(radii)):
             raise self._error("widths_px", "rows in order of their radii")
 
+    @cached_property  # the reference reads it for each image
     def table(self) -> tuple[float, Floats32]:
         """Largest radius, and the widths (ANGLES, STEPS, 2) of sampled kernels up to it.
 
         Rows: angle between radius and the nearer of rows and columns, by its tangent from 0 to 1.
         """
-        return _table(self.widths_px)
+        radii, *widths = np.array(self.widths_px, dtype=np.float64).T
+        largest = max(float(radii[-1]), 1.0)
+        at = np.linspace(0.0, largest, STEPS)
+        pairs = np.stack([np.interp(at, radii, width) for width in widths], axis=-1)
+        angles = np.arctan(np.linspace(0.0, 1.0, ANGLES))
+        table = np.stack([sampled_widths_px(pairs, float(angle)) for angle in angles])
+        return largest, table.astype(np.float32)
 
     def steps(self, geometry: ImageGeometry) -> list[Step]:
         """One GPU pass."""
-        largest_px, table = self.table()
+        largest_px, table = self.table
         scale = {"u_radius_scale": (STEPS - 1) / largest_px, "u_reach": REACH}
         textures = {"u_widths_px": np.pad(table, ((0, 0), (0, 0), (0, 2)))}
         return [Step("point_spread", {"u_center_px": geometry.center_px, **scale}, textures)]
 
     def apply(self, image: LinearImage, geometry: ImageGeometry) -> LinearImage:
         """Reference in NumPy."""
-        largest_px, table = self.table()
+        largest_px, table = self.table
         offsets = geometry.offsets_px()
         radii = np.sqrt(offsets[..., 0] * offsets[..., 0] + offsets[..., 1] * offsets[..., 1])
         outward = np.where(
@@ -103,17 +110,6 @@ def _entry(at: Floats32, count: int) -> tuple[Ints, Floats32]:
     return entry, (within - entry)[..., None].astype(np.float32)
 
 
-@lru_cache(maxsize=8)  # the reference reads it for each image
-def _table(widths_px: tuple[Row, ...]) -> tuple[float, Floats32]:
-    radii, *widths = np.array(widths_px, dtype=np.float64).T
-    largest = max(float(radii[-1]), 1.0)
-    at = np.linspace(0.0, largest, STEPS)
-    pairs = np.stack([np.interp(at, radii, width) for width in widths], axis=-1)
-    angles = np.arctan(np.linspace(0.0, 1.0, ANGLES))
-    table = np.stack([sampled_widths_px(pairs, float(angle)) for angle in angles])
-    return largest, table.astype(np.float32)
-
-
 def sampled_widths_px(widths_px: Floats, angle_rad: float) -> Floats:
     """Widened widths (n, 2) of normal distributions, so that samples at pixels keep the blur.
 
@@ -125,10 +121,8 @@ def sampled_widths_px(widths_px: Floats, angle_rad: float) -> Floats:
         angle_rad: angle between these axes and rows and columns.
     """
     offsets = np.stack(np.meshgrid(*(np.arange(-_LATTICE_PX, _LATTICE_PX + 1),) * 2), axis=-1)
-    turn = np.array(
-        ((np.cos(angle_rad), -np.sin(angle_rad)), (np.sin(angle_rad), np.cos(angle_rad)))
-    )
-    axes = (offsets.reshape(-1, 2) @ turn).T
+    cosine, sine = np.cos(angle_rad), np.sin(angle_rad)
+    axes = (offsets.reshape(-1, 2) @ ((cosine, -sine), (sine, cosine))).T
     frequencies = _half_modulation(widths_px, angle_rad)
     modulation = np.exp(-2.0 * (np.pi * widths_px * frequencies) ** 2)
     sampled = np.maximum(widths_px, _MIN_SAMPLED_PX)

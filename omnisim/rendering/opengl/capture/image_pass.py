@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property, partial
-from typing import Protocol
 
 import moderngl
 import numpy as np
@@ -12,7 +11,12 @@ import numpy as np
 from omnisim.core.arrays import Bools, Floats32
 from omnisim.rendering.atlas.image_parts import ImagePart
 from omnisim.rendering.atlas.tile_plan import TilePlan
-from omnisim.rendering.opengl.capture.pixel_map import CaptureOutput, PixelMap, valid_pixels_array
+from omnisim.rendering.opengl.capture.pixel_map import (
+    CaptureOutput,
+    PixelMap,
+    drawn_mask,
+    valid_pixels_array,
+)
 from omnisim.rendering.opengl.gl.buffers import gpu_buffer
 from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer, within
 from omnisim.rendering.opengl.gl.functions import StorageBindings
@@ -26,19 +30,13 @@ from omnisim.rendering.opengl.gl.state import GlState
 MAX_TABLE_BYTES = 128 * 2**20
 # Limit of these textures: those of 12 megapixels at default quality are kept.
 MAX_KEPT_BYTES = 5 << 28
-_UV_BYTES, _PIXELS_PER_BAND = 8, 1 << 20
+_UV_BYTES = 8
 _FIRST_TABLE = 5  # bindings of the UV and level tables, as in `capture/image.frag`
 
 
-class ImagePass(Protocol):
-    """Pass from the atlas to the image."""
-
-    def draw(self, atlas: moderngl.Texture, target: moderngl.Framebuffer, part: ImagePart) -> None:
-        """Draw a part's valid pixels: encoded, and linear if there is a second attachment."""
-        ...
-
-
-def image_pass(samples: PixelMap, parts: Sequence[ImagePart], supersampling: int) -> ImagePass:
+def image_pass(
+    samples: PixelMap, parts: Sequence[ImagePart], supersampling: int
+) -> RemapPass | UvPass:
     """Image pass of a camera.
 
     Args:
@@ -66,12 +64,7 @@ class RemapPass:
     """Image pass of a whole image through a UV table, which does not depend on the pose.
 
     A frame takes the same time with all cameras, also with a mirror's mesh or an iterative model.
-
-    Args:
-        samples, supersampling: see `image_pass`.
-
-    Raises:
-        AllocationError: out of GPU memory.
+    Arguments and errors are those of `image_pass`.
     """
 
     def __init__(self, samples: PixelMap, plan: TilePlan, supersampling: int):
@@ -98,13 +91,14 @@ class RemapPass:
         )
         self._image_height_px, self._images = len(valid), 0
 
-    @property
-    def table_bytes(self) -> int:
-        """Size of the UV table in bytes."""
-        return self._tables.buffers[0].size
-
     def draw(self, atlas: moderngl.Texture, target: moderngl.Framebuffer, part: ImagePart) -> None:
-        """See `ImagePass`; the part is the whole image."""
+        """Draw all valid pixels: encoded, and linear if there is a second attachment.
+
+        Args:
+            atlas: drawn virtual cameras.
+            target: framebuffer of the image.
+            part: the whole image.
+        """
         self._state.bind_texture(0, atlas.glo)
         self._tables.bind()
         self._state.use(target)
@@ -132,12 +126,7 @@ class UvPass:
     """Image pass of an image's parts through textures of their samples' UVs.
 
     Textures are kept up to `MAX_KEPT_BYTES`. Other parts share one, drawn anew in each frame.
-
-    Args:
-        samples, parts, supersampling: see `image_pass`.
-
-    Raises:
-        AllocationError: out of GPU memory.
+    Arguments and errors are those of `image_pass`.
     """
 
     def __init__(self, samples: PixelMap, parts: Sequence[ImagePart], supersampling: int):
@@ -158,7 +147,7 @@ class UvPass:
         self._first_px = uniform(self._array.program, "u_first_px")
 
     def draw(self, atlas: moderngl.Texture, target: moderngl.Framebuffer, part: ImagePart) -> None:
-        """See `ImagePass`."""
+        """Draw a part's valid pixels, see `RemapPass.draw`."""
         uvs = self._kept.get(part.rectangle_px) or self._draw_uvs(part)
         atlas.use(0)
         for unit, texture in enumerate(uvs.color_attachments, start=1):
@@ -174,34 +163,30 @@ class UvPass:
         size_bytes = 4 * sum(self._components) * width * height
         if self._kept_bytes + size_bytes <= MAX_KEPT_BYTES:
             self._kept_bytes += size_bytes
-            target = self._kept[part.rectangle_px] = self._target(width, height)
+            target = self._kept[part.rectangle_px] = self._target((width, height))
         else:
             target = self._shared_target
             target.viewport = (0, 0, width, height)
         self._samples.use_part(self._uvs_array, part.plan, (left, top), (width, height))
         clear_target(target, *[(-1.0, -1.0, 0.0, 0.0)] * len(self._components))
         self._uvs_array.render()
+        size_px = (width, height)
         if part.rectangle_px not in self._corrections:
-            drawn = _drawn(target, width, height)
-            self._corrections[part.rectangle_px] = (
-                self._samples.corrections(drawn, (left, top))
-                if drawn.any()
-                else np.empty((0, 6), dtype=np.float32)
-            )
-        if len(corrections := self._corrections[part.rectangle_px]):
-            self._samples.correcting_array(
-                CaptureOutput.UV, corrections, part.plan, (width, height)
-            ).render()
+            drawn = drawn_mask(target, size_px, 2, lambda uvs: uvs[..., 0] >= 0.0)
+            nothing = np.empty((0, 6), dtype=np.float32)
+            found = self._samples.corrections(drawn, (left, top)) if drawn.any() else nothing
+            self._corrections[part.rectangle_px] = found
+        if len(wrong := self._corrections[part.rectangle_px]):
+            self._samples.correcting_array(CaptureOutput.UV, wrong, part.plan, size_px).render()
         return target
 
     @cached_property
     def _shared_target(self) -> moderngl.Framebuffer:
-        return self._target(*self._largest_px)
+        return self._target(self._largest_px)
 
-    def _target(self, width: int, height: int) -> moderngl.Framebuffer:
+    def _target(self, size_px: tuple[int, int]) -> moderngl.Framebuffer:
         context = self._samples.context
-        sides = [texture_2d(context, (width, height), one) for one in self._components]
-        return framebuffer(context, sides)
+        return framebuffer(context, [texture_2d(context, size_px, one) for one in self._components])
 
 
 def image_array(
@@ -222,8 +207,7 @@ def _by_pixel(target: moderngl.Framebuffer, attachment: int, supersampling: int)
     samples = _values(target, attachment)
     height, width = (length // supersampling for length in samples.shape[:2])
     by_pixel = samples.reshape(height, supersampling, width, supersampling, -1)
-    by_pixel = by_pixel.transpose(0, 2, 1, 3, 4)
-    return np.ascontiguousarray(by_pixel).reshape(height, width, supersampling**2, -1)
+    return by_pixel.transpose(0, 2, 1, 3, 4).reshape(height, width, supersampling**2, -1)
 
 
 def _values(target: moderngl.Framebuffer, attachment: int) -> Floats32:
@@ -231,13 +215,3 @@ def _values(target: moderngl.Framebuffer, attachment: int) -> Floats32:
     values = np.empty((*target.size[::-1], (2, 1)[attachment]), dtype=np.float32)
     read_once(target.ctx, (Pixels(target, attachment), values))
     return values
-
-
-def _drawn(target: moderngl.Framebuffer, width: int, height: int) -> Bools:
-    """Mask (height, width) of the UVs that are drawn, read in bands to save memory."""
-    drawn, step = np.empty((height, width), dtype=np.bool_), max(1, _PIXELS_PER_BAND // width)
-    for first in range(0, height, step):
-        uvs = np.empty((min(step, height - first), width, 2), dtype=np.float32)
-        read_once(target.ctx, (Pixels(target, 0, (0, first, width, len(uvs))), uvs))
-        drawn[first : first + step] = uvs[..., 0] >= 0.0
-    return drawn

@@ -8,6 +8,7 @@ has no GLSL file.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from enum import StrEnum
 from functools import cached_property
 
@@ -35,9 +36,7 @@ from omnisim.rendering.opengl.gl.shader_files import (
 
 def bind_tiles(program: moderngl.Program, plan: TilePlan, rig_from_optical: Floats) -> None:
     """Set a program's uniforms of tiles, mip levels, and rig_from_optical (3, 3)."""
-    regions, padded, uv_from_tangent = (
-        np.zeros((MAX_TILES, 4), dtype=np.float32) for _ in range(3)
-    )
+    regions, padded, uv_from_tangent = np.zeros((3, MAX_TILES, 4), dtype=np.float32)
     px_per_tan = np.zeros(MAX_TILES, dtype=np.float32)
     atlas_px = np.array([plan.width_px, plan.height_px], dtype=np.float64)
     for index, tile in enumerate(plan.tiles):
@@ -64,8 +63,7 @@ def bind_tiles(program: moderngl.Program, plan: TilePlan, rig_from_optical: Floa
     set_uniforms(program, values)
 
 
-# Triangles that cover an image's valid pixels, so that nothing outside a mirror is drawn.
-STRIP_PX = 8  # height of a rectangle
+STRIP_PX = 8  # height of a rectangle of the triangles that cover an image's valid pixels
 
 
 def covering_triangles(valid: Bools) -> Floats32:
@@ -86,12 +84,14 @@ def covering_triangles(valid: Bools) -> Floats32:
 def valid_pixels_array(
     context: moderngl.Context, program: moderngl.Program, valid: Bools
 ) -> moderngl.VertexArray:
-    """Vertex array over the valid pixels (height, width) for `capture/image.vert`."""
+    """Vertex array over the valid pixels (height, width) for `capture/image.vert`.
+
+    Nothing outside a mirror is drawn.
+    """
     corners = covering_triangles(valid)
     if not corners.size:
         corners = np.zeros((3, 2), dtype=np.float32)  # OpenGL has no empty buffer
-    height, width = valid.shape
-    uniform(program, "u_image_size_px").value = (width, height)
+    uniform(program, "u_image_size_px").value = valid.shape[::-1]
     return context.vertex_array(program, [(gpu_buffer(context, corners), "2f4", "in_corner_px")])
 
 
@@ -105,6 +105,23 @@ class CaptureOutput(StrEnum):
 
     RAY = "capture/emit_ray.glsl"
     UV = "capture/emit_uv.glsl"
+
+
+def drawn_mask(
+    target: moderngl.Framebuffer,
+    size_px: tuple[int, int],
+    components: int,
+    is_drawn: Callable[[Floats32], Bools],
+) -> Bools:
+    """Mask (height, width) of what a target's first attachment holds, read in bands for memory."""
+    width, height = size_px
+    drawn, step = np.empty((height, width), dtype=np.bool_), max(1, _PIXELS_PER_STEP // width)
+    for first in range(0, height, step):
+        band = drawn[first : first + step]
+        values = np.empty((*band.shape, components), dtype=np.float32)
+        read_once(target.ctx, (Pixels(target, region=(0, first, width, len(band))), values))
+        band[:] = is_drawn(values)
+    return drawn
 
 
 class PixelMap:
@@ -142,34 +159,17 @@ class PixelMap:
             parts = (self._traced.directions, self._traced.valid[..., None])
             texels = np.concatenate(parts, axis=-1, dtype=np.float32)
             return texture_2d(self.context, self.size_px, 4, texels)
-        rays = texture_2d(self.context, self.size_px, 4)
-        target = framebuffer(self.context, [rays])
-        self.valid, corrections = self.draw_rays(target)
-        if len(corrections):
-            self.correcting_array(CaptureOutput.RAY, corrections).render()
-        return rays
-
-    def draw_rays(self, target: moderngl.Framebuffer) -> tuple[Bools, Floats32]:
-        """Draw the rays to a target of four components.
-
-        Returns:
-            Mask (height, width) of the pixels with a ray, and `corrections` of what is drawn.
-        """
+        texture = texture_2d(self.context, self.size_px, 4)
+        target = framebuffer(self.context, [texture])
         clear_target(target)
         self._model_array(CaptureOutput.RAY).render()
-        width, height = self.size_px
-        drawn = np.empty((height, width), dtype=np.bool_)
-        step = max(1, _PIXELS_PER_STEP // width)
-        for first in range(0, height, step):
-            part = drawn[first : first + step]
-            rays = np.empty((*part.shape, 4), dtype=np.float32)
-            region = (0, first, width, len(part))
-            read_once(self.context, (Pixels(target, region=region), rays))
-            part[:] = rays[..., 3] > 0.5
-        corrections = self.corrections(drawn)
+        self.valid = drawn_mask(target, self.size_px, 4, lambda rays: rays[..., 3] > 0.5)
+        corrections = self.corrections(self.valid)
+        if len(corrections):
+            self.correcting_array(CaptureOutput.RAY, corrections).render()
         columns, rows = corrections[:, :2].astype(np.intp).T
-        drawn[rows, columns] = corrections[:, 5] > 0.5
-        return drawn, corrections
+        self.valid[rows, columns] = corrections[:, 5] > 0.5
+        return texture
 
     def read_rays(self) -> tuple[Floats32, Bools]:
         """Unit rays (height, width, 3) in the optical frame, and their validity (height, width)."""
@@ -206,7 +206,11 @@ class PixelMap:
             wrong = np.zeros((-(-height // _BLOCK), -(-width // _BLOCK)), dtype=np.bool_)
             for first in range(0, len(pixels), _PIXELS_PER_STEP):
                 some = pixels[first : first + _PIXELS_PER_STEP]
-                rays = self._reference((some + np.array(first_px)).astype(np.float64))
+                places = (some + np.array(first_px)).astype(np.float64)
+                if self._mesh is not None and isinstance(self.camera, HyperbolicCamera):
+                    rays = mesh_rays(self.camera, self._mesh, places)
+                else:
+                    rays = self.camera.ray_from_pixel(places)
                 differs = rays.valid != drawn[some[:, 1], some[:, 0]]
                 some = some[differs]
                 wrong[some[:, 1] // _BLOCK, some[:, 0] // _BLOCK] = True
@@ -224,19 +228,13 @@ class PixelMap:
         size_px: tuple[int, int] | None = None,
     ) -> moderngl.VertexArray:
         """Vertex array that draws the output of `corrections`; of colors and UVs, by an atlas."""
-        program = build_program(
-            self.context,
-            "capture/single_rays.vert",
-            "capture/single_rays.frag",
-            includes={"EMIT": emit},
-        )
+        shaders = "capture/single_rays.vert", "capture/single_rays.frag"
+        program = build_program(self.context, *shaders, includes={"EMIT": emit})
         program["u_image_size_px"] = size_px or self.size_px
         if plan is not None:
             bind_tiles(program, plan, self.camera.rig_from_optical)
-        points = gpu_buffer(self.context, corrections)
-        return self.context.vertex_array(
-            program, [(points, "2f4 4f4", "in_pixel_px", "in_ray")], mode=moderngl.POINTS
-        )
+        points = (gpu_buffer(self.context, corrections), "2f4 4f4", "in_pixel_px", "in_ray")
+        return self.context.vertex_array(program, [points], mode=moderngl.POINTS)
 
     def vertex_array(self, emit: CaptureOutput, plan: TilePlan) -> moderngl.VertexArray:
         """Vertex array that draws each pixel's output for an atlas, see `use_part`."""
@@ -255,39 +253,23 @@ class PixelMap:
         bind_tiles(array.program, plan, self.camera.rig_from_optical)
         set_uniforms(array.program, {"u_first_px": first_px, "u_target_size_px": size_px})
 
-    def _reference(self, pixels_px: Floats) -> Rays:
-        """NumPy's rays of pixels (n, 2)."""
-        if self._mesh is not None and isinstance(self.camera, HyperbolicCamera):
-            return mesh_rays(self.camera, self._mesh, pixels_px)
-        return self.camera.ray_from_pixel(pixels_px)
-
-    @property
-    def _has_shader(self) -> bool:
-        """True if the model's GLSL file is omnisim's; a subclass elsewhere has other rays."""
-        lens = self.camera.lens if isinstance(self.camera, MirroredCamera) else self.camera
-        return type(lens).__module__.startswith("omnisim.")
-
     def _model_array(self, emit: CaptureOutput) -> moderngl.VertexArray:
-        if self._mesh is not None and isinstance(self.camera, HyperbolicCamera):
-            return self._mesh_array(self.camera, self._mesh, emit)
-        defines = ("MIRRORED",) if isinstance(self.camera, MirroredCamera) else ()
-        array = self._full_screen_array("capture/lens.frag", emit, defines)
-        if self._has_shader:
-            for name, value in self.camera.uniforms().items():
-                array.program[name] = value
-        return array
-
-    def _full_screen_array(
-        self, fragment: str, emit: CaptureOutput, defines: tuple[str, ...] = ()
-    ) -> moderngl.VertexArray:
-        model = f"camera/{self.camera.model_name}" if self._has_shader else "capture/no_model"
-        program = build_program(
-            self.context,
-            "common/full_screen.vert",
-            fragment,
-            defines,
-            {"EMIT": emit, "CAMERA_MODEL": f"{model}.glsl"},
-        )
+        """Vertex array that draws each pixel's output by the model's GLSL file, or by the mesh."""
+        camera = self.camera
+        if self._mesh is not None and isinstance(camera, HyperbolicCamera):
+            return self._mesh_array(camera, self._mesh, emit)
+        lens, defines = camera, tuple[str, ...]()
+        if isinstance(camera, MirroredCamera):
+            lens, defines = camera.lens, ("MIRRORED",)
+        # a subclass that is not omnisim's has other rays than its model's file
+        has_shader = type(lens).__module__.startswith("omnisim.")
+        model = f"camera/{camera.model_name}" if has_shader else "capture/no_model"
+        shaders = "common/full_screen.vert", "capture/lens.frag"
+        includes = {"EMIT": emit, "CAMERA_MODEL": f"{model}.glsl"}
+        program = build_program(self.context, *shaders, defines, includes)
+        if has_shader:
+            for name, value in camera.uniforms().items():
+                program[name] = value
         array = self.context.vertex_array(program, [])
         array.vertices = 3
         return array
@@ -295,12 +277,8 @@ class PixelMap:
     def _mesh_array(
         self, camera: HyperbolicCamera, mesh: MirrorMesh, emit: CaptureOutput
     ) -> moderngl.VertexArray:
-        program = build_program(
-            self.context,
-            "capture/mirror_mesh.vert",
-            "capture/mirror_mesh.frag",
-            includes={"EMIT": emit},
-        )
+        shaders = "capture/mirror_mesh.vert", "capture/mirror_mesh.frag"
+        program = build_program(self.context, *shaders, includes={"EMIT": emit})
         program["u_target_size_px"] = self.size_px
         program["u_focal_length_px"] = camera.focal_length_px
         program["u_principal_point_px"] = camera.principal_point_px

@@ -67,10 +67,20 @@ class DegradationPass:
             self._is_first = False
 
     def draw_meter(self, metering: Metering) -> Metered:
-        """Meter the luminance (Rec. 709) of all sub-frames."""
-        if metering.percentile is None:
-            return self._mean_meter.draw(self._current)
-        return self._pixel_meter.draw(self._current, metering)
+        """Meter the luminance (Rec. 709) of all sub-frames: sums of blocks, or one per pixel."""
+        is_mean = metering.percentile is None
+        meter, target = self._mean_meter if is_mean else self._pixel_meter
+        meter.draw(target.framebuffer, self._current)
+        width, height = target.texture.size
+        values = np.empty((height, width, 4) if is_mean else (height, width), dtype=np.float32)
+
+        def luminance() -> float:
+            if not is_mean:
+                return metering.of_luminances(values[values >= 0.0])  # negative: invalid
+            total, count = values.reshape(-1, 4).sum(axis=0, dtype=float)[:2]
+            return float(total / count) if count > 0.0 else 0.0
+
+        return (target.texture, values), luminance
 
     def finish(self, uniforms: Mapping[str, UniformValue]) -> None:
         """Run the steps after the shutter; `uniforms` are this frame's values by name."""
@@ -92,12 +102,15 @@ class DegradationPass:
         return _Shutter(self._context, self._size)
 
     @cached_property
-    def _mean_meter(self) -> _MeanMeter:
-        return _MeanMeter(self._context, self._size)
+    def _mean_meter(self) -> tuple[_FullScreenPass, _Target]:
+        width, height = (-(-side // METER_BLOCK_PX) for side in self._size)
+        step = Step("meter", {"u_block_px": METER_BLOCK_PX})
+        return _FullScreenPass(self._context, step), _Target(self._context, (width, height))
 
     @cached_property
-    def _pixel_meter(self) -> _PixelMeter:
-        return _PixelMeter(self._context, self._size)
+    def _pixel_meter(self) -> tuple[_FullScreenPass, _Target]:
+        luminances = _Target(self._context, self._size, components=1)
+        return _FullScreenPass(self._context, Step("luminance")), luminances
 
     def _run(
         self, step: _FullScreenPass, uniforms: Mapping[str, UniformValue] | None = None
@@ -111,8 +124,8 @@ class DegradationPass:
 class _Target:
     """Float32 render target that can be sampled."""
 
-    def __init__(self, context: moderngl.Context, size: tuple[int, int]):
-        self.texture = texture_2d(context, size, 4)
+    def __init__(self, context: moderngl.Context, size: tuple[int, int], components: int = 4):
+        self.texture = texture_2d(context, size, components)
         self.framebuffer = framebuffer(context, [self.texture])
 
 
@@ -127,8 +140,7 @@ class _FullScreenPass:
             self._program[name] = value
         self._textures = []
         for unit, (name, values) in enumerate(step.textures.items(), start=1):
-            height, width, channels = values.shape
-            data = np.ascontiguousarray(values, dtype="<f4")
+            (height, width, channels), data = values.shape, np.ascontiguousarray(values, "<f4")
             self._textures.append(texture_2d(context, (width, height), channels, data))
             self._program[name] = unit
         self._vertex_array = context.vertex_array(self._program, [])
@@ -140,13 +152,7 @@ class _FullScreenPass:
         uniforms: Mapping[str, UniformValue] | None = None,
         textures: Mapping[str, moderngl.Texture] | None = None,
     ) -> None:
-        """Draw to a target.
-
-        Args:
-            image: input image, `u_image`.
-            uniforms: values of this frame; names that the shader does not use are ignored.
-            textures: additional textures by sampler name.
-        """
+        """Draw an image, with this frame's uniforms as far as the shader has them, and textures."""
         for name, value in (uniforms or {}).items():
             if name in self._program:
                 self._program[name] = value
@@ -181,39 +187,3 @@ class _Shutter:
         self._accumulate.draw(after.framebuffer, image, textures=textures)
         self._sums.reverse()
         return after.texture
-
-
-class _MeanMeter:
-    """Mean luminance of an image, from sums over blocks."""
-
-    def __init__(self, context: moderngl.Context, size: tuple[int, int]):
-        width, height = size
-        self._sum_blocks = _FullScreenPass(context, Step("meter", {"u_block_px": METER_BLOCK_PX}))
-        self._blocks = _Target(context, (-(-width // METER_BLOCK_PX), -(-height // METER_BLOCK_PX)))
-
-    def draw(self, image: moderngl.Texture) -> Metered:
-        """Sum the valid pixels' luminances."""
-        self._sum_blocks.draw(self._blocks.framebuffer, image)
-        width, height = self._blocks.texture.size
-        sums = np.empty((height, width, 4), dtype=np.float32)
-
-        def mean() -> float:
-            total, count = sums.reshape(-1, 4).sum(axis=0, dtype=float)[:2]
-            return float(total / count) if count > 0.0 else 0.0
-
-        return (self._blocks.texture, sums), mean
-
-
-class _PixelMeter:
-    """Luminance of each pixel, for percentiles: one float32 per pixel is read back."""
-
-    def __init__(self, context: moderngl.Context, size: tuple[int, int]):
-        self._pass = _FullScreenPass(context, Step("luminance"))
-        self._luminances = texture_2d(context, size, 1)
-        self._target = framebuffer(context, [self._luminances])
-
-    def draw(self, image: moderngl.Texture, metering: Metering) -> Metered:
-        """Draw the luminances, negative where pixels are invalid."""
-        self._pass.draw(self._target, image)
-        values = np.empty(self._luminances.size[::-1], dtype=np.float32)
-        return (self._luminances, values), lambda: metering.of_luminances(values[values >= 0.0])

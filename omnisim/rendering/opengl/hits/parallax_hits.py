@@ -26,6 +26,7 @@ from omnisim.rendering.opengl.hits.visibility_pass import VisibilityPass
 from omnisim.rendering.opengl.scene_view import VirtualCameras
 from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
 from omnisim.rendering.pixel_rays import Band, PixelRays, starts_of_rays
+from omnisim.rendering.pixel_rays import moved_points
 
 UNKNOWN_HIT = np.uint32(1 << 31)  # bit of a draw item's number, as in parallax_hits.frag
 UNKNOWN_OCCLUSION = np.uint8(2)  # as in parallax_occlusion.frag
@@ -203,11 +204,8 @@ class ParallaxHits(DrawnHits):
             points = deformed.points_and_ranges_m.copy()
             points[deformed.draw_ids > 0, :3] -= self._from_rig_m
             self._passes.put_points(deformed._replace(points_and_ranges_m=points))
-        points_m = hits.points_m[self.has_ray].astype(np.float64)
         draw_ids = hits.draw_ids[self.has_ray]
-        hit = np.flatnonzero(draw_ids)
-        moves = other_from_current[draw_ids[hit] - 1]
-        points_m[hit] = np.einsum("nij,nj->ni", moves[..., :3], points_m[hit]) + moves[..., 3]
+        points_m = moved_points(hits.points_m[self.has_ray], draw_ids, other_from_current)
         starts_m = starts_of_rays(self.camera, points_m, draw_ids > 0, other.world_from_rig)
         self._moved = other, points_m, starts_m
         offset_m = pose[:3, 3] - other.world_from_rig[:3, 3]

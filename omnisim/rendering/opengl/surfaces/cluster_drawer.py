@@ -184,7 +184,6 @@ class _StateCalls:
 #
 # One program has all of their materials, since distance alone sets the order.
 
-
 # Limits of one program, and of a sort that compares all pairs.
 MAX_ARRAYS, MAX_TRIANGLES_OF_ITEM, MAX_ITEMS = 4, 1024, 1024
 # Material kind in shaders/scene/material.glsl: number of the texture array, and flags.

@@ -58,7 +58,6 @@ class ItemProgram:
 
 # Texture units and defines of programs that read materials: table, vertex details, maps.
 
-
 MAPS = (  # in the order of `Material.maps`
     "metallic_roughness_map", "normal_map", "occlusion_map", "emissive_map",
     "specular_map", "clearcoat_map", "clearcoat_normal_map",
@@ -108,7 +107,6 @@ def material_tables(buffers: SceneBuffers, has_item_details: bool) -> dict[int, 
 
 
 # Draws a scene's items one by one with the programs of one pass.
-
 
 P = TypeVar("P", bound=ItemProgram)
 

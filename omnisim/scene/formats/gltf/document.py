@@ -6,14 +6,14 @@ import base64
 import json
 import math
 import struct
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, TypeVar
 from urllib.parse import unquote_to_bytes
 
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.core.arrays import Bytes, Floats, Ints
+from omnisim.core.arrays import Floats, Ints
 from omnisim.core.errors import SceneError, printable
 from omnisim.core.extras import install_hint, is_installed
 from omnisim.scene.formats.resources import AssetResolver
@@ -356,31 +356,23 @@ def decode_meshopt(entry: JsonObject, data: memoryview) -> memoryview:
     if not count:
         return memoryview(b"")
     try:
+        import meshoptimizer
+
+        values: NDArray[np.unsignedinteger]
         if mode == "ATTRIBUTES":
-            values = _attributes(bytes(data), count, stride, filtered)
+            values = meshoptimizer.decode_vertex_buffer(count, stride, bytes(data)).view(np.uint8)
+            filters = {
+                "OCTAHEDRAL": meshoptimizer.decode_filter_oct,
+                "QUATERNION": meshoptimizer.decode_filter_quat,
+                "EXPONENTIAL": meshoptimizer.decode_filter_exp,
+            }
+            if filtered in filters:
+                values = filters[filtered](values, count, stride)
         else:
-            values = _indices(bytes(data), count, stride, mode)
+            triangles = meshoptimizer.decode_index_buffer
+            decode = triangles if mode == "TRIANGLES" else meshoptimizer.decode_index_sequence
+            # decoded to 32 bits for any stride: the package's array is 32-bit
+            values = decode(count, 4, bytes(data)).astype("<u2" if stride == 2 else "<u4")
     except (RuntimeError, ValueError) as reason:
         raise SceneError(f"{entry.place}: cannot be decoded: {reason!s:.80}") from None
     return memoryview(values.tobytes())
-
-
-def _attributes(data: bytes, count: int, stride: int, filtered: str) -> Bytes:
-    import meshoptimizer
-
-    values = meshoptimizer.decode_vertex_buffer(count, stride, data).view(np.uint8)
-    filters: dict[str, Callable[[Bytes, int, int], Bytes]] = {
-        "OCTAHEDRAL": meshoptimizer.decode_filter_oct,
-        "QUATERNION": meshoptimizer.decode_filter_quat,
-        "EXPONENTIAL": meshoptimizer.decode_filter_exp,
-    }
-    return filters[filtered](values, count, stride) if filtered in filters else values
-
-
-def _indices(data: bytes, count: int, stride: int, mode: str) -> NDArray[np.unsignedinteger]:
-    import meshoptimizer
-
-    triangles = mode == "TRIANGLES"
-    read = meshoptimizer.decode_index_buffer if triangles else meshoptimizer.decode_index_sequence
-    # decoded to 32 bits for any stride: the package's array is 32-bit
-    return read(count, 4, data).astype("<u2" if stride == 2 else "<u4")

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from omnisim.core.arrays import Bytes, Floats
+from omnisim.core.arrays import Floats
 from omnisim.scene.formats.gltf.document import Accessors, JsonObject, read_uri
 from omnisim.scene.formats.gltf.primitives import Primitive
 from omnisim.scene.formats.imported_scene import MAX_COORDINATE
@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 _REPEAT, _MIRRORED_REPEAT, _CLAMP_TO_EDGE = 10497, 33648, 33071  # OpenGL's constants
 _ALPHA_MODES = {mode.name: mode for mode in AlphaMode}
+# Texture and its used channels; None: all channels are 1.
+Part = tuple[Texture | None, tuple[int, ...]]
 
 
 class _Place(NamedTuple):
@@ -145,7 +147,17 @@ class Materials:
             return given[0]
         key = (*(None if one is None else id(one.pixels) for one, _ in parts), places.pop())
         if key not in self._packs:  # storing the parts keeps their ids from being reused
-            self._packs[key] = replace(given[0], pixels=_packed_pixels(parts, given)), parts
+            from PIL import Image  # slow to import
+
+            height, width = np.max([one.pixels.shape[:2] for one in given], axis=0).tolist()
+            pixels = np.full((height, width, 4), 255, dtype=np.uint8)
+            for texture, channels in parts:
+                for channel in channels if texture is not None else ():
+                    assert texture is not None
+                    plane = Image.fromarray(np.ascontiguousarray(texture.pixels[..., channel]))
+                    plane = plane.resize((width, height), Image.Resampling.BILINEAR)
+                    pixels[..., channel] = plane
+            self._packs[key] = replace(given[0], pixels=pixels), parts
         return self._packs[key][0]
 
     def _map(
@@ -310,25 +322,6 @@ def _name(entry: JsonObject, key: str) -> str:
     """Key, with the texture that it belongs to."""
     parent = entry.place.rpartition(".")[2]
     return f"{parent}.{key}" if parent.endswith("Texture") else key
-
-
-# Maps that a file may split over several images, packed into one texture.
-
-# Texture and its used channels; None: all channels are 1.
-Part = tuple[Texture | None, tuple[int, ...]]
-
-
-def _packed_pixels(parts: Sequence[Part], given: Sequence[Texture]) -> Bytes:
-    from PIL import Image  # slow to import
-
-    height, width = np.max([one.pixels.shape[:2] for one in given], axis=0).tolist()
-    pixels = np.full((height, width, 4), 255, dtype=np.uint8)
-    for texture, channels in parts:
-        for channel in channels if texture is not None else ():
-            assert texture is not None
-            plane = Image.fromarray(np.ascontiguousarray(texture.pixels[..., channel]))
-            pixels[..., channel] = plane.resize((width, height), Image.Resampling.BILINEAR)
-    return pixels
 
 
 # Reflectance of materials: metal, roughness, gloss, clear coat and emission.

@@ -303,7 +303,7 @@ def _deforming(
 def _remade(plain: Mesh, positions: Floats, normals: Floats | None) -> tuple[Mesh, Floats]:
     """Copy of a mesh with other positions and normals, and its origin (3,)."""
     return make_mesh(
-        plain.name, positions, plain.triangles, plain.material,
+        plain.name, plain.material, positions, plain.triangles,
         normals, plain.texture_coordinates, plain.colors, plain.second_texture_coordinates,
     )  # fmt: skip
 

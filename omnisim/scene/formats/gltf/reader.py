@@ -234,9 +234,9 @@ class _Meshes:
                 continue
             new_mesh, center = make_mesh(
                 self._unique(name),
+                material,
                 positions,
                 triangles,
-                material,
                 normals=primitive.attribute("NORMAL"),
                 texture_coordinates=self._materials.uv(primitive, material),
                 colors=None if colors is None else colors_rgba(colors, 1.0),
@@ -289,16 +289,6 @@ def _differs(name: str, key: str) -> Callable[[JsonObject], bool]:
     return lambda material: material.extension_or_empty(name).number(key, 0.0) != 0.0
 
 
-def _has_sheen(material: JsonObject) -> bool:
-    color = material.extension_or_empty("KHR_materials_sheen").numbers("sheenColorFactor", 3)
-    return color is not None and any(color)
-
-
-def _is_hidden(node: JsonObject) -> bool:
-    visibility = node.extension_or_empty("KHR_node_visibility")
-    return visibility.has("visible") and not visibility.flag("visible")
-
-
 # Predicates for the objects of a feature's group; by default, all use it.
 _USES: dict[str, Callable[[JsonObject], bool]] = {
     "mode: 0, 1, 2, 3": lambda one: one.integer("mode", TRIANGLES) in POINTS_AND_LINES,
@@ -307,7 +297,10 @@ _USES: dict[str, Callable[[JsonObject], bool]] = {
         lambda channel: channel.object("target").text("path", "") == "pointer"
     ),
     "magFilter: 9728": lambda sampler: sampler.integer("magFilter", 0) == _NEAREST,
-    "KHR_node_visibility": _is_hidden,
+    "KHR_node_visibility": lambda node: (
+        (visibility := node.extension_or_empty("KHR_node_visibility")).has("visible")
+        and not visibility.flag("visible")
+    ),
     "specularGlossinessTexture": lambda material: material.extension_or_empty(
         "KHR_materials_pbrSpecularGlossiness"
     ).has("specularGlossinessTexture"),
@@ -316,7 +309,9 @@ _USES: dict[str, Callable[[JsonObject], bool]] = {
         "KHR_materials_diffuse_transmission", "diffuseTransmissionFactor"
     ),
     "KHR_materials_iridescence": _differs("KHR_materials_iridescence", "iridescenceFactor"),
-    "KHR_materials_sheen": _has_sheen,
+    "KHR_materials_sheen": lambda material: any(
+        material.extension_or_empty("KHR_materials_sheen").numbers("sheenColorFactor", 3) or ()
+    ),
     "transmissionTexture": has_transmission_map,
     "KHR_materials_variants": lambda one: one.extension("KHR_materials_variants") is not None,
 }

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from omnisim.core.arrays import Floats, Floats32
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import OutputError
 from omnisim.core.version import __version__
 from omnisim.scene.formats.gltf.materials import DEFAULT_IOR
@@ -100,7 +100,16 @@ class _Document:
             # readers take the last node first, so this keeps the order of the instances
             "scenes": [{"nodes": list(range(len(nodes) + len(light_nodes)))[::-1]}],
             "nodes": [*nodes, *light_nodes],
-            "meshes": [self._mesh(scene.meshes, each) for each in meshes],
+            "meshes": [
+                {
+                    "name": scene.meshes[each.meshes[0]].name,
+                    "primitives": [
+                        self._primitive(baked_mesh(scene.meshes[index], matrix))
+                        for index, matrix in zip(each.meshes, each.node_from_meshes, strict=True)
+                    ],
+                }
+                for each in meshes
+            ],
             "materials": self.materials.entries,
             "textures": self.materials.textures,
             "samplers": self.materials.samplers,
@@ -135,13 +144,6 @@ class _Document:
         for blob in self._blobs:
             file.write(blob)
             file.write(bytes(-len(blob) % 4))
-
-    def _mesh(self, meshes: Sequence[Mesh], written: NodeMesh) -> Entry:
-        primitives = [
-            self._primitive(baked_mesh(meshes[index], matrix))
-            for index, matrix in zip(written.meshes, written.node_from_meshes, strict=True)
-        ]
-        return {"name": meshes[written.meshes[0]].name, "primitives": primitives}
 
     def _primitive(self, mesh: Mesh) -> Entry:
         arrays = {
@@ -197,7 +199,7 @@ class NodeMesh(NamedTuple):
     node_from_meshes: tuple[Floats, ...]  # (4, 4) transforms to apply to each mesh's vertices
 
 
-def node_meshes(scene: Scene) -> tuple[list[dict[str, Any]], list[NodeMesh]]:
+def node_meshes(scene: Scene) -> tuple[list[Entry], list[NodeMesh]]:
     """Nodes of the instances, in order, and the meshes that they reference.
 
     Parts of an instance with a common frame become one node with that frame's axes, and their
@@ -206,7 +208,7 @@ def node_meshes(scene: Scene) -> tuple[list[dict[str, Any]], list[NodeMesh]]:
     """
     file_from_world = world_from_axes("y", 1.0).T
     frames = _node_from_meshes(scene)
-    nodes: list[dict[str, Any]] = []
+    nodes: list[Entry] = []
     rows: dict[tuple[int, ...], int] = {}
     meshes: list[NodeMesh] = []
 
@@ -242,7 +244,12 @@ def baked_mesh(mesh: Mesh, node_from_mesh: Floats) -> Mesh:
         if not np.array_equal(linear, np.eye(3)):
             turned = normals.astype(np.float64) @ np.linalg.inv(linear)
             normals = turned.astype(np.float32)
-        normals = _unit(normals)
+        lengths = np.linalg.norm(normals, axis=1)
+        off = np.abs(lengths - 1.0) > _UNIT
+        if off.any():
+            normals = normals.copy()
+            normals[off] /= np.where(lengths > 0.0, lengths, 1.0)[off, None]
+            normals[lengths == 0.0] = (0.0, 1.0, 0.0)
     flips = np.linalg.det(linear) < 0.0
     return replace(
         mesh,
@@ -277,22 +284,11 @@ def _node_from_meshes(scene: Scene) -> list[Floats | None]:
 def _is_exact(mesh: Mesh, node_from_mesh: Floats) -> bool:
     """True if the shape survives the float32 round trip in the node's frame."""
     baked = baked_mesh(replace(mesh, normals=None), node_from_mesh)
-    read, center = make_mesh(mesh.name, baked.positions, mesh.triangles, 0)
+    read, center = make_mesh(mesh.name, 0, baked.positions, mesh.triangles)
     linear = node_from_mesh[:3, :3]
     expected = mesh.positions.astype(np.float64) @ linear.T + node_from_mesh[:3, 3] - center
     error = np.abs(read.positions - expected).max()
     return bool(error <= _MAX_ERROR * np.abs(expected).max())
-
-
-def _unit(normals: Floats32) -> Floats32:
-    lengths = np.linalg.norm(normals, axis=1)
-    off = np.abs(lengths - 1.0) > _UNIT
-    if not off.any():
-        return normals
-    result = normals.copy()
-    result[off] /= np.where(lengths > 0.0, lengths, 1.0)[off, None]
-    result[lengths == 0.0] = (0.0, 1.0, 0.0)
-    return result
 
 
 # Materials, textures and images of an exported glTF file.
@@ -461,35 +457,25 @@ def _texture_transform(texture: Texture) -> Entry | None:
 _NARROWEST_RAD = 1e-4  # gap between a spot's cones, which glTF requires to differ
 
 
-def written_lights(lights: Sequence[Light]) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+def written_lights(lights: Sequence[Light]) -> tuple[list[Entry], list[Entry]]:
     """Entries of KHR_lights_punctual, and the nodes that reference them."""
-    nodes = [
-        {
-            "name": f"light {index}",
-            "matrix": _file_from_light(light).T.ravel().tolist(),
-            "extensions": {"KHR_lights_punctual": {"light": index}},
-        }
-        for index, light in enumerate(lights)
-    ]
-    return [_entry(light) for light in lights], nodes
-
-
-def _entry(light: Light) -> dict[str, Any]:
-    entry: dict[str, Any] = {
-        "type": light.kind.value,
-        "color": list(light.color),
-        "intensity": light.intensity,
-    }
-    if light.kind is not LightKind.DIRECTIONAL and math.isfinite(light.range_m):
-        entry["range"] = light.range_m
-    if light.kind is LightKind.SPOT:
-        inner, outer = (math.acos(min(max(one, -1.0), 1.0)) for one in light.cone_cosines)
-        outer = min(max(outer, _NARROWEST_RAD), 0.5 * math.pi)
-        entry["spot"] = {
-            "innerConeAngle": min(max(inner, 0.0), outer - _NARROWEST_RAD),
-            "outerConeAngle": outer,
-        }
-    return entry
+    entries, nodes = [], []
+    for index, light in enumerate(lights):
+        entry: Entry = {
+            "type": light.kind.value, "color": list(light.color), "intensity": light.intensity
+        }  # fmt: skip
+        if light.kind is not LightKind.DIRECTIONAL and math.isfinite(light.range_m):
+            entry["range"] = light.range_m
+        if light.kind is LightKind.SPOT:
+            inner, outer = (math.acos(min(max(one, -1.0), 1.0)) for one in light.cone_cosines)
+            outer = min(max(outer, _NARROWEST_RAD), 0.5 * math.pi)
+            inner = min(max(inner, 0.0), outer - _NARROWEST_RAD)
+            entry["spot"] = {"innerConeAngle": inner, "outerConeAngle": outer}
+        entries.append(entry)
+        matrix, extensions = _file_from_light(light), {"KHR_lights_punctual": {"light": index}}
+        node = {"name": f"light {index}", "matrix": matrix.T.ravel().tolist()}
+        nodes.append({**node, "extensions": extensions})
+    return entries, nodes
 
 
 def _file_from_light(light: Light) -> Floats:

@@ -78,8 +78,8 @@ def read_other(
     """
     plain, objects = None, list[str]()
     if path.suffix.lower() == ".obj":
-        plain, names, objects = plain_obj(data)
-        assets.given[MATERIAL_FILES] = _material_files(names, assets)
+        plain, libraries, objects = plain_obj(data)
+        assets.given[MATERIAL_FILES] = _material_files(libraries, assets)
     kind = path.suffix[1:].lower()
     if fault := early_end(kind, data):
         raise SceneError(f"cannot be read as {kind}: {fault}")
@@ -92,8 +92,17 @@ def read_other(
     if plain is not None:
         imported.notices.extend(mesh_notices("mtl", assets.given[MATERIAL_FILES]))
         imported.notices.extend(undefined_materials(plain, assets.given[MATERIAL_FILES]))
-    for asset in sorted(assets.read - texts):
-        _check_image(asset, assets)
+    for name in sorted(assets.read - texts):
+        image = b""
+        try:
+            image = assets[name]
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # about large images
+                Image.open(io.BytesIO(image)).close()
+        except MemoryError:
+            raise
+        except Exception:  # Pillow's readers raise exceptions of any type
+            assets.faults[name] = unreadable_image(image)
     return imported
 
 
@@ -118,19 +127,6 @@ def _load_with_trimesh(
         raise SceneError(f"cannot be read as {kind}: {faults}{message}") from None
 
 
-def _check_image(name: str, assets: AssetResolver) -> None:
-    data = b""
-    try:
-        data = assets[name]
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # about large images
-            Image.open(io.BytesIO(data)).close()
-    except MemoryError:
-        raise
-    except Exception:  # Pillow's readers raise exceptions of any type
-        assets.faults[name] = unreadable_image(data)
-
-
 def _material_files(names: list[str], assets: AssetResolver) -> bytes:
     """Concatenated, normalized material files of an OBJ's `mtllib` lines."""
     parts = []
@@ -146,10 +142,6 @@ def _material_files(names: list[str], assets: AssetResolver) -> bytes:
 
 
 # Import of meshes, materials and instances from trimesh scenes, loaded or built in memory.
-#
-# Colors are sRGB by convention of these formats and are decoded here; only the base color of a
-# `PBRMaterial` in memory is linear, as in glTF. Triangle winding is unreliable, so meshes are
-# double-sided unless a `PBRMaterial` in memory says otherwise.
 
 _OPAQUE_FROM = 0.999
 _ALPHA_MODES = {"OPAQUE": AlphaMode.OPAQUE, "MASK": AlphaMode.MASK, "BLEND": AlphaMode.BLEND}
@@ -262,7 +254,7 @@ def _mesh(
         positions, normals = positions[triangles].reshape(-1, 3), None
         triangles = np.arange(len(positions)).reshape(-1, 3)
     return make_mesh(
-        name, positions, triangles, material, normals, coordinates, colors, None, dropped
+        name, material, positions, triangles, normals, coordinates, colors, None, dropped
     )
 
 

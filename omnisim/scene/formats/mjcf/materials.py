@@ -45,16 +45,6 @@ def own_or_material_rgba(model: mujoco.MjModel, rgba: Floats32, material: int) -
     return red, green, blue, alpha
 
 
-def _mirror(material: Material, reflectance: float) -> Material:
-    """Material whose plane mirrors the scene with a reflectance at all angles.
-
-    A dielectric of a very large index reflects its `specular` at all angles, and the body below has
-    the rest of the light. MuJoCo adds this share of the mirrored geoms to the plane's full color,
-    and does not mirror the sky.
-    """
-    return replace(material, specular=reflectance, ior=_MIRROR_IOR, metallic=0.0, roughness=0.0)
-
-
 class Materials:
     """Materials of a model, each created once per color and cube face."""
 
@@ -83,8 +73,16 @@ class Materials:
         key = (material, rgba, face, is_solid, is_mirror)
         if key not in self._index_of:
             made = self._make(material, rgba, face, is_solid)
+            if is_mirror:
+                # A dielectric of a very large index reflects its `specular` at all angles, and the
+                # body below has the rest of the light. MuJoCo adds this share of the mirrored geoms
+                # to the plane's full color, and does not mirror the sky.
+                made = replace(
+                    made, specular=self._reflectance(material), ior=_MIRROR_IOR,
+                    metallic=0.0, roughness=0.0,
+                )  # fmt: skip
             self._index_of[key] = len(self.entries)
-            self.entries.append(_mirror(made, self._reflectance(material)) if is_mirror else made)
+            self.entries.append(made)
         return self._index_of[key]
 
     def _reflectance(self, material: int) -> float:
@@ -309,7 +307,13 @@ def _light(model: mujoco.MjModel, data: mujoco.MjData, light: int) -> Light:
     cutoff_deg = float(model.light_cutoff[light])
     if kind == _Type.mjLIGHT_POINT or cutoff_deg >= _FULL_TURN_DEG:
         return Light(LightKind.POINT, color, candela, position, casts_shadow=shadows)
-    cones = _cone_cosines(cutoff_deg, float(model.light_exponent[light]))
+    # cones whose light is half as bright where OpenGL's spot is: that falls with a power of the
+    # cosine up to the cutoff, glTF's with the square of the cosine's share between the cones
+    exponent = float(model.light_exponent[light])
+    outer = math.cos(math.radians(min(max(cutoff_deg, 0.0), 90.0)))
+    half = 0.5 ** (1.0 / exponent) if exponent > 0.0 else 0.0
+    inner = outer + (half - outer) / math.sqrt(0.5)
+    cones = min(max(inner, outer + 1e-3), 1.0), outer
     return Light(
         LightKind.SPOT, color, candela, position, direction,
         cone_cosines=cones, casts_shadow=shadows,
@@ -325,18 +329,6 @@ def _distance_m(
     if distance_m >= 0.0:
         return distance_m
     return float(np.linalg.norm(position - model.stat.center))
-
-
-def _cone_cosines(cutoff_deg: float, exponent: float) -> tuple[float, float]:
-    """Cosines of the inner and outer cones, matched to OpenGL's spot at half its level.
-
-    OpenGL's spot falls with a power of the cosine up to the cutoff; glTF's falls with the square of
-    the cosine's share between the cones.
-    """
-    outer = math.cos(math.radians(min(max(cutoff_deg, 0.0), 90.0)))
-    half = 0.5 ** (1.0 / exponent) if exponent > 0.0 else 0.0
-    inner = outer + (half - outer) / math.sqrt(0.5)
-    return min(max(inner, outer + 1e-3), 1.0), outer
 
 
 def _unit(vector: Floats) -> Floats:

@@ -87,18 +87,10 @@ class Meshes:
         self, name: str, mapped: MappedSurface, material: int, rgba: Rgba, kind: int | None = None
     ) -> tuple[int, Floats]:
         """Mesh of a geom of a kind, or of a skin or flexible body, which is double-sided."""
-        surface = mapped.surface
         index = self.materials.index(
             material, rgba, mapped.face, kind in _SOLIDS, kind == Geom.mjGEOM_PLANE
         )
-        mesh, center = make_mesh(
-            name,
-            surface.positions,
-            surface.triangles,
-            index,
-            surface.normals,
-            mapped.texture_coordinates,
-        )
+        mesh, center = make_mesh(name, index, *mapped.surface, mapped.texture_coordinates)
         self.entries.append(mesh)
         return len(self.entries) - 1, center
 

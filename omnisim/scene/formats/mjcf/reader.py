@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Collection, Iterable
 from dataclasses import replace
 from functools import partial
 from itertools import chain
@@ -74,7 +73,10 @@ def load_model(path: Path) -> tuple[mujoco.MjModel, mujoco.MjData, list[str]]:
     Raises:
         SceneError: MuJoCo cannot read the file.
     """
-    with _warnings() as warnings:
+    # otherwise they go to the console and to a log file
+    before, warnings = mujoco.get_mju_user_warning(), list[str]()
+    mujoco.set_mju_user_warning(warnings.append)
+    try:
         try:
             model = mujoco.MjModel.from_xml_path(str(path))
         except (ValueError, mujoco.FatalError) as reason:
@@ -88,18 +90,9 @@ def load_model(path: Path) -> tuple[mujoco.MjModel, mujoco.MjData, list[str]]:
         mujoco.mj_comPos(model, data)
         mujoco.mj_camlight(model, data)
         mujoco.mj_flex(model, data)
-    return model, data, warnings
-
-
-@contextmanager
-def _warnings() -> Iterator[list[str]]:
-    """Collect MuJoCo's warnings, which otherwise go to the console and to a log file."""
-    before, texts = mujoco.get_mju_user_warning(), list[str]()
-    mujoco.set_mju_user_warning(texts.append)
-    try:
-        yield texts
     finally:
         mujoco.set_mju_user_warning(before)
+    return model, data, warnings
 
 
 class ModelReader:
@@ -371,21 +364,16 @@ def find_viewpoint(
 ) -> StartPose:
     """Start pose for a model, in the world."""
     offset = float(model.stat.extent) * _OFFSET_PER_EXTENT
-    position, ahead = _camera(model, data) or (model.stat.center + offset, -offset)
+    position, ahead = model.stat.center + offset, -offset
+    fixed = np.flatnonzero(model.cam_bodyid == _WORLD)
+    if len(fixed):
+        axes, position = data.cam_xmat[fixed[0]].reshape(3, 3), data.cam_xpos[fixed[0]]
+        is_level = abs(axes[2, 2]) < 0.99  # otherwise its image top points ahead
+        ahead = -axes[:, 2] if is_level else axes[:, 1]
     rotation = world_from_file[:3, :3]
     x, y, z = (rotation @ position + world_from_file[:3, 3]).tolist()
     forward = rotation @ ahead
     return StartPose((x, y, z), math.degrees(math.atan2(forward[1], forward[0])))
-
-
-def _camera(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Floats, Floats] | None:
-    """Position (3,) and viewing direction (3,) of the first camera fixed to the world."""
-    for camera in range(model.ncam):
-        if int(model.cam_bodyid[camera]) == _WORLD:
-            axes = data.cam_xmat[camera].reshape(3, 3)
-            is_level = abs(axes[2, 2]) < 0.99  # otherwise its image top points ahead
-            return data.cam_xpos[camera].copy(), -axes[:, 2] if is_level else axes[:, 1]
-    return None
 
 
 # MuJoCo models in motion: a static scene, and moving bodies as objects.
@@ -420,11 +408,9 @@ def deformed(
         return static
     meshes, instances = list(static.meshes), list(static.instances)
     for index, one in enumerate(soft, len(instances) - len(soft)):
-        number, (positions, triangles, normals) = instances[index].mesh, one.mapped.surface
-        mesh, center = make_mesh(
-            one.name, positions, triangles, meshes[number].material, normals,
-            one.mapped.texture_coordinates,
-        )  # fmt: skip
+        number, mapped = instances[index].mesh, one.mapped
+        material, uv = meshes[number].material, mapped.texture_coordinates
+        mesh, center = make_mesh(one.name, material, *mapped.surface, uv)
         meshes[number] = mesh
         instances[index] = Instance(one.name, number, translate(np.eye(4), center), np.eye(4))
     return replace(static, meshes=tuple(meshes), instances=tuple(instances))

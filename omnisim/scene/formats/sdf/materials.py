@@ -75,12 +75,16 @@ class MaterialReader:
         if values is None:
             return plain
         emissive_map = self._map(values, "emissive_map", is_linear=False)
+        normal_map = values.find("normal_map")
+        is_placed = normal_map is not None and normal_map.attribute("type") == "object"
+        if is_placed:
+            self._omissions.count("normal maps in the object's frame are not drawn", "material")
         is_dark = emissive_map is not None and element.find("emissive") is None
         material = replace(
             plain,
             emissive=(1.0, 1.0, 1.0) if is_dark else plain.emissive,
             emissive_map=emissive_map,
-            normal_map=self._normal_map(values),
+            normal_map=None if is_placed else self._map(values, "normal_map"),
             occlusion_map=self._map(values, "ambient_occlusion_map"),
         )
         if metal is None:  # Gazebo also renders it as matte
@@ -147,13 +151,6 @@ class MaterialReader:
         if map_element is None or not map_element.own_text:
             return None
         return self._texture(map_element, map_element.own_text, is_linear)
-
-    def _normal_map(self, values: XmlElement) -> Texture | None:
-        normal_map = values.find("normal_map")
-        if normal_map is not None and normal_map.attribute("type") == "object":
-            self._omissions.count("normal maps in the object's frame are not drawn", "material")
-            return None
-        return self._map(values, "normal_map")
 
     def _metal_map(self, metal: XmlElement) -> Texture | None:
         """Texture with roughness in green and metal in blue, from two gray images."""

@@ -119,8 +119,6 @@ class _Reader:
             *self._library.notices, *unread, *self._omissions.notices, *self._files.notices,
             *self._cameras.notices,
         ]  # fmt: skip
-        if not self._instances:
-            raise SceneError("; ".join(["has no triangles to draw", *notices[:1]]))
         return ImportedScene(
             tuple(self._meshes),
             tuple(self._materials.materials),
@@ -213,10 +211,7 @@ class _Reader:
     def _place(self, shape: Shape, material: int, file_from_visual: Floats, name: str) -> None:
         key = id(shape), material
         if key not in self._made:
-            surface = shape.surface
-            mesh, center = make_mesh(
-                name, surface.positions, surface.triangles, material, surface.normals, shape.uv
-            )
+            mesh, center = make_mesh(name, material, *shape.surface, shape.uv)
             self._made[key] = len(self._meshes), center
             self._meshes.append(mesh)
         index, center = self._made[key]
@@ -320,8 +315,18 @@ def read_light(element: XmlElement, world_from_light: Floats, omissions: Omissio
     casts_shadow = element.flag("cast_shadows") and kind is not LightKind.POINT
     if kind is LightKind.DIRECTIONAL:
         return Light(kind, color, intensity, direction=axis, casts_shadow=casts_shadow)
-    range_m = element.positive("attenuation/range", 10.0)
-    candela, cones = intensity * _candela(element, range_m, omissions), (1.0, 0.0)
+    range_m, cones = element.positive("attenuation/range", 10.0), (1.0, 0.0)
+    constant, linear, quadratic = (
+        max(element.number(f"attenuation/{key}", default), 0.0)
+        for key, default in (("constant", 1.0), ("linear", 1.0), ("quadratic", 0.0))
+    )
+    if constant == linear == 0.0 and quadratic > 0.0:
+        candela = intensity * (1.0 / quadratic)
+    else:
+        omissions.count(_ATTENUATION, "light")
+        distance = min(0.25 * range_m, _REFERENCE_M)
+        falloff = constant + linear * distance + quadratic * distance**2
+        candela = intensity * (distance**2 / max(falloff, 1e-3))
     if kind is LightKind.SPOT:  # the file states full angles
         outer = min(max(element.number("spot/outer_angle", 0.0), 1e-3), math.pi)
         inner = min(max(element.number("spot/inner_angle", 0.0), 0.0), outer)
@@ -336,17 +341,3 @@ def read_light(element: XmlElement, world_from_light: Floats, omissions: Omissio
         casts_shadow=casts_shadow,
         cone_cosines=cones,
     )
-
-
-def _candela(element: XmlElement, range_m: float, omissions: Omissions) -> float:
-    """Luminous intensity, cd, of a light with intensity 1."""
-    constant, linear, quadratic = (
-        max(element.number(f"attenuation/{key}", default), 0.0)
-        for key, default in (("constant", 1.0), ("linear", 1.0), ("quadratic", 0.0))
-    )
-    if constant == linear == 0.0 and quadratic > 0.0:
-        return 1.0 / quadratic
-    omissions.count(_ATTENUATION, "light")
-    distance = min(0.25 * range_m, _REFERENCE_M)
-    falloff = constant + linear * distance + quadratic * distance**2
-    return distance**2 / max(falloff, 1e-3)

@@ -125,10 +125,7 @@ class _Reader:
         if is_mesh:
             self._read_mesh(shape, material, pose, name)
             return
-        surface = _surface(shape)
-        mesh, center = make_mesh(
-            name, surface.positions, surface.triangles, material or 0, surface.normals
-        )
+        mesh, center = make_mesh(name, material or 0, *_surface(shape))
         self._meshes.append(mesh)
         place = translate(pose, center)
         self._instances.append(Instance(name, len(self._meshes) - 1, place, pose))
@@ -176,18 +173,15 @@ class _Reader:
         key = id(stated.element)
         if key not in self._material_of:
             self._material_of[key] = len(self._materials)
-            self._materials.append(self._read_material(stated))
+            color, texture = stated.find("color"), self._texture(stated)
+            rgba = (1.0, 1.0, 1.0, 1.0) if texture is not None else _GRAY
+            if color is not None:
+                given = np.clip(color.attribute_numbers("rgba", None, 4), 0.0, 1.0)
+                red, green, blue = np.asarray(linear_from_srgb(given[:3])).tolist()
+                rgba = (red, green, blue, float(given[3]))
+            mode = AlphaMode.BLEND if rgba[3] < 1.0 else alpha_mode_of(texture)
+            self._materials.append(Material(stated.name, rgba, texture, mode, double_sided=True))
         return self._material_of[key]
-
-    def _read_material(self, element: XmlElement) -> Material:
-        color, texture = element.find("color"), self._texture(element)
-        rgba = (1.0, 1.0, 1.0, 1.0) if texture is not None else _GRAY
-        if color is not None:
-            given = np.clip(color.attribute_numbers("rgba", None, 4), 0.0, 1.0)
-            red, green, blue = np.asarray(linear_from_srgb(given[:3])).tolist()
-            rgba = (red, green, blue, float(given[3]))
-        mode = AlphaMode.BLEND if rgba[3] < 1.0 else alpha_mode_of(texture)
-        return Material(element.name, rgba, texture, mode, double_sided=True)
 
     def _texture(self, element: XmlElement) -> Texture | None:
         texture = element.find("texture")

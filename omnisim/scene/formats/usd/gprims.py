@@ -96,7 +96,7 @@ class Gprims:
         color = colors.values[0] if constant and colors is not None else None
         material = self._material(prim, appearance, color, vertex_colors is not None)
         mesh, center = make_mesh(
-            str(prim.GetPath()), faces.points[vertices.points], vertices.triangles, material,
+            str(prim.GetPath()), material, faces.points[vertices.points], vertices.triangles,
             normals, coordinates, vertex_colors,
         )  # fmt: skip
         self.meshes.append(mesh)

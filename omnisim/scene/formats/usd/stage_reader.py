@@ -116,9 +116,6 @@ class _Reader:
         read.notices.extend(self._notices.notices)
         read.notices.extend(part_notices("usd", stage_parts(self._stage, self._time)))
         read.notices.extend(self._cameras.notices)
-        if not instances:
-            reasons = "".join(f"; {notice}" for notice in read.notices[:1])
-            raise SceneError(f"has no triangles to draw{reasons}")
         for layer in self._stage.GetUsedLayers():
             if layer.realPath:
                 self._reader.note(Path(Ar.SplitPackageRelativePathOuter(layer.realPath)[0]))
@@ -137,30 +134,25 @@ class _Reader:
                 self._start = self._start or start_of_camera(world_from_camera)
                 lens = read_lens(partial(lens_of, prim, self._time))
                 self._cameras.add(self._path_name(prim), world_from_camera, lens)
-            elif prim.IsA(UsdGeom.PointInstancer):
-                placed += self._copies(site, owners, nested)
-            elif prim.IsA(UsdGeom.Mesh) or is_shape(prim):
-                placed += self._parts(site, owners)
+            elif prim.IsA(UsdGeom.PointInstancer) or prim.IsA(UsdGeom.Mesh) or is_shape(prim):
+                if not site.is_drawn:
+                    self._notices.count(f"geometry for the purpose {site.purpose} is not drawn")
+                elif prim.IsA(UsdGeom.PointInstancer):
+                    placed += self._copies(site, owners, nested)
+                elif parts := self._gprims.parts(prim):
+                    name, frame, class_name = self._object(site, owners)
+                    placed += [
+                        _PlacedMesh(
+                            name, one.mesh, translate(site.stage_from_prim, one.center), frame,
+                            class_name,
+                        )
+                        for one in parts
+                    ]  # fmt: skip
             elif prim.IsA(UsdGeom.Gprim):
                 self._notices.count(f"{prim.GetTypeName()} is not drawn")
             if len(placed) > MAX_INSTANCES:
                 raise SceneError(f"expected at most {MAX_INSTANCES:,} meshes in the scene")
         return placed
-
-    def _parts(self, site: Site, owners: dict[str, str]) -> list[_PlacedMesh]:
-        if not site.is_drawn:
-            self._notices.count(f"geometry for the purpose {site.purpose} is not drawn")
-            return []
-        parts = self._gprims.parts(site.prim)
-        if not parts:
-            return []
-        name, frame, class_name = self._object(site, owners)
-        return [
-            _PlacedMesh(
-                name, one.mesh, translate(site.stage_from_prim, one.center), frame, class_name
-            )
-            for one in parts
-        ]
 
     def _object(self, site: Site, owners: dict[str, str]) -> tuple[str, Floats, str]:
         """Name, frame (4, 4) and class of the object that contains a prim.
@@ -175,9 +167,6 @@ class _Reader:
         return owners[owner.path], owner.stage_from_object, owner.class_name
 
     def _copies(self, site: Site, owners: dict[str, str], nested: int) -> list[_PlacedMesh]:
-        if not site.is_drawn:
-            self._notices.count(f"geometry for the purpose {site.purpose} is not drawn")
-            return []
         if nested >= MAX_NESTED:
             raise SceneError(
                 f"{site.prim.GetPath()}: expected point instancers not to be in each other"

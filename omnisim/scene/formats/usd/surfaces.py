@@ -7,7 +7,7 @@ import math
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -218,6 +218,7 @@ def _relative(target: Affine, applied: Affine) -> Affine:
 
 Affine = tuple[tuple[float, float, float], tuple[float, float, float]]
 Rgba = tuple[float, float, float, float]
+Numbers = TypeVar("Numbers", bound=tuple[float, ...])
 IDENTITY: Affine = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
 _FLIP_V = np.array([[1.0, 0, 0], [0, -1, 1], [0, 0, 1]])
 _MAX_CHAIN = 20  # limit on nodes for texture coordinates, in case of a loop
@@ -254,8 +255,7 @@ class ShaderInput(NamedTuple):
 
     def color(self, default: tuple[float, float, float]) -> tuple[float, float, float]:
         """Value as a linear color, or the default."""
-        red, green, blue = numbers(self.value, default)
-        return red, green, blue
+        return numbers(self.value, default)
 
     def differs(self, neutral: float) -> bool:
         """True if the input differs from a value without effect on the image."""
@@ -289,8 +289,7 @@ class Inputs:
 
     def pair(self, name: str, default: float) -> tuple[float, float]:
         """Value of two numbers, each with the same default."""
-        first, second = numbers(self.get(name).value, (default, default))
-        return first, second
+        return numbers(self.get(name).value, (default, default))
 
     def _texture(self, node: UsdShade.Shader) -> TextureSource:
         file = self._value(node, "file")
@@ -310,9 +309,9 @@ class Inputs:
             primvar,
             ((a, b, c), (d, e, f)),
             wraps,
-            self._rgba(node, "scale", (1.0, 1.0, 1.0, 1.0)),
-            self._rgba(node, "bias", (0.0, 0.0, 0.0, 0.0)),
-            self._rgba(node, "fallback", (0.0, 0.0, 0.0, 1.0)),
+            numbers(self._value(node, "scale"), (1.0, 1.0, 1.0, 1.0)),
+            numbers(self._value(node, "bias"), (0.0, 0.0, 0.0, 0.0)),
+            numbers(self._value(node, "fallback"), (0.0, 0.0, 0.0, 1.0)),
         )
 
     def _coordinates(self, texture: UsdShade.Shader) -> tuple[str, Affine]:
@@ -357,10 +356,6 @@ class Inputs:
         value = self._value(node, name)
         return value if isinstance(value, str) else ""
 
-    def _rgba(self, node: UsdShade.Shader, name: str, default: Rgba) -> Rgba:
-        red, green, blue, alpha = numbers(self._value(node, name), default)
-        return red, green, blue, alpha
-
 
 def _source(shader_input: UsdShade.Input) -> Usd.Attribute | None:
     """Attribute with an input's value, or the shader output connected to it; None: neither."""
@@ -377,14 +372,15 @@ def _node(attribute: Usd.Attribute) -> UsdShade.Shader | None:
     return UsdShade.Shader(attribute.GetPrim())
 
 
-def numbers(value: object, default: tuple[float, ...]) -> tuple[float, ...]:
+def numbers(value: object, default: Numbers) -> Numbers:
     """Value as finite numbers, as many as in the default, or else the default."""
     if value is None or isinstance(value, str | int | float):
         return default
     array = np.asarray(value)
     if array.dtype.kind not in "fiu" or array.shape != (len(default),):
         return default
-    return tuple(array.astype(np.float64).tolist()) if np.isfinite(array).all() else default
+    values = tuple(array.astype(np.float64).tolist())
+    return cast(Numbers, values) if np.isfinite(array).all() else default
 
 
 # Textures of a stage, from files and package members, each decoded once.

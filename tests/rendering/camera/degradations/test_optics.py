@@ -75,7 +75,7 @@ def test_a_point_spreads_to_the_normal_distribution(context, widths_px):
 
 def test_point_spread_is_linear_between_rows_and_constant_beyond():
     rows = ((10.0, 1.3, 1.5), (20.0, 2.3, 1.3))
-    largest_px, table = PointSpread(rows).table()
+    largest_px, table = PointSpread(rows).table
     assert largest_px == 20.0
     radii = np.linspace(0.0, 20.0, table.shape[1])
     for axis in (0, 1):

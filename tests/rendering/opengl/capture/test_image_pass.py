@@ -98,7 +98,7 @@ def test_a_mirrors_polygons_cost_nothing_in_a_frame(monkeypatch):
                 with monkeypatch.context() as patch:
                     calls[polygons] = Calls(patch)
                     renderer.render(_at_start(stage, camera))
-                table = renderer._passes.frame.image_pass.table_bytes
+                table = renderer._passes.frame.image_pass._tables.buffers[0].size
                 assert table == 8 * 200 * 200 * camera.supersampling**2
     few, many = calls.values()
     assert few.drawn  # the image
