@@ -17,10 +17,10 @@ from omnisim.rendering.atlas.tile_plan import sensor_tiles
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.contract import CameraRays, DeformingDraw, HitSource, ScenePoses
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
+from omnisim.rendering.opengl.gl.buffers import slice_length
 from omnisim.rendering.opengl.gl.context import graphics_info
 from omnisim.rendering.opengl.gl.framebuffers import draws_layers
 from omnisim.rendering.opengl.gl.gpu_textures import check_image_size
-from omnisim.rendering.opengl.gl.memory import slice_length
 from omnisim.rendering.opengl.hits.ray_hit_pass import RayHitPass
 from omnisim.rendering.opengl.hits.visibility_pass import VisibilityPass
 from omnisim.rendering.opengl.scene_view import VirtualCameras

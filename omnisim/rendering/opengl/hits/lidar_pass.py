@@ -17,9 +17,9 @@ from omnisim.core.world import ObjectPart
 from omnisim.ground_truth.lidar_beams import BeamHits, LidarBeams, LidarPoses, Revolution, Slice
 from omnisim.rendering.atlas.tile_plan import TilePlan, plan_tiles
 from omnisim.rendering.contract import PlacedMesh, ScenePoses, SceneRays
+from omnisim.rendering.opengl.gl.buffers import gpu_allocation
 from omnisim.rendering.opengl.gl.framebuffers import framebuffer, within
 from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
-from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.pixel_readback import PixelReadback
 from omnisim.rendering.opengl.gl.shader_files import build_program, columns_first, uniform
 from omnisim.rendering.opengl.hits.ray_hit_pass import HitTables

@@ -25,8 +25,7 @@ from omnisim.rendering.opengl.hits.ray_hit_pass import RayHitPass
 from omnisim.rendering.opengl.hits.visibility_pass import VisibilityPass
 from omnisim.rendering.opengl.scene_view import VirtualCameras
 from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
-from omnisim.rendering.pixel_rays import Band, PixelRays, starts_of_rays
-from omnisim.rendering.pixel_rays import moved_points
+from omnisim.rendering.pixel_rays import Band, PixelRays, moved_points, starts_of_rays
 
 UNKNOWN_HIT = np.uint32(1 << 31)  # bit of a draw item's number, as in parallax_hits.frag
 UNKNOWN_OCCLUSION = np.uint8(2)  # as in parallax_occlusion.frag

@@ -21,9 +21,9 @@ from omnisim.rendering.opengl.capture.pixel_map import (
     bind_tiles,
     valid_pixels_array,
 )
+from omnisim.rendering.opengl.gl.buffers import gpu_allocation
 from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer, use_target, within
 from omnisim.rendering.opengl.gl.gpu_textures import renderbuffer, texture_2d
-from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.pixel_readback import PixelReadback, Pixels, Read
 from omnisim.rendering.opengl.gl.shader_files import (
     build_program,
@@ -33,7 +33,7 @@ from omnisim.rendering.opengl.gl.shader_files import (
 )
 from omnisim.rendering.opengl.hits.visibility_pass import VisibilityPass, atlas_formats
 from omnisim.rendering.opengl.world.draw_item import InstanceTransforms
-from omnisim.rendering.opengl.world.triangle_table import (
+from omnisim.rendering.opengl.world.geometry_store import (
     bind_triangles,
     table_texture,
     window_defines,
