@@ -161,7 +161,6 @@ class PixelMap:
             return texture_2d(self.context, self.size_px, 4, texels)
         texture = texture_2d(self.context, self.size_px, 4)
         target = framebuffer(self.context, [texture])
-        self.context.disable(moderngl.BLEND | moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         clear_target(target)
         self._model_array(CaptureOutput.RAY).render()
         self.valid = drawn_mask(target, self.size_px, 4, lambda rays: rays[..., 3] > 0.5)
