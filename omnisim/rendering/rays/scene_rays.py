@@ -9,8 +9,15 @@ import numpy as np
 
 from omnisim.core.arrays import Bools, Floats, Floats32, Ints32, Uints32
 from omnisim.core.world import ObjectPart
-from omnisim.ground_truth.hits import HitDetails, Hits, ThroughHits
-from omnisim.ground_truth.lidar_beams import BeamHits, EchoLimits, LidarBeams, Revolution
+from omnisim.ground_truth.hits import (
+    BeamHits,
+    EchoLimits,
+    HitDetails,
+    Hits,
+    LidarBeams,
+    Revolution,
+    ThroughHits,
+)
 from omnisim.rendering.contract import CameraSetup, PlacedMesh, ScenePoses
 from omnisim.rendering.pixel_rays import Band, PixelRays
 from omnisim.rendering.rays.beams import Beams, LidarCaster, intensities_of
