@@ -33,6 +33,7 @@ from omnisim.scene.planar_mirrors import has_specular
 
 if TYPE_CHECKING:
     from omnisim.ground_truth.lidar_beams import BeamHits, LidarBeams, Revolution, ScanBeams
+    from omnisim.ground_truth.hits import BeamHits, EchoLimits, LidarBeams, Revolution
     from omnisim.rendering.pixel_rays import Band
 
 

@@ -17,8 +17,7 @@ from omnisim.cameras.optics.shapes import Conic
 from omnisim.core.errors import OmnisimError
 from omnisim.core.poses import pose
 from omnisim.ground_truth.hits import NO_DETAILS
-from omnisim.perception.unwarping.unwarping import Unwarping
-from omnisim.perception.unwarping.views import cylinder_view
+from omnisim.perception.unwarping import Unwarping, cylinder_view
 from omnisim.rendering.camera.degradations import preset
 from omnisim.rendering.contract import ScenePoses
 from omnisim.rendering.opengl import parallax_camera

@@ -13,8 +13,8 @@ from omnisim.apps.live.run_source import LiveFrame, degrees
 from omnisim.cameras import CentralCamera, NonCentralCamera
 from omnisim.core.arrays import Bytes, Floats
 from omnisim.core.errors import OmnisimError, OpticsError
-from omnisim.perception.unwarping.unwarping import Unwarping
-from omnisim.perception.unwarping.views import (
+from omnisim.perception.unwarping import (
+    Unwarping,
     View,
     birdseye_view,
     cylinder_view,

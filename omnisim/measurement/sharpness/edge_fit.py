@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from scipy.special import ndtr
 
-from omnisim.cameras.optics.boards.board_corners import BoardCorners
+from omnisim.cameras.optics.system_calibration import BoardCorners
 from omnisim.core.arrays import Bools, Floats, Ints
 from omnisim.core.errors import MeasurementError
 from omnisim.measurement.inputs import (

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.optics.boards.board_corners import BoardCorners
+from omnisim.cameras.optics.system_calibration import BoardCorners
 from omnisim.core.arrays import Bools, Floats
 from omnisim.core.errors import MeasurementError
 from omnisim.measurement.quantity import Quantity, Unobservable

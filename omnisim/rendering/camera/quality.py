@@ -137,7 +137,7 @@ def auto_polygons(camera: CentralCamera) -> int | None:
     if isinstance(camera, HyperbolicCamera):
         max_error = (MAX_ERROR_PX - _RASTER_STEP_PX) / camera.focal_length_px
         return needed_polygons(camera.mirror, max_error, _shown(camera))
-    from omnisim.cameras.optics.mesh_error import SystemMeshErrors  # few cameras have one
+    from omnisim.cameras.optics.mesh_rays import SystemMeshErrors  # few cameras have one
 
     return SystemMeshErrors(camera).needed_polygons(MAX_ERROR_PX, limit)
 
@@ -156,7 +156,7 @@ def max_polygons(camera: CentralCamera) -> int | None:
 def mesh_error_px(camera: CentralCamera, polygons: int | None) -> float:
     """Largest mesh error in the image, outline and rasterization included; exact: 0."""
     if polygons is not None and isinstance(camera, NonCentralCamera):
-        from omnisim.cameras.optics.mesh_error import SystemMeshErrors
+        from omnisim.cameras.optics.mesh_rays import SystemMeshErrors
 
         return SystemMeshErrors(camera).of(polygons).max_px
     if polygons is None or not isinstance(camera, HyperbolicCamera):

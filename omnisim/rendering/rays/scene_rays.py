@@ -12,6 +12,7 @@ from omnisim.core.world import ObjectPart
 from omnisim.ground_truth.hits import HitDetails, Hits, ThroughHits
 from omnisim.ground_truth.lidar_beams import BeamHits, LidarBeams, Revolution, ScanBeams
 from omnisim.rendering.contract import CameraRays, CameraSetup, PlacedMesh, ScenePoses, SceneRays
+from omnisim.ground_truth.hits import EchoLimits
 from omnisim.rendering.pixel_rays import Band, PixelRays
 from omnisim.rendering.rays.beams import Beams, LidarCaster, intensities_of
 from omnisim.rendering.rays.caster import DepthLimits

@@ -16,8 +16,7 @@ from omnisim.core.arrays import Bytes, Floats
 from omnisim.core.bilinear import sample
 from omnisim.core.srgb import linear_from_srgb
 from omnisim.ground_truth.frame import Frame
-from omnisim.perception.unwarping.unwarping import Unwarping
-from omnisim.perception.unwarping.views import cylinder_view
+from omnisim.perception.unwarping import Unwarping, cylinder_view
 from omnisim.plots.style import gallery
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.report.report import CaptionedFigure, Measure, Section

@@ -11,8 +11,7 @@ from omnisim.core import coordinate_frames as frames
 from omnisim.core import poses
 from omnisim.core.arrays import Floats, Floats32
 from omnisim.core.srgb import linear_from_srgb
-from omnisim.perception.unwarping.unwarping import Unwarping
-from omnisim.perception.unwarping.views import View, perspective_view
+from omnisim.perception.unwarping import Unwarping, View, perspective_view
 from omnisim.plots.style import BLUE, GRAY, gallery, plot
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.stage import open_sensor

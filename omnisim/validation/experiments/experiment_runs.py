@@ -24,8 +24,12 @@ from omnisim.core.poses import wrap_angle
 from omnisim.core.trajectories.odometry import Odometry, OdometryErrors
 from omnisim.perception.landmarks.color_model import Training, pixel_rates
 from omnisim.perception.landmarks.landmark_detector import Detection, LandmarkDetector
-from omnisim.perception.localization.filter import LandmarkMap, Observation
-from omnisim.perception.localization.filter_parameters import FilterParameters, read_parameters
+from omnisim.perception.localization.filter import (
+    FilterParameters,
+    LandmarkMap,
+    Observation,
+    read_parameters,
+)
 from omnisim.perception.localization.track import (
     Interval,
     Track,
@@ -33,7 +37,7 @@ from omnisim.perception.localization.track import (
     mean_interval,
     observation_from_detection,
 )
-from omnisim.perception.unwarping.panorama import CameraMount
+from omnisim.perception.unwarping import CameraMount
 from omnisim.robots import simulate_odometry
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.run_data import RunData, RunLabels

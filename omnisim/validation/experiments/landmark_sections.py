@@ -10,7 +10,7 @@ import numpy as np
 
 from omnisim.core.arrays import Floats
 from omnisim.perception.landmarks.color_model import Training
-from omnisim.perception.localization.filter_parameters import FilterParameters
+from omnisim.perception.localization.filter import FilterParameters
 from omnisim.plots import localization_plots as plots
 from omnisim.plots.style import gallery
 from omnisim.report.report import CaptionedFigure, Measure, ResultTable, Section

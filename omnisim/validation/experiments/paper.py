@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from omnisim.perception.landmarks.color_model import Costs, save_model
-from omnisim.perception.localization.filter_parameters import read_parameters
+from omnisim.perception.localization.filter import read_parameters
 from omnisim.report.machine import machine_of_device
 from omnisim.report.report import Report, make_folder
 from omnisim.runs.run_data import train_on_run

@@ -22,8 +22,7 @@ from omnisim.core.srgb import linear_from_srgb8, srgb8_from_linear
 from omnisim.core.trajectories.odometry import OdometryErrors
 from omnisim.perception.landmarks.color_model import ColorModel
 from omnisim.perception.landmarks.landmark_detector import LandmarkDetector
-from omnisim.perception.localization.filter import LandmarkMap
-from omnisim.perception.localization.filter_parameters import FilterParameters
+from omnisim.perception.localization.filter import FilterParameters, LandmarkMap
 from omnisim.rendering.camera.degradations import Jpeg, Vignetting, WhiteBalance
 from omnisim.rendering.camera.degradations.defocus import covered_share
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry

@@ -28,7 +28,7 @@ from omnisim.apps.cli.measure.requests import (
     MeasureTimingRequest,
 )
 from omnisim.cameras import CentralCamera
-from omnisim.cameras.optics.boards.board_corners import BoardCorners, read_corners
+from omnisim.cameras.optics.system_calibration import BoardCorners, read_corners
 from omnisim.core.arrays import Floats
 from omnisim.core.errors import MeasurementError
 from omnisim.core.extras import require_extra
