@@ -124,6 +124,15 @@ class EchoLimits(NamedTuple):
     range_max_m: float
 
 
+class ScanBeams(NamedTuple):
+    """Beams of a scanner in a plane."""
+
+    angles_rad: Floats  # (n,) in the scanner's frame, counter-clockwise from its x axis
+    max_range_m: float  # range beyond which surfaces may be missed; may be infinite
+    # limits of echoes behind glass and mirrors; None: beams end at them
+    echo_limits: EchoLimits | None = None
+
+
 @dataclass(frozen=True, eq=False)
 class LidarBeams:
     """Beam directions of a lidar."""

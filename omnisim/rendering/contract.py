@@ -32,8 +32,7 @@ from omnisim.scene.model import Mesh
 from omnisim.scene.planar_mirrors import has_specular
 
 if TYPE_CHECKING:
-    from omnisim.ground_truth.lidar_beams import BeamHits, LidarBeams, Revolution, ScanBeams
-    from omnisim.ground_truth.hits import BeamHits, EchoLimits, LidarBeams, Revolution
+    from omnisim.ground_truth.hits import BeamHits, LidarBeams, Revolution, ScanBeams
     from omnisim.rendering.pixel_rays import Band
 
 

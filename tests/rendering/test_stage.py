@@ -11,7 +11,7 @@ from omnisim.core.errors import GraphicsError, OmnisimError, SceneError
 from omnisim.core.pending import Pending
 from omnisim.core.poses import pose
 from omnisim.core.world import WorldState
-from omnisim.ground_truth.lidar_beams import ScanBeams
+from omnisim.ground_truth.hits import ScanBeams
 from omnisim.rendering.instrument import Instrument
 from omnisim.rendering.sensor import Moment, Mount, SensorSettings
 from omnisim.sensors import DepthCamera, LaserScanner, RangeSensor, SpinningLidar

@@ -39,8 +39,7 @@ from omnisim.scene import Scene
 from omnisim.scene.surface_kind import SurfaceKind, kind_of
 
 if TYPE_CHECKING:  # imported where they are made: few images need them
-    from omnisim.ground_truth.lidar_beams import BeamHits, LidarBeams, Revolution, ScanBeams
-    from omnisim.ground_truth.hits import BeamHits, EchoLimits, LidarBeams, Revolution
+    from omnisim.ground_truth.hits import BeamHits, LidarBeams, Revolution, ScanBeams
 
 LIDAR_NEAR_M = 0.01  # smaller in small scenes
 

@@ -9,14 +9,7 @@ import numpy as np
 
 from omnisim.core.arrays import Bools, Floats, Indices, Ints32, Uints32
 from omnisim.core.world import ObjectPart, Poses
-from omnisim.ground_truth.lidar_beams import (
-    BeamHits,
-    EchoLimits,
-    LidarBeams,
-    Revolution,
-    ScanBeams,
-    Slice,
-)
+from omnisim.ground_truth.hits import BeamHits, EchoLimits, LidarBeams, Revolution, ScanBeams, Slice
 from omnisim.rendering.rays.caster import NO_TRIANGLE, RayHits, Rays
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
 from omnisim.rendering.rays.shading.shading import Shading, View

@@ -16,9 +16,14 @@ from omnisim.core.errors import GraphicsError
 from omnisim.core.pending import Pending
 from omnisim.core.random_numbers import key_of
 from omnisim.core.world import ObjectPart
-from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits, ThroughHits
-from omnisim.ground_truth.lidar_beams import LidarBeams, ScanBeams
-from omnisim.ground_truth.hits import EchoLimits
+from omnisim.ground_truth.hits import (
+    NO_DETAILS,
+    HitDetails,
+    Hits,
+    LidarBeams,
+    ScanBeams,
+    ThroughHits,
+)
 from omnisim.rendering.camera.degradations.encoding import Encoding, eight_bits
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage
 from omnisim.rendering.contract import (

@@ -9,10 +9,16 @@ import numpy as np
 
 from omnisim.core.arrays import Bools, Floats, Floats32, Ints32, Uints32
 from omnisim.core.world import ObjectPart
-from omnisim.ground_truth.hits import HitDetails, Hits, ThroughHits
-from omnisim.ground_truth.lidar_beams import BeamHits, LidarBeams, Revolution, ScanBeams
+from omnisim.ground_truth.hits import (
+    BeamHits,
+    HitDetails,
+    Hits,
+    LidarBeams,
+    Revolution,
+    ScanBeams,
+    ThroughHits,
+)
 from omnisim.rendering.contract import CameraRays, CameraSetup, PlacedMesh, ScenePoses, SceneRays
-from omnisim.ground_truth.hits import EchoLimits
 from omnisim.rendering.pixel_rays import Band, PixelRays
 from omnisim.rendering.rays.beams import Beams, LidarCaster, intensities_of
 from omnisim.rendering.rays.caster import DepthLimits

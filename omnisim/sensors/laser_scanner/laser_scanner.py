@@ -35,7 +35,7 @@ from omnisim.core.files.parameters import (
 from omnisim.core.pending import Pending
 from omnisim.core.short_repr import short_repr
 from omnisim.core.world import ObjectPart, WorldState
-from omnisim.ground_truth.lidar_beams import EchoLimits, ScanBeams
+from omnisim.ground_truth.hits import EchoLimits, ScanBeams
 from omnisim.rendering.contract import RangeFinder
 from omnisim.rendering.instrument import Instrument
 from omnisim.rendering.sensor import TABLE_SUFFIX, Moment, Mount, SensorSettings

@@ -34,7 +34,7 @@ from omnisim.core.pending import Pending
 from omnisim.core.poses import pose
 from omnisim.core.short_repr import short_repr
 from omnisim.core.world import ObjectPart
-from omnisim.ground_truth.lidar_beams import ScanBeams
+from omnisim.ground_truth.hits import ScanBeams
 from omnisim.rendering.contract import RangeFinder
 from omnisim.rendering.instrument import Instrument
 from omnisim.rendering.sensor import TABLE_SUFFIX, Moment, Mount, SensorSettings

@@ -49,7 +49,7 @@ from omnisim.measurement.response import (
     measure_response,
     measure_vignetting,
 )
-from omnisim.measurement.response.light_falloff import check_unclipped, mean_image
+from omnisim.measurement.response.response_curve import check_unclipped, mean_image
 from omnisim.measurement.sharpness import (
     EdgeSharpness,
     find_edge_images,
