@@ -6,7 +6,7 @@
 // vec4[3] matrix_at(uint item, uint which): rows of one of a draw item's matrices.
 // uvec2 primitive_at(uint triangle_id): 1 + draw item, and triangle in it; 0 for ID 0.
 // With BATCH, each image has its own draw items; the entry after the last one is its camera.
-// The layout is that of triangle_table.py, ray_hit_pass.py and visibility_pass.py.
+// The layout is that of geometry_store.py, ray_hit_pass.py and visibility_pass.py.
 
 uniform usampler2D u_corners;
 uniform usampler2D u_draw_items;

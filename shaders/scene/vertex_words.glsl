@@ -4,7 +4,7 @@
 // uint vertex_word(uint at), index_word(uint at): words of the buffers.
 // The layout of a vertex is that of omnisim/rendering/opengl/world/vertex_format.py.
 // With WINDOW_WORD_BITS, the buffers exceed the size limit of a binding. They are bound in windows
-// of 2^WINDOW_WORD_BITS words, see omnisim/rendering/opengl/world/triangle_table.py.
+// of 2^WINDOW_WORD_BITS words, see omnisim/rendering/opengl/world/geometry_store.py.
 
 layout(std430, binding = 0) readonly buffer Vertices { uint vertex_words[]; };
 layout(std430, binding = 1) readonly buffer Indices { uint indices[]; };

@@ -9,7 +9,7 @@ import pytest
 
 from omnisim.rendering.camera.omnicamera import DEFAULT_NEAR_M
 from omnisim.rendering.camera.quality import QUALITIES
-from omnisim.rendering.opengl.gl.memory import MAX_SLICE_BYTES
+from omnisim.rendering.opengl.gl.buffers import MAX_SLICE_BYTES
 from omnisim.runs.physics.convex_pieces import SLAB_M, SMALL_M
 from omnisim.runs.physics.simulation import LOST_M, OBJECT_REACH_M, PATH_REACH_M, TIPPED_COSINE
 from omnisim.runs.physics.world_model import STEP_S

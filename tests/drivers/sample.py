@@ -18,7 +18,7 @@ from omnisim.rendering.camera.degradations import Degradation, Encoding, Exposur
 from omnisim.rendering.camera.degradations.point_spread import PointSpread
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.opengl.capture import image_pass
-from omnisim.rendering.opengl.world import scene_buffers, triangle_table
+from omnisim.rendering.opengl.world import geometry_store, scene_buffers
 from omnisim.rendering.stage import Stage, open_sensor
 from omnisim.rendering.twist import Twist
 from omnisim.robots.vehicle import Vehicle
@@ -205,7 +205,7 @@ def _drawn_samples(size_px: int) -> Drawings:
 def _windows(size_px: int, count: int) -> Drawings:
     """Hits and scans where vertices and indices are larger than a binding."""
     with pytest.MonkeyPatch.context() as patch:
-        for module in (triangle_table, scene_buffers):
+        for module in (geometry_store, scene_buffers):
             patch.setattr(module, "window_bytes", lambda context: 1 << 17)
         _scans(count)
         return draw_frames(mixed_scene, PANORAMA, size_px, count, channels=EVERY_CHANNEL)

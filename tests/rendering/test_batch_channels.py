@@ -11,7 +11,7 @@ from omnisim.ground_truth import CHANNELS
 from omnisim.ground_truth.channels import FLOWS
 from omnisim.ground_truth.hits import NO_DETAILS
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.opengl.gl import framebuffers, memory
+from omnisim.rendering.opengl.gl import buffers, framebuffers
 from omnisim.rendering.opengl.hits.visibility_pass import VisibilityPass
 from omnisim.rendering.stage import Stage
 from tests.rendering.opengl.sheets import mixed_scene
@@ -65,8 +65,8 @@ def test_channels_drawn_together_are_those_of_single_frames(stage, names, monkey
 def test_slices_are_the_same(stage, monkeypatch):
     with stage.open(CAMERA) as renderer:
         whole = renderer.render_batch(_poses(5), channels=("range", "albedo"))
-        monkeypatch.setattr(memory, "MAX_SLICE_BYTES", 3 << 20)
-        assert 2 <= renderer._passes.hit_source(NO_DETAILS)._batches.slice_length() < 5
+        monkeypatch.setattr(buffers, "MAX_SLICE_BYTES", 3 << 20)
+        assert 2 <= renderer._passes.hit_source(NO_DETAILS).slice_length() < 5
         for name, values in renderer.render_batch(_poses(5), channels=tuple(whole)).items():
             np.testing.assert_array_equal(values, whole[name])
 

@@ -11,7 +11,7 @@ from omnisim.core.poses import pose
 from omnisim.core.world import WorldState
 from omnisim.rendering.camera.degradations import Degradation, Noise
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.opengl.gl import framebuffers, memory
+from omnisim.rendering.opengl.gl import buffers, framebuffers
 from omnisim.rendering.stage import Stage
 from omnisim.scene import load_scene
 from omnisim.scene.model import Light, Lighting, LightKind
@@ -70,7 +70,7 @@ def test_images_are_those_of_single_frames(stage, camera, images_a_slice, monkey
 
 
 def test_slices_bound_the_memory(stage, monkeypatch):
-    monkeypatch.setattr(memory, "MAX_SLICE_BYTES", 1 << 20)
+    monkeypatch.setattr(buffers, "MAX_SLICE_BYTES", 1 << 20)
     with stage.open(PAPER) as renderer:
         renderer.render_batch(_poses(9))
         batches = renderer._passes.frame

@@ -25,6 +25,7 @@ from omnisim.rendering.contract import Readback, ScenePoses, SubFrames
 from omnisim.rendering.opengl.capture.atlas_levels import AtlasLevels
 from omnisim.rendering.opengl.capture.image_pass import RemapPass, image_pass
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
+from omnisim.rendering.opengl.gl.buffers import gpu_allocation, slice_length
 from omnisim.rendering.opengl.gl.framebuffers import (
     attach_layer,
     attach_texture,
@@ -41,7 +42,6 @@ from omnisim.rendering.opengl.gl.gpu_textures import (
     texture_2d,
     texture_array,
 )
-from omnisim.rendering.opengl.gl.memory import gpu_allocation, slice_length
 from omnisim.rendering.opengl.gl.pixel_readback import (
     PixelReadback,
     Pixels,

@@ -17,11 +17,10 @@ from omnisim.rendering.opengl.capture.pixel_map import (
     drawn_mask,
     valid_pixels_array,
 )
-from omnisim.rendering.opengl.gl.buffers import gpu_buffer
+from omnisim.rendering.opengl.gl.buffers import gpu_allocation, gpu_buffer
 from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer, within
 from omnisim.rendering.opengl.gl.functions import StorageBindings
 from omnisim.rendering.opengl.gl.gpu_textures import renderbuffer, texture_2d
-from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.pixel_readback import Pixels, read_once
 from omnisim.rendering.opengl.gl.shader_files import build_program, uniform
 from omnisim.rendering.opengl.gl.state import GlState
@@ -72,7 +71,6 @@ class RemapPass:
         target = framebuffer(
             context, [renderbuffer(context, samples.size_px, parts, dtype="f4") for parts in (2, 1)]
         )
-        context.disable(moderngl.BLEND | moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         clear_target(target, *[(-1.0, -1.0, 0.0, 0.0)] * 2)
         samples.vertex_array(CaptureOutput.UV, plan).render()
         corrections = samples.corrections(_values(target, 0)[..., 0] >= 0.0)

@@ -13,7 +13,7 @@ from omnisim.rendering.atlas.parallax_plan import MARGIN_PX, ParallaxRays, Sampl
 from omnisim.rendering.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.capture.image_pass import image_array
 from omnisim.rendering.opengl.capture.pixel_map import valid_pixels_array
-from omnisim.rendering.opengl.gl.buffers import gpu_buffer
+from omnisim.rendering.opengl.gl.buffers import gpu_allocation, gpu_buffer
 from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer, use_target
 from omnisim.rendering.opengl.gl.functions import StorageBindings
 from omnisim.rendering.opengl.gl.gpu_textures import (
@@ -22,7 +22,6 @@ from omnisim.rendering.opengl.gl.gpu_textures import (
     renderbuffer,
     texture_2d,
 )
-from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.pixel_readback import PixelReadback, Pixels
 from omnisim.rendering.opengl.gl.shader_files import (
     build_compute_shader,
@@ -176,7 +175,6 @@ class _ColorPass:
         for unit, texture in enumerate(self._rays, start=_RAYS):
             texture.use(unit)
         atlas.use(_ATLAS)
-        self._context.disable(moderngl.BLEND | moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         use_target(self._surfaces_target)
         self._surfaces_array.render()
         self._surfaces.use(_SURFACES)

@@ -17,7 +17,7 @@ import numpy as np
 
 from omnisim.cameras import CentralCamera, HyperbolicCamera, MirroredCamera, Rays
 from omnisim.cameras.mirrors import MirrorMesh, tessellate
-from omnisim.cameras.mirrors.mirror_mesh_rays import mesh_rays
+from omnisim.cameras.mirrors.hyperbolic import mesh_rays
 from omnisim.core.arrays import Bools, Floats, Floats32
 from omnisim.core.cube import FACE_FROM_RIG, FACE_NAMES
 from omnisim.rendering.atlas.sampling_density import dilate
@@ -161,7 +161,6 @@ class PixelMap:
             return texture_2d(self.context, self.size_px, 4, texels)
         texture = texture_2d(self.context, self.size_px, 4)
         target = framebuffer(self.context, [texture])
-        self.context.disable(moderngl.BLEND | moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         clear_target(target)
         self._model_array(CaptureOutput.RAY).render()
         self.valid = drawn_mask(target, self.size_px, 4, lambda rays: rays[..., 3] > 0.5)

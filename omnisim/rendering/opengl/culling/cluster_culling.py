@@ -19,10 +19,9 @@ from numpy.typing import NDArray
 from omnisim.core.arrays import Bools, Floats, Indices, Uints32
 from omnisim.rendering.contract import ScenePoses
 from omnisim.rendering.opengl.culling.clusters import ClusterHierarchy
-from omnisim.rendering.opengl.gl.buffers import gpu_buffer, written_buffer
+from omnisim.rendering.opengl.gl.buffers import gpu_allocation, gpu_buffer, written_buffer
 from omnisim.rendering.opengl.gl.functions import COMMAND_BYTES, StorageBindings
 from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
-from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.shader_files import (
     build_compute_shader,
     columns_first,

@@ -59,7 +59,6 @@ class DegradationPass:
 
     def add(self, linear: moderngl.Texture, row_weights: Floats32 | None = None) -> None:
         """Add a sub-frame, with each row's share (height,) of the exposure; None: the whole."""
-        self._context.disable(moderngl.BLEND | moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         self._current = linear
         for step in self._optics:
             self._run(step)

@@ -8,9 +8,9 @@ from contextlib import contextmanager
 import moderngl
 
 from omnisim.rendering.opengl.gl import debug
+from omnisim.rendering.opengl.gl.buffers import AllocationError
 from omnisim.rendering.opengl.gl.functions import ENUM, INT, POINTER, end_pass, gl_function
 from omnisim.rendering.opengl.gl.gpu_textures import depth_array
-from omnisim.rendering.opengl.gl.memory import AllocationError
 from omnisim.rendering.opengl.gl.reversed_depth import CLEAR_DEPTH
 from omnisim.rendering.opengl.gl.state import GlState
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from omnisim.core.errors import GraphicsError
 from omnisim.rendering.opengl.gl import debug
+from omnisim.rendering.opengl.gl.buffers import AllocationError, check_allocation
 from omnisim.rendering.opengl.gl.functions import ENUM, INT, POINTER, end_pass, gl_function
-from omnisim.rendering.opengl.gl.memory import AllocationError, check_allocation
 
 AnyTexture = moderngl.Texture | moderngl.Texture3D | moderngl.TextureArray
 TextureT = TypeVar("TextureT", moderngl.Texture, moderngl.Texture3D, moderngl.TextureArray)

@@ -18,7 +18,12 @@ from numpy.typing import NDArray
 
 from omnisim.core.arrays import Bytes
 from omnisim.core.errors import GraphicsError
-from omnisim.rendering.opengl.gl.buffers import copy_buffer, immutable_buffer
+from omnisim.rendering.opengl.gl.buffers import (
+    check_allocation,
+    copy_buffer,
+    gpu_allocation,
+    immutable_buffer,
+)
 from omnisim.rendering.opengl.gl.functions import (
     ENUM,
     INT,
@@ -29,7 +34,6 @@ from omnisim.rendering.opengl.gl.functions import (
     flush,
     gl_function,
 )
-from omnisim.rendering.opengl.gl.memory import check_allocation, gpu_allocation
 
 LENGTH = 3  # one buffer is drawn, one read, one copied
 

@@ -17,11 +17,11 @@ from omnisim.rendering.atlas.tile_plan import sensor_tiles
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.contract import CameraRays, DeformingDraw, HitSource, ScenePoses
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
+from omnisim.rendering.opengl.gl.buffers import slice_length
 from omnisim.rendering.opengl.gl.context import graphics_info
 from omnisim.rendering.opengl.gl.framebuffers import draws_layers
 from omnisim.rendering.opengl.gl.gpu_textures import check_image_size
-from omnisim.rendering.opengl.gl.memory import slice_length
-from omnisim.rendering.opengl.hits.ray_hit_pass import OcclusionPass, RayHitPass
+from omnisim.rendering.opengl.hits.ray_hit_pass import RayHitPass
 from omnisim.rendering.opengl.hits.visibility_pass import VisibilityPass
 from omnisim.rendering.opengl.scene_view import VirtualCameras
 from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
@@ -120,13 +120,13 @@ class CubeHits(DrawnHits):
         visibility = VisibilityPass(buffers, parts[0].plan, cameras, details)
         self._passes = RayHitPass(visibility, self._pixels, parts)
         self.has_ray = self._pixels.valid
+        self._reserved: tuple[HitDetails, int, RayHitPass] | None = None  # details, images
 
     def refresh(self) -> None:
         """Adapt to the scene after its buffers have changed."""
         super().refresh()
         self._passes.refresh()
-        if "_batches" in self.__dict__:
-            self._batches.refresh()
+        self._reserved = None
 
     def rays(self) -> Floats32:
         """Unit rays (height, width, 3), optical frame."""
@@ -136,44 +136,14 @@ class CubeHits(DrawnHits):
         """Intersect all rays with the triangles visible around them."""
         return self._passes.render([poses], details).result()[0]
 
-    def batch_hits(
-        self, poses: Sequence[ScenePoses], details: HitDetails = NO_DETAILS
-    ) -> Iterator[Hits]:
-        """Intersect the rays of many images, drawn together."""
-        return self._batches.hits(poses, details)
-
-    @cached_property
-    def _batches(self) -> HitBatches:
-        return HitBatches(self._passes)
-
     def begin_occlusion(
         self, other: ScenePoses, other_from_current: Floats, deformed: Hits | None
     ) -> Pending[Bools]:
         """Begin to render the occlusion from another viewpoint."""
         if deformed is not None:
             self._passes.put_points(deformed)
-        bits = self._occlusion_pass.begin(other, other_from_current)
+        bits = self._passes.occlusion.begin(other, other_from_current)
         return bits.then(lambda values: values > 0)
-
-    @cached_property
-    def _occlusion_pass(self) -> OcclusionPass:
-        return OcclusionPass(self._passes)
-
-
-class HitBatches:
-    """Intersects the rays of many images, each with the triangles that its camera sees.
-
-    Args:
-        passes: passes of a single image.
-    """
-
-    def __init__(self, passes: RayHitPass):
-        self._passes = passes
-        self._reserved: tuple[HitDetails, int, RayHitPass] | None = None
-
-    def refresh(self) -> None:
-        """Update after the buffers changed."""
-        self._reserved = None
 
     def slice_length(self, details: HitDetails = NO_DETAILS) -> int:
         """Maximum number of images per slice; 1: single images are faster."""
@@ -193,12 +163,13 @@ class HitBatches:
         image_bytes += visibility.culling_bytes + passes.tables.image_bytes
         return slice_length(context, height, image_bytes, visibility.culling_bytes)
 
-    def hits(self, poses: Sequence[ScenePoses], details: HitDetails = NO_DETAILS) -> Iterator[Hits]:
-        """Yield the hits of each image in order; see `RayHitPass.render`."""
+    def batch_hits(
+        self, poses: Sequence[ScenePoses], details: HitDetails = NO_DETAILS
+    ) -> Iterator[Hits]:
+        """Intersect the rays of many images, drawn together."""
         length = min(self.slice_length(details), len(poses))
         if length <= 1:
-            for one in poses:
-                yield from self._passes.render([one], details).result()
+            yield from (self.hits(one, details) for one in poses)
             return
         length = -(-len(poses) // -(-len(poses) // length))
         drawn: Pending[list[Hits]] | None = None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Sequence
 from dataclasses import replace
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 
 import moderngl
 import numpy as np
@@ -14,12 +14,12 @@ from omnisim.cameras import CylindricalCamera
 from omnisim.core.coordinate_frames import BASE_FROM_OPTICAL_LOOKING_AHEAD
 from omnisim.core.poses import pose_from_rotation, rotation_from_yaw
 from omnisim.core.world import ObjectPart
-from omnisim.ground_truth.lidar_beams import BeamHits, LidarBeams, LidarPoses, Revolution, Slice
+from omnisim.ground_truth.hits import BeamHits, LidarBeams, LidarPoses, Revolution, Slice
 from omnisim.rendering.atlas.tile_plan import TilePlan, plan_tiles
 from omnisim.rendering.contract import PlacedMesh, ScenePoses, SceneRays
+from omnisim.rendering.opengl.gl.buffers import gpu_allocation
 from omnisim.rendering.opengl.gl.framebuffers import framebuffer, within
 from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
-from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.pixel_readback import PixelReadback
 from omnisim.rendering.opengl.gl.shader_files import build_program, columns_first, uniform
 from omnisim.rendering.opengl.hits.ray_hit_pass import HitTables
@@ -77,7 +77,7 @@ class LidarPass:
             self._hits = texture_2d(context, size, 4, dtype="u4")
             self._target = framebuffer(context, [self._hits])
         self._readback = PixelReadback(context)
-        self._sector = lru_cache(maxsize=4)(self._make_sector)
+        self._sector = lru_cache(maxsize=4)(partial(_Sector, buffers, beams, self._cameras))
 
     def refresh(self) -> None:
         """Update after the buffers changed."""
@@ -97,12 +97,16 @@ class LidarPass:
         rays = np.einsum("fij,rfj->rfi", revolution.rotations, directions)
         texels[..., :3], texels[..., 3] = rays, revolution.shares
         self._rays.write(texels)
-        slices = revolution.slices
+        slices, azimuths_rad = revolution.slices, self._beams.azimuths_rad
         for one in slices:
             sector = self._sector(slices[0].last, len(slices) == 1)
             for first in range(one.first, one.last, sector.firings):
                 part = replace(one, first=first, last=min(first + sector.firings, one.last))
-                sector.render(part, self._target, self._rays, self._heading_rad(part))
+                heading_rad = 0.0  # of the middle; of a whole revolution any
+                if part.last - part.first < len(azimuths_rad):
+                    ends_rad = azimuths_rad[part.first], azimuths_rad[part.last - 1]
+                    heading_rad = float(0.5 * (ends_rad[0] + ends_rad[1]))
+                sector.render(part, self._target, self._rays, heading_rad)
         hits = np.empty((*size, 4), dtype=np.uint32)
         self._readback.read((self._hits, hits))
         triangles = hits[..., 2].view(np.int32)
@@ -115,16 +119,6 @@ class LidarPass:
             PlacedMesh(one.object_index, one.name, one.object_from_mesh.tobytes(), one.triangles)
             for one in self._buffers.draw_items
         ]
-
-    def _heading_rad(self, one: Slice) -> float:
-        """Azimuth of a slice's middle; 0 for a whole revolution."""
-        azimuths_rad = self._beams.azimuths_rad
-        if one.last - one.first == len(azimuths_rad):
-            return 0.0
-        return float(0.5 * (azimuths_rad[one.first] + azimuths_rad[one.last - 1]))
-
-    def _make_sector(self, firings: int, is_whole: bool) -> _Sector:
-        return _Sector(self._buffers, self._beams, self._cameras, firings, is_whole)
 
 
 class _Sector:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from functools import cached_property
 
 import moderngl
 import numpy as np
@@ -22,7 +21,7 @@ from omnisim.rendering.opengl.capture.pixel_map import PixelMap
 from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
 from omnisim.rendering.opengl.gl.shader_files import uniform
 from omnisim.rendering.opengl.hits.drawn_hits import DrawnHits
-from omnisim.rendering.opengl.hits.ray_hit_pass import OcclusionPass, RayHitPass
+from omnisim.rendering.opengl.hits.ray_hit_pass import RayHitPass
 from omnisim.rendering.opengl.hits.visibility_pass import VisibilityPass
 from omnisim.rendering.opengl.scene_view import VirtualCameras
 from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
@@ -213,7 +212,7 @@ class ParallaxHits(DrawnHits):
         # from the points in the pass, relative to both viewpoints
         transforms = other_from_current.copy()
         transforms[..., 3] += other_from_current[..., :3] @ self._from_rig_m - offset_m
-        bits = self._occlusion_pass.begin(other._replace(world_from_rig=pose), transforms)
+        bits = self._passes.occlusion.begin(other._replace(world_from_rig=pose), transforms)
         return bits.then(self._occluded)
 
     def _occluded(self, bits: Bytes) -> Bools:
@@ -231,10 +230,6 @@ class ParallaxHits(DrawnHits):
                 self._numbers,
             )
         return occluded
-
-    @cached_property
-    def _occlusion_pass(self) -> OcclusionPass:
-        return OcclusionPass(self._passes)
 
     def _viewpoint_pose(self, poses: ScenePoses) -> Floats:
         """Pose (4, 4) of the virtual cameras."""

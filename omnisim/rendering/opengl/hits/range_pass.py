@@ -15,9 +15,9 @@ from omnisim.rendering.opengl.gl.buffers import gpu_buffer, written_buffer
 from omnisim.rendering.opengl.gl.pixel_readback import PixelReadback
 from omnisim.rendering.opengl.gl.shader_files import build_compute_shader, columns_first
 from omnisim.rendering.opengl.world.draw_item import DrawItem
+from omnisim.rendering.opengl.world.geometry_store import bind_triangles, window_defines
 from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.world.scene_textures import TextureArray
-from omnisim.rendering.opengl.world.triangle_table import bind_triangles, window_defines
 from omnisim.scene.surface_kind import SurfaceKind
 
 _GROUP_SIZE = 256  # triangles, as in range.comp

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Any, ClassVar, NamedTuple
+from functools import cached_property
+from typing import Any, ClassVar
 
 import moderngl
 import numpy as np
@@ -20,19 +21,19 @@ from omnisim.rendering.opengl.capture.pixel_map import (
     bind_tiles,
     valid_pixels_array,
 )
+from omnisim.rendering.opengl.gl.buffers import gpu_allocation
 from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer, use_target, within
 from omnisim.rendering.opengl.gl.gpu_textures import renderbuffer, texture_2d
-from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.pixel_readback import PixelReadback, Pixels, Read
 from omnisim.rendering.opengl.gl.shader_files import (
     build_program,
     columns_first,
-    find_uniform,
+    set_uniforms,
     uniform,
 )
 from omnisim.rendering.opengl.hits.visibility_pass import VisibilityPass, atlas_formats
-from omnisim.rendering.opengl.world.draw_item import DrawItem, InstanceTransforms
-from omnisim.rendering.opengl.world.triangle_table import (
+from omnisim.rendering.opengl.world.draw_item import InstanceTransforms
+from omnisim.rendering.opengl.world.geometry_store import (
     bind_triangles,
     table_texture,
     window_defines,
@@ -44,15 +45,6 @@ _DETAIL_UNITS = {"u_albedos": 4, "u_gloss": 5, "u_emission": 7}
 # Define and attachment components of each detail.
 _DEFINES = {"normals": "NORMALS", "albedos": "ALBEDO", "materials": "MATERIALS"}
 _PARTS = {"normals": (3,), "albedos": (3,), "materials": (2, 3)}
-
-
-class _Variant(NamedTuple):
-    """Program for a set of channels, and its target."""
-
-    target: moderngl.Framebuffer
-    viewpoint_from_optical: moderngl.Uniform | None  # of one image; several have it in the tables
-    draw_items: moderngl.Uniform | None  # of several images: number of draw items of each
-    vertex_array: moderngl.VertexArray
 
 
 class RayHitPass:
@@ -107,7 +99,7 @@ class RayHitPass:
                     renderbuffer(context, size, 4, dtype="f4"),
                     renderbuffer(context, size, 2, dtype="u4"),
                 ]
-        self._variants: dict[HitDetails, _Variant] = {}
+        self._drawings: dict[HitDetails, tuple[moderngl.Framebuffer, moderngl.VertexArray]] = {}
         self.tables = HitTables(visibility)
         self.readback = PixelReadback(context)
         self._compiled_windows = self._windows()
@@ -121,7 +113,7 @@ class RayHitPass:
         self.visibility.buffers.check_readable("to look up what its pixels show")
         if self._windows() != self._compiled_windows:
             self._compiled_windows = self._windows()
-            self._variants = {}
+            self._drawings = {}
         self.visibility.refresh()
         self.tables.refresh()
 
@@ -133,26 +125,32 @@ class RayHitPass:
         Details that textures change need a `visibility` that draws them.
         """
         visibility, buffers = self.visibility, self.visibility.buffers
-        variant, rig_from_optical = self._variant(details), self.pixels.camera.rig_from_optical
+        (target, array), camera = self._drawing(details), self.pixels.camera
         transforms = [
             buffers.instance_transforms(one.viewpoint_m, one.world_from_objects) for one in shots
         ]
-        rotations = np.array([one.world_from_rig[:3, :3] @ rig_from_optical for one in shots])
-        if variant.viewpoint_from_optical is not None:
-            variant.viewpoint_from_optical.write(columns_first(rotations[0]))
-        if variant.draw_items is not None:
-            variant.draw_items.value = 1 + len(buffers.draw_items)
-        for part in self.using_parts(variant.vertex_array.program, rig_from_optical):
+        rotations = np.array(
+            [one.world_from_rig[:3, :3] @ camera.rig_from_optical for one in shots]
+        )
+        # of a single image, and of several, which have their rotations in the tables
+        set_uniforms(
+            array.program,
+            {
+                "u_viewpoint_from_optical": columns_first(rotations[0]),
+                "u_draw_item_count": 1 + len(buffers.draw_items),
+            },
+        )
+        for part in self.using_parts(array.program, camera.rig_from_optical):
             visibility.render(shots, details)
-            with within(variant.target, part.rectangle_px):
+            with within(target, part.rectangle_px):
                 normals = [one.normal_from_mesh for one in transforms]
                 self.tables.update(transforms, normals, rotations)
                 self.bind()
                 visibility.bind_details(details, _DETAIL_UNITS)
                 # vertices and indices, from which normals are interpolated
                 bind_triangles(buffers.context, buffers.vertices, buffers.triangles.indices)
-                variant.vertex_array.render(moderngl.TRIANGLES, instances=len(shots))
-        return self.begin_reading(variant.target, len(shots), details)
+                array.render(moderngl.TRIANGLES, instances=len(shots))
+        return self.begin_reading(target, len(shots), details)
 
     def using_parts(
         self, program: moderngl.Program, rig_from_optical: Floats
@@ -196,6 +194,11 @@ class RayHitPass:
 
         return Pending(finish)
 
+    @cached_property
+    def occlusion(self) -> OcclusionPass:
+        """Occlusion of the last hits from another viewpoint."""
+        return OcclusionPass(self)
+
     def put_points(self, hits: Hits) -> None:
         """Replace the points of the last hits, for occlusion."""
         self.points.write(np.ascontiguousarray(hits.points_and_ranges_m))
@@ -209,10 +212,10 @@ class RayHitPass:
         self.tables.bind_program(program, rig_from_optical)
         uniform(program, "u_rays").value = RAYS_UNIT
 
-    def _variant(self, details: HitDetails) -> _Variant:
-        """Program and target of details, created on first use."""
-        if details in self._variants:
-            return self._variants[details]
+    def _drawing(self, details: HitDetails) -> tuple[moderngl.Framebuffer, moderngl.VertexArray]:
+        """Target of details, and rectangles with their program, created on first use."""
+        if details in self._drawings:
+            return self._drawings[details]
         context, images = self.pixels.context, self._images
         defines = [*self._compiled_windows, *(_DEFINES[name] for name in details.components)]
         defines += [] if images is None else ["BATCH"]
@@ -229,16 +232,11 @@ class RayHitPass:
         # pixels without a ray are never drawn
         nothing = 0.0, 0.0, 0.0, np.inf
         clear_target(target, nothing, None, *(nothing for _ in more))
-        array = valid_pixels_array(context, program, self.pixels.valid)
         if images is not None:
             uniform(program, "u_images").value = images
-        self._variants[details] = _Variant(
-            target,
-            find_uniform(program, "u_viewpoint_from_optical"),
-            find_uniform(program, "u_draw_item_count"),
-            array,
-        )
-        return self._variants[details]
+        array = valid_pixels_array(context, program, self.pixels.valid)
+        self._drawings[details] = target, array
+        return target, array
 
 
 # Textures of the draw items, for shaders with `ground_truth/intersect.glsl`.
@@ -269,7 +267,12 @@ class HitTables:
         draws = visibility.buffers.draw_items
         self._draw_items = np.zeros(len(draws), dtype=_DRAW_ITEM)
         self._draw_items["first"] = [draw.first for draw in draws]
-        self._draw_items["flags"] = [_flags(draw, visibility.both_sides) for draw in draws]
+        self._draw_items["flags"] = [
+            _MASKED * bool(draw.kind & SurfaceKind.HOLES)
+            + _DOUBLE_SIDED * (draw.material.double_sided or visibility.both_sides)
+            + _FLIPS_WINDING * draw.flips_winding
+            for draw in draws
+        ]
         self._texture: moderngl.Texture | None = None
 
     def bind_program(self, program: moderngl.Program, rig_from_optical: Floats) -> None:
@@ -316,14 +319,6 @@ class HitTables:
     def image_bytes(self) -> int:
         """Size of one image's draw items, bytes."""
         return int(_DRAW_ITEM.itemsize * (len(self._draw_items) + 1))
-
-
-def _flags(draw: DrawItem, both_sides: bool) -> int:
-    return (
-        _MASKED * bool(draw.kind & SurfaceKind.HOLES)
-        + _DOUBLE_SIDED * (draw.material.double_sided or both_sides)
-        + _FLIPS_WINDING * draw.flips_winding
-    )
 
 
 # Occlusion of an image's points from the next viewpoint.

@@ -20,6 +20,7 @@ from omnisim.core.arrays import Indices
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails
 from omnisim.rendering.atlas.tile_plan import TilePlan
 from omnisim.rendering.contract import ScenePoses
+from omnisim.rendering.opengl.gl.buffers import gpu_allocation
 from omnisim.rendering.opengl.gl.framebuffers import (
     COLORS,
     DEPTH,
@@ -34,7 +35,6 @@ from omnisim.rendering.opengl.gl.gpu_textures import (
     texture_2d,
     texture_array,
 )
-from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.shader_files import build_program, find_uniform, uniform
 from omnisim.rendering.opengl.gl.state import GlState
 from omnisim.rendering.opengl.scene_view import TileRenderer, VirtualCameras
@@ -48,9 +48,9 @@ from omnisim.rendering.opengl.surfaces.scene_drawer import (
 )
 from omnisim.rendering.opengl.world.clustered_geometry import Bucket, ClusteredGeometry
 from omnisim.rendering.opengl.world.draw_item import DrawItem
+from omnisim.rendering.opengl.world.geometry_store import ROW_BITS
 from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.world.scene_textures import TextureArray
-from omnisim.rendering.opengl.world.triangle_table import ROW_BITS
 from omnisim.scene.surface_kind import SurfaceKind
 
 

@@ -17,10 +17,9 @@ import numpy as np
 from omnisim.core.arrays import Bytes, Floats, Indices
 from omnisim.rendering.atlas.tile_plan import TilePlan, TileViews
 from omnisim.rendering.contract import ScenePoses
-from omnisim.rendering.opengl.gl.buffers import gpu_buffer
+from omnisim.rendering.opengl.gl.buffers import gpu_allocation, gpu_buffer
 from omnisim.rendering.opengl.gl.framebuffers import framebuffer
 from omnisim.rendering.opengl.gl.gpu_textures import depth_texture, texture_2d
-from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.reversed_depth import CLEAR_DEPTH
 from omnisim.rendering.opengl.gl.shader_files import build_program, uniform
 from omnisim.rendering.opengl.gl.state import GlState

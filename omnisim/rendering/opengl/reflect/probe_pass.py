@@ -21,6 +21,7 @@ from omnisim.core.world import time_of
 from omnisim.rendering.atlas.tile_plan import TilePlan, cube_plan
 from omnisim.rendering.contract import ScenePoses
 from omnisim.rendering.opengl.capture.pixel_map import bind_tiles
+from omnisim.rendering.opengl.gl.buffers import gpu_allocation
 from omnisim.rendering.opengl.gl.framebuffers import attach_layer, framebuffer
 from omnisim.rendering.opengl.gl.gpu_textures import (
     bind_texture,
@@ -30,7 +31,6 @@ from omnisim.rendering.opengl.gl.gpu_textures import (
     limit_levels,
     texture_2d,
 )
-from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.shader_files import build_program, uniform
 from omnisim.rendering.opengl.gl.state import GlState
 from omnisim.rendering.opengl.scene_view import SceneParts, SceneView, VirtualCameras

@@ -15,9 +15,8 @@ import numpy as np
 
 from omnisim.core.arrays import Bools, Floats, Indices, bounds_of
 from omnisim.core.world import Poses, time_of
-from omnisim.rendering.opengl.gl.buffers import written_buffer
+from omnisim.rendering.opengl.gl.buffers import gpu_allocation, written_buffer
 from omnisim.rendering.opengl.gl.framebuffers import use_target
-from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.reversed_depth import CLEAR_DEPTH
 from omnisim.rendering.opengl.shadows.caster_drawer import CasterDrawer
 from omnisim.rendering.opengl.shadows.kept_cascades import DepthLevels, KeptCascades

@@ -27,8 +27,12 @@ from omnisim.rendering.opengl.culling.clusters import (
     Clusters,
     build_clusters,
 )
-from omnisim.rendering.opengl.gl.buffers import gpu_buffer, read_buffer, written_buffer
-from omnisim.rendering.opengl.gl.memory import gpu_allocation
+from omnisim.rendering.opengl.gl.buffers import (
+    gpu_allocation,
+    gpu_buffer,
+    read_buffer,
+    written_buffer,
+)
 from omnisim.rendering.opengl.world.draw_item import DrawItem, LightSource
 from omnisim.rendering.opengl.world.scene_textures import TextureArray, vertex_details
 from omnisim.rendering.opengl.world.vertex_format import VertexPalette

@@ -10,11 +10,9 @@ from numpy.typing import NDArray
 
 from omnisim.core.arrays import Floats32, Uints32
 from omnisim.core.errors import GraphicsError
-from omnisim.rendering.opengl.gl.buffers import gpu_buffer, written_buffer
-from omnisim.rendering.opengl.gl.memory import gpu_allocation
+from omnisim.rendering.opengl.gl.buffers import gpu_allocation, gpu_buffer, written_buffer
 from omnisim.rendering.opengl.gl.shader_files import build_compute_shader
-from omnisim.rendering.opengl.world.geometry_store import IndexRange
-from omnisim.rendering.opengl.world.triangle_table import TriangleTable
+from omnisim.rendering.opengl.world.geometry_store import IndexRange, TriangleTable
 from omnisim.scene.motion.deformation import Deformation
 
 _GROUP_SIZE = 64  # local_size_x of the shaders

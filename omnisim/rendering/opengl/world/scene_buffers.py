@@ -22,17 +22,18 @@ from omnisim.rendering.opengl.world.clustered_geometry import (
     build_clustered_geometry,
 )
 from omnisim.rendering.opengl.world.draw_item import DrawItem, InstanceTransforms, LightSource
-from omnisim.rendering.opengl.world.geometry_store import GeometryStore, geometry_key
+from omnisim.rendering.opengl.world.geometry_store import (
+    MAX_WINDOWS,
+    GeometryStore,
+    TriangleTable,
+    geometry_key,
+    window_bytes,
+)
 from omnisim.rendering.opengl.world.mesh_deformer import MeshDeformer
 from omnisim.rendering.opengl.world.scene_textures import (
     MaterialTable,
     MaterialTextures,
     vertex_details,
-)
-from omnisim.rendering.opengl.world.triangle_table import (
-    MAX_WINDOWS,
-    TriangleTable,
-    window_bytes,
 )
 from omnisim.scene.model import Instance, Scene
 from omnisim.scene.parts import LightRectangle

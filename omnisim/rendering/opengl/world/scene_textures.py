@@ -11,6 +11,7 @@ import numpy as np
 
 from omnisim.core.arrays import Bytes, Floats32
 from omnisim.core.errors import GraphicsError
+from omnisim.rendering.opengl.gl.buffers import gpu_allocation
 from omnisim.rendering.opengl.gl.gpu_textures import (
     RGBA8,
     SRGB8_ALPHA8,
@@ -21,7 +22,6 @@ from omnisim.rendering.opengl.gl.gpu_textures import (
     texture_3d,
     upload,
 )
-from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.shader_files import set_uniforms
 from omnisim.scene.light.baked_light import BakedLight
 from omnisim.scene.mipmaps import masked_mipmaps, mipmaps

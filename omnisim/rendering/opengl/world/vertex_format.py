@@ -8,8 +8,8 @@ import moderngl
 import numpy as np
 
 from omnisim.core.arrays import Floats32, Uints32
+from omnisim.rendering.opengl.gl.buffers import gpu_allocation
 from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
-from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.world.vertex_records import CLUSTER_VERTEX, INSTANCE, VERTEX
 
 # Attribute locations of cluster programs, as in shaders/scene/vertex.glsl.

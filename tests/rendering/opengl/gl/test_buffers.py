@@ -7,9 +7,14 @@ import pytest
 
 from omnisim.core.errors import GraphicsError
 from omnisim.rendering.opengl.gl import debug
-from omnisim.rendering.opengl.gl.buffers import gpu_buffer, read_buffer, written_buffer
+from omnisim.rendering.opengl.gl.buffers import (
+    AllocationError,
+    gpu_allocation,
+    gpu_buffer,
+    read_buffer,
+    written_buffer,
+)
 from omnisim.rendering.opengl.gl.functions import gl_function
-from omnisim.rendering.opengl.gl.memory import AllocationError, gpu_allocation
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")
 

@@ -4,8 +4,8 @@ import pytest
 
 from omnisim.core.errors import GraphicsError
 from omnisim.rendering.opengl.gl import gpu_textures
+from omnisim.rendering.opengl.gl.buffers import AllocationError, gpu_allocation
 from omnisim.rendering.opengl.gl.framebuffers import framebuffer
-from omnisim.rendering.opengl.gl.memory import AllocationError, gpu_allocation
 
 
 @pytest.mark.parametrize(

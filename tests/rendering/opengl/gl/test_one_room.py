@@ -29,7 +29,7 @@ MAKERS = {
 # Of a moderngl.Buffer: these map it.
 MAPPING = {"read_chunks", "read_chunks_into", "write_chunks", "orphan"}
 # Of a moderngl.Context: these set what `GlState` does.
-STATE = {"enable_only", "enable", "depth_func", "front_face", "cull_face", "blend_func"}
+STATE = {"enable_only", "enable", "disable", "depth_func", "front_face", "blend_func"}
 SUSPECT = re.compile(
     rf"\.({'|'.join([*MAKERS, *MAPPING])})\(|\.({'|'.join(STATE)})\b"
     "|ctypes|gl_function|end_pass|Fences"

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from omnisim.rendering.opengl.world.triangle_table import NO_NEIGHBOR, neighbors
+from omnisim.rendering.opengl.world.geometry_store import NO_NEIGHBOR, neighbors
 from tests.vehicles import box
 
 

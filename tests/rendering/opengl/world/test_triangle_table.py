@@ -3,8 +3,8 @@
 import numpy as np
 
 from omnisim.rendering.opengl.gl.buffers import read_buffer
+from omnisim.rendering.opengl.world.geometry_store import NO_NEIGHBOR, neighbors
 from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
-from omnisim.rendering.opengl.world.triangle_table import NO_NEIGHBOR, neighbors
 from omnisim.scene.model import AlphaMode, Material
 from tests.rendering.opengl.sheets import sheet
 from tests.scenes import scene_of

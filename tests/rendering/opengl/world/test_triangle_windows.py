@@ -5,7 +5,7 @@ import pytest
 
 from omnisim.core.poses import pose
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.opengl.world import scene_buffers, triangle_table
+from omnisim.rendering.opengl.world import geometry_store, scene_buffers
 from omnisim.rendering.stage import Stage
 from omnisim.sensors.laser_scanner.laser_scanner import LaserScanner
 from tests.rendering.opengl.sheets import dynamic_object, mixed_scene
@@ -32,7 +32,7 @@ def test_windows_hit_the_same(monkeypatch):
     expected, none = _hits()
     assert none == ()
     size = 1 << 17  # a third of the vertices, half of the indices
-    for module in (triangle_table, scene_buffers):
+    for module in (geometry_store, scene_buffers):
         monkeypatch.setattr(module, "window_bytes", lambda context: size)
     found, windows = _hits()
     assert windows == ("WINDOW_WORD_BITS 15",)
