@@ -317,11 +317,7 @@ class CameraRays(Protocol):
         """
 
     def through(
-        self,
-        poses: ScenePoses,
-        hits: Hits,
-        is_specular: Bools,
-        numbers: Mapping[ObjectPart, int],
+        self, poses: ScenePoses, hits: Hits, is_specular: Bools, numbers: Mapping[ObjectPart, int]
     ) -> ThroughHits:
         """Surfaces behind glass and after mirrors, given the first hits.
 
@@ -363,11 +359,7 @@ class SceneRays(BeamSource):
 
     @abstractmethod
     def with_intensities(
-        self,
-        beams: LidarBeams,
-        revolution: Revolution,
-        draws: Sequence[PlacedMesh],
-        hits: BeamHits,
+        self, beams: LidarBeams, revolution: Revolution, draws: Sequence[PlacedMesh], hits: BeamHits
     ) -> BeamHits:
         """Hits of a revolution, given with their triangles, with the surfaces' intensities.
 

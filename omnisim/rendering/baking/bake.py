@@ -41,7 +41,7 @@ from omnisim.rendering.baking.lightmap_atlas import automatic_atlas, build_atlas
 from omnisim.rendering.baking.patches import NO_PATCH, Patches, build_patches
 from omnisim.rendering.baking.settings import BakeSettings
 from omnisim.rendering.baking.specular import SpecularSurfaces
-from omnisim.rendering.baking.transport import INSIDE, SKY, PatchHits, Transport
+from omnisim.rendering.baking.transport import INSIDE, SKY, Transport
 from omnisim.rendering.rays.ray_scene import RayScene
 from omnisim.scene.light.environment import factors_of_moments, spherical_harmonics
 from omnisim.scene.model import Mesh, Scene
@@ -454,7 +454,11 @@ class ProbeBaker:
             aims = np.broadcast_to(direction, origins.shape)
             hits = self._transport.cast(origins, np.ascontiguousarray(aims))
             inside += (hits.patches == INSIDE) | self._transport.is_back(hits)
-            light = self._light(hits)
+            light = self._seen[np.maximum(hits.patches, 0)]
+            light[hits.patches < 0] = 0.0
+            free = np.flatnonzero(hits.patches == SKY)
+            light[free] = self._gatherer.sky(hits.directions[free])
+            light *= hits.shares
             moments += shares[:, None] * light[:, None]
         moments *= 4.0 * np.pi / _RAYS
         for lamp in lamps_on(self._lighting, self._transport, origins):
@@ -465,13 +469,6 @@ class ProbeBaker:
             "sh": factors_of_moments(moments).astype(np.float32),
             "valid": inside <= _MAX_INSIDE * _RAYS,
         }
-
-    def _light(self, hits: PatchHits) -> Floats32:
-        light = self._seen[np.maximum(hits.patches, 0)]
-        light[hits.patches < 0] = 0.0
-        free = np.flatnonzero(hits.patches == SKY)
-        light[free] = self._gatherer.sky(hits.directions[free])
-        return light * hits.shares
 
 
 # Tiles of unfinished bakes, as files: an interrupted bake resumes from them.

@@ -108,7 +108,8 @@ def bake_scene(
             write_arrays(file, _joined(bake.atlas.unwrappings), is_compressed=True)
         text = json.dumps(document, indent=1) + "\n"
         (partial / "baked.json").write_text(text, encoding="utf-8", newline="\n")
-        clear(output)
+        for name in FILES:  # makes room for the new ones
+            (output / name).unlink(missing_ok=True)
     folder.remove()
     return BakeSizes(bake.atlas.size_px, bake.texel_m, int(probes["valid"].sum()))
 
@@ -189,12 +190,6 @@ def is_finished(
     return False
 
 
-def clear(output: Path) -> None:
-    """Remove the files of a bake, to make room for another."""
-    for name in FILES:
-        (output / name).unlink(missing_ok=True)
-
-
 def _document(output: Path) -> Mapping[str, Any]:
     try:
         document = json.loads((output / FILES[0]).read_text(encoding="utf-8"))
@@ -226,11 +221,7 @@ def lightmap(patches: Patches, light: Floats32, is_valid: Bools) -> Floats32:
     ).astype(np.float32)
     pixels /= np.maximum(counts, 1.0)[:, None]
     known = (counts > 0.0).reshape(height, width)
-    return _spread(pixels.reshape(height, width, 3), known, patches.charts)
-
-
-def _spread(pixels: Floats32, known: Bools, charts: Ints32) -> Floats32:
-    """Pixels (height, width, 3), unknown ones filled stepwise with means of known neighbors."""
+    pixels, charts = pixels.reshape(height, width, 3), patches.charts
     for _ in range(_MAX_STEPS):
         sums, counts = np.zeros_like(pixels), np.zeros(known.shape, dtype=np.float32)
         for to, of in NEIGHBORS:

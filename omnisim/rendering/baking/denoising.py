@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from omnisim.core.arrays import Bools, Floats32
+from omnisim.rendering.baking.emitters import LUMINANCE
 from omnisim.rendering.baking.patches import Patches
 
 _STEPS = (1, 2, 4)  # texels between the samples of the filter
@@ -23,7 +24,6 @@ _ALIKE = 2.0  # similarity limit, standard deviations
 _MIN_COSINE = 0.9
 _PLANE_TEXELS, _NEAR_TEXELS = 0.5, 1.5  # distance off the plane; distance relative to the atlas
 _BAND = 256  # rows per step
-_LUMINANCE = np.array((0.2126, 0.7152, 0.0722), dtype=np.float32)
 
 
 class TexelSurfaces(NamedTuple):
@@ -65,7 +65,7 @@ def denoised(
     maps = _Maps(
         spread(surfaces.positions_m), spread(surfaces.normals), spread(patches.spacing_m), known
     )
-    spreads = (0.5 * (halves[:, 0] - halves[:, 1]) @ _LUMINANCE).astype(np.float32)
+    spreads = (0.5 * (halves[:, 0] - halves[:, 1]) @ LUMINANCE).astype(np.float32)
     pixels, variances = spread(light), spread(spreads * spreads)
     variances = _filtered(maps, variances[..., None], None, 1, margin)[0][..., 0]
     for step in _STEPS:
@@ -89,7 +89,7 @@ def _filtered(
         for shifted, weight in _neighbors(maps, inner, step):
             if variances is not None:
                 # by the difference of light relative to its noise
-                off = np.abs((pixels[shifted] - pixels[inner]) @ _LUMINANCE)
+                off = np.abs((pixels[shifted] - pixels[inner]) @ LUMINANCE)
                 noise = np.sqrt(variances[inner] + variances[shifted])
                 weight = weight * np.exp(-off / (np.float32(_ALIKE) * noise + np.float32(1e-6)))
                 squares += weight * weight * variances[shifted]

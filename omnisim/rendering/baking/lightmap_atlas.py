@@ -83,10 +83,10 @@ def build_atlas(
     Raises:
         SceneError: texels are so small that the atlas exceeds `MAX_SIDE_PX`.
     """
-    texels_m, areas = texel_sizes_m(scene, texel_m, has_back, limit), areas_m2(scene)
-    scales = np.array(
-        [_scale(instance.world_from_mesh) for instance in scene.instances]
-    ) / np.maximum(texels_m, 1e-12)
+    areas, finest_m = areas_m2(scene), coarseness(scene) * texel_m
+    texels_m = _limited(areas * (1 + has_back), lengths_m(scene), finest_m, limit)
+    volumes = [np.abs(np.linalg.det(one.world_from_mesh[:3, :3])) for one in scene.instances]
+    scales = np.array([one ** (1.0 / 3.0) for one in volumes]) / np.maximum(texels_m, 1e-12)
     unwrappings: dict[int, Unwrapping] = {}
     sizes_px = np.zeros((len(scene.instances), 2), dtype=np.intp)
     of_mesh: dict[int, list[int]] = {}
@@ -111,11 +111,6 @@ def build_atlas(
     if max(size_px) > MAX_SIDE_PX:
         raise _too_fine(texel_m, scene, float(np.prod(size_px)))
     return Atlas(unwrappings, rects_px, back_rects_px, texels_m, size_px)
-
-
-def _scale(matrix: Floats) -> float:
-    """Mean scale factor of lengths."""
-    return float(np.abs(np.linalg.det(matrix[:3, :3])) ** (1.0 / 3.0))
 
 
 def _too_fine(texel_m: float, scene: Scene, texels: float) -> SceneError:
@@ -201,13 +196,8 @@ def first_texel_m(scene: Scene, has_back: Bools, texels: int) -> float:
     return texel_m
 
 
-def texel_sizes_m(scene: Scene, texel_m: float, has_back: Bools, limit: int) -> Floats:
-    """Texel sizes (n,) of the instances; instances with a back have twice as many texels."""
-    areas = areas_m2(scene) * (1 + has_back)
-    return _limited(areas, lengths_m(scene), coarseness(scene) * texel_m, limit)
-
-
 def _limited(areas: Floats, lengths: Floats, texels_m: Floats, limit: int) -> Floats:
+    """Texel sizes (n,) of instances by the areas of their visible sides, and their lengths."""
     sizes: Floats = np.maximum(texels_m, np.sqrt(areas / limit))
     return np.maximum(sizes, lengths / MAX_LENGTH)
 
@@ -294,20 +284,15 @@ def atlas_of_sleeping_threads() -> Iterator[xatlas.Atlas]:
     try:
         yield atlas
     finally:
-        _wait_until_asleep(_threads() - others)
+        end_s = time.monotonic() + _MAX_WAIT_S  # other libraries' threads may work on
+        for thread in _threads() - others:
+            while _is_awake(thread) and time.monotonic() < end_s:
+                time.sleep(0)  # lets it run
 
 
 def _threads() -> Set[str]:
     """Numbers of this process's threads; empty: not on Linux."""
     return set(os.listdir(_THREADS)) if _THREADS.is_dir() else set()
-
-
-def _wait_until_asleep(threads: Set[str]) -> None:
-    """Wait until threads sleep, at most a second: some may be other libraries', and work on."""
-    end_s = time.monotonic() + _MAX_WAIT_S
-    for thread in threads:
-        while _is_awake(thread) and time.monotonic() < end_s:
-            time.sleep(0)  # lets it run
 
 
 def _is_awake(thread: str) -> bool:

@@ -80,10 +80,7 @@ class LidarCaster:
     """
 
     def __init__(
-        self,
-        scene: Callable[[], RayScene],
-        beams: LidarBeams,
-        hidden: frozenset[ObjectPart],
+        self, scene: Callable[[], RayScene], beams: LidarBeams, hidden: frozenset[ObjectPart]
     ):
         self._scene, self._beams, self._hidden = scene, beams, hidden
 
@@ -171,11 +168,7 @@ class LidarCaster:
 
 
 def intensities_of(
-    scene: RayScene,
-    beams: LidarBeams,
-    revolution: Revolution,
-    draw_ids: Uints32,
-    triangles: Ints32,
+    scene: RayScene, beams: LidarBeams, revolution: Revolution, draw_ids: Uints32, triangles: Ints32
 ) -> Floats:
     """Intensities (rings, firings) of the beams of a revolution that hit known triangles.
 

@@ -10,10 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from omnisim.core.arrays import AnyFloats, Bools, Floats, Floats32, Indices, Ints32
-from omnisim.core.world import ObjectPart, time_of
+from omnisim.core.world import ObjectPart, Poses, time_of
 from omnisim.scene.model import Instance, Material, Mesh, Scene, Texture
-
-Poses = Sequence[Floats]  # (4, 4) each, world_from_object
 
 
 class Surface(NamedTuple):

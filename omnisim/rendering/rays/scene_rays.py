@@ -73,11 +73,7 @@ class CastScene(SceneRays):
         return LidarCaster(self.ray_scene, beams, hidden)
 
     def with_intensities(
-        self,
-        beams: LidarBeams,
-        revolution: Revolution,
-        draws: Sequence[PlacedMesh],
-        hits: BeamHits,
+        self, beams: LidarBeams, revolution: Revolution, draws: Sequence[PlacedMesh], hits: BeamHits
     ) -> BeamHits:
         """Drawn hits of a revolution with the intensities of their surfaces."""
         scene = self.surfaces()
@@ -171,11 +167,7 @@ class CastCamera(CameraRays):
         )  # fmt: skip
 
     def through(
-        self,
-        poses: ScenePoses,
-        hits: Hits,
-        is_specular: Bools,
-        numbers: Mapping[ObjectPart, int],
+        self, poses: ScenePoses, hits: Hits, is_specular: Bools, numbers: Mapping[ObjectPart, int]
     ) -> ThroughHits:
         """Surfaces behind glass and after mirrors, given the first hits."""
         through = ThroughHits.of_first(hits)

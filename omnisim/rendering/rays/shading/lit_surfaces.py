@@ -14,7 +14,12 @@ import numpy as np
 from omnisim.core.arrays import AnyFloats, Bools, Floats, Floats32, Indices, Ints32
 from omnisim.core.bilinear import sample
 from omnisim.rendering.rays.caster import RayHits, Rays
-from omnisim.rendering.rays.shading.ray_optics import ABOVE, TracedGloss, facing_views
+from omnisim.rendering.rays.shading.ray_optics import (
+    ABOVE,
+    TracedGloss,
+    clipped_cosines,
+    facing_views,
+)
 from omnisim.scene.model import LAMP_NEAR_M, Light, Lighting, LightKind
 from omnisim.scene.surface_reflectance import COAT_F0, environment_table, smith_visibility
 
@@ -138,9 +143,6 @@ class Shadows(NamedTuple):
 # Reflection and emission of surfaces.
 
 
-_MIN_COSINE = 1e-3
-
-
 class Reflectance(NamedTuple):
     """Reflectance of surfaces (n,) or (n, 3), as in shaders/scene/reflectance.glsl."""
 
@@ -211,7 +213,7 @@ def _widened(roughness: AnyFloats, spreads: AnyFloats) -> AnyFloats:
 
 def coat_fresnel(strengths: AnyFloats, directions: SurfaceDirections) -> AnyFloats:
     """Schlick's reflectance (n,) of clear coats with strengths (n,)."""
-    grazing = (1.0 - _cosines(directions.coat_normals, directions.views)) ** 5
+    grazing = (1.0 - clipped_cosines(directions.coat_normals, directions.views)) ** 5
     return strengths * (COAT_F0 + (1.0 - COAT_F0) * grazing)
 
 
@@ -224,12 +226,12 @@ def _lamp(
     grazing = (1.0 - np.clip(_dot(directions.views, halfway), 0.0, 1.0)) ** 5
     gloss = _between(surface.f0, surface.f90, grazing)
     light = np.maximum(_dot(directions.normals, toward), 0.0)
-    view = _cosines(directions.normals, directions.views)
+    view = clipped_cosines(directions.normals, directions.views)
     gloss *= microfacets(surface.roughness, directions.normals, halfway, light, view)[:, None]
     lost = _between(surface.dielectric_f0, surface.dielectric_f90, grazing).max(axis=1)
     total = (light * (1.0 - coat))[:, None] * (surface.body * (1.0 - lost)[:, None] + gloss)
     light = np.maximum(_dot(directions.coat_normals, toward), 0.0)
-    view = _cosines(directions.coat_normals, directions.views)
+    view = clipped_cosines(directions.coat_normals, directions.views)
     facets = microfacets(surface.coat_roughness, directions.coat_normals, halfway, light, view)
     total += (coat * light * facets)[:, None]
     return lamp.levels[:, None] * lamp.color * total
@@ -244,7 +246,7 @@ def _environment(
     traced: Traced | None,
 ) -> AnyFloats:
     normals, views = directions.normals, directions.views
-    shares = _shares(_cosines(normals, views), surface.roughness)
+    shares = _shares(clipped_cosines(normals, views), surface.roughness)
     lost = _between(surface.dielectric_f0, surface.dielectric_f90, shares[:, 2]).max(axis=1)
     body = surface.body * (1.0 - lost)[:, None]
     gloss = surface.f0 * shares[:, :1] + surface.f90[:, None] * shares[:, 1:2]
@@ -256,7 +258,7 @@ def _environment(
     total += reflected
     total *= (1.0 - coat)[:, None]
     if coat.any():
-        coated = _shares(_cosines(directions.coat_normals, views), surface.coat_roughness)
+        coated = _shares(clipped_cosines(directions.coat_normals, views), surface.coat_roughness)
         normals, roughness = directions.coat_normals, surface.coat_roughness
         seen = _radiance(lighting, directions, normals, roughness, baked)
         reflected = (coat * coated[:, :2].sum(axis=1))[:, None] * seen
@@ -323,10 +325,6 @@ def microfacets(
 def _between(f0: AnyFloats, f90: AnyFloats, grazing: AnyFloats) -> AnyFloats:
     """Schlick's reflectance (n, 3) between f0 (n, 3) and f90 (n,)."""
     return f0 + (f90[:, None] - f0) * grazing[:, None]
-
-
-def _cosines(normals: AnyFloats, views: AnyFloats) -> AnyFloats:
-    return np.clip(np.abs(_dot(normals, views)), _MIN_COSINE, 1.0)
 
 
 def _dot(one: AnyFloats, other: AnyFloats) -> AnyFloats:

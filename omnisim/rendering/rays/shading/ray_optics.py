@@ -140,7 +140,7 @@ def traced_gloss(
     paths = tracing.paths
     if paths.bounce >= MAX_BOUNCES:
         return None
-    grazing = (1.0 - _cosines(lobe.normals, -arrivals.rays.directions)) ** 5
+    grazing = (1.0 - clipped_cosines(lobe.normals, -arrivals.rays.directions)) ** 5
     fresnel = lobe.f0.max(axis=1) + (lobe.f90 - lobe.f0.max(axis=1)) * grazing
     weights = paths.weights * lobe.strength * fresnel
     is_traced = transmits | (lobe.roughness <= MAX_TRACED_ROUGHNESS)
@@ -263,7 +263,7 @@ def _visible_facets(
         numbers: two random numbers (n,) in [0, 1).
     """
     alpha = np.sqrt(squared)[:, None]
-    heights = _cosines(normals, views)[:, None]
+    heights = clipped_cosines(normals, views)[:, None]
     # the distribution is stretched by alpha across the normal, and so are the views
     flat = views - np.einsum("nc,nc->n", views, normals)[:, None] * normals
     stretched = alpha * flat + heights * normals
@@ -293,14 +293,15 @@ def _shadowing(
     normals: AnyFloats, views: AnyFloats, directions: AnyFloats, squared: AnyFloats
 ) -> AnyFloats:
     """Shadowing G2 / G1 (n,) of height-correlated facets; 0 for directions below the surface."""
-    view = _cosines(normals, views)
+    view = clipped_cosines(normals, views)
     light = np.einsum("nc,nc->n", normals, directions)
     seen = 2.0 * view / (view + np.sqrt(view * view * (1.0 - squared) + squared))
     both = 4.0 * light * view * smith_visibility(np.maximum(light, 0.0), view, squared)
     return np.where(light > 0.0, both / seen, 0.0)
 
 
-def _cosines(normals: AnyFloats, views: AnyFloats) -> AnyFloats:
+def clipped_cosines(normals: AnyFloats, views: AnyFloats) -> AnyFloats:
+    """Cosines (n,) between normals and views (n, 3), of either side, at least 0.001."""
     return np.clip(np.abs(np.einsum("nc,nc->n", normals, views)), 1e-3, 1.0)
 
 

@@ -242,11 +242,7 @@ class Shading:
         return materials
 
     def lit(
-        self,
-        colors: Floats32,
-        view: View,
-        cast_shadow: CastShadow,
-        tracing: Tracing | None = None,
+        self, colors: Floats32, view: View, cast_shadow: CastShadow, tracing: Tracing | None = None
     ) -> Floats32:
         """Light (n, 3), linear RGB, from surfaces of base colors (n, 3 or more) toward the rays.
 
