@@ -1,1 +1,4 @@
-"""Plans of the atlas in NumPy: sampling density, tiles of virtual cameras, and parts of images."""
+"""Plans of the atlas in NumPy, without a back end: sampling density, tiles, parts of images.
+
+Limits of a GPU are arguments.
+"""
