@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, assert_never
+from typing import Any, assert_never
 
 import numpy as np
 
@@ -44,10 +44,6 @@ from omnisim.scene.model import (
 )
 from omnisim.scene.motion.object_motion import Along, FreeBody, Orbit, Rest, Rolling, Shuttle
 from omnisim.scene.surface_kind import SurfaceKind, kind_of
-
-if TYPE_CHECKING:
-    from omnisim.core.trajectories import Trajectory
-
 
 Named = Sequence[NamedStart | ScenePath | Landmark | DynamicObject]
 
@@ -286,7 +282,18 @@ def _motion(
         case None:
             return table.build(Rest if table.mass_kg is None else FreeBody)
         case ObjectPathTable() as path:
-            return Along(_trajectory(path), path.repeats)
+            from omnisim.core.trajectories import Trajectory
+
+            yaw_deg = path.yaw_deg or (0.0,) * len(path.times_s)
+            for key, values in (("positions_m", path.positions_m), ("yaw_deg", yaw_deg)):
+                if len(values) != len(path.times_s):
+                    raise TrajectoryError(
+                        f"path.{key}: expected {len(path.times_s)}, one for each of times_s, "
+                        f"got {len(values)}"
+                    )
+            rotations = rotation_from_yaw(np.radians(yaw_deg))
+            poses = pose_from_rotation(rotations, np.array(path.positions_m))
+            return Along(Trajectory(np.array(path.times_s), poses), path.repeats)
         case ObjectTrajectoryTable() as along:
             from omnisim.core.trajectories import read_trajectory
 
@@ -295,20 +302,6 @@ def _motion(
             return motion
         case other:
             assert_never(other)
-
-
-def _trajectory(path: ObjectPathTable) -> Trajectory:
-    from omnisim.core.trajectories import Trajectory
-
-    yaw_deg = path.yaw_deg or (0.0,) * len(path.times_s)
-    for key, values in (("positions_m", path.positions_m), ("yaw_deg", yaw_deg)):
-        if len(values) != len(path.times_s):
-            raise TrajectoryError(
-                f"path.{key}: expected {len(path.times_s)}, one for each of times_s, "
-                f"got {len(values)}"
-            )
-    poses = pose_from_rotation(rotation_from_yaw(np.radians(yaw_deg)), np.array(path.positions_m))
-    return Trajectory(np.array(path.times_s), poses)
 
 
 # Light and fog by the tables of a scene's TOML file.

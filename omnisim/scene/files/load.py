@@ -119,7 +119,7 @@ def read_scene(
         FileAxes(up_axis, meters_per_unit),
         tuple(map(Path, resources)),
         animation,
-        sky=None if sky is None or str(sky) == NO_SKY else sky_table(sky),
+        sky=None if sky is None or str(sky) == NO_SKY else _sky_table(sky),
         keeps_sky=sky is None,
         takes_baked=baked is None and sky is None,
     )
@@ -174,7 +174,7 @@ def _build(
     if not options.keeps_sky:  # also of the base scenes; a clear sky keeps the files' sun
         sky = None if outer else options.sky
         is_clear = sky is not None and sky.file is None
-        files = files.with_sky(sky, shining_sun(files, reader) if is_clear else None)
+        files = files.with_sky(sky, _shining_sun(files, reader) if is_clear else None)
     folder = Path() if options.sky is not None or files.toml is None else files.folder
     if files.toml is None:
         return _lit(_build_mesh_file(files, options, reader), files, folder, reader)
@@ -434,7 +434,7 @@ class SceneSource(NamedTuple):
         return self._replace(settings=self.settings.model_copy(update={"sky": sky, "sun": sun}))
 
 
-def shining_sun(source: SceneSource, reader: SourceReader) -> SunTable | None:
+def _shining_sun(source: SceneSource, reader: SourceReader) -> SunTable | None:
     """Sun of a source or of its base scenes; None: no sun, or faulty files."""
     seen = set()
     while not source.settings.has_own_sky and source.base is not None and source.toml not in seen:
@@ -446,7 +446,7 @@ def shining_sun(source: SceneSource, reader: SourceReader) -> SunTable | None:
     return source.settings.sun
 
 
-def sky_table(sky: str | Path) -> SkyTable:
+def _sky_table(sky: str | Path) -> SkyTable:
     """Sky table from the name "clear" or from the path of an environment map.
 
     Raises:

@@ -171,8 +171,7 @@ def shape_faces(prim: Usd.Prim, time: Usd.TimeCode, meters_per_unit: float) -> F
     surface = read_shape(prim, time, meters_per_unit)
     if not len(surface.triangles):
         return None
-    is_left_handed = _is_left_handed(prim, time)
-    triangles = surface.triangles[:, ::-1] if is_left_handed else surface.triangles
+    triangles = surface.triangles[:, ::-1] if _is_left_handed(prim, time) else surface.triangles
     vertices = triangles.ravel().astype(np.int64)
     corners = np.arange(len(vertices)).reshape(-1, 3)
     polygons = np.zeros(len(corners), np.int64)  # a shape counts as one face
