@@ -93,10 +93,8 @@ def _end_slope(times_s: Floats, values: Floats) -> Floats:
 def _rotation_vectors(times_s: Floats, vectors: Floats, rates: Floats) -> scipy.interpolate.PPoly:
     """Rotation vectors relative to the previous pose, as cubics of time.
 
-    Args:
-        times_s: (n,) times of the poses.
-        vectors: (n − 1, 3) rotation vectors from each pose to the next.
-        rates: (n, 3) angular rates at the poses, body.
+    They are made from the poses' times (n,), the vectors (n − 1, 3) from each pose to the next, and
+    the angular rates (n, 3) at the poses, body.
     """
     steps_s = np.diff(times_s)[:, None]
     begin, finish = rates[:-1], _vector_rates(vectors, rates[1:])
