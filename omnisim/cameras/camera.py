@@ -105,12 +105,9 @@ class NonCentralCamera(CentralCamera, Protocol):
 
 
 def pixels_of_points(camera: CentralCamera, points_m: Floats, is_finite: Bools) -> Pixels:
-    """Pixels of points (n, 3), optical frame, for any camera.
+    """Pixels of points (n, 3) in meters, optical frame, for any camera.
 
-    Args:
-        camera: camera model.
-        points_m: points in meters, or directions where `is_finite` is False.
-        is_finite: (n,), False for points at infinity.
+    Where `is_finite` (n,) is False, they are directions to points at infinity.
     """
     if not isinstance(camera, NonCentralCamera):
         return camera.pixel_from_ray(points_m)
@@ -125,11 +122,7 @@ def pixels_of_points(camera: CentralCamera, points_m: Floats, is_finite: Bools) 
 
 
 def check_central(camera: CentralCamera, use: str) -> None:
-    """Reject a camera without an effective viewpoint.
-
-    Args:
-        camera: camera to check.
-        use: operation that needs a viewpoint, for the message.
+    """Reject a camera without an effective viewpoint; `use` names what needs one, for the message.
 
     Raises:
         OpticsError: the camera is non-central; the message names it and the use.

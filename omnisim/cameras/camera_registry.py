@@ -34,29 +34,13 @@ from omnisim.core.errors import OpticsError, did_you_mean
 CAMERA_MODELS: dict[str, type[ParametricCamera]] = {
     model.model_name: model
     for model in (
-        HyperbolicCamera,
-        PerspectiveCamera,
-        CylindricalCamera,
-        EquidistantCamera,
-        StereographicCamera,
-        EquisolidCamera,
-        OrthographicCamera,
-        KannalaBrandtCamera,
-        EucmCamera,
-        DoubleSphereCamera,
-        UnifiedCamera,
-        EquirectangularCamera,
-        FThetaCamera,
-        FThetaInverseCamera,
-        ParabolicCamera,
-        OcamcalibCamera,
-        RadialTableCamera,
-        GazeboCamera,
-        PlanarCamera,
-        EllipticCamera,
-        RationalPolynomialCamera,
+        HyperbolicCamera, PerspectiveCamera, CylindricalCamera, EquidistantCamera,
+        StereographicCamera, EquisolidCamera, OrthographicCamera, KannalaBrandtCamera,
+        EucmCamera, DoubleSphereCamera, UnifiedCamera, EquirectangularCamera, FThetaCamera,
+        FThetaInverseCamera, ParabolicCamera, OcamcalibCamera, RadialTableCamera, GazeboCamera,
+        PlanarCamera, EllipticCamera, RationalPolynomialCamera,
     )
-}
+}  # fmt: skip
 
 
 def camera_from_parameters(parameters: Mapping[str, Any]) -> CentralCamera:

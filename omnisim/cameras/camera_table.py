@@ -16,10 +16,7 @@ FIELDS = [model.__dataclass_fields__.keys() for model in CAMERA_MODELS.values()]
 def camera_from_table(parameters: Mapping[str, Any], source: str, key: str) -> CentralCamera:
     """Build a camera from a table that holds its model and parameters, and nothing else.
 
-    Args:
-        parameters: model name and parameters by key.
-        source: file name, for messages.
-        key: key of the table in its file.
+    `source` and `key` name the file and its table, for messages.
 
     Raises:
         SensorFileError: the table is invalid; names the key and the expected value.
@@ -54,15 +51,10 @@ def camera_from_calibration(
     key: str,
     allowed: Sequence[str] = ("theta_max_deg",),
 ) -> CentralCamera:
-    """Read the camera of a calibration file that a table names.
+    """Read the camera of a calibration file that a table names; by default the first.
 
-    Args:
-        file: path relative to the table's file.
-        camera: name of a camera in the file; None: the first.
-        keys: further keys of the table.
-        source: file name, for messages.
-        key: key of the table in its file.
-        allowed: further keys that the table may have.
+    `file` is relative to `source`, the table's file, and `key` is the table's key in it. `keys` are
+    the table's further keys, of which those `allowed` are valid.
 
     Raises:
         SensorFileError: the file or a key is invalid; names the key and the expected value.

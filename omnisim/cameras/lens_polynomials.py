@@ -110,12 +110,8 @@ def undistort(
 ) -> Floats:
     """Points (..., 2), within a radius, that a distortion maps to `distorted` (..., 2).
 
-    Args:
-        distort: function from points (n, 2) to distorted points (n, 2).
-        newton_step: function from points (n, 2) and errors (n, 2) to inverse Jacobian times error.
-        start: (..., 2) initial guesses; each is iterated until it converges.
-        distorted: (..., 2) distorted points.
-        limit: radius of the disc to which all steps are confined.
+    `newton_step` gives the inverse Jacobian at points (n, 2) times their errors (n, 2). Each guess
+    of `start` (..., 2) is iterated until it converges, on the disc of radius `limit`.
     """  # fmt: skip
     plane, distorted = start.reshape(-1, 2), distorted.reshape(-1, 2)
     solved, active = plane.copy(), np.arange(len(plane))

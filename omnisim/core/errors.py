@@ -102,13 +102,7 @@ def printable(line: str, max_length: int = MAX_LINE) -> str:
 
 
 def did_you_mean(word: str, known: Iterable[str], otherwise: str = "expected one of") -> str:
-    """Suggest the nearest known name, or list all of them.
-
-    Args:
-        word: unknown name.
-        known: valid names.
-        otherwise: start of the list if no name is near.
-    """
+    """Suggest the nearest known name, or list all of them, after `otherwise`."""
     import difflib  # only needed after an error
     import re
 

@@ -77,10 +77,8 @@ def install_hint(extra: str) -> str:
 def require_extra(extra: str, feature: str, error: type[OmnisimError] = OmnisimError) -> None:
     """Reject a feature whose packages are missing, before any work is done.
 
-    Args:
-        extra: key of `EXTRAS`.
-        feature: subject of the message: a command, an option or a file.
-        error: exception class to raise.
+    `extra` is a key of `EXTRAS`; the feature, a command, an option or a file, is the message's
+    subject.
 
     Raises:
         OmnisimError: packages are missing; names them and the command that installs them.

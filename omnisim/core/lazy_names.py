@@ -6,14 +6,9 @@ if TYPE_CHECKING:
 
 
 def lazy_names(package: str, modules: "Mapping[str, str]") -> "Callable[[str], object]":
-    """Module function `__getattr__` (PEP 562) of a package.
+    """Module function `__getattr__` (PEP 562) of a package, by relative modules of its names.
 
-    Args:
-        package: name of the package.
-        modules: module of each name, relative to the package.
-
-    Returns:
-        Function that imports a name's module, and raises AttributeError for an unknown name.
+    It imports a name's module, and raises AttributeError for an unknown name.
     """
 
     def attribute(name: str) -> object:

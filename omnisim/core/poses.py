@@ -188,10 +188,9 @@ def rotation_from_yaw(yaw_rad: ArrayLike) -> Floats:
 
 
 def yaw_from_rotation(rotation: ArrayLike) -> Floats:
-    """Heading (...) of x on the ground in radians, within ±π; 0 if x points straight up or down.
+    """Heading (...) of x on the ground of rotations (..., 3, 3) or poses (..., 4, 4), radians.
 
-    Args:
-        rotation: (..., 3, 3), or poses (..., 4, 4).
+    It is within ±π, and 0 if x points straight up or down.
     """
     r = np.asarray(rotation, dtype=np.float64)
     return np.arctan2(r[..., 1, 0], r[..., 0, 0])

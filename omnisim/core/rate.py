@@ -32,12 +32,9 @@ class SensorRate:
     clock: str
 
     def times_s(self, start_s: float, end_s: float, seed: int, sensor: str) -> Floats:
-        """Times (n,) of the measurements, n ≥ 1, in whole nanoseconds.
+        """Times (n,) of the measurements of a drive, n ≥ 1, in whole nanoseconds.
 
-        Args:
-            start_s, end_s: start and end of the drive.
-            seed: seed of the drive.
-            sensor: name of the sensor in messages.
+        `seed` is the drive's; `sensor` names the sensor in messages.
 
         Raises:
             RunError: no measurement falls into the drive, or there are too many for memory.

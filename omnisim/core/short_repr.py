@@ -25,10 +25,7 @@ def counted(count: int, singular: str, plural: str = "") -> str:
 def number_text(value: float, digits: int = 6, decimals: int = 6) -> str:
     """Number with some significant digits: rounding errors are 0, and so is −0.
 
-    Args:
-        value: number, in units of which a millionth does not matter.
-        digits: significant digits.
-        decimals: decimals to round to first.
+    It is first rounded to `decimals`; a millionth of its unit must not matter.
     """
     return f"{round(float(value), decimals):z.{digits}g}"
 

@@ -62,19 +62,13 @@ def coco_image(
         last = sum(counts[: len(counts) - len(counts) % 2]) - 1
         rows, columns = np.nonzero(instances[:, first : last // height + 1] == number)
         x, y = first + int(columns.min()), int(rows.min())
-        annotations.append(
-            {
-                "id": 0,
-                "image_id": image_id,
-                "category_id": label.class_id,
-                "bbox": [x, y, int(np.ptp(columns)) + 1, int(np.ptp(rows)) + 1],
-                "area": len(rows),
-                "iscrowd": 0,
-                "segmentation": {"size": [height, width], "counts": counts},
-                "instance_id": number,
-                "instance_name": label.name,
-            }
-        )
+        annotations.append({
+            "id": 0, "image_id": image_id, "category_id": label.class_id,
+            "bbox": [x, y, int(np.ptp(columns)) + 1, int(np.ptp(rows)) + 1],
+            "area": len(rows), "iscrowd": 0,
+            "segmentation": {"size": [height, width], "counts": counts},
+            "instance_id": number, "instance_name": label.name,
+        })  # fmt: skip
     image = {"id": image_id, "file_name": file_name, "width": width, "height": height}
     return _whole(labels, [image], annotations)
 
@@ -329,18 +323,13 @@ def boxes_json(
         "file_name": file_name,
         "world_from_optical": world_from_optical.tolist(),
         "boxes": [
-            {
-                "instance_id": box.label.id,
-                "instance_name": box.label.name,
-                "category_id": box.label.class_id,
-                "category_name": names[box.label.class_id],
-                "pixels": box.pixels,
-                "full": _in_frames(box.full, frames),
-                "visible": _in_frames(box.visible, frames),
-            }
+            {"instance_id": box.label.id, "instance_name": box.label.name,
+             "category_id": box.label.class_id, "category_name": names[box.label.class_id],
+             "pixels": box.pixels, "full": _in_frames(box.full, frames),
+             "visible": _in_frames(box.visible, frames)}
             for box in boxes
         ],
-    }
+    }  # fmt: skip
 
 
 def _in_frames(box: OrientedBox, frames: Mapping[str, Floats]) -> dict[str, Any]:

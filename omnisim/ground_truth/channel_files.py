@@ -415,7 +415,10 @@ class StoredChannels:
             self._described = {
                 name: described
                 for name, described in channels.items()
-                if name in CHANNELS and not self._is_inside(name) and isinstance(described, dict)
+                if name in CHANNELS
+                and isinstance(described, dict)
+                # a layer of the image file itself is never older than the image
+                and not (is_float_format(image) and CHANNELS[name].layers[0] in self._layers)
             }
             self._tables.append(content.get("labels"))
         self.names = tuple(
@@ -439,10 +442,6 @@ class StoredChannels:
             return Labels.from_json(tables[0]) if tables else None
         except (KeyError, TypeError, ValueError):
             raise OutputError(f"{self._image}: its table of labels is damaged") from None
-
-    def _is_inside(self, name: str) -> bool:
-        """True for a layer of the image file itself, which is never older than the image."""
-        return is_float_format(self._image) and CHANNELS[name].layers[0] in self._layers
 
     def read(self, names: Collection[str]) -> dict[str, NDArray[Any]]:
         """Read channels by name.

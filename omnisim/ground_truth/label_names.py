@@ -49,12 +49,9 @@ class Labels:
     unlabeled: tuple[str, ...] = ()  # names without a class in the table
 
     def __repr__(self) -> str:
-        return short_repr(
-            self,
-            counted(len(self.classes), "class", "classes"),
-            counted(len(self.instances), "instance"),
-            f"source {self.source!r}",
-        )
+        classes = counted(len(self.classes), "class", "classes")
+        instances = counted(len(self.instances), "instance")
+        return short_repr(self, classes, instances, f"source {self.source!r}")
 
     @cached_property
     def class_of_instance(self) -> NDArray[np.uint16]:

@@ -21,9 +21,8 @@ from numpy.typing import ArrayLike
 from omnisim.core.arrays import Floats, Indices
 from omnisim.core.errors import TrajectoryError
 from omnisim.core.poses import MAX_M, pose_from_rotation, rotation_from_yaw, wrap_angle
-from omnisim.core.trajectories.body_motion import BodyMotion, MotionStates
+from omnisim.core.trajectories.body_motion import BodyMotion, MotionStates, SplineMotion
 from omnisim.core.trajectories.formats.parsed_trajectory import read_text_table
-from omnisim.core.trajectories.spline_motion import SplineMotion
 from omnisim.core.trajectories.trajectory import Trajectory, check_poses
 from omnisim.robots.kinematics import Kinematics, steps_between
 

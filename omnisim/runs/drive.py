@@ -26,9 +26,8 @@ from omnisim.core.files.sources import fingerprint
 from omnisim.core.pending import Pending
 from omnisim.core.short_repr import counted, short_repr
 from omnisim.core.trajectories import Trajectory, read_trajectory, write_trajectory
-from omnisim.core.trajectories.body_motion import BodyMotion
+from omnisim.core.trajectories.body_motion import BodyMotion, SplineMotion
 from omnisim.core.trajectories.odometry import Odometry
-from omnisim.core.trajectories.spline_motion import SplineMotion
 from omnisim.core.version import __version__
 from omnisim.core.world import Pose, WorldState
 from omnisim.ground_truth.channel_files import ChannelFormat

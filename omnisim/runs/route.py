@@ -16,13 +16,12 @@ from omnisim.core.files.sources import SourceReader, source_digest
 from omnisim.core.poses import MAX_M, pose_from_rotation, wrap_angles, yaw_from_rotation
 from omnisim.core.short_repr import short_repr
 from omnisim.core.trajectories import Trajectory, check_continuous, parse_trajectory
-from omnisim.core.trajectories.body_motion import BodyMotion
+from omnisim.core.trajectories.body_motion import BodyMotion, SplineMotion
 from omnisim.core.trajectories.formats.parsed_trajectory import (
     Axes,
     ParsedTrajectory,
     check_printed_times,
 )
-from omnisim.core.trajectories.spline_motion import SplineMotion
 from omnisim.core.trajectories.trajectory import step_lengths_m
 from omnisim.robots import Kinematics, check_drivable, time_poses
 from omnisim.robots.body_boxes import BodyBoxes

@@ -25,7 +25,7 @@ from omnisim.core.files.image_files import read_channels, write_image
 from omnisim.core.package_files import PRESETS, SCENES
 from omnisim.core.poses import pose
 from omnisim.core.trajectories import write_trajectory
-from omnisim.core.trajectories.spline_motion import SplineMotion
+from omnisim.core.trajectories.body_motion import SplineMotion
 from omnisim.core.trajectories.trajectory_files import FORMATS
 from omnisim.datasets.export.export import export_run
 from omnisim.datasets.export.stored_clouds import read_cloud, read_table

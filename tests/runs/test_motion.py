@@ -131,7 +131,7 @@ def test_on_a_slope_speed_and_acceleration_hold_along_the_floor(monkeypatch):
 
 
 def test_a_motion_that_begins_on_the_move_is_not_stopped_first():
-    from omnisim.core.trajectories.spline_motion import SplineMotion
+    from omnisim.core.trajectories.body_motion import SplineMotion
 
     times = np.linspace(0.0, 2.0, 21)
     motion = SplineMotion(

@@ -2,8 +2,7 @@
 
 `load_calibration` reads a file and `save_calibration` writes one. README.md lists the formats and
 conventions, and explains how to add a format. Imports point in one direction: the base class of
-formats, the formats, their registry, reading and encoding, then `calibration` and `rig`, which this
-package exports.
+formats, the formats, their registry, encoding, then `calibration`, which this package exports.
 """
 
 from omnisim.cameras.calibration.calibrated_camera import (

@@ -7,7 +7,6 @@ import math
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -35,7 +34,6 @@ from omnisim.cameras.calibration.formats.format import (
     PINHOLE,
     Fixed,
     FovLens,
-    ParsedCamera,
     error_context,
 )
 from omnisim.cameras.calibration.metadata import CameraMetadata, camera_from_lens, read_metadata
@@ -169,10 +167,10 @@ def load_calibration(
     except OSError as reason:  # the name is too long
         raise CalibrationError(f"{path}: cannot be read: {reason.strerror}") from None
     if is_folder:
-        file = CameraFile(read_kitti360_folder(path, mirrored, limit_rad), FORMAT, ())
+        cameras = read_kitti360_folder(path, mirrored, limit_rad)
+        calibration = Calibration(cameras, FORMAT, str(path))
     else:
-        file = read_cameras(path, format, mirrored, limit_rad)
-    calibration = Calibration(file.cameras, file.format, str(path), file.notes)
+        calibration = read_cameras(path, format, mirrored, limit_rad)
     selected = calibration if camera is None else calibration.only(camera)
     for one in selected.cameras:
         if limit_rad not in (None, math.pi) and one.camera.domain_limit_rad is None:
@@ -341,17 +339,9 @@ MAX_NEAREST = 0.01  # residual of the nearest model, as a share of the image's s
 MAX_CENTER_OFFSET = 0.5  # share of the image size outside it; beyond, center or size is wrong
 
 
-class CameraFile(NamedTuple):
-    """Content of a calibration file: at least one camera, name of the format, and notes."""
-
-    cameras: tuple[CalibratedCamera, ...]
-    format: str
-    notes: tuple[str, ...]
-
-
 def read_cameras(
     path: Path, format: str | None, mirrored: bool | None, theta_max_rad: float | None = None
-) -> CameraFile:
+) -> Calibration:
     """Read a calibration file; format None: detected.
 
     `mirrored` (the cameras look into mirrors) and `theta_max_rad` (angle from the axis where the
@@ -373,34 +363,26 @@ def read_cameras(
         raise CalibrationError(f"{path}: expected different names, got two cameras {duplicate!r}")
     if not parsed:
         raise CalibrationError(f"{path}: expected a camera, got none")
+    given = {"mirrored": mirrored, "theta_max_rad": theta_max_rad}
+    given = {key: value for key, value in given.items() if value is not None}
     cameras = []
-    for camera in parsed:
-        one = metadata.get(camera.name, CameraMetadata(camera=camera.name))
-        given = {"mirrored": mirrored, "theta_max_rad": theta_max_rad}
-        given = {key: value for key, value in given.items() if value is not None}
-        one = one.model_copy(update=given)
-        cameras.append(_calibrated(camera, one, f"{source}: {camera.name}"))
+    for one in parsed:
+        own = metadata.get(one.name, CameraMetadata(camera=one.name)).model_copy(update=given)
+        place, lens, own_notes = f"{source}: {one.name}", one.lens, one.notes
+        if isinstance(lens, FovLens):
+            lens, note = _nearest_model(lens, place)
+            own_notes = (*own_notes, note)
+        with error_context(place):
+            camera = camera_from_lens(lens, own)
+            _check_camera(camera, place)
+        poses = own.poses(one.poses, place)
+        own_notes = (*own_notes, *field_notes(camera))
+        calibrated = (camera, poses, own.residuals, own_notes, lens.model_name, one.time_shift_s)
+        cameras.append(CalibratedCamera(one.name, *calibrated))
     contradiction = pose_contradiction([pose for camera in cameras for pose in camera.poses])
     if contradiction is not None:
         notes.append(contradiction)
-    return CameraFile(tuple(cameras), form.name, tuple(notes))
-
-
-def _calibrated(
-    parsed: ParsedCamera[CentralCamera], metadata: CameraMetadata, place: str
-) -> CalibratedCamera:
-    lens, notes = parsed.lens, parsed.notes
-    if isinstance(lens, FovLens):
-        lens, note = _nearest_model(lens, place)
-        notes = (*notes, note)
-    with error_context(place):
-        camera = camera_from_lens(lens, metadata)
-        _check_camera(camera, place)
-    poses = metadata.poses(parsed.poses, place)
-    notes = (*notes, *field_notes(camera))
-    return CalibratedCamera(
-        parsed.name, camera, poses, metadata.residuals, notes, lens.model_name, parsed.time_shift_s
-    )
+    return Calibration(tuple(cameras), form.name, source, tuple(notes))
 
 
 def _nearest_model(lens: FovLens, source: str) -> tuple[CentralCamera, str]:
@@ -488,7 +470,7 @@ def read_kitti360_folder(
         if file.is_file():
             read = read_cameras(file, FORMAT, mirrored, theta_max_rad)
             (camera,), poses = read.cameras, (NamedPose(BODY, name, matrix),)
-            notes = (*read.notes, *camera.notes)
+            notes = (*read.file_notes, *camera.notes)
             cameras.append(dataclasses.replace(camera, name=name, poses=poses, notes=notes))
     if not cameras:
         raise CalibrationError(f"{folder}: expected image_02.yaml or image_03.yaml, got neither")

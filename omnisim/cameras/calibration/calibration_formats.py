@@ -25,22 +25,10 @@ from omnisim.core.errors import CalibrationError, did_you_mean
 FORMATS: dict[str, Format[Any]] = {
     one.name: one
     for one in (
-        OmnisimJson(),
-        Kalibr(),
-        Camodocal(),
-        OpencvOmnidir(),
-        OpencvFisheye(),
-        OpencvPinhole(),
-        Ros(),
-        Basalt(),
-        Woodscape(),
-        Nerfstudio(),
-        Foxglove(),
-        Ocamcalib(),
-        Colmap(),
-        Gazebo(),
+        OmnisimJson(), Kalibr(), Camodocal(), OpencvOmnidir(), OpencvFisheye(), OpencvPinhole(),
+        Ros(), Basalt(), Woodscape(), Nerfstudio(), Foxglove(), Ocamcalib(), Colmap(), Gazebo(),
     )
-}
+}  # fmt: skip
 
 
 _AS_OPENCV = "write its numbers as an opencv_fisheye or opencv_pinhole file, in pixels"

@@ -72,15 +72,10 @@ def encode_cameras(
         encoded = encode(named, form, f"{source}: {camera.name}", model)
         parsed.append(ParsedCamera(named.name, encoded.lens, named.poses))
         metadata.append(encoded.metadata.with_poses(named.poses))
-        written.append(
-            dataclasses.replace(
-                named,
-                camera=camera_from_lens(encoded.lens, encoded.metadata),
-                residuals=encoded.residuals,
-                notes=caveats(encoded.lens, form),
-                file_model=encoded.lens.model_name,
-            )
-        )
+        kept = camera_from_lens(encoded.lens, encoded.metadata)
+        notes, model_name = caveats(encoded.lens, form), encoded.lens.model_name
+        named = dataclasses.replace(named, camera=kept, residuals=encoded.residuals)
+        written.append(dataclasses.replace(named, notes=notes, file_model=model_name))
     text = embed_metadata(form.encode(parsed), metadata, form.metadata_place)
     return text, tuple(written)
 

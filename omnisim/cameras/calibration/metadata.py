@@ -114,23 +114,6 @@ class CameraMetadata(ForeignTable):
                 return Residuals(rms_px, max_px, math.radians(cone_deg), model, errors)
         return None
 
-    def with_residuals(self, residuals: Residuals | None) -> CameraMetadata:
-        """The same metadata with the residuals of a fit."""
-        if residuals is None:
-            return self
-        fit = {
-            "fitted_from": residuals.source_model,
-            "rms_px": residuals.rms_px,
-            "max_px": residuals.max_px,
-            "cone_deg": math.degrees(residuals.theta_max_rad),
-            "at_distances": tuple(
-                DistanceMetadata.of(error)
-                for error in residuals.at_distances
-                if error.left_out < 1.0  # otherwise there is no number
-            ),
-        }
-        return self.model_copy(update=fit)
-
     def with_poses(self, poses: Sequence[NamedPose]) -> CameraMetadata:
         """The same metadata with the camera's pose in the source optics of its fit, if any."""
         matrix = find_pose(poses, OPTICS, self.camera)
@@ -220,10 +203,19 @@ def camera_metadata(
 
     `limit_rad` is the angle from the axis where the domain ends; residuals are of a fitted lens.
     """
-    return CameraMetadata(
+    metadata = CameraMetadata(
         camera=name, mirrored=camera is not None and is_catadioptric(camera),
         turned=isinstance(camera, EllipticCamera), theta_max_rad=limit_rad,
-    ).with_residuals(residuals)  # fmt: skip
+    )  # fmt: skip
+    if residuals is None:
+        return metadata
+    with_number = (error for error in residuals.at_distances if error.left_out < 1.0)
+    fit = {
+        "fitted_from": residuals.source_model, "rms_px": residuals.rms_px,
+        "max_px": residuals.max_px, "cone_deg": math.degrees(residuals.theta_max_rad),
+        "at_distances": tuple(map(DistanceMetadata.of, with_number)),
+    }  # fmt: skip
+    return metadata.model_copy(update=fit)
 
 
 def camera_from_lens(lens: CentralCamera, metadata: CameraMetadata) -> CentralCamera:

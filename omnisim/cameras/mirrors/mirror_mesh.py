@@ -315,12 +315,12 @@ def mesh_error(mirror: HyperbolicMirror, polygons: int, rim_radius_px: float) ->
     """
     focal_length_px = rim_radius_px / _rim_tangent(mirror)
     corners = _sector(mirror, *sectors_and_rings(polygons))
-    lattice = _lattice(_FINE_STEPS)
-    errors_px = focal_length_px * _sample(mirror, corners, lattice.coordinates).errors
+    lattice, shares = _lattice(_FINE_STEPS)
+    errors_px = focal_length_px * _sample(mirror, corners, lattice)[0]
     # areas in the image, in squared tangents at the pinhole
     seen = corners[..., :2] / (1.0 - corners[..., 2:])
     (x1, y1), (x2, y2) = (seen[:, 1] - seen[:, 0]).T, (seen[:, 2] - seen[:, 0]).T
-    weights = (0.5 * np.abs(x1 * y2 - x2 * y1))[:, None] * lattice.weights
+    weights = (0.5 * np.abs(x1 * y2 - x2 * y1))[:, None] * shares
     order = np.argsort(errors_px, axis=None)
     share = np.cumsum(weights.ravel()[order]) / weights.sum()
     percentile_95_px = errors_px.ravel()[order][np.searchsorted(share, 0.95)]
@@ -337,16 +337,15 @@ def largest_error(
     and `rings` are its polygons around the axis, and from the apex to the rim.
     """
     corners = _sector(mirror, sectors, rings)
-    lattice = _lattice(_STEPS).coordinates
-    samples = _sample(mirror, corners, lattice)
-    is_shown = samples.radii.max(axis=1) >= annulus.inner
-    is_shown &= samples.radii.min(axis=1) <= annulus.outer
-    peaks = np.where(is_shown, samples.errors.max(axis=1), 0.0)
+    lattice, _ = _lattice(_STEPS)
+    errors, radii = _sample(mirror, corners, lattice)
+    is_shown = (radii.max(axis=1) >= annulus.inner) & (radii.min(axis=1) <= annulus.outer)
+    peaks = np.where(is_shown, errors.max(axis=1), 0.0)
     high = np.flatnonzero(peaks > 0.9 * peaks.max())  # candidates for the largest error
-    around = lattice[samples.errors[high].argmax(axis=1)][:, None]
+    around = lattice[errors[high].argmax(axis=1)][:, None]
     near = np.maximum(around + 3.0 / _STEPS * (lattice - 1.0 / 3.0), 0.0)  # a step to each side
     near /= near.sum(axis=-1, keepdims=True)
-    largest = _sample(mirror, corners[high], near).errors.max(initial=0.0)
+    largest = _sample(mirror, corners[high], near)[0].max(initial=0.0)
     rim = _rim_tangent(mirror)
     lost = min(rim, annulus.outer) - rim * math.cos(math.pi / sectors)
     return max(float(largest), lost if rim > annulus.inner else 0.0)
@@ -377,27 +376,14 @@ def fewest_polygons(suffices: Callable[[int], bool], largest_rings: int) -> int 
     return 4 * rings * rings
 
 
-class _Samples(NamedTuple):
-    """Samples of triangles, in tangents at the pinhole."""
-
-    errors: Floats  # (triangles, samples)
-    radii: Floats  # (triangles, samples) distances from the axis in the image
-
-
-class _Lattice(NamedTuple):
-    """Sample points across a triangle, edges included; weights of a mean."""
-
-    coordinates: Floats  # (samples, 3), barycentric
-    weights: Floats  # (samples,) by the lattice triangles that meet at a sample
-
-
 @lru_cache
-def _lattice(steps: int) -> _Lattice:
+def _lattice(steps: int) -> tuple[Floats, Floats]:
+    """Barycentric points (n, 3) of a triangle, edges included, and their weights (n,) in a mean."""
     one, other = np.indices((steps + 1, steps + 1)).reshape(2, -1)
     counts = np.stack((one, other, steps - one - other), axis=-1)
     counts = counts[counts[:, 2] >= 0]
     meeting = np.array([6.0, 3.0, 1.0])[np.count_nonzero(counts == 0, axis=1)]
-    return _Lattice(counts / steps, meeting / meeting.sum())
+    return counts / steps, meeting / meeting.sum()  # by the lattice triangles that meet there
 
 
 def _sector(mirror: HyperbolicMirror, sectors: int, rings: int) -> Floats:
@@ -405,15 +391,18 @@ def _sector(mirror: HyperbolicMirror, sectors: int, rings: int) -> Floats:
     return sector_triangles_m(mirror, sectors, rings) / mirror.c_m
 
 
-def _sample(mirror: HyperbolicMirror, corners: Floats, coordinates: Floats) -> _Samples:
-    """Sample triangles at barycentric coordinates (samples, 3) or (triangles, samples, 3)."""
+def _sample(mirror: HyperbolicMirror, corners: Floats, points: Floats) -> tuple[Floats, Floats]:
+    """Errors and radii in the image (triangles, samples), in tangents at the pinhole.
+
+    The samples' barycentric coordinates are (samples, 3) or (triangles, samples, 3).
+    """
     # evenly spaced in the image: perspective interpolation, as in a rasterizer
-    weights = coordinates / (1.0 - corners[:, None, :, 2])
+    weights = points / (1.0 - corners[:, None, :, 2])
     points = (weights @ corners) / weights.sum(axis=-1, keepdims=True)
     across = np.hypot(points[..., 0], points[..., 1])
     radii = across / (1.0 - points[..., 2])
     annulus = mirror.tangent_from_theta(np.arctan2(across, points[..., 2]))
-    return _Samples(np.abs(annulus - radii), radii)
+    return np.abs(annulus - radii), radii
 
 
 def _rim_tangent(mirror: HyperbolicMirror) -> float:

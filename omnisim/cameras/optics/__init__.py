@@ -24,25 +24,8 @@ from omnisim.cameras.optics.system_calibration import (
 from omnisim.cameras.optics.system_file import read_optics_file
 
 __all__ = [
-    "BoardCorners",
-    "CentralError",
-    "CentralView",
-    "Centrality",
-    "Design",
-    "Fate",
-    "OpticalSystem",
-    "Rod",
-    "Surface",
-    "SystemCalibration",
-    "TracedRays",
-    "calibrate_system",
-    "caustic_points",
-    "common_point",
-    "fit_central",
-    "measure_centrality",
-    "pixel_jacobians",
-    "ray_jacobians",
-    "read_corners",
-    "read_optics_file",
-    "write_corners",
-]
+    "BoardCorners", "CentralError", "CentralView", "Centrality", "Design", "Fate",
+    "OpticalSystem", "Rod", "Surface", "SystemCalibration", "TracedRays", "calibrate_system",
+    "caustic_points", "common_point", "fit_central", "measure_centrality", "pixel_jacobians",
+    "ray_jacobians", "read_corners", "read_optics_file", "write_corners",
+]  # fmt: skip

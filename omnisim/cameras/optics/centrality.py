@@ -14,13 +14,13 @@ from numpy.typing import ArrayLike
 
 from omnisim.cameras import CentralCamera, MirroredCamera, NonCentralCamera, Pixels, Rays
 from omnisim.cameras.calibration import CalibratedCamera, Calibration, NamedPose
-from omnisim.cameras.calibration.calibrated_camera import OPTICS, CentralError, Residuals
+from omnisim.cameras.calibration.calibrated_camera import OPTICS, CentralError
 from omnisim.cameras.calibration.calibration_formats import format_named
 from omnisim.cameras.calibration.encode import model_named, nearest_fit
 from omnisim.cameras.calibration.fit import Fit, fit_camera
 from omnisim.cameras.calibration.formats.format import Fixed, Format
 from omnisim.cameras.camera import CameraParameters, Uniforms, as_directions, as_pixels
-from omnisim.cameras.optics.system import OpticalSystem
+from omnisim.cameras.optics.system import OpticalSystem, across_bases
 from omnisim.core.arrays import Bools, Floats
 from omnisim.core.coordinate_frames import FLIP_Z
 from omnisim.core.errors import OpticsError
@@ -59,11 +59,7 @@ def common_point(origins_m: Floats, directions: Floats) -> Floats:
 
 
 def measure_centrality(system: NonCentralCamera, distances_m: Sequence[float]) -> Centrality:
-    """Measure the deviation of a system from a single viewpoint.
-
-    Args:
-        system: system to measure.
-        distances_m: distances of points from the viewpoint.
+    """Measure a system's deviation from a single viewpoint, and errors at distances from it.
 
     Raises:
         OpticsError: no pixel sees anything, or a distance is not positive.
@@ -112,11 +108,8 @@ def central_errors(
 ) -> tuple[CentralError, ...]:
     """Errors of a central model: its projection of points on rays, against the rays' pixels.
 
-    Args:
-        rays: rays of the image.
-        viewpoint_m: (3,) viewpoint of the model, in the sensor's optical frame.
-        distances_m: distances of points from the viewpoint; may be infinite.
-        pixel_from_ray: the model's projection of directions (n, 3), sensor's optical frame.
+    The model's viewpoint (3,), and the directions (n, 3) that it projects, are in the sensor's
+    optical frame. Distances are from the viewpoint, and may be infinite.
     """
     errors = []
     for distance_m in distances_m:
@@ -188,15 +181,12 @@ def ray_jacobians(system: OpticalSystem, pixels_px: ArrayLike) -> RayJacobians:
 def pixel_jacobians(system: OpticalSystem, pixels_px: ArrayLike, points_m: ArrayLike) -> Floats:
     """Derivatives (..., 2, 3) of the pixels of points (..., 3) with respect to the points.
 
-    Args:
-        system: optical system.
-        pixels_px: (..., 2) pixels of the points, from `pixel_from_point`.
-        points_m: points in the sensor's optical frame.
+    Points are in the sensor's optical frame, their pixels (..., 2) from `pixel_from_point`.
     """
     rays, by_pixel = system.rays(pixels_px), ray_jacobians(system, pixels_px)
     away = as_directions(points_m) - rays.origins_m
     lengths_m = np.einsum("...j,...j->...", away, rays.directions)[..., None, None]
-    across = _across(rays.directions)
+    across = across_bases(rays.directions)
     moved = np.einsum("...ji,...jk->...ik", across, by_pixel.origins_m)
     moved += lengths_m * np.einsum("...ji,...jk->...ik", across, by_pixel.directions)
     # perpendicular to the ray, the point moves with the pixel: a 2 × 2 system, by Cramer's rule
@@ -219,7 +209,7 @@ def caustic_points(system: OpticalSystem, pixels_px: ArrayLike) -> Floats:
     """
     rays = system.rays(pixels_px)
     by_pixel = ray_jacobians(system, pixels_px)
-    frame = _across(rays.directions)
+    frame = across_bases(rays.directions)
     o, d = (np.einsum("...ji,...jk->...ik", frame, part) for part in by_pixel)
     square, constant = _determinants(d), _determinants(o)
     linear = (
@@ -240,14 +230,6 @@ def caustic_points(system: OpticalSystem, pixels_px: ArrayLike) -> Floats:
 def _determinants(matrices: Floats) -> Floats:
     """Determinants (...,) of matrices (..., 2, 2)."""
     return matrices[..., 0, 0] * matrices[..., 1, 1] - matrices[..., 0, 1] * matrices[..., 1, 0]
-
-
-def _across(directions: Floats) -> Floats:
-    """Orthonormal bases (..., 3, 2) of the planes perpendicular to directions (..., 3)."""
-    smallest = np.eye(3)[np.abs(directions).argmin(axis=-1)]
-    first = np.cross(directions, smallest)
-    first /= np.linalg.norm(first, axis=-1, keepdims=True)
-    return np.stack((first, np.cross(directions, first)), axis=-1)
 
 
 # Lateral chromatic aberration: red-blue offset of distant points, in pixels.
@@ -459,14 +441,10 @@ def fit_central(
     optics_from_camera[:3, :3] = camera_from_optics.T
     optics_from_camera[:3, 3] = view.viewpoint_m
     pose = NamedPose(OPTICS, name, optics_from_camera)
-    fitted = CalibratedCamera(name, camera, (pose,), residuals, (_note(residuals),))
+    off = ", ".join(map(str, residuals.at_distances))
+    note = f"fitted to non-central optics: off by up to {off} (99 % of the image)"
+    fitted = CalibratedCamera(name, camera, (pose,), residuals, (note,))
     return Calibration((fitted,), form.name, source)
-
-
-def _note(residuals: Residuals) -> str:
-    """Residuals of a fit in one line."""
-    errors = ", ".join(map(str, residuals.at_distances))
-    return f"fitted to non-central optics: off by up to {errors} (99 % of the image)"
 
 
 def _is_mirrored(system: OpticalSystem) -> bool:

@@ -85,10 +85,7 @@ def rim_of_mesh(surface: Surface) -> float:
 def tessellate_surface(surface: Surface, polygons: int, camera_m: Floats) -> SurfaceMesh:
     """Tessellate a surface: every vertex is on it, the last ring on its rim.
 
-    Args:
-        surface: surface with a rim; a hole must be centered on the rim.
-        polygons: polygon count, see `sectors_and_rings`.
-        camera_m: (3,) position of the pinhole, system frame; determines the spacing of rings.
+    The pinhole's position (3,), system frame, determines the spacing of rings.
 
     Raises:
         OpticsError: there is no rim, a hole is not centered on the rim, or a mesh with this polygon
@@ -183,14 +180,10 @@ class _Corners(NamedTuple):
 
 
 class MeshRays:
-    """Rays of pixels through a mesh.
+    """Rays of an optical system's pixels through a mesh, see `sectors_and_rings`.
 
     Pixels see polygons, so the image ends where the mesh does. Shadows, and the holes and rims of
     other surfaces, follow the exact rays.
-
-    Args:
-        camera: optical system.
-        polygons: polygon count of the mesh, see `sectors_and_rings`.
 
     Raises:
         OpticsError: the camera is no optical system, it has no mirror, the mirror has no rim, or a
@@ -273,16 +266,12 @@ class MeshRays:
         normals = self._surface.directions_to_system(self._mesh.normals)
         outgoing = deflected(normals, self._incoming(), is_mirror=True)
         fates = np.where(np.isfinite(outgoing).all(axis=1), Fate.SEEN, Fate.MISSED)
-        later = tuple(_widened(surface) for surface in system.surfaces[number + 1 :])
-        paths = trace(
-            later,
-            system.indices[number + 1 :],
-            (),
-            vertices_m,
-            outgoing,
-            fates.astype(np.uint8),
-            can_block=False,
+        later = tuple(  # without holes, and extended beyond their rims
+            replace(one, rim_radius_m=_WIDER * one.rim_radius_m, hole_radius_m=0.0)
+            for one in system.surfaces[number + 1 :]
         )
+        indices, fates = system.indices[number + 1 :], fates.astype(np.uint8)
+        paths = trace(later, indices, (), vertices_m, outgoing, fates, can_block=False)
         leaves = (paths.fates == Fate.SEEN)[:, None]
         origins_m = np.where(leaves, paths.points_m[-1], np.nan)
         directions = np.where(leaves, paths.directions, np.nan)
@@ -319,12 +308,9 @@ class MeshRays:
     def _found(self, begin_m: Floats, end_m: Floats) -> tuple[Ints, Floats]:
         """Triangles (n,) met by rays, −1: none, and the weights (n, 3) of their corners.
 
-        The search starts at the exact point's cell. It continues across the edge that the ray
-        passes farthest outside.
-
-        Args:
-            begin_m: (n, 3) points of the rays before the mirror, system frame.
-            end_m: (n, 3) exact points on the mirror.
+        Rays are from points (n, 3), system frame, to the exact points (n, 3) on the mirror. The
+        search starts at these points' cells, and continues across the edge that the ray passes
+        farthest outside.
         """
         origins, at = (self._surface.points_from_system(points) for points in (begin_m, end_m))
         gradients = self._surface.shape.level(at).gradients
@@ -405,12 +391,6 @@ def as_system(camera: CentralCamera) -> OpticalSystem:
     return camera
 
 
-def _widened(surface: Surface) -> Surface:
-    """A surface without a hole, extended beyond its rim."""
-    rim_m = _WIDER * surface.rim_radius_m
-    return replace(surface, rim_radius_m=rim_m, hole_radius_m=0.0)
-
-
 # Image distortion caused by the mesh of an optical system's mirror, in pixels.
 #
 # Through the mesh, a pixel shows the direction that the exact system shows some pixels away. This
@@ -427,9 +407,6 @@ _SEQUENCE_STEPS = 1.0 / 1.32471795724474602596 ** np.array([1.0, 2.0])
 
 class SystemMeshErrors:
     """Mesh errors of one optical system, at samples across its image.
-
-    Args:
-        camera: optical system.
 
     Raises:
         OpticsError: the camera is not an optical system.
@@ -448,24 +425,18 @@ class SystemMeshErrors:
             OpticsError: see `MeshRays`.
         """
         mesh = MeshRays(self._system, polygons)
-        errors_px = self._errors_px(mesh)
-        lost_px = _lost_px(mesh)
+        rays = mesh.rays_of(self._exact)
+        off = rays.directions - self._exact.directions
+        errors_px = np.linalg.norm(np.einsum("nij,nj->ni", self._by_direction, off), axis=1)
+        errors_px = errors_px[rays.valid & np.isfinite(errors_px)]
         if len(errors_px) == 0:
             return MeshError(np.inf, np.inf, np.inf)
         percentile_95_px = float(np.percentile(errors_px, 95.0))
-        largest_px = max(_MISSED * float(errors_px.max()), lost_px)
+        largest_px = max(_MISSED * float(errors_px.max()), _lost_px(mesh))
         return MeshError(float(errors_px.mean()), percentile_95_px, largest_px)
 
     def needed_polygons(self, max_error_px: float, max_polygons: int) -> int | None:
-        """Smallest polygon count within an error bound, with four sectors per ring.
-
-        Args:
-            max_error_px: tolerance.
-            max_polygons: maximum number of polygons.
-
-        Returns:
-            Number of polygons, or None if `max_polygons` are not enough.
-        """
+        """Smallest polygon count, four sectors per ring, within an error; None: over the limit."""
         return fewest_polygons(
             lambda rings: self.of(4 * rings * rings).max_px <= max_error_px,
             math.isqrt(max_polygons // 4),
@@ -483,12 +454,6 @@ class SystemMeshErrors:
         by_direction = np.full((len(known), 2, 3), np.nan)
         by_direction[known] = np.linalg.pinv(by_pixel[known])
         return by_direction
-
-    def _errors_px(self, mesh: MeshRays) -> Floats:
-        rays = mesh.rays_of(self._exact)
-        off = rays.directions - self._exact.directions
-        errors_px: Floats = np.linalg.norm(np.einsum("nij,nj->ni", self._by_direction, off), axis=1)
-        return errors_px[rays.valid & np.isfinite(errors_px)]
 
 
 def _lost_px(mesh: MeshRays) -> float:

@@ -26,35 +26,24 @@ import scipy  # its submodules load on first use
 
 from omnisim.cameras.optics.shapes import Shape, TabulatedProfile
 from omnisim.core.arrays import Floats
-from omnisim.core.errors import OpticsError, SensorFileError, TrajectoryError
+from omnisim.core.errors import OpticsError, SensorFileError
 from omnisim.core.files.atomic_file import write_text
 from omnisim.core.files.toml_file import toml_text
-from omnisim.core.trajectories.formats.parsed_trajectory import read_text_table
+from omnisim.core.trajectories.formats.parsed_trajectory import read_columns
 
-_COLUMNS = ["r_m", "z_m"]
 _SAMPLES = 1 << 14  # number of samples along a profile
 _NEAR, _MIN_SLOPE = 1e-6, 1e-3  # share of the radius; minimum slope there of a conical tip
 
 
 def read_profile(path: Path, pointed: bool = False) -> TabulatedProfile:
-    """Read a mirror profile.
+    """Read a mirror profile, a CSV file with the columns r_m and z_m.
 
-    Args:
-        path: CSV file with the columns r_m and z_m.
-        pointed: True if the tip may be conical; False: the profile is level on the axis.
+    On the axis it is level, or if `pointed` possibly conical.
 
     Raises:
         SensorFileError: the file is invalid; names file, line, actual and expected value.
     """
-    try:
-        table = read_text_table(path)
-        names = table.lines[0].cells
-        if sorted(names) != _COLUMNS:
-            raise SensorFileError(f"{path}: expected the columns r_m,z_m, got {','.join(names)}")
-        numbers = table.without_header().numbers(names)
-    except TrajectoryError as reason:
-        raise SensorFileError(str(reason)) from None
-    radii_m, heights_m = (numbers[:, names.index(name)] for name in _COLUMNS)
+    radii_m, heights_m = read_columns(path, ("r_m", "z_m"), SensorFileError).T
     try:
         return TabulatedProfile(radii_m, heights_m, pointed)
     except OpticsError as reason:
@@ -163,9 +152,8 @@ class Design:
     def equi_ground(self, height_m: float, range_m: float) -> DesignedProfile:
         """Mirror for which distance on flat ground is proportional to the image radius.
 
-        Args:
-            height_m: height of the pinhole above the ground.
-            range_m: distance from the axis seen at the rim.
+        The pinhole is `height_m` above the ground; the rim shows a distance `range_m` from the
+        axis.
 
         Raises:
             OpticsError: the height is invalid, or the range needs no mirror.
@@ -183,19 +171,13 @@ class Design:
         )
 
     def system_toml(self, profile: str, size_px: int) -> str:
-        """Optics file of a pinhole camera below the mirror, whose rim fills the image.
+        """Optics file of a pinhole camera below the mirror, whose rim fills a square image.
 
-        Args:
-            profile: name of the profile file, in the folder of the optics file.
-            size_px: side of the square image.
+        `profile` is the name of the profile file, in the folder of the optics file.
         """
         focal_px = 0.5 * size_px / math.tan(math.radians(self.half_angle_deg))
-        camera = {
-            "model": "perspective",
-            "width_px": size_px,
-            "height_px": size_px,
-            "focal_length_px": focal_px,
-        }
+        size = {"width_px": size_px, "height_px": size_px}
+        camera = {"model": "perspective", **size, "focal_length_px": focal_px}
         surface = {"shape": "table", "file": profile, "position_m": [0.0, 0.0, self.vertex_m]}
         return toml_text({"camera": camera, "surfaces": [surface]})
 
@@ -213,15 +195,9 @@ class Design:
 
         setattr(beyond_rim, "terminal", True)  # noqa: B010  as SciPy wants it
         solution = scipy.integrate.solve_ivp(
-            slope,
-            (0.0, _MAX_RADIUS * self.vertex_m),
-            [self.vertex_m],
-            method="DOP853",
-            rtol=_TOLERANCE,
-            atol=_TOLERANCE * self.vertex_m,
-            dense_output=True,
-            events=beyond_rim,
-        )
+            slope, (0.0, _MAX_RADIUS * self.vertex_m), [self.vertex_m], method="DOP853",
+            rtol=_TOLERANCE, atol=_TOLERANCE * self.vertex_m, dense_output=True, events=beyond_rim,
+        )  # fmt: skip
         if solution.status != 1:
             raise OpticsError(
                 f"design: half_angle: expected an angle that the mirror reaches within "

@@ -73,11 +73,9 @@ class Shape(ABC):
 
     @abstractmethod
     def intersections(self, origins_m: Floats, directions: Floats, radius_m: float) -> Floats:
-        """Lengths (n, m) along rays (n, 3) to the surface, ascending; NaN: no further crossing.
+        """Lengths (n, m) along rays (n, 3), shape's frame, ascending; NaN: no further crossing.
 
-        Args:
-            origins_m, directions: (n, 3) rays, in the shape's frame.
-            radius_m: distance from the axis beyond which hits are irrelevant.
+        Crossings beyond `radius_m` from the axis are irrelevant.
         """
 
     @abstractmethod
@@ -438,13 +436,9 @@ class Profile(Shape):
         starts: Floats,
         sign: Floats,
     ) -> Floats:
-        """Roots (n,) by Newton's method inside a shrinking bracket.
+        """Roots (n,) on rays (n, 3) by Newton's method, from starts inside a shrinking bracket.
 
-        Args:
-            origins_m, directions: (n, 3) rays.
-            bracket: two lengths (n,) around the root.
-            starts: (n,) initial lengths inside the bracket.
-            sign: (n,) sign of the values beyond the root.
+        `sign` (n,) is that of the values beyond the root.
         """
         low, high = bracket
         lengths = starts.copy()
@@ -579,12 +573,9 @@ class TabulatedProfile(Profile):
 
     def parameters(self) -> CameraParameters:
         """Points of the table, and its tip."""
-        return {
-            "shape": self.shape_name,
-            "r_m": self.radii_m.tolist(),
-            "z_m": self.table_heights_m.tolist(),
-            "tip": "pointed" if self.pointed else "smooth",
-        }
+        points = {"r_m": self.radii_m.tolist(), "z_m": self.table_heights_m.tolist()}
+        tip = "pointed" if self.pointed else "smooth"
+        return {"shape": self.shape_name, **points, "tip": tip}
 
     @property
     def domain_m(self) -> float:
@@ -613,12 +604,7 @@ _STEPS = 1024
 
 
 class HeightTable:
-    """Heights of a profile at equal radial steps, to decide on which side of it points are.
-
-    Args:
-        sag_m: heights at given distances from the axis.
-        radius_m: radius of the table's bounding box.
-    """
+    """Heights of a profile at equal steps up to a radius, to tell on which side points are."""
 
     def __init__(self, sag_m: Callable[[Floats], Floats], radius_m: float):
         self._radius_m = radius_m

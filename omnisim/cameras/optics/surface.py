@@ -107,16 +107,11 @@ class Surface:
 
     def parameters(self) -> CameraParameters:
         """Keys and values in an optics file; a mirror has no medium."""
-        parameters: CameraParameters = {
-            "name": self.name,
-            **self.shape.parameters(),
-            **pose_parameters(self.system_from_surface),
-        }
+        shape, pose = self.shape.parameters(), pose_parameters(self.system_from_surface)
+        parameters: CameraParameters = {"name": self.name, **shape, **pose}
         if math.isfinite(self.rim_radius_m):
-            parameters |= {
-                "rim_radius_m": self.rim_radius_m,
-                "rim_center_m": list(self.rim_center_m),
-            }
+            parameters["rim_radius_m"] = self.rim_radius_m
+            parameters["rim_center_m"] = list(self.rim_center_m)
         if self.hole_radius_m > 0.0:
             parameters["hole_radius_m"] = self.hole_radius_m
         if self.medium is not None:
@@ -137,12 +132,7 @@ class Surface:
         return np.einsum("nj,ij->ni", directions, self.system_from_surface[:3, :3])
 
     def hits(self, origins_m: Floats, directions: Floats, leaving: bool = False) -> Hits:
-        """First hits of rays (n, 3) inside the rim.
-
-        Args:
-            origins_m, directions: (n, 3) rays, in the system frame.
-            leaving: True if the rays start on this surface.
-        """
+        """First hits of rays (n, 3), system frame, inside the rim; `leaving`: they start here."""
         origins = self.points_from_system(origins_m)
         along = self.directions_from_system(directions)
         lengths = self.shape.intersections(origins, along, self.visible_radius_m)
@@ -150,22 +140,17 @@ class Surface:
         ahead = lengths > (_SHARE_OFF * scale)[:, None]
         lengths = np.where(ahead, lengths, np.nan)
         inside = np.zeros(lengths.shape, dtype=np.bool_)
+        x, y = self.rim_center_m
+        hole_m = max(self.hole_radius_m, self.shape.tip_radius_m)
         for column in range(lengths.shape[1]):
             points = origins + lengths[:, column, None] * along
-            inside[:, column] = self._is_inside(points)
+            inside[:, column] = np.hypot(points[:, 0] - x, points[:, 1] - y) <= self.rim_radius_m
+            if hole_m > 0.0:
+                inside[:, column] &= np.hypot(points[:, 0], points[:, 1]) >= hole_m
         first = inside.argmax(axis=1)
         rows = np.arange(len(lengths))
         first_m = np.where(inside[rows, first], lengths[rows, first], np.nan)
         return Hits(first_m, np.isnan(first_m) & ahead.any(axis=1))
-
-    def _is_inside(self, points_m: Floats) -> Bools:
-        """Mask (n,) of points on the shape, in its own frame, that belong to the surface."""
-        x, y = self.rim_center_m
-        inside: Bools = np.hypot(points_m[:, 0] - x, points_m[:, 1] - y) <= self.rim_radius_m
-        hole_m = max(self.hole_radius_m, self.shape.tip_radius_m)
-        if hole_m > 0.0:
-            inside &= np.hypot(points_m[:, 0], points_m[:, 1]) >= hole_m
-        return inside
 
     def normals(self, points_m: Floats) -> Floats:
         """Unit normals (n, 3) at points on the surface, system frame."""
@@ -267,15 +252,10 @@ def trace(
     fates: Bytes,
     can_block: bool = True,
 ) -> Paths:
-    """Trace rays (n, 3) from a camera; rays with a fate other than SEEN get NaN points.
+    """Trace rays (n, 3), system frame, from a camera through surfaces, in the rays' order.
 
-    Args:
-        surfaces: surfaces of the system, in the order of the rays from the camera.
-        indices: (surfaces + 1) refractive indices between the surfaces.
-        obstacles: opaque parts.
-        origins_m, directions: (n, 3) rays, system frame.
-        fates: (n,) values of `Fate`; only rays with SEEN are traced.
-        can_block: True if mirrors and obstacles block rays that pass them.
+    Refractive indices (surfaces + 1) are between the surfaces. Rays with another fate (n,) than
+    SEEN are not traced, and get NaN points. If they can, mirrors and obstacles block rays.
     """
     points = np.full((len(surfaces) + 1, len(origins_m), 3), np.nan)
     points[0] = origins_m
@@ -306,13 +286,10 @@ def trace(
 
 
 def deflected(normals: Floats, directions: Floats, is_mirror: bool, ratio: float = 1.0) -> Floats:
-    """Directions (n, 3) beyond a surface; NaN where a boundary reflects totally.
+    """Directions (n, 3) beyond a surface, by those before it and its unit normals (n, 3).
 
-    Args:
-        normals: (n, 3) unit normals where rays meet the surface.
-        directions: (n, 3) directions before the surface.
-        is_mirror: True: reflect, False: refract.
-        ratio: refractive index before a boundary over the index beyond it.
+    A boundary refracts by `ratio`, the refractive index before it over that beyond it; NaN where it
+    reflects totally.
     """
     along = np.einsum("nj,nj->n", directions, normals)[:, None]
     outgoing: Floats
@@ -382,10 +359,6 @@ def _sellmeier(*terms: tuple[float, float]) -> Callable[[float], float]:
     return index
 
 
-def _vacuum(wavelength_um: float) -> float:
-    return 1.0
-
-
 def _air(wavelength_um: float) -> float:
     """Index of standard air at 15 °C. Source: Ciddor, Applied Optics 35 (1996)."""
     wavenumber = wavelength_um**-2
@@ -400,7 +373,7 @@ def _acrylic(wavelength_um: float) -> float:
 
 
 MEDIA: Mapping[str, Callable[[float], float]] = {
-    "vacuum": _vacuum,
+    "vacuum": lambda wavelength_um: 1.0,
     "air": _air,
     # fresh, 20 °C: Daimon & Masumura, Applied Optics 46 (2007)
     "water": _sellmeier(
@@ -418,11 +391,9 @@ MEDIA: Mapping[str, Callable[[float], float]] = {
 
 
 def refractive_index(medium: Medium, color: Primary | None = None) -> float:
-    """Refractive index of a medium.
+    """Refractive index of a medium: a name in `MEDIA`, an index, or indices for R, G and B.
 
-    Args:
-        medium: name in `MEDIA`, an index, or indices for R, G and B.
-        color: "R", "G" or "B"; None: the index at the d line, or that for G of three.
+    The color is "R", "G" or "B"; None: the index at the d line, or that for G of three.
 
     Raises:
         OpticsError: a medium or color is unknown, or an index is impossible.

@@ -20,7 +20,6 @@ from pydantic import Field
 from omnisim.cameras import CentralCamera, NonCentralCamera, Pixels, Rays, pixel_grid, summary
 from omnisim.cameras.camera import (
     CameraParameters,
-    ParameterValue,
     Uniforms,
     as_directions,
     as_pixels,
@@ -109,12 +108,8 @@ class OpticalSystem:
 
     def __repr__(self) -> str:
         mirrors = sum(surface.is_mirror for surface in self.surfaces)
-        return short_repr(
-            self,
-            summary(self.camera),
-            counted(mirrors, "mirror"),
-            counted(len(self.surfaces) - mirrors, "boundary", "boundaries"),
-        )
+        boundaries = counted(len(self.surfaces) - mirrors, "boundary", "boundaries")
+        return short_repr(self, summary(self.camera), counted(mirrors, "mirror"), boundaries)
 
     @property
     def width_px(self) -> int:
@@ -191,12 +186,8 @@ class OpticalSystem:
         valid = paths.fates == Fate.SEEN
         origins = np.where(valid[:, None], paths.points_m[-1] - self.origin_m, 0.0)
         directions = np.where(valid[:, None], paths.directions, (0.0, 0.0, 1.0))
-        return TracedRays(
-            origins.reshape(*shape, 3),
-            directions.reshape(*shape, 3),
-            valid.reshape(shape),
-            paths.fates.reshape(shape),
-        )
+        points, along = origins.reshape(*shape, 3), directions.reshape(*shape, 3)
+        return TracedRays(points, along, valid.reshape(shape), paths.fates.reshape(shape))
 
     def all_rays(self) -> TracedRays:
         """Rays (height, width) of all pixels."""
@@ -251,31 +242,21 @@ class OpticalSystem:
 
     def parameters(self) -> CameraParameters:
         """Model name and all keys and values of an optics file, enough to rebuild the system."""
-        parameters: CameraParameters = {
-            "model": self.model_name,
-            "medium": medium_parameter(self.medium),
-            "origin_m": list(self.origin_m),
-        }
+        medium, pose = medium_parameter(self.medium), pose_parameters(self.system_from_camera)
+        parameters: CameraParameters = {"model": self.model_name, "medium": medium}
+        parameters["origin_m"] = list(self.origin_m)
         if self.orientation is not None:
-            parameters["looking"] = _looking(self.orientation)
+            named = (k for k, one in ORIENTATIONS.items() if np.array_equal(one, self.orientation))
+            parameters["looking"] = next(named, None) or self.orientation.tolist()
         if self.color is not None:
             parameters["color"] = self.color
         if self.chromatic:
             parameters["chromatic"] = True
-        parameters["camera"] = {
-            **self.camera.parameters(),
-            **pose_parameters(self.system_from_camera),
-        }
+        parameters["camera"] = {**self.camera.parameters(), **pose}
         parameters["surfaces"] = [surface.parameters() for surface in self.surfaces]
         if self.obstacles:
             parameters["obstacles"] = [obstacle.parameters() for obstacle in self.obstacles]
         return parameters
-
-
-def _looking(orientation: Floats) -> ParameterValue:
-    """Orientation as a name, or as the rows of a matrix."""
-    names = (name for name, one in ORIENTATIONS.items() if np.array_equal(one, orientation))
-    return next(names, None) or orientation.tolist()
 
 
 # Projection of points to pixels by Fermat's principle: Newton's method on the path length.
@@ -299,9 +280,8 @@ _CONVERGED = 1e-13  # step size, as a share of the path length
 _MAX_STEP = 0.5  # maximum step relative to the surface's radius of curvature and distance
 _RETRIES = (0, 1, 2, 3, 5, 8, 13, 21)  # ranks among all rays by distance from the point
 _POINTS_PER_BATCH = 1 << 13
-_MISS = (
-    1e-7  # maximum distance between a pixel's ray and its point, relative to the point's distance
-)
+# Maximum distance between a pixel's ray and its point, relative to the point's distance.
+_MISS = 1e-7
 _NEAREST = 64  # nearest rays that start the search for all pixels, besides the local minima
 _SAME_PX = 1e-5
 
@@ -319,9 +299,6 @@ class Targets(NamedTuple):
 
 class Inverse:
     """Solver from points to pixels; traces its starting rays once.
-
-    Args:
-        system: optical system to invert.
 
     Raises:
         OpticsError: no pixel sees anything.
@@ -408,15 +385,9 @@ class Inverse:
 
     def _misses(self, targets: Targets) -> Floats:
         """Squared chords (n, rays) between rays and the directions from them to each target."""
-        return np.stack(
-            [
-                self._miss(
-                    Targets(np.broadcast_to(point, self._origins_m.shape), targets.weight),
-                    np.arange(len(self._origins_m)),
-                )
-                for point in targets.points
-            ]
-        )
+        rays, shape = np.arange(len(self._origins_m)), self._origins_m.shape
+        each = (Targets(np.broadcast_to(one, shape), targets.weight) for one in targets.points)
+        return np.stack([self._miss(one, rays) for one in each])
 
     def _from_starts(self, targets: Targets, starts: Ints) -> Pixels:
         """Pixels by Newton's method from rays (n,); valid if their traced rays agree."""
@@ -489,7 +460,7 @@ class Inverse:
             rotation = surface.system_from_surface[:3, :3]
             bend = np.einsum("ia,nab,jb->nij", rotation, curvature, rotation)
             block = across[number] + across[number + 1] - multiplier[:, None, None] * bend
-            basis = _tangents(slope)
+            basis = across_bases(slope / np.linalg.norm(slope, axis=1, keepdims=True))
             bases.append(basis)
             at = slice(2 * number, 2 * number + 2)
             gradient[:, at] = np.einsum("nja,nj->na", basis, pull)
@@ -500,12 +471,8 @@ class Inverse:
                 hessian[:, before, at] = mixed
                 hessian[:, at, before] = np.swapaxes(mixed, 1, 2)
         steps = -_solutions(hessian, gradient)
-        moves: Floats = np.stack(
-            [
-                np.einsum("nja,na->nj", basis, steps[:, 2 * number : 2 * number + 2])
-                for number, basis in enumerate(bases)
-            ]
-        )
+        parts = zip(bases, np.split(steps, count, axis=1), strict=True)
+        moves: Floats = np.stack([np.einsum("nja,na->nj", *part) for part in parts])
         return moves, _MAX_STEP * limits
 
 
@@ -532,13 +499,12 @@ def _between(grid: Floats, directions: Floats) -> Floats:
     return pixels.reshape(-1, 2)
 
 
-def _tangents(normals: Floats) -> Floats:
-    """Orthonormal bases (n, 3, 2) of the planes perpendicular to normals (n, 3) of any length."""
-    unit = normals / np.linalg.norm(normals, axis=1, keepdims=True)
-    smallest = np.eye(3)[np.abs(unit).argmin(axis=1)]
-    first = np.cross(unit, smallest)
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
-    return np.stack((first, np.cross(unit, first)), axis=2)
+def across_bases(directions: Floats) -> Floats:
+    """Orthonormal bases (..., 3, 2) of the planes perpendicular to unit directions (..., 3)."""
+    smallest = np.eye(3)[np.abs(directions).argmin(axis=-1)]
+    first = np.cross(directions, smallest)
+    first /= np.linalg.norm(first, axis=-1, keepdims=True)
+    return np.stack((first, np.cross(directions, first)), axis=-1)
 
 
 def _retracted(surface: Surface, points_m: Floats) -> Floats:

@@ -20,9 +20,9 @@ from omnisim.cameras.optics.centrality import CentralView, pixel_jacobians
 from omnisim.cameras.optics.system import OpticalSystem
 from omnisim.cameras.optics.system_file import parse_optics
 from omnisim.core.arrays import Bools, Floats
-from omnisim.core.errors import OmnisimError, OpticsError, TrajectoryError
+from omnisim.core.errors import OmnisimError, OpticsError
 from omnisim.core.files.atomic_file import write_text
-from omnisim.core.trajectories.formats.parsed_trajectory import read_text_table
+from omnisim.core.trajectories.formats.parsed_trajectory import read_columns
 
 _STEP = 1e-6  # step of derivatives, relative to a parameter, or absolute below 1
 _SINGULAR = 1e-7  # smallest singular value of the scaled Jacobian, as a share of the largest
@@ -89,14 +89,7 @@ def calibrate_system(
     if not parameters.names:
         return rough
     fitted = _Problem(parameters, boards, rough.poses).solve()
-    return SystemCalibration(
-        fitted.system,
-        fitted.table,
-        fitted.parameters,
-        fitted.poses,
-        rough.errors_px,
-        fitted.errors_px,
-    )
+    return dataclasses.replace(fitted, before_px=rough.errors_px)
 
 
 class _Problem:
@@ -121,14 +114,10 @@ class _Problem:
         values, moves = self._split(solution.x)
         sigmas = self._sigmas(self.jacobian(solution.x), solution.fun)
         rows = zip(parameters.names, parameters.values, values, sigmas, strict=True)
-        return SystemCalibration(
-            parameters.system(values),
-            parameters.table(values),
-            tuple(FittedParameter(name, *map(float, numbers)) for name, *numbers in rows),
-            self._moved(moves),
-            solution.fun.reshape(-1, 2),
-            solution.fun.reshape(-1, 2),
-        )
+        fitted = tuple(FittedParameter(name, *map(float, numbers)) for name, *numbers in rows)
+        system, table = parameters.system(values), parameters.table(values)
+        errors_px = solution.fun.reshape(-1, 2)
+        return SystemCalibration(system, table, fitted, self._moved(moves), errors_px, errors_px)
 
     def errors(self, vector: Floats) -> Floats:
         """Reprojection errors (2 n,) of all corners in pixels."""
@@ -236,15 +225,10 @@ _Path = tuple[str | int, ...]
 
 
 class FreeParameters:
-    """Numbers in an optics file's table, addressed by keys.
+    """Numbers in an optics file's table, addressed by keys; `source` names it in messages.
 
     A key names a number, or a list to select all its numbers: `camera.focal_length_px`,
     `surfaces.0.decenter_m`, `surfaces.0.tilt_deg.2`.
-
-    Args:
-        table: table of the optics file.
-        keys: keys of the free numbers.
-        source: file name, for messages.
 
     Attributes:
         names: keys of the numbers, in the order of `values`.
@@ -351,16 +335,7 @@ def read_corners(path: Path) -> list[BoardCorners]:
     Raises:
         OpticsError: the file is invalid; names file, line, actual and expected value.
     """
-    try:
-        table = read_text_table(path)
-        names = table.lines[0].cells
-        if sorted(names) != sorted(COLUMNS):
-            message = f"expected the columns {','.join(COLUMNS)}, got {','.join(names)}"
-            raise OpticsError(f"{path}: {message}")
-        numbers = table.without_header().numbers(names)
-    except TrajectoryError as reason:
-        raise OpticsError(str(reason)) from None
-    columns = numbers[:, [names.index(name) for name in COLUMNS]]
+    columns = read_columns(path, COLUMNS, OpticsError)
     boards = []
     for image in np.unique(columns[:, 0]):
         rows = columns[columns[:, 0] == image]
@@ -388,12 +363,7 @@ def write_corners(path: Path, boards: Sequence[BoardCorners]) -> None:
 
 
 def first_pose(system: OpticalSystem, viewpoint_m: Floats, board: BoardCorners) -> Floats:
-    """Pose (4, 4) of a board in the sensor's optical frame, as if all rays met in one point.
-
-    Args:
-        system: optical system.
-        viewpoint_m: (3,) point nearest to all rays, in the sensor's optical frame.
-        board: corners in the image.
+    """Pose (4, 4) of a board, sensor's optical frame, as if all rays met in a viewpoint (3,).
 
     Raises:
         OpticsError: the system sees too few of the corners.
@@ -408,14 +378,13 @@ def first_pose(system: OpticalSystem, viewpoint_m: Floats, board: BoardCorners) 
 
 
 def pose_from_directions(directions: Floats, points_m: Floats) -> Floats:
-    """Pose (4, 4) of a flat board, from the directions of its corners in the camera's frame.
+    """Pose (4, 4) of a flat board, from unit directions (n, 3) of its corners (n, 2), n at least 4.
+
+    Source: the homography of a plane by direct linear transformation, Hartley and Zisserman 2004,
+    with unit directions, in the camera's frame, instead of image coordinates.
 
     Source: the homography of a plane by direct linear transformation, Hartley and Zisserman 2004,
     with unit directions instead of image coordinates.
-
-    Args:
-        directions: (n, 3) unit directions from the viewpoint, n at least 4.
-        points_m: (n, 2) corners on the board.
     """
     plane = np.column_stack((points_m, np.ones(len(points_m))))
     # d × (H p) = 0

@@ -152,31 +152,16 @@ class DomeShape(Table):
 
 
 _PARAMETRIC: dict[str, type[Parameters]] = {
-    "conic": Conic,
-    "hyperbolic": Hyperbolic,
-    "cone": Cone,
-    "plane": Plane,
-    "polynomial": Polynomial,
-    "asphere": Asphere,
-}
+    "conic": Conic, "hyperbolic": Hyperbolic, "cone": Cone, "plane": Plane,
+    "polynomial": Polynomial, "asphere": Asphere,
+}  # fmt: skip
 SHAPE_TABLES: dict[str, type[Table]] = {
-    "sphere": SphereShape,
-    "table": TableShape,
-    "port": PortShape,
-    "dome": DomeShape,
-}
+    "sphere": SphereShape, "table": TableShape, "port": PortShape, "dome": DomeShape,
+}  # fmt: skip
 ShapeName = Literal[
-    "hyperbolic",
-    "sphere",
-    "conic",
-    "cone",
-    "plane",
-    "polynomial",
-    "asphere",
-    "table",
-    "port",
+    "hyperbolic", "sphere", "conic", "cone", "plane", "polynomial", "asphere", "table", "port",
     "dome",
-]
+]  # fmt: skip
 
 
 def shape_schemas() -> dict[str, type[Table]]:
@@ -202,11 +187,7 @@ class SurfaceTable(AlignmentTable):
     """Shape, which adds its own keys; its axis is z, its vertex the position."""
 
     def make_surfaces(self, source: str, key: str) -> list[Surface]:
-        """Build the surface, or both boundaries of a window.
-
-        Args:
-            source: file name, for messages.
-            key: key of this table in the file.
+        """Build the surface, or both boundaries of a window; `key` is the table's in the file.
 
         Raises:
             SensorFileError: the table is invalid; names the key and the expected value.
@@ -231,14 +212,11 @@ class SurfaceTable(AlignmentTable):
                 raise SensorFileError(f"{source}: {key}.{message}")
             return self._window(shape, self.medium, f"{source}: {key}")
         surface_shape = self._shape(shape, source, key)
-        position_m = (
-            0.0,
-            0.0,
-            surface_shape.vertex_m if isinstance(surface_shape, Hyperbolic) else 0.0,
-        )
+        vertex_m = surface_shape.vertex_m if isinstance(surface_shape, Hyperbolic) else 0.0
         if not self.is_placed and not isinstance(surface_shape, Hyperbolic):
             raise SensorFileError(f"{source}: {key}.position_m: missing")
-        return [self._surface(surface_shape, self.system_from_part(position_m), self.medium)]
+        pose = self.system_from_part((0.0, 0.0, vertex_m))
+        return [self._surface(surface_shape, pose, self.medium)]
 
     def _shape(self, table: Table, source: str, key: str) -> Shape:
         if isinstance(table, TableShape):
@@ -304,11 +282,7 @@ class CameraTable(AlignmentTable):
     """Name of a camera in the calibration file; default: the first."""
 
     def make_camera(self, source: str, key: str) -> CentralCamera:
-        """Build the camera.
-
-        Args:
-            source: file name, for messages.
-            key: key of this table in the file.
+        """Build the camera; `key` is this table's in the file `source`, for messages.
 
         Raises:
             SensorFileError: the table is invalid; names the key and the expected value.
@@ -408,10 +382,7 @@ def parse_optics(table: Mapping[str, Any], source: str = "optics", at: str = "")
     """
     if table.get("model") == OpticalSystem.model_name:
         table = {key: value for key, value in table.items() if key != "model"}
-    return _make_system(parse_table(table, OpticsFile, SensorFileError, source, at), source, at)
-
-
-def _make_system(file: OpticsFile, source: str, at: str = "") -> OpticalSystem:
+    file = parse_table(table, OpticsFile, SensorFileError, source, at)
     below = f"{at}." if at else ""
     surfaces = [
         surface

@@ -98,9 +98,7 @@ def check_target(path: Path) -> None:
 def check_distinct(writes: Mapping[str, Path | None], reads: Mapping[str, Path | None]) -> None:
     """Reject writing one file twice, or overwriting an input file.
 
-    Args:
-        writes: output files, by their name in messages; None: not written.
-        reads: input files, by their name in messages; None: not read.
+    Files are given by what messages call them; None: not written, or not read.
 
     Raises:
         OutputError: two of them are the same file.

@@ -58,16 +58,10 @@ def keys_of(model: type[pydantic.BaseModel]) -> Iterator[Key]:
         if typical is not None:
             text = f"{text.removesuffix('.')}; {typical}."
         default = field.get_default(call_default_factory=True)
-        yield Key(
-            field.alias or name,
-            field,
-            text,
-            None if default is PydanticUndefined else default,
-            table_in(field.annotation),
-            _tightest(rules, "gt", "ge", is_lower=True),
-            _tightest(rules, "lt", "le", is_lower=False),
-            typical,
-        )
+        default = None if default is PydanticUndefined else default
+        low, high = _tightest(rules, "gt", "ge", True), _tightest(rules, "lt", "le", False)
+        inner, key = table_in(field.annotation), field.alias or name
+        yield Key(key, field, text, default, inner, low, high, typical)
 
 
 def summary(model: type) -> str:
@@ -139,9 +133,7 @@ def _are_finite(value: Any) -> bool:
 def json_schema(model: type[pydantic.BaseModel], folder: str = "") -> Any:
     """JSON Schema of a file, as editors use it to complete and check keys.
 
-    Args:
-        model: schema of the file.
-        folder: path between `$defs` and the names of its inner tables, in references.
+    In references, `folder` is the path between `$defs` and the names of its inner tables.
     """
     references = f"#/$defs/{folder}{{model}}"
     schema = model.model_json_schema(ref_template=references, schema_generator=_JsonSchema)

@@ -136,12 +136,7 @@ def png_bytes(pixels: Bytes) -> bytes:
 def write_numbers(
     path: Path, numbers: NDArray[np.uint8 | np.uint16], metadata: Metadata | None = None
 ) -> None:
-    """Write integers that are not colors, (height, width) or (height, width, n), as a PNG file.
-
-    Args:
-        path: file with the suffix .png.
-        numbers: integers of 8 or 16 bits.
-        metadata: omnisim's metadata, as in `write_image`.
+    """Write integers of 8 or 16 bits that are not colors, (height, width[, n]), as a PNG file.
 
     Raises:
         OutputError: the suffix is wrong, or the file cannot be written.
@@ -273,10 +268,7 @@ def write_radiance(path: Path, pixels: NDArray[np.float16]) -> None:
 def through_jpeg(pixels: Bytes, quality: int, subsampling: str) -> Bytes:
     """Encode an image (height, width, 3) sRGB as JPEG, and decode it again.
 
-    Args:
-        pixels: sRGB image.
-        quality: 1 to 100, on libjpeg's scale.
-        subsampling: "4:4:4", "4:2:2" or "4:2:0".
+    Quality is 1 to 100, on libjpeg's scale; subsampling "4:4:4", "4:2:2" or "4:2:0".
 
     Raises:
         OutputError: the image cannot be encoded.

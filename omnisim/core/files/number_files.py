@@ -24,12 +24,7 @@ def read_arrays(
 ) -> dict[str, NDArray[Any]]:
     """Read all arrays of an archive, or the existing ones among `names`; nothing is unpickled.
 
-    Args:
-        path: archive file.
-        error: exception class to raise.
-        kind: kind of archive, for messages.
-        expected: expected content, for messages.
-        names: array names; None: all.
+    Messages name the kind of archive and the expected content.
 
     Raises:
         error: the file cannot be read, or is not an archive.

@@ -109,9 +109,8 @@ class Table(pydantic.BaseModel):
     def build(self, kind: type[T], /, **others: Any) -> T:
         """Object of a dataclass whose fields are keys of this table, see `overriding`.
 
-        Args:
-            kind: dataclass. Its defaults stand for keys without a value.
-            others: fields that are not in the table, or not as they are.
+        The class's defaults stand for keys without a value; `others` are fields that the table
+        lacks, or has in another form.
         """
         file_key = getattr(kind, "file_key", str)
         for field in dataclasses.fields(cast("Any", kind)):
@@ -179,11 +178,7 @@ class Parameters:
         return name
 
     def to_table(self, *, full: bool = False) -> dict[str, Any]:
-        """Table of a file, which is read back as equal parameters.
-
-        Args:
-            full: False leaves out values that are defaults. None is always left out.
-        """
+        """Table of a file, read back as equal parameters; defaults only if `full`, None never."""
         written: dict[str, Any] = {}
         for field in _settings(type(self)):
             value, key = getattr(self, field.name), self.file_key(field.name)

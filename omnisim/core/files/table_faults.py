@@ -53,12 +53,9 @@ def table_in(annotation: Any) -> InnerTable | None:
 
 
 def fault_lines(fault: ErrorDetails, model: type[pydantic.BaseModel], at: str) -> Iterator[str]:
-    """Message lines for an error: key, expected value and actual value.
+    """Message lines for an error of pydantic: key, expected value and actual value.
 
-    Args:
-        fault: error reported by pydantic.
-        model: schema of the table.
-        at: key of the table in its file; empty: the file itself.
+    `at` is the key of the table in its file; empty: the file itself.
     """
     names = [str(part) for part in fault["loc"]]
     key = ".".join([at, *names] if at else names)
@@ -142,10 +139,7 @@ def _table_at(model: type[pydantic.BaseModel], names: list[str]) -> type[pydanti
 def headers_with(model: type[pydantic.BaseModel], key: str, path: str = "") -> Iterator[str]:
     """Headers of inner tables that have a key, such as `[light]` and `[[lamps]]`.
 
-    Args:
-        model: schema of the outer table.
-        key: name of the key.
-        path: path of the outer table in its file; empty: the file itself.
+    `path` is that of the outer table in its file; empty: the file itself.
     """
     for name, field in model.model_fields.items():
         inner = table_in(field.annotation)

@@ -49,13 +49,7 @@ def read_tables(path: Path, error: type[OmnisimError]) -> dict[str, Any]:
 
 
 def find_beside(folder: Path, name: str, key: str, error: type[OmnisimError]) -> Path:
-    """Find a file named in a TOML file; `key` names file and key in messages.
-
-    Args:
-        folder: folder of the TOML file.
-        name: path relative to the folder, or absolute.
-        key: file and key, for messages.
-        error: exception class to raise.
+    """Find a file named in a TOML file of a folder; `key` names file and key in messages.
 
     Raises:
         error: the file is missing, or cannot be read.
@@ -81,11 +75,9 @@ _CONTROL = re.compile(r"[\x00-\x08\x0a-\x1f\x7f]")
 
 
 def toml_text(table: Mapping[str, Any], path: str = "") -> str:
-    """Table as TOML text: values first, then nested tables and lists of tables.
+    """Table as TOML text: values and comments, then nested tables and lists of tables.
 
-    Args:
-        table: strings, numbers, booleans, lists, tables and comments; a key with None is left out.
-        path: path of the table in its file.
+    A key with None is left out; `path` is that of the table in its file.
     """
     given = {key: value for key, value in table.items() if value is not None}
     inner = {key: value for key, value in given.items() if _tables_in(value)}
@@ -195,12 +187,9 @@ def extended(
 
 
 def with_absolute_files(value: Any, folder: Path, key: str = "") -> Any:
-    """Tables in which the names of existing files in a folder are absolute paths.
+    """Tables, or a value in them, in which names of existing files in a folder are absolute.
 
-    Args:
-        value: tables, or a value in them.
-        folder: folder of their file.
-        key: key of the value; `resources` are folders.
+    `key` is that of the value; `resources` are folders.
     """
     if isinstance(value, Mapping):
         return {name: with_absolute_files(one, folder, name) for name, one in value.items()}

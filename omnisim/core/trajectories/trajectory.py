@@ -138,14 +138,10 @@ def check_continuous(
     max_speed_mps: float | None = None,
     lines: ArrayLike | None = None,
 ) -> None:
-    """Reject a trajectory that jumps.
+    """Reject a trajectory with steps that are too long, or too fast on average.
 
-    Args:
-        trajectory: trajectory to check.
-        limit_m: longest step allowed; infinity if only the speed matters.
-        source: name of the trajectory in messages, such as its file.
-        max_speed_mps: highest mean speed allowed over a step, or None for any.
-        lines: (n,) line of each pose in the file, if there is a file.
+    The limit of the length may be infinite; None: any speed. `source` names the trajectory in
+    messages, and `lines` (n,) are those of its poses in the file, if there is one.
 
     Raises:
         TrajectoryError: the trajectory jumps; names the first jump, its size and the limit.

@@ -23,9 +23,8 @@ from omnisim.core.errors import OmnisimError, RunError
 from omnisim.core.files.image_files import read_image
 from omnisim.core.poses import check_pose, inverse
 from omnisim.core.trajectories import Trajectory, read_trajectory
-from omnisim.core.trajectories.body_motion import MotionStates
+from omnisim.core.trajectories.body_motion import MotionStates, SplineMotion
 from omnisim.core.trajectories.odometry import Odometry
-from omnisim.core.trajectories.spline_motion import SplineMotion
 from omnisim.datasets.export.stored_clouds import StoredCloud, read_cloud, read_table
 from omnisim.ground_truth.channel_files import StoredChannels
 from omnisim.ground_truth.label_names import Labels

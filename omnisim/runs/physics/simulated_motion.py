@@ -14,8 +14,8 @@ from omnisim.core.arrays import Floats
 from omnisim.core.poses import wrap_angles
 from omnisim.core.short_repr import counted, short_repr
 from omnisim.core.trajectories import Trajectory
+from omnisim.core.trajectories.body_motion import SplineMotion
 from omnisim.core.trajectories.odometry import Odometry
-from omnisim.core.trajectories.spline_motion import SplineMotion
 from omnisim.runs.contacts import Contact
 from omnisim.scene import Scene
 from omnisim.scene.motion.object_motion import Along

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from omnisim.core.trajectories import Trajectory
-from omnisim.core.trajectories.spline_motion import SplineMotion
+from omnisim.core.trajectories.body_motion import SplineMotion
 
 H = 1e-5
 

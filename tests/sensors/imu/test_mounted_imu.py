@@ -13,7 +13,7 @@ from omnisim.core.errors import RobotFileError, RunError
 from omnisim.core.package_files import SCENES
 from omnisim.core.poses import pose
 from omnisim.core.trajectories import Trajectory
-from omnisim.core.trajectories.spline_motion import SplineMotion
+from omnisim.core.trajectories.body_motion import SplineMotion
 from omnisim.robots import parse_robot
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.drive import Drive

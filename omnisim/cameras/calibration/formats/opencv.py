@@ -135,8 +135,10 @@ class _Opencv(Format[LensT]):
 
     def looks_like(self, text: str) -> bool:
         """True for YAML of `cv2.FileStorage` with this kind of camera."""
-        is_opencv = bool(IS_YAML.search(text)) and "!!opencv-matrix" in text
-        return is_opencv and _kind(text) is type(self)
+        if not IS_YAML.search(text) or "!!opencv-matrix" not in text:
+            return False
+        kind = OpencvFisheye if IS_FISHEYE.search(text) else OpencvPinhole
+        return type(self) is (OpencvOmnidir if HAS_XI.search(text) else kind)
 
     def read(self, document: Any, source: str) -> list[ParsedCamera[CentralCamera]]:
         """Parse the camera."""
@@ -236,13 +238,6 @@ class OpencvPinhole(_Opencv[OpencvPinholeLens]):
         """Text of a file with the camera."""
         (camera,) = cameras
         return _encode(camera.lens, camera.lens.distortion) + "fisheye_model: 0\n"
-
-
-def _kind(text: str) -> type[_Opencv[Any]]:
-    """Kind of calibration in a text written by OpenCV, as its format class."""
-    if HAS_XI.search(text):
-        return OpencvOmnidir
-    return OpencvFisheye if IS_FISHEYE.search(text) else OpencvPinhole
 
 
 def _matrix(data: dict[str, Any], keys: Sequence[str], source: str) -> tuple[str, list[float]]:

@@ -22,7 +22,7 @@ import json
 import math
 import re
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 from omnisim.cameras import (
     CentralCamera,
@@ -129,25 +129,16 @@ def baseline_notes(key: str, projection: Sequence[float]) -> tuple[str, ...]:
     return (f"{key} has the baseline of a stereo pair, which is not read as a pose",)
 
 
-class CameraInfoFields(NamedTuple):
-    """Distortion model in ROS's terms, D, K and P."""
-
-    distortion_model: str
-    d: list[float]
-    k: list[float]
-    p: list[float]
-
-
-def camera_info(lens: CameraInfoLens) -> CameraInfoFields:
-    """Fields of the message for a lens."""
+def camera_info(lens: CameraInfoLens) -> tuple[str, list[float], list[float], list[float]]:
+    """Fields of the message for a lens: distortion model in ROS's terms, D, K and P."""
     (fx, fy), (cx, cy) = lens.focal_lengths_px, lens.principal_point_px
     k = [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]
     p = [fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0]
     if isinstance(lens, KannalaBrandtCamera):
-        return CameraInfoFields("equidistant", list(lens.coefficients), k, p)
+        return "equidistant", list(lens.coefficients), k, p
     if isinstance(lens, RationalPolynomialCamera):
-        return CameraInfoFields("rational_polynomial", list(lens.distortion[:8]), k, p)
-    return CameraInfoFields("plumb_bob", [*lens.distortion[:4], lens.k3], k, p)
+        return "rational_polynomial", list(lens.distortion[:8]), k, p
+    return "plumb_bob", [*lens.distortion[:4], lens.k3], k, p
 
 
 _MESSAGE = re.compile(r"^[kK][ \t]*:", re.M)

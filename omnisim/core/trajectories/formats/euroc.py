@@ -14,6 +14,7 @@ import numpy as np
 
 from omnisim.core.arrays import Floats
 from omnisim.core.poses import quaternion_from_rotation
+from omnisim.core.trajectories.body_motion import SplineMotion
 from omnisim.core.trajectories.formats.parsed_trajectory import (
     ParsedTrajectory,
     TextTable,
@@ -23,7 +24,6 @@ from omnisim.core.trajectories.formats.parsed_trajectory import (
     quote,
     read_quaternions,
 )
-from omnisim.core.trajectories.spline_motion import SplineMotion
 from omnisim.core.trajectories.trajectory import Trajectory
 
 STAMP = re.compile(r"\d{1,19}", re.ASCII)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 
 from omnisim.core.arrays import Bools, Floats, Indices
-from omnisim.core.errors import TrajectoryError
+from omnisim.core.errors import OmnisimError, TrajectoryError
 from omnisim.core.poses import (
     MAX_M,
     is_rotation,
@@ -121,6 +121,23 @@ def read_text_table(path: Path) -> TextTable:
     return TextTable(str(path), lines, separator)
 
 
+def read_columns(path: Path, columns: Sequence[str], error: type[OmnisimError]) -> Floats:
+    """Read the numbers (lines, columns) of a file whose header names the columns, in any order.
+
+    Raises:
+        error: the file is invalid; names file, line, actual and expected value.
+    """
+    try:
+        table = read_text_table(path)
+        names = table.lines[0].cells
+        if sorted(names) != sorted(columns):
+            raise error(f"{path}: expected the columns {','.join(columns)}, got {','.join(names)}")
+        numbers = table.without_header().numbers(names)
+    except TrajectoryError as reason:
+        raise error(str(reason)) from None
+    return numbers[:, [names.index(name) for name in columns]]
+
+
 def is_number(cell: str) -> bool:
     """True if a cell is a number, finite or not."""
     return bool(NUMBER.fullmatch(cell) or NOT_FINITE.fullmatch(cell))
@@ -195,11 +212,7 @@ def parsed_trajectory(
 ) -> ParsedTrajectory:
     """Assemble poses that a format module has read from a table, one per line.
 
-    Args:
-        table: table of the file.
-        times_s: (n,) times, or None.
-        positions_m: (n, 3) positions.
-        rotations: (n, 3, 3) rotations.
+    They are times (n,) or None, positions (n, 3) and rotations (n, 3, 3).
     """
     _refuse(
         table,
