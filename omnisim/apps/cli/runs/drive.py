@@ -200,11 +200,7 @@ def _rig(camera: RigOptions, path: Path) -> tuple[Rig, Vehicle]:
 
 
 def _drive_of(request: DriveRequest | RecordRequest, vehicle: Vehicle, route: Route) -> Drive:
-    """Drive of a vehicle, with the scene and the settings of a request.
-
-    Raises:
-        OmnisimError: names the option or the file.
-    """
+    """Drive of a vehicle, with the scene and the settings of a request."""
     world, light, truth = request.world, request.light, request.truth
     channels = () if truth.also is None else parse_channels(truth.also)
     scene, backend = (
