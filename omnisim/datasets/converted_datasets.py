@@ -186,12 +186,7 @@ SAME = 1e-6  # meters and radians: rounding of a camera's pose on its base from 
 
 
 class _Files:
-    """Files of one sample at a time, extracted to a temporary folder.
-
-    Args:
-        shards: shards of the data set.
-        folder: folder to extract to.
-    """
+    """Files of one sample of shards at a time, extracted to a temporary folder."""
 
     def __init__(self, shards: Shards, folder: Path):
         self._shards, self._folder, self._row = shards, folder, -1

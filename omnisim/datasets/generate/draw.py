@@ -227,15 +227,9 @@ def _apart(
     distance_m: Distribution,
     stream: Stream,
 ) -> Floats:
-    """Draw a point (3,) on the floor, apart from occupied ones.
+    """Draw a point (3,) on the floor at a distance from the viewpoint (2,) for an object.
 
-    Args:
-        free: free floor for the object.
-        occupied: centers (2,) and radii in m of placed objects and the viewpoint.
-        shape: object to place.
-        viewpoint_m: (2,) position of the viewpoint.
-        distance_m: distance from the viewpoint.
-        stream: stream of random numbers.
+    It is apart from the occupied circles: centers (2,) and radii in m.
     """
     for _ in range(MAX_TRIES):
         angle, distance = 2.0 * math.pi * stream.share(), distance_m.draw(stream)

@@ -15,9 +15,9 @@ from scipy.optimize import brentq, least_squares
 from omnisim.cameras.camera import CentralCamera
 from omnisim.core.arrays import Floats
 from omnisim.core.errors import MeasurementError
+from omnisim.measurement import Quantity, Unobservable
 from omnisim.measurement.geometry.boards import BoardView
 from omnisim.measurement.geometry.placed_board import BoardSurface, locate_board, pixels_of_points
-from omnisim.measurement.quantity import Quantity, Unobservable
 
 MIN_FRAMES = 5
 MIN_PERIODS = 0.75  # of the flicker in a frame

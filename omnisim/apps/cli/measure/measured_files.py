@@ -18,7 +18,7 @@ from omnisim.core.arrays import Floats
 from omnisim.core.errors import MeasurementError, SensorFileError
 from omnisim.core.files.atomic_file import check_distinct, check_suffix, check_target, write_text
 from omnisim.core.files.toml_file import Comment, read_tables, toml_text
-from omnisim.measurement.quantity import Quantity, Unobservable
+from omnisim.measurement import Quantity, Unobservable
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.sensor_file import extended_sensor
 
