@@ -7,7 +7,6 @@ import math
 import shutil
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -19,7 +18,8 @@ from omnisim.core.errors import OutputError, PlanError
 from omnisim.core.files.atomic_file import atomic_folder, check_new_folder, write_text
 from omnisim.core.poses import check_pose, inverse
 from omnisim.core.trajectories import Trajectory
-from omnisim.datasets.export.export import ExportSettings, PrintNote, for_format
+from omnisim.datasets.export.export import for_format
+from omnisim.datasets.export.export_format import ExportSettings, PrintNote
 from omnisim.datasets.export.export_formats import format_named
 from omnisim.datasets.export.recording import RecordedCamera, Recording
 from omnisim.datasets.generate.samples import Shards, in_shard
@@ -186,12 +186,7 @@ SAME = 1e-6  # meters and radians: rounding of a camera's pose on its base from 
 
 
 class _Files:
-    """Files of one sample at a time, extracted to a temporary folder.
-
-    Args:
-        shards: shards of the data set.
-        folder: folder to extract to.
-    """
+    """Files of one sample of shards at a time, extracted to a temporary folder."""
 
     def __init__(self, shards: Shards, folder: Path):
         self._shards, self._folder, self._row = shards, folder, -1
@@ -251,7 +246,8 @@ def write_recordings(
     """
     check_new_folder(folder)
     form, settings = format_named(format), ExportSettings()
-    with _files_of(shards) as files:
+    with tempfile.TemporaryDirectory(prefix="omnisim-") as name:
+        files = _Files(shards, Path(name) / "sample")
         groups = _groups(shards)
         recordings = [_recording(shards, group, files) for group in groups]
         with atomic_folder(folder) as target:
@@ -268,12 +264,6 @@ def write_recordings(
                     if message == str(reason):
                         raise
                     raise PlanError(f"{shards.folder}: {message}") from None
-
-
-@contextmanager
-def _files_of(shards: Shards) -> Iterator[_Files]:
-    with tempfile.TemporaryDirectory(prefix="omnisim-") as name:
-        yield _Files(shards, Path(name) / "sample")
 
 
 def _groups(shards: Shards) -> list[_Group]:
@@ -301,7 +291,9 @@ def _recording(shards: Shards, group: _Group, files: _Files) -> Recording:
             numbers.append(float(content["number"]))
             poses.append(images[next(iter(first))]["world_from_base"])
             for name, image in first.items():
-                other, mount = images[name], _mount(images[name])
+                other = images[name]
+                base_from_world = inverse(check_pose(other["world_from_base"]))
+                mount = base_from_world @ np.array(other["world_from_optical"])
                 known = mounts.setdefault(name, mount)
                 if other["camera"] != image["camera"] or np.abs(mount - known).max() > SAME:
                     raise PlanError(
@@ -309,31 +301,19 @@ def _recording(shards: Shards, group: _Group, files: _Files) -> Recording:
                         f"{numbers[0]:.0f}: expected cameras that do not vary, as this format has "
                         "one calibration for all images"
                     )
-    run = _run(shards, group, list(first))
+    content = {  # of a manifest that is not in a file
+        "format": MANIFEST_FORMAT,
+        "scene": {"name": group.scene, "file": group.scene, "up_axis": None, "contents": ""},
+        "robot": {"name": group.rig},
+        "path": {"name": shards.manifest.title},
+        "steps": len(group.rows),
+        "sensors": {name: {"type": "omnicamera"} for name in first},
+        "channels": list(shards.manifest.channels),
+        "is_rig": True,
+    }
+    run = RunFolder(shards.folder, parse_manifest(content, str(shards.folder)))
     cameras = []
     for name, image in first.items():
         camera = parse_mount(image | {"base_from_optical": mounts[name]}, run.path / name)
         cameras.append(_SampleCamera(run, name, camera, files, group.rows))
     return Recording(run, Trajectory(np.array(numbers), np.array(poses)), None, tuple(cameras))
-
-
-def _mount(image: dict[str, Any]) -> Floats:
-    """Pose (4, 4) of an image's camera on its base."""
-    world_from_base = check_pose(image["world_from_base"])
-    return inverse(world_from_base) @ np.array(image["world_from_optical"])
-
-
-def _run(shards: Shards, group: _Group, cameras: list[str]) -> RunFolder:
-    """Run with one step per sample of a group; its manifest is not in a file."""
-    scene = {"name": group.scene, "file": group.scene, "up_axis": None, "contents": ""}
-    content = {
-        "format": MANIFEST_FORMAT,
-        "scene": scene,
-        "robot": {"name": group.rig},
-        "path": {"name": shards.manifest.title},
-        "steps": len(group.rows),
-        "sensors": {name: {"type": "omnicamera"} for name in cameras},
-        "channels": list(shards.manifest.channels),
-        "is_rig": True,
-    }
-    return RunFolder(shards.folder, parse_manifest(content, str(shards.folder)))

@@ -222,7 +222,9 @@ class _Grid:
         heights = np.full(self.shape, np.nan, dtype=np.float32)
         large = np.ptp(corners[..., :2], axis=1).max(axis=1) > LARGE_CELLS * self.cell_m
         for corner in corners[large]:
-            (top, left), (bottom, right) = self._cells_below(corner)
+            cells = self.cells(corner)
+            bounds: Indices = np.stack((cells.min(axis=0), cells.max(axis=0) + 1))
+            (top, left), (bottom, right) = np.clip(bounds, 0, self.shape)
             rows, columns = np.mgrid[top:bottom, left:right]
             middles = self.low_m + self.cell_m * (np.stack((columns, rows), axis=-1) + 0.5)
             z = heights_in(corner, middles)
@@ -241,12 +243,6 @@ class _Grid:
         numbers = np.flatnonzero(np.all((cells >= 0) & (cells < self.shape), axis=1))
         rows, columns = cells[numbers].T
         return numbers, rows, columns
-
-    def _cells_below(self, corners_m: Floats) -> Indices:
-        """First and end row and column (2, 2) of the cells below points (n, 3); ends exclusive."""
-        cells = self.cells(corners_m)
-        bounds: Indices = np.stack((cells.min(axis=0), cells.max(axis=0) + 1))
-        return np.clip(bounds, 0, self.shape)
 
     def _obstacles(self, corners: Floats, floor: Floats32, step_m: float, height_m: float) -> Bools:
         """Mask (rows, columns) of cells with a surface `step_m` to `height_m` above the floor."""

@@ -1,6 +1,7 @@
 """Command-line application and its error handling.
 
-Commands raise OmnisimError for every fault that a user can fix.
+Commands, and the functions of `omnisim.apps.cli` that read what they need, raise OmnisimError for
+every fault that a user can fix.
 """
 
 from __future__ import annotations

@@ -52,11 +52,7 @@ class Command(click.Command):
         return self.params
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Parse the words after the command's name.
-
-        Raises:
-            CommandLineError: one line that names an option, and what is expected.
-        """
+        """Parse the words after the command's name."""
         if ctx.resilient_parsing:  # for completion
             return super().parse_args(ctx, args)
         line, words = _CommandLine(self.entry, args), tuple(args)  # click takes words away
@@ -134,11 +130,7 @@ class Group(click.Group):
         return list(self.commands)
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Parse the options before a command's name.
-
-        Raises:
-            CommandLineError: an unknown option.
-        """
+        """Parse the options before a command's name."""
         if self._default and args and args[0] not in (*self.commands, *HELP_FLAGS):
             args = [self._default, *args]
         if not args and not ctx.resilient_parsing:
@@ -154,11 +146,7 @@ class Group(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Find a command by its name.
-
-        Raises:
-            CommandLineError: an unknown command.
-        """
+        """Find a command by its name."""
         names = self.list_commands(ctx)
         if not ctx.resilient_parsing and args[0] not in names:
             raise unknown(args[0], "command", ctx.command_path, names)

@@ -49,11 +49,7 @@ class Viewpoint:
 
     @classmethod
     def in_scene(cls, scene: Scene, options: groups.TiltedViewpointOptions) -> Viewpoint:
-        """Viewpoint from --at, --yaw, --pitch and --roll; default: level at the scene's start.
-
-        Raises:
-            OutputError: --at-camera with one of these, or with an unknown camera.
-        """
+        """Viewpoint from --at, --yaw, --pitch and --roll; default: level at the scene's start."""
         if isinstance(options, CameraViewpointOptions) and options.at_camera is not None:
             tilts = "at", "yaw_deg", "pitch_deg", "roll_deg"
             refuse_given(options, "--at-camera has a pose of its own", *tilts)
@@ -88,11 +84,7 @@ class Viewpoint:
 
 
 def read_sensor(path: Path | None) -> OmniCamera:
-    """Read the camera of a sensor file; None: the paper's camera.
-
-    Raises:
-        SensorFileError: names file, key and value.
-    """
+    """Read the camera of a sensor file; None: the paper's camera."""
     if path is None:
         return OmniCamera()
     if path.suffix.lower() in CALIBRATION_SUFFIXES:
@@ -106,9 +98,6 @@ def read_camera(files: groups.CameraFileOptions, calibration: Path | None = None
     """Read the camera of a sensor, calibration or optics file; default: the paper's camera.
 
     `calibration` overrides the calibration file of the options.
-
-    Raises:
-        OmnisimError: several files are named, or a file is faulty.
     """
     calibration = calibration or files.calibration_file
     if files.optics is not None:
@@ -131,11 +120,7 @@ def read_camera(files: groups.CameraFileOptions, calibration: Path | None = None
 
 
 def check_calibration_path(calibration: Path, sensor: Path | None) -> None:
-    """Raise an error for a sensor file in place of a calibration file, or beside one.
-
-    Raises:
-        CalibrationError: names the options.
-    """
+    """Raise an error for a sensor file in place of a calibration file, or beside one."""
     if sensor is not None:
         raise CalibrationError("--sensor, --camera: expected one of them, got both")
     if calibration.suffix.lower() == ".toml":
@@ -154,10 +139,6 @@ def load_labeled_scene(
     """Load a scene with its own labels or those of --labels; print its notices.
 
     Only requested channels with classes print notices on labels.
-
-    Raises:
-        OutputError: no channel needs the label file.
-        SceneError: the scene or the label file is faulty.
     """
     is_labeled = truth.boxes_3d or not LABELED.isdisjoint(channels)
     if truth.labels is not None and not is_labeled:
@@ -174,11 +155,7 @@ def load_labeled_scene(
 
 
 def checked_backend(options: groups.BackendOptions) -> BackendName:
-    """Check the options of the back end and return its name.
-
-    Raises:
-        OmnisimError: rays with --device, or rays without a required package.
-    """
+    """Check the options of the back end and return its name."""
     if options.backend == "cube":
         return "cube"
     if options.device is not None:
@@ -188,11 +165,7 @@ def checked_backend(options: groups.BackendOptions) -> BackendName:
 
 
 def read_requested_scene(world: groups.SceneOptions, **settings: Any) -> Scene:
-    """Read a scene with the requested axes and unit, and further arguments of `read_scene`.
-
-    Raises:
-        SceneError: the scene cannot be read.
-    """
+    """Read a scene with the requested axes and unit, and further arguments of `read_scene`."""
     if Path(world.scene).suffix.lower() in CALIBRATION_SUFFIXES:
         raise SceneError(
             f"{world.scene}: expected a scene, got another file: pass a calibration as --camera"
@@ -204,11 +177,7 @@ def read_requested_scene(world: groups.SceneOptions, **settings: Any) -> Scene:
 def load_requested_scene(
     world: groups.SceneOptions, light: groups.LightOptions | None = None, **settings: Any
 ) -> Scene:
-    """Read a scene with the requested axes, unit and light, and print its notices.
-
-    Raises:
-        SceneError: the scene cannot be read.
-    """
+    """Read a scene with the requested axes, unit and light, and print its notices."""
     of_light = {} if light is None else {"sky": light.sky, "baked": light.baked}
     scene = read_requested_scene(world, **of_light, **settings)
     for notice in scene.notices:
@@ -230,22 +199,14 @@ def note_lighting(
 
 
 def parse_channel_format(text: str | None, channels: Collection[str]) -> ChannelFormat:
-    """Parse --channel-format.
-
-    Raises:
-        OutputError: an unknown format, or no channels are requested.
-    """
+    """Parse --channel-format."""
     if text is not None and not channels:
         raise OutputError("--channel-format: requires --also")
     return ChannelFormat.parse(text)
 
 
 def read_preset(name: str | None) -> Degradation | None:
-    """Read the degradations of a preset; None: keep those of the sensor file.
-
-    Raises:
-        SensorFileError: no such preset, or its file is faulty.
-    """
+    """Read the degradations of a preset; None: keep those of the sensor file."""
     if name is None:
         return None
     from omnisim.rendering.camera.degradations import preset  # imports all effects
@@ -254,11 +215,7 @@ def read_preset(name: str | None) -> Degradation | None:
 
 
 def parse_polygons(text: str) -> Polygons:
-    """Parse a polygon count, "auto" or "exact"; returns None for "exact".
-
-    Raises:
-        OpticsError: any other text.
-    """
+    """Parse a polygon count, "auto" or "exact"; returns None for "exact"."""
     if text.lower() == "exact":
         return None
     if text.lower() == "auto":

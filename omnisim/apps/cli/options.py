@@ -269,11 +269,7 @@ class RequestField:
         return next((unit for unit in UNITS.values() if unit[0] == self.metavar), ("", "", "1"))
 
     def read(self, words: str | Sequence[str]) -> object:
-        """Value of the words of one occurrence.
-
-        Raises:
-            CommandLineError: one line with the option, what is expected, an example, the value.
-        """
+        """Value of the words of one occurrence."""
         if isinstance(words, str):
             return self._read(self.kinds[0], words)
         return tuple(map(self._read, self.kinds, words))

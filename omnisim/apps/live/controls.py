@@ -54,34 +54,6 @@ def control_groups(
         camera: camera of the document; gives the values of keys that are missing or "auto".
         scene: scene of the document, for the controls of its light; None: no such controls.
     """
-    groups = _groups(document)
-    effective = CameraDocument.of_camera(camera)
-    if isinstance(camera.model, HyperbolicCamera):
-        rim_m = float(camera.model.mirror.rim_radius_m)
-        effective = effective.with_value(f"{SENSOR}.mirror.rim_radius_m", rim_m)
-        effective = effective.with_value(f"{SENSOR}.mirror.polygons", camera.mesh_polygons)
-    short_px = min(camera.model.width_px, camera.model.height_px)
-    effective = effective.with_value(SIZE, short_px)
-    if scene is not None:
-        groups += _light_groups(document, scene)
-        exposure, ambient = float(scene.lighting.exposure), map(float, scene.lighting.ambient)
-        effective = effective.with_value(f"{LIGHT}.light.exposure", exposure)
-        effective = effective.with_value(f"{LIGHT}.light.ambient", list(ambient))
-        shadows = any(light.casts_shadow for light in scene.lighting.lights)
-        effective = effective.with_value(f"{LIGHT}.light.shadows", shadows)
-    for control in [control for group in groups for control in group["controls"]]:
-        value = _plain(effective.value(control["path"]))
-        control["effective"] = value
-        if control["value"] is None and not isinstance(control["default"], int | float | list):
-            low, high = (
-                None if control[side] is None else Limit(control[side], control[f"{side}_open"])
-                for side in ("low", "high")
-            )
-            control["soft"] = _soft(control | {"value": value, "default": None}, low, high)
-    return groups
-
-
-def _groups(document: CameraDocument) -> list[Json]:
     groups: list[Json] = []
     own = "mirror"
     if "optics" in document.sensor:
@@ -109,7 +81,31 @@ def _groups(document: CameraDocument) -> list[Json]:
         keys = _keys(document, path, table_of(effect)) if is_on else []
         title = name.replace("_", " ").capitalize()
         effects["groups"].append(_group(title, summary(effect), keys, switch=path, on=is_on))
-    return [*groups, effects]
+    groups = [*groups, effects]
+    effective = CameraDocument.of_camera(camera)
+    if isinstance(camera.model, HyperbolicCamera):
+        rim_m = float(camera.model.mirror.rim_radius_m)
+        effective = effective.with_value(f"{SENSOR}.mirror.rim_radius_m", rim_m)
+        effective = effective.with_value(f"{SENSOR}.mirror.polygons", camera.mesh_polygons)
+    short_px = min(camera.model.width_px, camera.model.height_px)
+    effective = effective.with_value(SIZE, short_px)
+    if scene is not None:
+        groups += _light_groups(document, scene)
+        exposure, ambient = float(scene.lighting.exposure), map(float, scene.lighting.ambient)
+        effective = effective.with_value(f"{LIGHT}.light.exposure", exposure)
+        effective = effective.with_value(f"{LIGHT}.light.ambient", list(ambient))
+        shadows = any(light.casts_shadow for light in scene.lighting.lights)
+        effective = effective.with_value(f"{LIGHT}.light.shadows", shadows)
+    for control in [control for group in groups for control in group["controls"]]:
+        value = _plain(effective.value(control["path"]))
+        control["effective"] = value
+        if control["value"] is None and not isinstance(control["default"], int | float | list):
+            low, high = (
+                None if control[side] is None else Limit(control[side], control[f"{side}_open"])
+                for side in ("low", "high")
+            )
+            control["soft"] = _soft(control | {"value": value, "default": None}, low, high)
+    return groups
 
 
 def _group(title: str, help_text: str, controls: list[Json], **more: Any) -> Json:

@@ -239,7 +239,17 @@ def draw_floor_map(stage: Stage, near_m: tuple[float, float, float]) -> FloorMap
     """
     scene = stage.scene
     ground_m = ground_height_m(scene, near_m)
-    low_m, high_m = _corners(scene, near_m)
+    # around starts, landmarks, paths and the viewpoint; around this alone if they are far apart
+    places = [start.position_m[:2] for start in scene.starts]
+    places += [landmark.position_m[:2] for landmark in scene.landmarks]
+    places += [point[:2] for path in scene.paths for point in path.waypoints_m]
+    named = np.array([*places, near_m[:2]], dtype=np.float64)
+    is_near = bool(places) and float(np.ptp(named, axis=0).max()) < 10.0 * REACH_M
+    at, reach_m = (named, MARGIN_M) if is_near else (named[-1:], REACH_M)
+    low, high = scene.bounds_m()[:, :2]
+    low, high = np.minimum(low, near_m[:2]) - 0.3, np.maximum(high, near_m[:2]) + 0.3
+    low_m = np.maximum(low, at.min(axis=0) - reach_m)
+    high_m = np.minimum(high, at.max(axis=0) + reach_m)
     side_m = float((high_m - low_m).max())
     distance_m, pixels_per_m = DISTANCE * side_m, LONGER_SIDE_PX / side_m
     width_px, height_px = (max(1, round(float(m) * pixels_per_m)) for m in high_m - low_m)
@@ -264,22 +274,6 @@ def ground_height_m(scene: Scene, near_m: tuple[float, float, float]) -> float:
     if floor_m is not None and math.isfinite(floor_m) and floor_m <= near_m[2]:
         return floor_m
     return float(min(scene.bounds_m()[0, 2], near_m[2]))
-
-
-def _corners(scene: Scene, near_m: tuple[float, float, float]) -> tuple[Floats, Floats]:
-    """Minimum and maximum (x, y) of the map: around starts, landmarks, paths and the viewpoint.
-
-    Around the viewpoint alone if the scene has none of these, or if they are far apart.
-    """
-    places = [start.position_m[:2] for start in scene.starts]
-    places += [landmark.position_m[:2] for landmark in scene.landmarks]
-    places += [point[:2] for path in scene.paths for point in path.waypoints_m]
-    named = np.array([*places, near_m[:2]], dtype=np.float64)
-    is_near = bool(places) and float(np.ptp(named, axis=0).max()) < 10.0 * REACH_M
-    at, reach_m = (named, MARGIN_M) if is_near else (named[-1:], REACH_M)
-    low, high = scene.bounds_m()[:, :2]
-    low, high = np.minimum(low, near_m[:2]) - 0.3, np.maximum(high, near_m[:2]) + 0.3
-    return np.maximum(low, at.min(axis=0) - reach_m), np.minimum(high, at.max(axis=0) + reach_m)
 
 
 def profile(model: CentralCamera) -> Json:

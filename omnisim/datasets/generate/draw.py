@@ -137,7 +137,13 @@ def _place(prepared: PreparedPlan, scene: int, stream: Stream) -> _Viewpoint:
         case "path":
             return _along(prepared, scene, stream)
         case "around":
-            return _around(prepared, scene, stream)
+            # viewpoint at a drawn distance from an object, with the heading toward the object
+            middle = stream.choose(prepared.middles(scene))
+            distance_m = prepared.plan.viewpoints.distance_m.draw(stream)
+            angle = 2.0 * math.pi * stream.share()
+            point = middle[:2] + distance_m * np.array((math.cos(angle), math.sin(angle)))
+            position_m = _above(prepared, scene, point, stream)
+            return _Viewpoint(position_m, math.degrees(angle) - 180.0, turns_along=True)
         case _:
             pose = prepared.poses[stream.whole(len(prepared.poses))]
             roll, pitch, yaw = map(math.degrees, roll_pitch_yaw_from_rotation(pose[:3, :3]))
@@ -155,16 +161,6 @@ def _along(prepared: PreparedPlan, scene: int, stream: Stream) -> _Viewpoint:
     point = begin + stream.share() * (end - begin) + table.beside_m.draw(stream) * left
     yaw_deg = math.degrees(math.atan2(direction[1], direction[0]))
     return _Viewpoint(_above(prepared, scene, point, stream), yaw_deg, turns_along=True)
-
-
-def _around(prepared: PreparedPlan, scene: int, stream: Stream) -> _Viewpoint:
-    """Viewpoint at a drawn distance from an object, with the heading toward the object."""
-    middle = stream.choose(prepared.middles(scene))
-    distance_m = prepared.plan.viewpoints.distance_m.draw(stream)
-    angle = 2.0 * math.pi * stream.share()
-    point = middle[:2] + distance_m * np.array((math.cos(angle), math.sin(angle)))
-    position_m = _above(prepared, scene, point, stream)
-    return _Viewpoint(position_m, math.degrees(angle) - 180.0, turns_along=True)
 
 
 def _above(prepared: PreparedPlan, scene: int, point_m: Floats, stream: Stream) -> Floats:
@@ -231,15 +227,9 @@ def _apart(
     distance_m: Distribution,
     stream: Stream,
 ) -> Floats:
-    """Draw a point (3,) on the floor, apart from occupied ones.
+    """Draw a point (3,) on the floor at a distance from the viewpoint (2,) for an object.
 
-    Args:
-        free: free floor for the object.
-        occupied: centers (2,) and radii in m of placed objects and the viewpoint.
-        shape: object to place.
-        viewpoint_m: (2,) position of the viewpoint.
-        distance_m: distance from the viewpoint.
-        stream: stream of random numbers.
+    It is apart from the occupied circles: centers (2,) and radii in m.
     """
     for _ in range(MAX_TRIES):
         angle, distance = 2.0 * math.pi * stream.share(), distance_m.draw(stream)

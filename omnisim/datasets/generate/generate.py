@@ -15,10 +15,9 @@ from omnisim.core.errors import OutputError, PlanError
 from omnisim.core.files.atomic_file import write_text
 from omnisim.core.files.image_files import write_image
 from omnisim.core.version import __version__
-from omnisim.datasets.dataset_manifest import MANIFEST, Manifest
 from omnisim.datasets.free_space import PATTERN
 from omnisim.datasets.generate.prepared_plan import PreparedPlan
-from omnisim.datasets.generate.samples import Shards
+from omnisim.datasets.generate.samples import MANIFEST, Manifest, Shards
 from omnisim.datasets.generate.shard import (
     RANGE_EDGES_M,
     ShardMaker,

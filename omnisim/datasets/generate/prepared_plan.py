@@ -152,25 +152,22 @@ class PreparedPlan:
                 file = free_space_path(self._folder, self.fingerprint, number)
             free = None if file is None else read_free_space(file)
             if free is None:
-                free = self._find_free_space(number)
+                table = self.plan.viewpoints
+                highest_m = table.height_m.high
+                tallest = max((one.height_m for one in self.objects), default=0.0)
+                free = find_free_space(
+                    self.scene(number),
+                    table.radius_m,
+                    max(highest_m if np.isfinite(highest_m) else 2.0, min(tallest, 2.0)),
+                    table.step_m,
+                    self.plan.scenes[number].floor_m,
+                    # along paths and around objects, the floor is needed everywhere
+                    table.where == "free" and table.region == "start",
+                )
                 if file is not None:
                     write_free_space(file, free)
             self._free[number] = free
         return self._free[number]
-
-    def _find_free_space(self, number: int) -> FreeSpace:
-        free_cells = self.plan.viewpoints
-        highest_m = free_cells.height_m.high
-        tallest = max((one.height_m for one in self.objects), default=0.0)
-        return find_free_space(
-            self.scene(number),
-            free_cells.radius_m,
-            max(highest_m if np.isfinite(highest_m) else 2.0, min(tallest, 2.0)),
-            free_cells.step_m,
-            self.plan.scenes[number].floor_m,
-            # along paths and around objects, the floor is needed everywhere
-            free_cells.where == "free" and free_cells.region == "start",
-        )
 
     def paths(self, number: int) -> tuple[Floats, ...]:
         """Waypoints (n, 2) in meters of each path of a scene that has viewpoints.

@@ -160,18 +160,7 @@ class SampleRenderer:
 
 
 class _OpenRig:
-    """Renderers of a rig on a stage.
-
-    Args:
-        stage: stage of the renderers.
-        cameras: cameras of the rig.
-        setup: setup of the cameras.
-        seed: seed of the cameras' noise.
-
-    Attributes:
-        cameras, setup: see the arguments.
-        renderers: renderers by camera name.
-    """
+    """Renderers of a rig, with the cameras of a setup, on a stage; by camera name."""
 
     def __init__(self, stage: Stage, cameras: PlanRig, setup: int, seed: int):
         self._stage, self.cameras, self.setup = stage, cameras, setup

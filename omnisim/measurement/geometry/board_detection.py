@@ -100,7 +100,19 @@ def _chessboard_corners(image: Bytes, board: Chessboard, grid: Floats | None) ->
         grid = grid[:, ::-1]  # OpenCV's order does not say from which side
     fault = grid_fault(grid)
     if fault is None:
-        grid = _refined(image, grid)
+        # corners (rows, columns, 2) at sub-pixel accuracy, each from a third of the spacing
+        spacing = np.full(grid.shape[:2], np.inf)
+        for axis in (0, 1):
+            steps = np.linalg.norm(np.diff(grid, axis=axis), axis=2)
+            for ends in (np.s_[:-1], np.s_[1:]):
+                part = spacing[ends] if axis == 0 else spacing[:, ends]
+                np.minimum(part, steps, out=part)
+        reach = np.clip(spacing * _REACH, _MIN_WINDOW_PX, _MAX_WINDOW_PX).astype(np.int64)
+        refined = grid.copy()
+        for window in np.unique(reach).tolist():
+            chosen = reach == window
+            refined[chosen] = _located(image, grid[chosen], window)
+        grid = refined
         fault = grid_fault(grid) or squares_fault(image, grid) or size_fault(image, grid)
     if fault is not None:
         raise MeasurementError(fault)
@@ -139,22 +151,6 @@ def _larger_grid(image: Bytes, size: tuple[int, int]) -> Floats | None:
         meta.shape[0] > meta.shape[1] if size[0] >= size[1] else meta.shape[0] < meta.shape[1]
     )
     return grid.swapaxes(0, 1) if is_turned else grid
-
-
-def _refined(image: Bytes, grid: Floats) -> Floats:
-    """Corners (rows, columns, 2) at sub-pixel accuracy, each from a third of the spacing."""
-    spacing = np.full(grid.shape[:2], np.inf)
-    for axis in (0, 1):
-        steps = np.linalg.norm(np.diff(grid, axis=axis), axis=2)
-        for ends in (np.s_[:-1], np.s_[1:]):
-            part = spacing[ends] if axis == 0 else spacing[:, ends]
-            np.minimum(part, steps, out=part)
-    reach = np.clip(spacing * _REACH, _MIN_WINDOW_PX, _MAX_WINDOW_PX).astype(np.int64)
-    refined = grid.copy()
-    for window in np.unique(reach).tolist():
-        chosen = reach == window
-        refined[chosen] = _located(image, grid[chosen], window)
-    return refined
 
 
 def _located(image: Bytes, corners: Floats, window: int) -> Floats:

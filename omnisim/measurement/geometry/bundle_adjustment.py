@@ -223,7 +223,18 @@ def adjust(
         blocks = problem.blocks(state)
         if is_done:
             break
-    covariance = _covariance(blocks, parameters, state.vector)
+    # covariance (p, p) of the camera's free parameters; 0 for parameters at a bound
+    inside = (state.vector > parameters.low) & (state.vector < parameters.high)
+    count = len(state.vector)
+    used = np.concatenate((inside, np.ones(len(blocks.common) - count, dtype=bool)))
+    weights = np.linalg.solve(blocks.poses, blocks.mixed[:, used].swapaxes(1, 2))
+    reduced = blocks.common[np.ix_(used, used)]
+    reduced = reduced - np.tensordot(blocks.mixed[:, used], weights, axes=((0, 2), (0, 1)))
+    scale = _scale(reduced)
+    inverse = np.linalg.pinv(reduced / np.outer(scale, scale), rcond=1e-14, hermitian=True)
+    inverse /= np.outer(scale, scale)
+    covariance = np.zeros((count, count))
+    covariance[np.ix_(inside, inside)] = inverse[: inside.sum(), : inside.sum()]
     return Adjustment(state.camera, state.poses, state.shape_m, state.errors_px, covariance)
 
 
@@ -290,24 +301,6 @@ def _solve(blocks: _Blocks, damping: float) -> tuple[Floats, Floats]:
             step = np.linalg.lstsq(scaled, side / scale, rcond=1e-14)[0] / scale
     rest = blocks.pose_side - np.einsum("bci,c->bi", blocks.mixed, step)
     return step, np.linalg.solve(poses, rest[..., None])[..., 0]
-
-
-def _covariance(
-    blocks: _Blocks, parameters: ParameterVector[ParametricCamera], vector: Floats
-) -> Floats:
-    """Covariance (p, p) of the camera's free parameters; 0 for parameters at a bound."""
-    inside = (vector > parameters.low) & (vector < parameters.high)
-    count = len(vector)
-    used = np.concatenate((inside, np.ones(len(blocks.common) - count, dtype=bool)))
-    weights = np.linalg.solve(blocks.poses, blocks.mixed[:, used].swapaxes(1, 2))
-    reduced = blocks.common[np.ix_(used, used)]
-    reduced = reduced - np.tensordot(blocks.mixed[:, used], weights, axes=((0, 2), (0, 1)))
-    scale = _scale(reduced)
-    inverse = np.linalg.pinv(reduced / np.outer(scale, scale), rcond=1e-14, hermitian=True)
-    inverse /= np.outer(scale, scale)
-    covariance = np.zeros((count, count))
-    covariance[np.ix_(inside, inside)] = inverse[: inside.sum(), : inside.sum()]
-    return covariance
 
 
 def _scale(matrix: Floats) -> Floats:

@@ -18,6 +18,7 @@ from omnisim.cameras.optics.system_calibration import (
 )
 from omnisim.core.arrays import Bools, Floats
 from omnisim.core.errors import CalibrationError, MeasurementError, OpticsError
+from omnisim.measurement import Quantity, Unobservable
 from omnisim.measurement.geometry.board_detection import MIN_CORNERS
 from omnisim.measurement.geometry.boards import BoardView, RejectedImage
 from omnisim.measurement.geometry.bundle_adjustment import (
@@ -36,7 +37,6 @@ from omnisim.measurement.geometry.model_choice import (
     model_quantities,
     unobservable_quantities,
 )
-from omnisim.measurement.quantity import Quantity, Unobservable
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,8 +16,8 @@ from omnisim.cameras.calibration.linear_fit import FITTED, Bounds, ParameterVect
 from omnisim.cameras.parametric_camera import ParametricCamera
 from omnisim.core.arrays import Bools, Floats
 from omnisim.core.errors import CalibrationError, MeasurementError, OpticsError
+from omnisim.measurement import Quantity, Unobservable
 from omnisim.measurement.geometry.bundle_adjustment import Adjustment, Corners, adjust, rms_px
-from omnisim.measurement.quantity import Quantity, Unobservable
 
 MAX_COMPARED = 40  # images for the comparison of models; the chosen model is fitted to all
 MAX_MODEL_SIGMA = 0.2  # relative sigma of a focal length that correlates with another, as with ξ

@@ -13,13 +13,6 @@ from omnisim.measurement.inputs.recorded_frames import (
 )
 
 __all__ = [
-    "IMAGE_SUFFIXES",
-    "RAW_SUFFIXES",
-    "frame_numbers",
-    "is_lossy",
-    "is_recording",
-    "read_mosaic",
-    "read_photo",
-    "recorded_frames",
-    "without_topic",
-]
+    "IMAGE_SUFFIXES", "RAW_SUFFIXES", "frame_numbers", "is_lossy", "is_recording", "read_mosaic",
+    "read_photo", "recorded_frames", "without_topic",
+]  # fmt: skip

@@ -51,12 +51,7 @@ def recorded_frames(source: Path) -> list[Path]:
 
 @lru_cache(maxsize=8)  # a plan's parts share a recording
 def _extracted(absolute: Path, source: Path) -> tuple[Path, ...]:
-    """Files of a recording's frames.
-
-    Args:
-        absolute: absolute path, the key of the cache: `source` may depend on the working folder.
-        source: path as in the command, for messages.
-    """
+    """Files of the frames of `source`, a path in messages; `absolute` is the key of the cache."""
     folder = Path(tempfile.mkdtemp(prefix="omnisim-frames-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     bag, topic = _split(source)

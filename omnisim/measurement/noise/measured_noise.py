@@ -14,8 +14,8 @@ import numpy as np
 
 from omnisim.core.arrays import Bools, Floats, Floats32, Ints
 from omnisim.core.errors import MeasurementError
+from omnisim.measurement import Quantity, Unobservable
 from omnisim.measurement.noise.frame_statistics import FrameStatistics
-from omnisim.measurement.quantity import Quantity, Unobservable
 from omnisim.rendering.camera.degradations import Noise
 
 MAX_ZEROS = 0.005  # share of dark values at 0, EMVA 1288

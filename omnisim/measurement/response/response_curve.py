@@ -16,8 +16,8 @@ from scipy.optimize import minimize_scalar
 from omnisim.core.arrays import Bools, Floats
 from omnisim.core.errors import MeasurementError
 from omnisim.core.srgb import linear_from_srgb
+from omnisim.measurement import Quantity
 from omnisim.measurement.inputs import read_photo
-from omnisim.measurement.quantity import Quantity
 from omnisim.rendering.camera.degradations.encoding import Encoding
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
 from omnisim.rendering.camera.degradations.vignetting import MAX_TERMS, Vignetting

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from omnisim.cameras.optics.system_calibration import BoardCorners
 from omnisim.core.arrays import Bools, Floats
 from omnisim.core.errors import MeasurementError
-from omnisim.measurement.quantity import Quantity, Unobservable
+from omnisim.measurement import Quantity, Unobservable
 from omnisim.measurement.sharpness.slanted_edge import (
     GREEN,
     EdgeSharpness,

@@ -15,9 +15,9 @@ from scipy.optimize import brentq, least_squares
 from omnisim.cameras.camera import CentralCamera
 from omnisim.core.arrays import Floats
 from omnisim.core.errors import MeasurementError
+from omnisim.measurement import Quantity, Unobservable
 from omnisim.measurement.geometry.boards import BoardView
 from omnisim.measurement.geometry.placed_board import BoardSurface, locate_board, pixels_of_points
-from omnisim.measurement.quantity import Quantity, Unobservable
 
 MIN_FRAMES = 5
 MIN_PERIODS = 0.75  # of the flicker in a frame
@@ -109,7 +109,18 @@ def measure_timing(
     if peaks[lines].ratio < MIN_RATIO:
         return _global_shutter(profiles, flicker_hz, name)
     bands = _fit(light, peaks[lines].frequency)
-    _check_scene(bands, name)
+    # reject frames that differ by more than bands and their harmonics, as of a pulsed lamp
+    rest = _powers(1.0 + bands.profile - bands.fitted)
+    order = np.arange(len(rest)) / (_FINE * bands.profile.shape[1] * bands.frequency)
+    harmonic = np.rint(order)
+    width = 1.0 / (bands.profile.shape[1] * bands.frequency)  # of a line of the spectrum
+    rest[(harmonic >= 2.0) & (np.abs(order - harmonic) <= width)] = 0.0
+    share = float(rest.max() / _powers(bands.profile).max())
+    if share > MAX_REST:
+        raise MeasurementError(
+            f"{name}: the frames differ by more than bands, which leave {100.0 * share:.0f} % of "
+            "their power at another frequency: expected a still surface and a still camera"
+        )
     count = light.shape[1]
     periods = bands.frequency * (count - 1)
     if periods < MIN_PERIODS:
@@ -132,21 +143,6 @@ def measure_timing(
     return MeasuredTiming(
         readout_s, lines, tuple(quantities), tuple(unobservable), bands.profile, bands.fitted
     )
-
-
-def _check_scene(bands: _Bands, name: str) -> None:
-    """Reject frames that differ by more than bands and their harmonics, as of a pulsed lamp."""
-    rest = _powers(1.0 + bands.profile - bands.fitted)
-    order = np.arange(len(rest)) / (_FINE * bands.profile.shape[1] * bands.frequency)
-    harmonic = np.rint(order)
-    width = 1.0 / (bands.profile.shape[1] * bands.frequency)  # of a line of the spectrum
-    rest[(harmonic >= 2.0) & (np.abs(order - harmonic) <= width)] = 0.0
-    share = float(rest.max() / _powers(bands.profile).max())
-    if share > MAX_REST:
-        raise MeasurementError(
-            f"{name}: the frames differ by more than bands, which leave {100.0 * share:.0f} % of "
-            "their power at another frequency: expected a still surface and a still camera"
-        )
 
 
 class _Peak(NamedTuple):

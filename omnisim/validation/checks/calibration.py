@@ -210,11 +210,7 @@ def check_boards(fixture: Fixture, title: str) -> Section:
 def _off_px(
     fixture: Fixture, board_camera: BoardCamera, count: int
 ) -> tuple[Floats, int, Bytes | None]:
-    """Distances between detected and projected corners, over the boards that OpenCV detects.
-
-    Returns:
-        Distances (n,) in px; number of boards; and the image of the last board, or None.
-    """
+    """Distances (n,) in px of detected from projected corners; number of boards; the last image."""
     camera = board_camera.camera
     is_mirror = isinstance(camera, HyperbolicCamera)
     rig_from_optical = camera.rig_from_optical

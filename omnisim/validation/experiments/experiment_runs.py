@@ -259,7 +259,14 @@ class Experiment:
     def __init__(self, run: RunData, trained: Training, robot: str, progress: Progress):
         self.run = run
         self.detector = LandmarkDetector(trained.model, run.landmarks, run.mount)
-        self.detections, self.milliseconds = _timed(run, self.detector, progress)
+        # detections of all steps, and the median time per image in milliseconds
+        detections, times = [], []
+        for step in progress(f"landmarks: {run.folder.path.name}", run.steps)(range(run.steps)):
+            image = run.image(step)
+            start = time.thread_time()
+            detections.append(self.detector(image))
+            times.append(time.thread_time() - start)
+        self.detections, self.milliseconds = detections, 1e3 * float(np.median(times))
         poses = run.true_poses
         assert poses is not None
         landmarks = LandmarkMap.of_scene(run.landmarks)
@@ -308,22 +315,6 @@ class RealExperiment(Experiment):
         self.honest = run_seeds(run, errors, picked, parameters, certain, with_wrong_start)
         automatic = observations_from_detections(self.detections, parameters)
         self.automatic = run_seeds(run, errors, [automatic] * SEEDS, parameters)
-
-
-def _timed(
-    run: RunData, detector: LandmarkDetector, progress: Progress
-) -> tuple[list[list[Detection]], float]:
-    """Detections of all steps, and the median time per image in milliseconds.
-
-    The time is that of this thread only.
-    """
-    detections, times = [], []
-    for step in progress(f"landmarks: {run.folder.path.name}", run.steps)(range(run.steps)):
-        image = run.image(step)
-        start = time.thread_time()
-        detections.append(detector(image))
-        times.append(time.thread_time() - start)
-    return detections, 1e3 * float(np.median(times))
 
 
 def observations_from_detections(

@@ -110,11 +110,7 @@ class PhysicalOptics:
         return content | {"far_clip": 1e6 * SIZE_UNITS}
 
     def _mirror(self, surface: Surface) -> mi.Mesh:
-        """Mesh of rings with equal width along the radius, from the hole to the rim.
-
-        Raises:
-            OpticsError: the rim is next to the axis.
-        """
+        """Mesh of rings with equal width along the radius, from the hole to the rim."""
         if surface.rim_center_m != (0.0, 0.0):
             raise OpticsError(f"{surface.name}: expected a rim about the axis")
         radii_m = np.linspace(surface.hole_radius_m, surface.visible_radius_m, scenes.RINGS + 1)[
@@ -136,11 +132,7 @@ class PhysicalOptics:
         )
 
     def _boundary(self, number: int, surface: Surface) -> dict[str, Any]:
-        """Sphere or disc of a window's boundary; the camera is on its inner side.
-
-        Raises:
-            OpticsError: another shape, or a part of a sphere.
-        """
+        """Sphere or disc of a window's boundary; the camera is on its inner side."""
         shape, indices = surface.shape, self.system.indices
         glass = {
             "type": "dielectric",

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from omnisim.measurement.noise import measure_noise
-from omnisim.validation.oracles.emva import ReferenceCamera, reference_results
+from omnisim.validation.oracles.emva import ReferenceCamera
 from tests.measurement.noise.frames import NOISE, TIMES_S, Camera
+from tests.measurement.noise.reference import reference_results
 
 pytest.importorskip("emva1288")
 pytestmark = pytest.mark.slow

@@ -9,12 +9,8 @@ from omnisim.core.srgb import srgb_from_linear
 from omnisim.measurement.sharpness import measure_sharpness
 from omnisim.rendering.camera.degradations import ChromaticAberration, Encoding, PointSpread
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
-from omnisim.validation.checks.measured.sharpness import (
-    AnalyticLens,
-    edge_image,
-    gaussian,
-    true_mtf50,
-)
+from omnisim.validation.checks.measured.sharpness import AnalyticLens, gaussian, true_mtf50
+from tests.measurement.sharpness.edges import edge_image
 
 LENS = AnalyticLens((600, 480), (0.5, 0.1, 0.5), (0.5, 0.0, 0.2), (0.3, 0.5), (0.0, -0.7))
 SHARP = AnalyticLens((600, 480), (0.02,), (0.02,), (), ())

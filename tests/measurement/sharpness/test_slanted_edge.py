@@ -4,14 +4,8 @@ import numpy as np
 import pytest
 
 from omnisim.measurement.sharpness.slanted_edge import EdgeLine, Flaw, UnusableEdge, measure_edge
-from omnisim.validation.checks.measured.sharpness import (
-    disc,
-    edge_image,
-    edge_levels,
-    gaussian,
-    motion,
-    true_mtf50,
-)
+from omnisim.validation.checks.measured.sharpness import gaussian, true_mtf50
+from tests.measurement.sharpness.edges import disc, edge_image, edge_levels, motion
 
 MIDDLE = np.array((40.0, 40.0))
 

@@ -158,11 +158,7 @@ def show(request: ShowRequest) -> None:
 def read_calibration(
     path: Path, camera_name: str | None, format: str | None, mirrored: bool | None
 ) -> Calibration:
-    """Read a calibration from a calibration file, a sensor file or an image.
-
-    Raises:
-        OmnisimError: names the file and the key.
-    """
+    """Read a calibration from a calibration file, a sensor file or an image."""
     if path.suffix.lower() in _SCENES and format is None:
         from omnisim.scene import read_scene  # calibrations seldom are scenes
 
@@ -192,11 +188,7 @@ def read_calibration(
 
 
 def select_camera(calibration: Calibration, name: str | None) -> Calibration:
-    """Reduce a calibration to one camera: the named one, or the first with a note.
-
-    Raises:
-        CalibrationError: no camera has the name.
-    """
+    """Reduce a calibration to one camera: the named one, or the first with a note."""
     if name is None and len(calibration.cameras) > 1:
         names = ", ".join(calibration.names)
         print_note(

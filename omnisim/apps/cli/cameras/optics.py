@@ -135,12 +135,7 @@ def profile(request: requests.OpticsProfileRequest) -> None:
 def write_profile_of(
     path: Path, number: int, output: Path, points: int = requests.PROFILE_POINTS
 ) -> None:
-    """Write the profile of a surface of an optical system, and print its size.
-
-    Raises:
-        OpticsError: no such surface, or it has no rim.
-        OutputError: the file cannot be written.
-    """
+    """Write the profile of a surface of an optical system, and print its size."""
     surface = read_optics_file(path).surface(number, str(path))
     if math.isinf(surface.visible_radius_m):
         raise OpticsError(f"{path}: surfaces.{number}.rim_radius_m: missing")
@@ -150,11 +145,7 @@ def write_profile_of(
 def write_surface_profile(
     output: Path, surface: Surface, points: int = requests.PROFILE_POINTS
 ) -> None:
-    """Write the profile of a surface that has a rim, and print its size.
-
-    Raises:
-        OutputError: the file cannot be written.
-    """
+    """Write the profile of a surface that has a rim, and print its size."""
     radius_m = surface.visible_radius_m
     samples = sampled(surface.shape, radius_m, points)
     write_profile(output, samples.radii_m, samples.heights_m)

@@ -13,10 +13,9 @@ from omnisim.apps.cli.console import err, out, progress, track
 from omnisim.core.errors import OmnisimError, did_you_mean
 from omnisim.report.machine import machine_of_device
 from omnisim.report.report import HTML, Section, check_report_target
-from omnisim.validation.check_registry import CHECKS
+from omnisim.validation.check_registry import CHECKS, make_report, run_checks
 from omnisim.validation.experiments.paper import run_experiments
 from omnisim.validation.fixture import Fixture
-from omnisim.validation.suite import make_report, run_checks
 
 _COLORS = {"passed": "green", "failed": "bold red", "skipped": "yellow", "measured": "default"}
 
@@ -36,7 +35,15 @@ def run(request: ValidateRequest) -> bool:
     with progress(checks[0].title, len(checks)) as show:
         for section in run_checks(Fixture(request.device, request.quick), checks):
             sections.append(section)
-            _print(section)
+            color = _COLORS[section.status]
+            seconds = f"{section.seconds:5.1f} s" if section.seconds is not None else ""
+            title = f"{escape(section.title):55} {seconds}"
+            out.print(f"[{color}]{section.status:8}[/] {title}", markup=True)
+            if section.skipped or section.failure:
+                out.print(f"         {section.skipped or section.failure}")
+            for measure in section.missed:
+                line = f"{measure.name}: {measure.value_text} {measure.bound_text}"
+                out.print(f"         [red]missed[/] {escape(line)}", markup=True)
             following = checks[len(sections)].title if len(sections) < len(checks) else ""
             show(len(sections), following)
     report = make_report(sections, request.quick, machine)
@@ -47,18 +54,6 @@ def run(request: ValidateRequest) -> bool:
         summary += f", {counts[status]} {status}" if counts[status] else ""
     out.print(summary)
     return report.passed
-
-
-def _print(section: Section) -> None:
-    color = _COLORS[section.status]
-    seconds = f"{section.seconds:5.1f} s" if section.seconds is not None else ""
-    title = f"{escape(section.title):55} {seconds}"
-    out.print(f"[{color}]{section.status:8}[/] {title}", markup=True)
-    if section.skipped or section.failure:
-        out.print(f"         {section.skipped or section.failure}")
-    for measure in section.missed:
-        line = f"{measure.name}: {measure.value_text} {measure.bound_text}"
-        out.print(f"         [red]missed[/] {escape(line)}", markup=True)
 
 
 def experiments(request: ExperimentsRequest) -> bool:

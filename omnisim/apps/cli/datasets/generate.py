@@ -32,11 +32,7 @@ def run(request: GenerateRequest) -> None:
 
 
 def parse_shards(text: str | None) -> range | None:
-    """Parse --shards: `3` or `0:100`, where the last is excluded; None: all shards.
-
-    Raises:
-        PlanError: any other text.
-    """
+    """Parse --shards: `3` or `0:100`, where the last is excluded; None: all shards."""
     if text is None:
         return None
     match = SHARDS.fullmatch(text)

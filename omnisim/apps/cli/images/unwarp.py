@@ -73,7 +73,16 @@ def run(request: UnwarpRequest) -> None:
         unwarp = Unwarping(taken.camera, view.camera, camera_from_view, taken.covered)
     except OpticsError as reason:
         raise OpticsError(f"{request.source}: {reason}: choose another direction") from None
-    metadata = _metadata(taken, view)
+    # metadata of the view: its own camera and pose, and the image's scene
+    base_from_optical = np.eye(4)
+    base_from_optical[:3, :3] = view.base_from_view
+    inherited = {key: value for key, value in taken.metadata.items() if key in _INHERITED}
+    if taken.world_from_optical is not None and taken.world_from_base is not None:
+        camera_from_base = np.linalg.inv(taken.world_from_base) @ taken.world_from_optical
+        base_from_optical[:3, 3] = camera_from_base[:3, 3]
+        world_from_optical = taken.world_from_base @ base_from_optical
+        inherited["world_from_optical"] = world_from_optical.tolist()
+    metadata = {"omnisim": __version__, "camera": view.camera.parameters(), **inherited}
     channels, labels, has_ray = _channels(request, taken, view, camera_from_view, metadata)
     colors = taken.pixels
     if is_float:
@@ -170,16 +179,3 @@ def _cylinder(request: UnwarpRequest, taken: CapturedImage, yaw: float) -> View:
             "change the size or --elevation"
         )
     return view
-
-
-def _metadata(taken: CapturedImage, view: View) -> dict[str, Any]:
-    """Metadata of the view: its own camera and pose, and the image's scene."""
-    base_from_optical = np.eye(4)
-    base_from_optical[:3, :3] = view.base_from_view
-    inherited = {key: value for key, value in taken.metadata.items() if key in _INHERITED}
-    if taken.world_from_optical is not None and taken.world_from_base is not None:
-        camera_from_base = np.linalg.inv(taken.world_from_base) @ taken.world_from_optical
-        base_from_optical[:3, 3] = camera_from_base[:3, 3]
-        world_from_optical = taken.world_from_base @ base_from_optical
-        inherited["world_from_optical"] = world_from_optical.tolist()
-    return {"omnisim": __version__, "camera": view.camera.parameters(), **inherited}

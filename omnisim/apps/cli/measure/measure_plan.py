@@ -53,7 +53,12 @@ def plan(request: requests.MeasurePlanRequest) -> bool:
     if request.sensor is not None and request.sensor.resolve() == request.output.resolve():
         raise MeasurementError(f"--sensor: {request.sensor} is the file to write: expected another")
     check_report_target(folder)
-    tables = _read_plan(request.plan, request.output)
+    read = _with_board(read_tables(request.plan, MeasurementError), request.output)
+    parsed = parse_table(read, plan_schema(), MeasurementError, str(request.plan))
+    place = request.plan.parent
+    tables = {name: _below(place, dict(table)) for name, table in parsed if table is not None}
+    if not tables.keys() & _PARTS.keys():
+        raise MeasurementError(f"{request.plan}: expected a table of {', '.join(_PARTS)}")
     digest, sensor = _digest("", {"sensor": request.sensor}), request.sensor
     for name, (measure, request_of) in _PARTS.items():
         if name not in tables:
@@ -89,15 +94,6 @@ def _named(place: str) -> Iterator[None]:
         yield
     except MeasurementError as reason:
         raise MeasurementError(f"{place}: {reason}") from None
-
-
-def _read_plan(path: Path, output: Path) -> dict[str, dict[str, Any]]:
-    read = read_tables(path, MeasurementError)
-    parsed = parse_table(_with_board(read, output), plan_schema(), MeasurementError, str(path))
-    tables = {name: _below(path.parent, dict(table)) for name, table in parsed if table is not None}
-    if not tables.keys() & _PARTS.keys():
-        raise MeasurementError(f"{path}: expected a table of {', '.join(_PARTS)}")
-    return tables
 
 
 def plan_schema() -> type[Table]:

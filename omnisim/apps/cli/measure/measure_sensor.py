@@ -28,10 +28,11 @@ from omnisim.apps.cli.measure.requests import (
     MeasureTimingRequest,
 )
 from omnisim.cameras import CentralCamera
-from omnisim.cameras.optics.system_calibration import BoardCorners, read_corners
+from omnisim.cameras.optics.system_calibration import read_corners
 from omnisim.core.arrays import Floats
 from omnisim.core.errors import MeasurementError
 from omnisim.core.extras import require_extra
+from omnisim.measurement import Quantity, Unobservable
 from omnisim.measurement.geometry import BoardView, find_boards, read_board
 from omnisim.measurement.geometry.board_detection import image_files
 from omnisim.measurement.geometry.placed_board import BoardSurface
@@ -42,7 +43,6 @@ from omnisim.measurement.noise import (
     measure_noise,
     read_statistics,
 )
-from omnisim.measurement.quantity import Quantity, Unobservable
 from omnisim.measurement.response import (
     MeasuredResponse,
     MeasuredVignetting,
@@ -213,7 +213,19 @@ def _statistics(folder: Path, title: str) -> list[FrameStatistics]:
 def timing(request: MeasureTimingRequest) -> None:
     """Measure readout and exposure time, and write a sensor file with its shutter."""
     check_outputs(request.output, request.sensor)
-    _check_timing(request)
+    if (request.flicker is None) == (request.board is None):
+        raise MeasurementError("timing: expected either --flicker HZ or --board BOARD")
+    for option, value in (("--flicker", request.flicker), ("--frame-rate", request.frame_rate)):
+        if value is not None and not 0.0 < value < math.inf:
+            raise MeasurementError(f"{option}: expected a frequency above 0 Hz, got {value:g}")
+    for is_wrong, fault in (
+        (request.sensor is None, "--board: expected --sensor with the measured camera model"),
+        (request.frame_rate is None, "--board: expected --frame-rate HZ"),
+        (request.modulation is not None,
+         "--modulation: expected --flicker HZ, whose lamp it describes"),
+    ):  # fmt: skip
+        if request.board is not None and is_wrong:
+            raise MeasurementError(fault)
     tables = sensor_tables(request.sensor)
     measured: MeasuredTiming | MeasuredReadout
     if request.board is None:
@@ -237,23 +249,6 @@ def timing(request: MeasureTimingRequest) -> None:
     tables["degradation"] = {**degradation, "shutter": shutter}
     details = {"lines": measured.lines, **details}
     write_measured("timing", request, tables, measured.quantities, unobservable, details)
-
-
-def _check_timing(request: MeasureTimingRequest) -> None:
-    """Reject options that contradict each other, before the frames are read."""
-    if (request.flicker is None) == (request.board is None):
-        raise MeasurementError("timing: expected either --flicker HZ or --board BOARD")
-    for option, value in (("--flicker", request.flicker), ("--frame-rate", request.frame_rate)):
-        if value is not None and not 0.0 < value < math.inf:
-            raise MeasurementError(f"{option}: expected a frequency above 0 Hz, got {value:g}")
-    if request.board is None:
-        return
-    if request.sensor is None:
-        raise MeasurementError("--board: expected --sensor with the measured camera model")
-    if request.frame_rate is None:
-        raise MeasurementError("--board: expected --frame-rate HZ")
-    if request.modulation is not None:
-        raise MeasurementError("--modulation: expected --flicker HZ, whose lamp it describes")
 
 
 def _under_a_lamp(
@@ -311,7 +306,16 @@ def sharpness(request: MeasureSharpnessRequest) -> None:
     boards = None
     if request.corners is not None:
         boards = read_corners(request.corners)
-        files = _files_with_board(request, files, boards)
+        if len(boards) != len(files) and request.sensor is not None:
+            # those that the geometry's report lists
+            reported = read_reports(request.sensor).get("geometry", {}).get("images", ())
+            with_board = {image["name"] for image in reported}
+            files = [path for path in files if path.name in with_board]
+        if len(boards) != len(files):
+            raise MeasurementError(
+                f"{request.corners}: expected corners in each of {len(files)} images, in the order "
+                f"of their names, got those of {len(boards)}"
+            )
     center_px = None
     camera = stated_camera(request.sensor)
     if camera is not None and request.sensor is not None:
@@ -361,20 +365,6 @@ def _encoding_of(text: str | None, tables: dict[str, Any]) -> Encoding | None:
         expected = f"expected srgb or a number from {MIN_GAMMA:g} to {MAX_GAMMA:g}"
         raise MeasurementError(f"--response: {expected}, got {text!r}")
     return Encoding(gamma=gamma)
-
-
-def _files_with_board(
-    request: MeasureSharpnessRequest, files: Sequence[Path], boards: Sequence[BoardCorners]
-) -> Sequence[Path]:
-    """Image files of the detected corners, as listed in the geometry's report."""
-    if len(boards) != len(files) and request.sensor is not None:
-        images = read_reports(request.sensor).get("geometry", {}).get("images", ())
-        names = {image["name"] for image in images}
-        files = [path for path in files if path.name in names]
-    if len(boards) != len(files):
-        expected = f"expected corners in each of {len(files)} images, in the order of their names"
-        raise MeasurementError(f"{request.corners}: {expected}, got those of {len(boards)}")
-    return files
 
 
 def _edge(edge: EdgeSharpness) -> dict[str, Any]:

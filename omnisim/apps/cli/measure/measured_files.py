@@ -18,7 +18,7 @@ from omnisim.core.arrays import Floats
 from omnisim.core.errors import MeasurementError, SensorFileError
 from omnisim.core.files.atomic_file import check_distinct, check_suffix, check_target, write_text
 from omnisim.core.files.toml_file import Comment, read_tables, toml_text
-from omnisim.measurement.quantity import Quantity, Unobservable
+from omnisim.measurement import Quantity, Unobservable
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.sensor_file import extended_sensor
 
@@ -32,9 +32,6 @@ def check_outputs(output: Path, sensor: Path | None, **others: Path) -> None:
         output: sensor file to write; its report is written beside it.
         sensor: sensor file to complete, which may be `output`.
         others: further files to write, by their name in messages.
-
-    Raises:
-        OutputError: a file cannot be written, or would overwrite another one.
     """
     check_suffix(output, ".toml")
     check_target(output)
@@ -54,9 +51,6 @@ def sensor_tables(sensor: Path | None) -> dict[str, Any]:
     """Tables of a sensor file to complete, without values at their defaults; empty without a file.
 
     A file that states no camera, such as one of a measured response, gets none.
-
-    Raises:
-        SensorFileError: the file is invalid.
     """
     if sensor is None:
         return {}
@@ -67,11 +61,7 @@ def sensor_tables(sensor: Path | None) -> dict[str, Any]:
 
 
 def stated_camera(sensor: Path | None) -> CentralCamera | None:
-    """Camera model of a sensor file; None without a file, or if the file states no camera.
-
-    Raises:
-        SensorFileError: the file is invalid.
-    """
+    """Camera model of a sensor file; None without a file, or if the file states no camera."""
     if sensor is None:
         return None
     camera = OmniCamera.from_file(sensor)
@@ -82,11 +72,7 @@ def stated_camera(sensor: Path | None) -> CentralCamera | None:
 def check_size(
     name: Path | str, size_px: tuple[int, int], camera: CentralCamera, sensor: Path | str
 ) -> None:
-    """Check that images have the size, width and height, of a sensor file's camera.
-
-    Raises:
-        MeasurementError: they have another size.
-    """
+    """Check that images have the size, width and height, of a sensor file's camera."""
     wanted = camera.width_px, camera.height_px
     if size_px != wanted:
         wide, high = wanted
@@ -123,9 +109,6 @@ def write_measured(
         part: measured part, such as "noise": key of its report.
         unobservable: quantities that the images do not determine.
         details: further entries of the report, JSON values.
-
-    Raises:
-        OutputError: a file cannot be written.
     """
     rows = [
         asdict(each) | {"sigma": each.sigma if math.isfinite(each.sigma) else None}
@@ -147,22 +130,14 @@ def write_measured(
 
 
 def mark_inputs(output: Path, part: str, digest: str) -> None:
-    """Store a digest of a part's arguments and files in its report.
-
-    Raises:
-        OutputError: the report cannot be written.
-    """
+    """Store a digest of a part's arguments and files in its report."""
     reports = read_reports(output)
     reports[part]["inputs"] = digest
     write_text(report_path(output), json.dumps(reports, indent=2) + "\n")
 
 
 def read_reports(sensor: Path | None) -> dict[str, dict[str, Any]]:
-    """Results by name of the part, from the report beside a sensor file; empty if it is missing.
-
-    Raises:
-        MeasurementError: the file is not a report.
-    """
+    """Results by name of the part, from the report beside a sensor file; empty if it is missing."""
     path = None if sensor is None else report_path(sensor)
     if path is None or not path.exists():
         return {}
@@ -179,11 +154,7 @@ def read_reports(sensor: Path | None) -> dict[str, dict[str, Any]]:
 
 
 def read_board_shape(sensor: Path) -> Floats | None:
-    """Shape of the board in the report beside a sensor file, if there is one.
-
-    Raises:
-        MeasurementError: the report is damaged.
-    """
+    """Shape of the board in the report beside a sensor file, if there is one."""
     report, path = read_reports(sensor).get("geometry"), report_path(sensor)
     if report is None:
         return None

@@ -33,12 +33,7 @@ _MODELS = ("model", "numbers", "RMS px", "held out px", "not fitted")
 
 
 def measured_sections(sensor: Path) -> list[Section]:
-    """Section of each part that was measured, from the report beside a sensor file.
-
-    Raises:
-        MeasurementError: the report is damaged.
-        SensorFileError: a fault in the sensor file.
-    """
+    """Section of each part that was measured, from the report beside a sensor file."""
     camera = OmniCamera.from_file(sensor)
     sections = []
     for part, report in read_reports(sensor).items():

@@ -39,7 +39,12 @@ MAX_CONTACTS = 5  # maximum number of printed contacts; the manifest has all
 def drive(request: DriveRequest) -> None:
     """Record a run of each robot, or resume an unfinished one, and print a summary."""
     robots, vehicles = _load_robots(request)
-    _check_cameras(request, vehicles)
+    option = "--also" if request.truth.also else "--boxes-3d" if request.truth.boxes_3d else None
+    if option is None and request.image.exposure_ev is not None:
+        option = "--exposure-ev"
+    sensors = (mount.sensor for vehicle in vehicles.values() for mount in vehicle.sensors)
+    if option and not any(sensor.has_ground_truth for sensor in sensors):
+        raise RunError(f"{option}: expected a robot with a camera, got {', '.join(vehicles)}")
     way = request.way
     steps = way.step_m, way.turn_step_deg, way.rate_hz, way.ignore_limits, way.ground_m, way.axes
     routes = [Route(path, *steps) for path in request.paths]
@@ -95,16 +100,6 @@ def _load_robots(request: DriveRequest) -> tuple[dict[str, Robot], dict[str, Veh
             raise RunError(f"--robot {text!r}: a second {name}: expected NAME={source}")
         robots[name], vehicles[name] = robot, vehicle
     return robots, vehicles
-
-
-def _check_cameras(request: DriveRequest, vehicles: dict[str, Vehicle]) -> None:
-    """Raise an error if ground truth or an exposure is requested but no robot has a camera."""
-    option = "--also" if request.truth.also else "--boxes-3d" if request.truth.boxes_3d else None
-    if option is None and request.image.exposure_ev is not None:
-        option = "--exposure-ev"
-    sensors = (mount.sensor for vehicle in vehicles.values() for mount in vehicle.sensors)
-    if option and not any(sensor.has_ground_truth for sensor in sensors):
-        raise RunError(f"{option}: expected a robot with a camera, got {', '.join(vehicles)}")
 
 
 def _report(plan: PlannedDrive, whose: str, no_contact: bool) -> None:
@@ -200,11 +195,7 @@ def _rig(camera: RigOptions, path: Path) -> tuple[Rig, Vehicle]:
 
 
 def _drive_of(request: DriveRequest | RecordRequest, vehicle: Vehicle, route: Route) -> Drive:
-    """Drive of a vehicle, with the scene and the settings of a request.
-
-    Raises:
-        OmnisimError: names the option or the file.
-    """
+    """Drive of a vehicle, with the scene and the settings of a request."""
     world, light, truth = request.world, request.light, request.truth
     channels = () if truth.also is None else parse_channels(truth.also)
     scene, backend = (

@@ -25,11 +25,7 @@ def run(request: ExportRequest) -> None:
 
 
 def parse_start_time(text: str) -> int:
-    """Parse seconds since 1970, or an ISO 8601 date and time (UTC without a zone), to nanoseconds.
-
-    Raises:
-        OutputError: any other text, or a time beyond the range of stamps.
-    """
+    """Parse seconds since 1970, or an ISO 8601 date and time (else UTC), to nanoseconds."""
     try:
         whole, dot, decimals = text.strip().partition(".")
         if whole.isdecimal() and (decimals.isdecimal() or not dot):

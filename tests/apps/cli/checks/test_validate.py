@@ -6,7 +6,7 @@ import math
 import pytest
 
 from omnisim.report.report import Measure, Section
-from omnisim.validation import oracles, suite
+from omnisim.validation import check_registry, oracles
 
 
 @pytest.mark.usefixtures("needs_opengl")
@@ -35,7 +35,7 @@ def test_report_is_complete(omnisim, tmp_path):
 @pytest.mark.usefixtures("needs_opengl")
 def test_a_missed_bound_is_printed_and_is_the_exit_status(omnisim, tmp_path, monkeypatch):
     section = Section("Fig. 7", "<b>Wrong</b> on purpose.", (Measure("miss", math.nan, "px", 1.0),))
-    monkeypatch.setattr(suite.Check, "run", lambda self, fixture: section)
+    monkeypatch.setattr(check_registry.Check, "run", lambda self, fixture: section)
     status, out, _ = omnisim("validate", "-o", "report", "--only", "rings")
     assert status == 1
     assert "failed   Fig. 7" in out
@@ -102,15 +102,15 @@ def test_bad_input_gets_one_line(omnisim, tmp_path, arguments, message):
 
 @pytest.mark.usefixtures("needs_opengl")
 def test_a_failing_oracle_fails_its_check_alone(omnisim, tmp_path, monkeypatch):
-    true_run = suite.Check.run
+    true_run = check_registry.Check.run
 
     def run(self, fixture):
         if self.key == "omnidir":
             raise RuntimeError("lost\nin <there>")
         return true_run(self, fixture)
 
-    monkeypatch.setattr(suite.Check, "run", run)
-    monkeypatch.setattr(suite.Check, "skip_reason", lambda self: "")
+    monkeypatch.setattr(check_registry.Check, "run", run)
+    monkeypatch.setattr(check_registry.Check, "skip_reason", lambda self: "")
     status, out, _ = omnisim("validate", "-o", "report", "--only", "omnidir", "--only", "viewpoint")
     assert status == 1
     assert "failed   A calibration library" in out

@@ -13,7 +13,8 @@ from omnisim.cameras.optics import BoardCorners, write_corners
 from omnisim.core.files.image_files import write_image, write_numbers
 from omnisim.core.srgb import srgb8_from_linear
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.validation.checks.measured.sharpness import edge_image, gaussian
+from omnisim.validation.checks.measured.sharpness import gaussian
+from tests.measurement.sharpness.edges import edge_image
 
 EDGES = Path(package.__file__).parents[1] / "examples" / "sharpness_edges.py"
 
