@@ -21,8 +21,7 @@ from pages import save_jpeg, write_image_file  # noqa: E402
 from omnisim import OmniCamera, open_sensor  # noqa: E402
 from omnisim.cameras.mirrors.mirror_mesh import PAPER_POLYGON_COUNTS, MeshError  # noqa: E402
 from omnisim.cameras.optics import OpticalSystem, measure_centrality, read_optics_file  # noqa: E402
-from omnisim.cameras.optics.mesh_error import SystemMeshErrors  # noqa: E402
-from omnisim.cameras.optics.mesh_rays import has_mesh  # noqa: E402
+from omnisim.cameras.optics.mesh_rays import SystemMeshErrors, has_mesh  # noqa: E402
 from omnisim.cameras.optics.surface import Fate  # noqa: E402
 from omnisim.core.bilinear import corner_and_weights, interpolate  # noqa: E402
 from omnisim.plots.contact_sheet import contact_sheet  # noqa: E402

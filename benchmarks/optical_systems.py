@@ -24,7 +24,7 @@ from omnisim.cameras.optics import read_optics_file
 from omnisim.rendering.rays.ray_scene import RayScene
 from omnisim.rendering.stage import Stage
 from omnisim.scene import Scene
-from omnisim.validation.checks.optics_triangles import BESIDE_M, pose_beside_nearest, same_triangles
+from omnisim.validation.checks.optics import BESIDE_M, pose_beside_nearest, same_triangles
 
 EXAMPLES = Path(__file__).parents[1] / "examples" / "optics"
 SYSTEMS = ("tilted-mirror", "sphere", "cone", "equi-angular", "folded")

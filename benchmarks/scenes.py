@@ -7,8 +7,7 @@ from pathlib import Path
 from benchmarks.errors import BenchmarkError
 from benchmarks.options import Options
 from omnisim.scene import Scene, load_scene
-from omnisim.scene.files.load import NO_BAKED_LIGHT
-from omnisim.scene.files.scene_file import NO_SKY
+from omnisim.scene.files.load import NO_BAKED_LIGHT, NO_SKY
 
 # A real scene that was not made for omnisim; it is kept outside the project.
 WAREHOUSE = Path(__file__).resolve().parents[2] / "shared" / "assets" / "small_warehouse.glb"

@@ -74,8 +74,8 @@ HOMES = {
 DRAWING = {
     f"omnisim.{name}"
     for name in (
-        "validation.checks.optics_triangles",
-        "validation.checks.polygons",
+        "validation.checks.optics",
+        "validation.checks.paper_mirror",
     )
 }
 MODULES = {

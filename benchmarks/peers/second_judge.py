@@ -22,8 +22,7 @@ from omnisim.rendering.rays.ray_backend import RayImage
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
 from omnisim.rendering.stage import Stage
 from omnisim.scene import Scene, load_scene
-from omnisim.scene.files.load import NO_BAKED_LIGHT
-from omnisim.scene.files.scene_file import NO_SKY
+from omnisim.scene.files.load import NO_BAKED_LIGHT, NO_SKY
 
 POSES, POSE_INDEX = 10, 4
 COMPARED = (field.FAST, field.DEFAULT, field.PAPER, field.GAZEBO, field.EMBREE_COLOR)

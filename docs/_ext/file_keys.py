@@ -94,7 +94,7 @@ def key_pages() -> dict[str, str]:
     from omnisim.datasets.generate.plan import Plan
     from omnisim.evaluation.calibration_error import CalibrationError
     from omnisim.evaluation.sweep_plan import SweepPlan
-    from omnisim.perception.localization.filter_parameters import FilterParameters
+    from omnisim.perception.localization.filter import FilterParameters
     from omnisim.rendering.camera.sensor_file import SensorFile
     from omnisim.robots.robot_file import RobotFile
     from omnisim.scene.files.scene_file import LabelFile, SceneFile

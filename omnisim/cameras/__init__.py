@@ -31,13 +31,12 @@ from omnisim.core.lazy_names import lazy_names
 if TYPE_CHECKING:
     from omnisim.cameras.camera_registry import CAMERA_MODELS, camera_from_parameters
     from omnisim.cameras.f_theta_inverse import FThetaInverseCamera
-    from omnisim.cameras.full_turn import period_px
     from omnisim.cameras.mirrored import MirroredCamera
     from omnisim.cameras.mirrors.elliptic import EllipticCamera
     from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
     from omnisim.cameras.mirrors.parabolic import ParabolicCamera
     from omnisim.cameras.mirrors.planar import PlanarCamera
-    from omnisim.cameras.models.cylindrical import CylindricalCamera
+    from omnisim.cameras.models.cylindrical import CylindricalCamera, period_px
     from omnisim.cameras.models.double_sphere import DoubleSphereCamera
     from omnisim.cameras.models.equidistant import EquidistantCamera
     from omnisim.cameras.models.equirectangular import EquirectangularCamera
@@ -59,7 +58,7 @@ _MODULES = {
     "CAMERA_MODELS": "camera_registry",
     "camera_from_parameters": "camera_registry",
     "FThetaInverseCamera": "f_theta_inverse",
-    "period_px": "full_turn",
+    "period_px": "models.cylindrical",
     "MirroredCamera": "mirrored",
     "EllipticCamera": "mirrors.elliptic",
     "HyperbolicCamera": "mirrors.hyperbolic",
@@ -83,41 +82,14 @@ _MODULES = {
     "UnifiedCamera": "models.unified",
 }
 __all__ = [
-    "CAMERA_MODELS",
-    "CameraSensor",
-    "CentralCamera",
-    "CylindricalCamera",
-    "DoubleSphereCamera",
-    "EllipticCamera",
-    "EquidistantCamera",
-    "EquirectangularCamera",
-    "EquisolidCamera",
-    "EucmCamera",
-    "FThetaCamera",
-    "FThetaInverseCamera",
-    "GazeboCamera",
-    "HyperbolicCamera",
-    "KannalaBrandtCamera",
-    "MirroredCamera",
-    "NonCentralCamera",
-    "OcamcalibCamera",
-    "OrthographicCamera",
-    "ParabolicCamera",
-    "ParametricCamera",
-    "PerspectiveCamera",
-    "Pixels",
-    "PlanarCamera",
-    "RadialTableCamera",
-    "RationalPolynomialCamera",
-    "Rays",
-    "StereographicCamera",
-    "UnifiedCamera",
-    "camera_from_parameters",
-    "check_central",
-    "period_px",
-    "pixel_grid",
-    "pixels_of_points",
-    "summary",
-]
+    "CAMERA_MODELS", "CameraSensor", "CentralCamera", "CylindricalCamera", "DoubleSphereCamera",
+    "EllipticCamera", "EquidistantCamera", "EquirectangularCamera", "EquisolidCamera",
+    "EucmCamera", "FThetaCamera", "FThetaInverseCamera", "GazeboCamera", "HyperbolicCamera",
+    "KannalaBrandtCamera", "MirroredCamera", "NonCentralCamera", "OcamcalibCamera",
+    "OrthographicCamera", "ParabolicCamera", "ParametricCamera", "PerspectiveCamera", "Pixels",
+    "PlanarCamera", "RadialTableCamera", "RationalPolynomialCamera", "Rays",
+    "StereographicCamera", "UnifiedCamera", "camera_from_parameters", "check_central",
+    "period_px", "pixel_grid", "pixels_of_points", "summary",
+]  # fmt: skip
 
 __getattr__ = lazy_names(__name__, _MODULES)

@@ -23,9 +23,8 @@ from numpy.polynomial import polynomial
 from pydantic import Field
 
 from omnisim.cameras.camera import Uniforms
-from omnisim.cameras.monotone import MAX_RADIUS_PX, first_root, polyval, solve_polynomial
-from omnisim.cameras.parametric_camera import Coefficients, PrincipalPoint, WideTheta
-from omnisim.cameras.plane_camera import RadialCamera
+from omnisim.cameras.lens_polynomials import MAX_RADIUS_PX, first_root, polyval, solve_polynomial
+from omnisim.cameras.parametric_camera import Coefficients, PrincipalPoint, RadialCamera, WideTheta
 from omnisim.core.arrays import Floats
 
 MAX_COEFFICIENTS = 8  # u_coefficients of the GLSL twin

@@ -1,4 +1,10 @@
-"""Cameras whose parameters are their fields."""
+"""Bases of camera models, from the general to the particular.
+
+`ParametricCamera` derives all but the projection from its fields. `PlaneCamera` projects rays onto
+a normalized plane, scaled and shifted to the image; `RadialCamera` is its subclass for radially
+symmetric lenses, of which a model provides only r(θ) and θ(r). `FocalCamera` and `TwoFocalCamera`
+have a principal point and one focal length, or one per axis.
+"""
 
 from __future__ import annotations
 
@@ -7,19 +13,29 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
+from functools import cached_property
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field
 
-from omnisim.cameras.camera import CameraParameters, Pixels, Rays, Uniforms
-from omnisim.core.arrays import Floats
+from omnisim.cameras.camera import (
+    CameraParameters,
+    Pixels,
+    Rays,
+    Uniforms,
+    as_directions,
+    as_pixels,
+)
+from omnisim.core.arrays import Bools, Floats
 from omnisim.core.coordinate_frames import BASE_FROM_OPTICAL_LOOKING_AHEAD
 from omnisim.core.errors import OpticsError
 from omnisim.core.files.parameters import Number, Parameters, Typical, mapped, parse_table
 from omnisim.core.short_repr import short_repr
 
+# The ray of a pixel on the edge of the domain is rounded; its projection must still be valid.
+EDGE_RAD = 1e-12
 # Far beyond any camera; squares of derived values still fit into a float.
 MAX_PX, MAX_COEFFICIENT = 1e15, 1e60
 PixelCount = Annotated[int, Field(strict=True, ge=1)]
@@ -27,6 +43,7 @@ Pixel = Annotated[Number, Field(ge=-MAX_PX, le=MAX_PX)]
 PrincipalPoint = tuple[Pixel, Pixel]
 Coefficient = Annotated[Number, Field(ge=-MAX_COEFFICIENT, le=MAX_COEFFICIENT)]
 Coefficients = tuple[Coefficient, ...]
+FocalLength = Annotated[Number, Field(ge=1e-30, le=1e30), Typical(100.0, 1000.0)]
 ThetaMax = Annotated[Number, Field(gt=0.0)]  # a model has its own upper limit
 WideTheta = Annotated[ThetaMax, Typical(math.radians(90.0), math.radians(110.0))]
 
@@ -156,3 +173,208 @@ def _short(value: Any) -> str:
     if isinstance(value, tuple):
         return f"{len(value)} values" if len(value) > 4 else f"({', '.join(map(_short, value))})"
     return f"{value:z.6g}" if isinstance(value, float) else str(value)
+
+
+class PlanePoints(NamedTuple):
+    """Points of the normalized plane."""
+
+    positions: Floats  # (..., 2): x right, y down, in focal lengths
+    valid: Bools  # (...,)
+
+
+class PlaneCamera(ParametricCamera):
+    """Mixin that maps pixels to rays and back through the normalized plane."""
+
+    @property
+    @abstractmethod
+    def pixels_per_plane(self) -> float | tuple[float, float]:
+        """Pixels per unit of the normalized plane."""
+
+    @abstractmethod
+    def _rays_from_plane(self, plane: Floats) -> Rays:
+        """Rays of points (..., 2) in the plane; outside the domain, those of its nearest edge."""
+
+    @abstractmethod
+    def _plane_from_rays(self, directions: Floats) -> PlanePoints:
+        """Points (..., 2) of the plane for directions (..., 3) of any length."""
+
+    def ray_from_pixel(self, pixels_px: ArrayLike) -> Rays:
+        """Rays of pixels (..., 2): unit directions in the optical frame; valid in the domain."""
+        return self._rays_from_plane(self._plane_from_pixels(as_pixels(pixels_px)))
+
+    def pixel_from_ray(self, directions: ArrayLike) -> Pixels:
+        """Pixels of directions (..., 3) in the optical frame; valid in the domain."""
+        points = self._plane_from_rays(as_directions(directions))
+        return Pixels(self._pixels_from_plane(points.positions), points.valid)
+
+    def _plane_from_pixels(self, pixels: Floats) -> Floats:
+        return (pixels - self.principal_point_px) / self.pixels_per_plane
+
+    def _pixels_from_plane(self, plane: Floats) -> Floats:
+        return plane * self.pixels_per_plane + self.principal_point_px
+
+
+class RadialCamera(PlaneCamera):
+    """Radially symmetric lens with radius r on the plane and angle θ from +z.
+
+    Domain: θ_min ≤ θ ≤ θ_edge, where r(θ) increases; on the plane r(θ_min) ≤ r ≤ r(θ_edge).
+    """
+
+    @property
+    def theta_min_rad(self) -> float:
+        """Angle from +z where the domain begins."""
+        return 0.0
+
+    @property
+    def theta_edge_rad(self) -> float:
+        """Angle from +z where the domain ends: θ_max."""
+        limit = self.domain_limit_rad
+        return math.pi if limit is None else limit
+
+    @abstractmethod
+    def _radius_from_theta(self, theta: Floats) -> Floats:
+        """Radius r (...,) on the plane at θ (...,), in the domain."""
+
+    @abstractmethod
+    def _theta_from_radius(self, radius: Floats) -> Floats:
+        """θ (...,) at radius r (...,) on the plane, in the domain."""
+
+    @cached_property
+    def radius_limits(self) -> tuple[float, float]:
+        """Smallest and largest radius on the plane."""
+        ends = np.array([self.theta_min_rad, self.theta_edge_rad])
+        first, last = self._radius_from_theta(ends).tolist()
+        return first, last
+
+    def _rays_from_plane(self, plane: Floats) -> Rays:
+        radius = np.hypot(plane[..., 0], plane[..., 1])
+        first, last = self.radius_limits
+        theta = self._theta_from_radius(np.clip(radius, first, last))
+        across = unit_vectors(plane, radius) * np.sin(theta)[..., None]
+        directions = np.concatenate((across, np.cos(theta)[..., None]), axis=-1)
+        return Rays(directions, (radius >= first) & (radius <= last))
+
+    def _plane_from_rays(self, directions: Floats) -> PlanePoints:
+        across = np.hypot(directions[..., 0], directions[..., 1])
+        theta = np.arctan2(across, directions[..., 2])
+        first, last = self.theta_min_rad, self.theta_edge_rad
+        radius = self._radius_from_theta(np.clip(theta, first, last))
+        positions = unit_vectors(directions[..., :2], across) * radius[..., None]
+        return PlanePoints(positions, (theta >= first - EDGE_RAD) & (theta <= last + EDGE_RAD))
+
+
+def unit_vectors(vectors: Floats, lengths: Floats) -> Floats:
+    """Normalize vectors (..., 2) by their lengths (...,); (1, 0) for zero vectors."""
+    start = np.zeros_like(vectors)
+    start[..., 0] = 1.0
+    lengths = np.broadcast_to(lengths[..., None], vectors.shape)
+    return np.divide(vectors, lengths, out=start, where=lengths > 0.0)
+
+
+@dataclass(frozen=True)
+class FocalCamera(ParametricCamera):
+    """Image size, focal length and principal point; subclasses add the projection."""
+
+    focal_length_px: FocalLength
+    """Focal length in pixels; at the axis of a fisheye, pixels per radian."""
+    principal_point_px: PrincipalPoint
+    """(u, v) of the optical frame's z axis in the image; typically its center."""
+
+    @property
+    def pixels_per_plane(self) -> float:
+        """Pixels per unit of the normalized plane."""
+        return self.focal_length_px
+
+    def uniforms(self) -> Uniforms:
+        """Uniforms for `shaders/camera/<model>.glsl`."""
+        return {
+            "u_focal_length_px": self.focal_length_px,
+            "u_principal_point_px": self.principal_point_px,
+        }
+
+
+@dataclass(frozen=True)
+class TwoFocalCamera(ParametricCamera):
+    """A `FocalCamera` with one focal length per image axis, as calibrations have."""
+
+    focal_lengths_px: tuple[FocalLength, FocalLength]
+    """(fx, fy), along u and along v, in pixels."""
+    principal_point_px: PrincipalPoint
+    """(u, v) of the optical frame's z axis in the image; typically its center."""
+
+    @property
+    def pixels_per_plane(self) -> tuple[float, float]:
+        """Pixels per unit of the normalized plane, along u and along v."""
+        return self.focal_lengths_px
+
+    def uniforms(self) -> Uniforms:
+        """Uniforms for `shaders/camera/<model>.glsl`."""
+        return {
+            "u_focal_lengths_px": self.focal_lengths_px,
+            "u_principal_point_px": self.principal_point_px,
+        }
+
+
+@dataclass(frozen=True)
+class FisheyeCamera(FocalCamera, RadialCamera):
+    """Ideal fisheye lens, whose r/f is a function of θ alone, up to θ_max.
+
+    Source: Miyamoto, "Fish eye lens", 1964; Kannala & Brandt 2006, Eq. 1 to 5.
+    """
+
+    theta_max_rad: ThetaMax
+    """Angle from the axis where the domain ends."""
+
+    def uniforms(self) -> Uniforms:
+        """Uniforms for `shaders/camera/<model>.glsl`."""
+        return {**super().uniforms(), "u_radius_max": self.radius_limits[1]}
+
+
+# Sphere of the unified model in its α form, shared by EUCM and the double sphere.
+#
+# A point p on the unit sphere is projected to (x, y)/(α + (1 − α) z). With ξ = α/(1 − α), this is
+# Geyer and Mei's projection from a point ξ above the sphere's center, in an image 1 + ξ times as
+# large.
+
+
+MAX_RADIUS = 1e6  # on the normalized plane, if nothing else bounds it: nearly at the limit angle
+
+
+def cosine_limit(alpha: float) -> float:
+    """Lower limit of z on the unit sphere: −w, with w = α/(1 − α) for α ≤ 0.5, else (1 − α)/α."""
+    return -alpha / (1.0 - alpha) if alpha <= 0.5 else -(1.0 - alpha) / alpha
+
+
+def plane_limit(alpha: float) -> float:
+    """Largest radius on the normalized plane: 1/√(2α − 1), where the image folds, if α > 0.5."""
+    return min(MAX_RADIUS, 1.0 / math.sqrt(2.0 * alpha - 1.0)) if alpha > 0.5 else MAX_RADIUS
+
+
+def lift_alpha(plane: Floats, alpha: float) -> Rays:
+    """Unit vectors (..., 3) of points (..., 2); points beyond `plane_limit` are moved onto it."""
+    radius = np.hypot(plane[..., 0], plane[..., 1])
+    limit = plane_limit(alpha)
+    valid = radius <= limit
+    shrink = limit / np.maximum(radius, limit)
+    plane = plane * shrink[..., None]
+    squared = np.sum(plane * plane, axis=-1)
+    root = np.sqrt(np.maximum(1.0 - (2.0 * alpha - 1.0) * squared, 0.0))
+    z = (1.0 - alpha * alpha * squared) / (alpha * root + 1.0 - alpha)
+    directions = np.concatenate((plane, z[..., None]), axis=-1)
+    directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
+    return Rays(directions, valid)
+
+
+def project_alpha(
+    directions: Floats, z: Floats, distance: Floats, alpha: float, length: Floats
+) -> PlanePoints:
+    """Project directions (..., 3) to the normalized plane: (x, y)/(α d + (1 − α) z).
+
+    `z` and `distance` d (...,) are those of the model's last sphere. `length` (...,) is the length
+    of the directions, used as the scale of rounding errors.
+    """
+    valid = z > (cosine_limit(alpha) - EDGE_RAD) * distance
+    scale = alpha * distance + (1.0 - alpha) * z
+    valid &= scale > 1e-12 * length
+    scale = np.where(valid, scale, 1.0)
+    return PlanePoints(directions[..., :2] / scale[..., None], valid)

@@ -1,14 +1,17 @@
-"""Hits of the rays of an image's pixels."""
+"""Hits of the rays of an image's pixels, and of a lidar's beams."""
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.core.arrays import Floats32
+from omnisim.core.arrays import Floats, Floats32
+from omnisim.core.world import ObjectPoses, time_of
 
 _MATERIALS = {"roughness", "metallic", "emissive"}
 
@@ -107,3 +110,111 @@ class Hits(NamedTuple):
 
     def _of_something(self, values: Floats32) -> Floats32:
         return np.where(self.draw_ids == 0, np.float32(np.nan), values)
+
+
+class EchoLimits(NamedTuple):
+    """Limits of a receiver behind glass and mirrors.
+
+    The faintest echo that is detected at `range_max_m` has `min_intensity`, relative to a white
+    surface met perpendicularly; nearer echoes may be fainter by the squared range.
+    """
+
+    returns: int  # number of returns of a beam: 1, or 2
+    min_intensity: float
+    range_max_m: float
+
+
+class ScanBeams(NamedTuple):
+    """Beams of a scanner in a plane."""
+
+    angles_rad: Floats  # (n,) in the scanner's frame, counter-clockwise from its x axis
+    max_range_m: float  # range beyond which surfaces may be missed; may be infinite
+    # limits of echoes behind glass and mirrors; None: beams end at them
+    echo_limits: EchoLimits | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class LidarBeams:
+    """Beam directions of a lidar."""
+
+    elevations_rad: Floats  # (rings,), ascending
+    azimuths_rad: Floats  # (firings,), evenly descending from π over a full turn
+    max_range_m: float  # range beyond which surfaces may be omitted
+    # limits of echoes behind glass and mirrors; None: beams end at them
+    echo_limits: EchoLimits | None = None
+
+    @cached_property
+    def directions(self) -> Floats:
+        """Unit directions (rings, firings, 3) in the lidar's frame."""
+        elevations, azimuths = self.elevations_rad[:, None], self.azimuths_rad[None]
+        level = np.cos(elevations)
+        x, y = level * np.cos(azimuths), level * np.sin(azimuths)
+        return np.stack(np.broadcast_arrays(x, y, np.sin(elevations)), axis=-1)
+
+
+class LidarPoses(NamedTuple):
+    """Poses of a lidar and of all dynamic objects at one time."""
+
+    world_from_lidar: Floats  # (4, 4) pose
+    # (4, 4) poses, in the order of the stage's objects
+    world_from_objects: Sequence[Floats] = ()
+
+    @property
+    def origin_m(self) -> Floats:
+        """Origin of the beams (3,), world frame."""
+        return self.world_from_lidar[:3, 3]
+
+
+@dataclass(frozen=True, eq=False)
+class Slice:
+    """Part of a revolution, in which all points of the world move straight at constant speed."""
+
+    first: int  # first of its firings
+    last: int  # first firing of the next slice
+    start: LidarPoses  # poses at these times of the slice
+    middle: LidarPoses
+    end: LidarPoses
+
+    @property
+    def path_m(self) -> Floats:
+        """Motion (3,) of the lidar's origin from start to end, world frame."""
+        return self.end.origin_m - self.start.origin_m
+
+    def part(self, first: int, last: int) -> Slice:
+        """Part of the slice: the firings from `first` to before `last`; its middle is theirs."""
+        count, middle = self.last - self.first, 0.5 * (first + last - 1)
+        shares = [(firing - self.first) / count for firing in (first, middle, last)]
+        return Slice(first, last, *map(self._poses_at, shares))
+
+    def _poses_at(self, share: float) -> LidarPoses:
+        """Poses at a share of the slice's duration."""
+        poses = [
+            start + share * (end - start)
+            for start, end in zip(
+                (self.start.world_from_lidar, *self.start.world_from_objects),
+                (self.end.world_from_lidar, *self.end.world_from_objects),
+                strict=True,
+            )
+        ]
+        start_s, end_s = (time_of(one.world_from_objects) for one in (self.start, self.end))
+        return LidarPoses(poses[0], ObjectPoses(poses[1:], start_s + share * (end_s - start_s)))
+
+
+class Revolution(NamedTuple):
+    """Motion during a lidar's revolution."""
+
+    slices: tuple[Slice, ...]  # slices with equal numbers of firings; the last may have fewer
+    # (firings,) elapsed fraction, at each firing, of the slice that contains it
+    shares: Floats
+    rotations: Floats  # (firings, 3, 3) world_from_lidar at each firing
+
+
+class BeamHits(NamedTuple):
+    """Hits of all beams of a revolution."""
+
+    ranges_m: NDArray[np.floating]  # (rings, firings); +inf: no hit
+    draw_ids: NDArray[np.uint32]  # (rings, firings), 1 + draw item; 0: no hit
+    # (rings, firings), relative to a white surface met perpendicularly at the same range
+    intensities: NDArray[np.floating] | None = None
+    second: BeamHits | None = None  # second returns; None: one return per beam
+    triangles: NDArray[np.int32] | None = None  # (rings, firings), of the instance

@@ -32,7 +32,7 @@ from omnisim.scene.model import Mesh
 from omnisim.scene.planar_mirrors import has_specular
 
 if TYPE_CHECKING:
-    from omnisim.ground_truth.lidar_beams import BeamHits, EchoLimits, LidarBeams, Revolution
+    from omnisim.ground_truth.hits import BeamHits, LidarBeams, Revolution, ScanBeams
     from omnisim.rendering.pixel_rays import Band
 
 
@@ -343,21 +343,8 @@ class BeamSource(ABC):
     """Opens the beams of sensors at a scene."""
 
     @abstractmethod
-    def range_finder(
-        self,
-        angles_rad: Floats,
-        max_range_m: float,
-        hidden: frozenset[ObjectPart],
-        limits: EchoLimits | None = None,
-    ) -> RangeFinder:
-        """Beams of a scanner.
-
-        Args:
-            angles_rad: (n,) in the scanner's frame, counter-clockwise from its x axis.
-            max_range_m: range beyond which surfaces may be missed; may be infinite.
-            hidden: parts of the vehicle that beams pass through.
-            limits: limits of echoes behind glass and mirrors; None: beams end at them.
-        """
+    def range_finder(self, beams: ScanBeams, hidden: frozenset[ObjectPart]) -> RangeFinder:
+        """Beams of a scanner, which pass through hidden parts of the vehicle."""
 
     @abstractmethod
     def beam_caster(self, beams: LidarBeams, hidden: frozenset[ObjectPart]) -> BeamCaster:

@@ -17,7 +17,7 @@ from omnisim.cameras import (
 )
 from omnisim.cameras import Rays as CameraRays
 from omnisim.cameras.mirrors import tessellate
-from omnisim.cameras.mirrors.mirror_mesh_rays import mesh_rays
+from omnisim.cameras.mirrors.hyperbolic import mesh_rays
 from omnisim.core.arrays import AnyFloats, Bools, Floats, Floats32, Uints32
 
 # Approximate number of samples per band: intermediate arrays stay in the cache, and threads have

@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from enum import StrEnum
-from typing import NamedTuple
 
 import numpy as np
 
@@ -22,7 +21,7 @@ from omnisim.scene.planar_mirrors import (
     is_surface_planar,
     scene_surfaces,
 )
-from omnisim.scene.reflection_probes import ProbePlace, find_probes
+from omnisim.scene.reflection_probes import Reflectors, find_reflectors
 from omnisim.scene.surface_kind import SurfaceKind
 
 
@@ -33,29 +32,6 @@ class ReflectionKind(StrEnum):
     PANE = "pane"  # likewise, and it is transparent
     PROBE = "probe"  # the scene, approximately
     SKY = "sky"  # sky and lamps, not the scene
-
-
-class Reflectors(NamedTuple):
-    """Surfaces of a scene that reflect it, and what they show."""
-
-    # surfaces of the scene, then those of its dynamic objects, by number
-    surfaces: dict[int, SceneSurface]
-    # planes of the planar mirrors and of the panes
-    mirrors: tuple[MirrorPlane, ...]
-    panes: tuple[MirrorPlane, ...]
-    places: tuple[ProbePlace, ...]  # reflection probes, most prominent first
-
-    def probed(self, probes: int) -> set[int]:
-        """Numbers of the surfaces that reflect the first probes."""
-        return {number for place in self.places[:probes] for number in place.surfaces}
-
-
-def find_reflectors(scene: Scene) -> Reflectors:
-    """Find the mirrors, panes and probes of a scene that is not matte."""
-    surfaces = scene_surfaces(scene, [one.shape for one in scene.objects])
-    mirrors = find_mirrors(surfaces, SurfaceKind.PLANAR_MIRROR)
-    panes = find_mirrors(surfaces, SurfaceKind.PLANAR_PANE)
-    return Reflectors(surfaces, mirrors, panes, find_probes(surfaces, (*mirrors, *panes)))
 
 
 def reflection_kinds(
@@ -69,12 +45,13 @@ def reflection_kinds(
     Args:
         probes: number of reflection probes of the camera.
     """
-    found = find_reflectors(scene)
+    surfaces = scene_surfaces(scene, [one.shape for one in scene.objects])
+    found = find_reflectors(surfaces)
     probed = found.probed(probes)
     planes = (ReflectionKind.MIRROR, found.mirrors), (ReflectionKind.PANE, found.panes)
     kinds: dict[str, set[ReflectionKind]] = {}
     for number, instance in enumerate(scene.instances):
-        if not found.surfaces[number].kind & SurfaceKind.REFLECTING:
+        if not surfaces[number].kind & SurfaceKind.REFLECTING:
             continue
         own = kinds.setdefault(instance.name, set())
         own.update(kind for kind, some in planes if any(number in one.parts for one in some))
@@ -104,8 +81,9 @@ def reflection_notes(
         mirrors: number of planar mirrors, and of panes, that virtual cameras show.
         probes: number of reflection probes that they show.
     """
-    found = find_reflectors(scene)
-    surfaces, of_mirrors, of_panes, places = found
+    surfaces = scene_surfaces(scene, [one.shape for one in scene.objects])
+    found = find_reflectors(surfaces)
+    of_mirrors, of_panes, places = found
     if not mirrors:
         of_mirrors = of_panes = ()
     planes = (*of_mirrors, *of_panes)

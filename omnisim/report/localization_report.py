@@ -10,7 +10,7 @@ import numpy as np
 
 from omnisim.core.arrays import Bytes, Floats
 from omnisim.perception.landmarks.landmark_detector import Detection, write_detections
-from omnisim.perception.localization.filter_parameters import FilterParameters
+from omnisim.perception.localization.filter import FilterParameters
 from omnisim.perception.localization.track import Track, mean_interval, notices, write_track
 from omnisim.plots.localization_plots import (
     PathPanel,

@@ -19,8 +19,8 @@ from omnisim.core.files.image_files import read_image
 from omnisim.core.short_repr import counted, short_repr
 from omnisim.core.trajectories import Trajectory, read_trajectory
 from omnisim.core.trajectories.odometry import Odometry
+from omnisim.ground_truth.channel_files import StoredChannels
 from omnisim.ground_truth.label_names import Labels
-from omnisim.ground_truth.stored_channels import StoredChannels
 from omnisim.perception.landmarks.color_model import (
     VALIDATE_EVERY,
     Costs,
@@ -28,7 +28,7 @@ from omnisim.perception.landmarks.color_model import (
     Training,
     train_colors,
 )
-from omnisim.perception.unwarping.panorama import CameraMount
+from omnisim.perception.unwarping import CameraMount
 from omnisim.rendering.camera.captured_image import read_captured_image
 from omnisim.rendering.camera.omnicamera import CALIBRATION, IMAGE_SUFFIX, OmniCamera
 from omnisim.robots import read_odometry

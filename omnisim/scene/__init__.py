@@ -3,8 +3,7 @@
 Readers raise a one-line SceneError for any fault in a file.
 """
 
-from omnisim.scene.files.load import load_scene, read_scene
-from omnisim.scene.files.scene_file import builtin_scenes
+from omnisim.scene.files.load import builtin_scenes, load_scene, read_scene
 from omnisim.scene.model import Scene
 
 __all__ = ["Scene", "builtin_scenes", "load_scene", "read_scene"]

@@ -8,14 +8,20 @@ itself.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from omnisim.core.arrays import Floats, bounds_of, triangle_crosses
 from omnisim.scene.parts import Material
-from omnisim.scene.planar_mirrors import MirrorPlane, SceneSurface, is_surface_planar
+from omnisim.scene.planar_mirrors import (
+    MirrorPlane,
+    SceneSurface,
+    find_mirrors,
+    is_surface_planar,
+)
 from omnisim.scene.surface_kind import SurfaceKind, transmitted
 from omnisim.scene.surface_reflectance import COAT_F0, dielectric_f0
 
@@ -39,6 +45,28 @@ class ProbePlace:
     left_out: frozenset[int]  # indices of the surfaces that it does not show
     # index of the deforming surface whose bounds it follows; None: rigid
     deforming: int | None = None
+
+
+class Reflectors(NamedTuple):
+    """Planes of the planar mirrors and of the panes of a scene, and its reflection probes."""
+
+    mirrors: tuple[MirrorPlane, ...]
+    panes: tuple[MirrorPlane, ...]
+    places: tuple[ProbePlace, ...]
+
+    def probed(self, probes: int) -> set[int]:
+        """Indices of the surfaces that reflect the first probes."""
+        return {index for place in self.places[:probes] for index in place.surfaces}
+
+
+def find_reflectors(
+    surfaces: Mapping[int, SceneSurface], possible: Iterable[int] | None = None
+) -> Reflectors:
+    """Find the mirrors, panes and probes of a scene; arguments as of `find_probes`."""
+    some = surfaces if possible is None else {index: surfaces[index] for index in possible}
+    mirrors = find_mirrors(some, SurfaceKind.PLANAR_MIRROR)
+    panes = find_mirrors(some, SurfaceKind.PLANAR_PANE)
+    return Reflectors(mirrors, panes, find_probes(surfaces, (*mirrors, *panes), some.keys()))
 
 
 def find_probes(

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +17,6 @@ MAX_FLOOR_SLOPE_DEG = 10.0
 FLOOR_STEP_M = 0.05
 MIN_FLOOR_SHARE = 0.05  # share of the area of all flat surfaces that face up
 Vector = tuple[float, ...]
-Item = TypeVar("Item")
 
 
 @dataclass(frozen=True)
@@ -67,8 +64,8 @@ def instance_summaries(scene: Scene) -> tuple[InstanceSummary, ...]:
     for name, numbers in parts.items():
         own = tuple(scene.instances[number] for number in numbers)
         meshes = [scene.meshes[one.mesh] for one in own]
-        materials = _distinct([scene.materials[mesh.material] for mesh in meshes])
-        textures = _distinct([texture for one in materials for texture in textures_of(one)])
+        materials = dict.fromkeys(scene.materials[mesh.material] for mesh in meshes)
+        textures = dict.fromkeys(texture for one in materials for texture in textures_of(one))
         low, high = bounds_m(scene.meshes, own)
         summaries.append(
             InstanceSummary(
@@ -135,13 +132,9 @@ def memory_bytes(scene: Scene) -> tuple[int, int]:
 
 def scene_textures(scene: Scene) -> list[Texture]:
     """Distinct textures of all materials."""
-    return _distinct([texture for one in scene.materials for texture in textures_of(one)])
+    return [*dict.fromkeys(texture for one in scene.materials for texture in textures_of(one))]
 
 
 def textures_of(material: Material) -> list[Texture]:
     """Textures of a material: base color texture and maps."""
     return [one for one in (material.texture, *material.maps) if one is not None]
-
-
-def _distinct(items: Sequence[Item]) -> list[Item]:
-    return list({id(item): item for item in items}.values())

@@ -8,7 +8,7 @@ from typing import Any
 
 from omnisim.core.errors import OmnisimError, RunError
 from omnisim.core.poses import check_pose
-from omnisim.perception.unwarping.panorama import CameraMount
+from omnisim.perception.unwarping import CameraMount
 from omnisim.rendering.camera.captured_image import camera_of_parameters, valid_mask
 from omnisim.rendering.camera.quality import MAX_IMAGE_PX
 

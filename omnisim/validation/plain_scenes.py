@@ -8,7 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from omnisim.core.arrays import Bytes, Floats
+from omnisim.cameras import CentralCamera
+from omnisim.cameras.optics import OpticalSystem, ray_jacobians
+from omnisim.core.arrays import Bools, Bytes, Floats
 from omnisim.core.poses import rotation_from_roll_pitch_yaw
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.stage import open_sensor
@@ -164,3 +166,145 @@ def board_scene() -> Scene:
     return plain_scene(
         "chessboard", (mesh("white", white, 0), WHITE), (mesh("black", black, 1), BLACK)
     )
+
+
+# Markers: small discs around the viewpoint or on rays, and their centroids in images.
+
+
+# About 12 pixels wide in an image of 1024: sampling errors at the edge average out.
+MARKER_RADIUS_RAD = math.radians(0.8)
+WINDOW_PX = 12
+RADIUS_PX = 6.0  # longer half axis of a marker in the image
+STRETCH = 3.0  # maximum ratio of a marker's axes in the image
+_MIN_M, _MAX_M = 0.4, 8.0
+_CORNERS = 96
+
+
+def marker_positions(viewpoint_m: ArrayLike, axis: ArrayLike, max_rad: float, count: int) -> Floats:
+    """Points (count, 3) in directions up to `max_rad` from an axis (3,), 0.6 to 12 m away.
+
+    Source: a spiral by the golden angle, so that no two directions are close together.
+    """
+    index = np.arange(count) + 0.5
+    cosines = 1.0 - index / count * (1.0 - math.cos(max_rad))
+    azimuths = index * math.pi * (3.0 - math.sqrt(5.0))
+    sines = np.sqrt(1.0 - cosines**2)
+    local = np.stack((sines * np.cos(azimuths), sines * np.sin(azimuths), cosines), axis=1)
+    z = np.asarray(axis, dtype=np.float64)
+    x = np.cross(z, [0.3, 0.9, 0.1])
+    x /= np.linalg.norm(x)
+    directions = local @ np.stack((x, np.cross(z, x), z))
+    ranges = 0.6 * 20.0 ** np.random.default_rng(7).random(count)
+    return np.asarray(viewpoint_m) + directions * ranges[:, None]
+
+
+def marker_scene(positions_m: Floats, viewpoint_m: ArrayLike) -> Scene:
+    """Scene of white discs on black, at points (n, 3) of the world frame, facing the viewpoint."""
+    mesh = discs("markers", positions_m, viewpoint_m, MARKER_RADIUS_RAD, corners=96)
+    return plain_scene("markers", (mesh, WHITE))
+
+
+def marker_rims(positions_m: Floats, viewpoint_m: ArrayLike) -> Floats:
+    """Points (n, 96, 3), world, around the rim of each marker."""
+    corners = 96
+    mesh = discs("rims", positions_m, viewpoint_m, MARKER_RADIUS_RAD, corners=corners)
+    rims = mesh.positions[len(positions_m) :].astype(np.float64)
+    return rims.reshape(corners, len(positions_m), 3).swapaxes(0, 1)
+
+
+def rim_centroids_px(rims_px: Floats) -> Floats:
+    """Centroids (n, 2) of the areas inside closed polygons (n, corners, 2) in the image.
+
+    The centroid of a disc's image is not the image of the disc's center: for markers, the two
+    differ by 0.03 px.
+    """
+    start = rims_px.mean(axis=1, keepdims=True)
+    local = rims_px - start
+    following = np.roll(local, -1, axis=1)
+    areas = local[..., 0] * following[..., 1] - local[..., 1] * following[..., 0]
+    moments = ((local + following) * areas[..., None]).sum(axis=1)
+    return start[:, 0] + moments / (3.0 * areas.sum(axis=1))[:, None]
+
+
+def inside_valid_area(
+    camera: CentralCamera, positions_px: Floats, margin_px: float = WINDOW_PX + 2.0
+) -> Bools:
+    """Mask (n,) of positions (n, 2) surrounded by valid pixels only."""
+    around = positions_px[:, None] + margin_px * _circle(16)
+    inside = (around >= 0.0) & (around <= (camera.width_px - 1, camera.height_px - 1))
+    clear = camera.ray_from_pixel(around).valid & inside.all(axis=2)
+    return np.all(clear, axis=1)
+
+
+def centroids(brightness: Floats, near_px: Floats) -> Floats:
+    """Centroids (n, 2) of brightness in windows around positions (n, 2); NaN for a dark window.
+
+    Args:
+        brightness: image (height, width).
+        near_px: centers of the windows.
+    """
+    positions_px = np.full(near_px.shape, np.nan)
+    for index, (u, v) in enumerate(np.rint(near_px).astype(int)):
+        rows = slice(v - WINDOW_PX, v + WINDOW_PX + 1)
+        columns = slice(u - WINDOW_PX, u + WINDOW_PX + 1)
+        window = brightness[rows, columns]
+        total = float(window.sum())
+        if total > 1.0:  # in pixels: a marker has dozens
+            down, right = np.mgrid[rows, columns]
+            positions_px[index] = (window * right).sum() / total, (window * down).sum() / total
+    return positions_px
+
+
+def marker_pixels(system: OpticalSystem, spacing_px: int) -> Floats:
+    """Evenly spaced pixels (n, 2), amid valid rays, at which a marker's stretch is small enough."""
+    half = 0.5 * spacing_px
+    u, v = (np.arange(half, size, spacing_px) for size in (system.width_px, system.height_px))
+    pixels = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
+    around = pixels[:, None] + (WINDOW_PX + 3.0) * _circle(16)
+    inside = (around >= 0.0) & (around <= (system.width_px - 1, system.height_px - 1))
+    valid = system.rays(around).valid & inside.all(axis=2)
+    kept = pixels[valid.all(axis=1) & system.rays(pixels).valid]
+    sizes = _sizes(system, kept, np.ones(len(kept)))
+    return kept[sizes[:, 0] < STRETCH * sizes[:, 1]]
+
+
+def markers_on_rays(system: OpticalSystem, pixels_px: Floats, world_from_optical: Floats) -> Scene:
+    """Scene of white discs on black, perpendicular to the rays of pixels (n, 2), at 0.4 to 8 m."""
+    rays = system.rays(pixels_px)
+    share = np.random.default_rng(7).random(len(pixels_px))
+    ranges_m = _MIN_M * (_MAX_M / _MIN_M) ** share
+    radii_m = RADIUS_PX * _sizes(system, pixels_px, ranges_m)[:, 1]
+    middles_m = rays.origins_m + ranges_m[:, None] * rays.directions
+    frames = _frames(rays.directions)
+    circle = _circle(_CORNERS)
+    rims_m = middles_m[:, None] + radii_m[:, None, None] * np.einsum("kc,nic->nki", circle, frames)
+    places_m = np.concatenate((middles_m, rims_m.reshape(-1, 3)))
+    places_m = places_m @ world_from_optical[:3, :3].T + world_from_optical[:3, 3]
+    count = len(pixels_px)
+    corner = np.arange(_CORNERS)
+    first = count + _CORNERS * np.arange(count)[:, None]
+    disc = np.broadcast_to(np.arange(count)[:, None], (count, _CORNERS))
+    triangles = np.stack((disc, first + corner, first + (corner + 1) % _CORNERS), axis=-1)
+    mesh = Mesh("markers", places_m.astype("f4"), triangles.reshape(-1, 3).astype("u4"), 0)
+    return plain_scene("markers", (mesh, WHITE))
+
+
+def _sizes(system: OpticalSystem, pixels_px: Floats, ranges_m: Floats) -> Floats:
+    """Maximum and minimum meters per pixel (n, 2), perpendicular to the rays at ranges (n,)."""
+    by_pixel = ray_jacobians(system, pixels_px)
+    moved = by_pixel.origins_m + ranges_m[:, None, None] * by_pixel.directions
+    frames = _frames(system.rays(pixels_px).directions)
+    return np.linalg.svd(np.einsum("nic,nij->ncj", frames, moved), compute_uv=False)
+
+
+def _circle(count: int) -> Floats:
+    angles = 2.0 * np.pi * np.arange(count) / count
+    return np.stack((np.cos(angles), np.sin(angles)), axis=1)
+
+
+def _frames(directions: Floats) -> Floats:
+    """Orthonormal bases (n, 3, 2) of the planes perpendicular to directions (n, 3)."""
+    smallest = np.eye(3)[np.abs(directions).argmin(axis=1)]
+    first = np.cross(directions, smallest)
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    return np.stack((first, np.cross(directions, first)), axis=2)

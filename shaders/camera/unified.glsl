@@ -1,6 +1,6 @@
 // bool ray_from_pixel(vec2 pixel_px, out vec3 ray): the unified model of Geyer and Mei with
 // distortion. The ray is a unit direction in the optical frame; false where the image would fold.
-// Twin of omnisim/cameras/models/unified.py and radial_tangential.py. Source: Mei & Rives 2007, see
+// Twin of omnisim/cameras/models/unified.py and lens_polynomials.py. Source: Mei & Rives 2007, see
 // there.
 
 uniform vec2 u_focal_lengths_px;

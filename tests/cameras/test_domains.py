@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from omnisim.cameras import PlanarCamera
+from omnisim.cameras.lens_polynomials import first_root
 from omnisim.cameras.mirrors.hyperbolic import image_radius_eq2_px
-from omnisim.cameras.monotone import first_root
 from tests.camera_examples import CAMERA_EXAMPLES
 
 

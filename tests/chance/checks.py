@@ -7,7 +7,7 @@ import numpy as np
 
 from omnisim.cameras import HyperbolicCamera, NonCentralCamera, period_px, pixel_grid
 from omnisim.cameras.mirrors import tessellate
-from omnisim.cameras.mirrors.mirror_mesh_rays import mesh_rays
+from omnisim.cameras.mirrors.hyperbolic import mesh_rays
 from omnisim.core.world import WorldState
 from omnisim.rendering.stage import Stage
 from tests.chance.worlds import OwnRays, placed

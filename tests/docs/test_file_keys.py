@@ -8,7 +8,7 @@ import pytest
 from omnisim.cameras.optics.system_file import OpticsFile, shape_schemas
 from omnisim.core.files.file_keys import keys_of
 from omnisim.core.files.parameters import Table, table_of
-from omnisim.perception.localization.filter_parameters import FilterParameters
+from omnisim.perception.localization.filter import FilterParameters
 from omnisim.rendering.camera.degradations.degradation_file import EFFECTS
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.sensor_file import SensorFile

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 
 from omnisim.core.files.image_files import write_image
+from omnisim.datasets.converted_datasets import write_recordings
 from omnisim.datasets.dataset_manifest import MANIFEST, Manifest
 from omnisim.datasets.generate.distributions import ConstantShares
 from omnisim.datasets.generate.prepared_plan import PreparedPlan
 from omnisim.datasets.generate.samples import Shards
 from omnisim.datasets.generate.shard import ShardSummary, Statistics, shard_stem, write_tar
-from omnisim.datasets.recorded_runs import write_recordings
 from omnisim.rendering.camera.omnicamera import OmniCamera
 
 PLAN = """channels = ["range", "semantic"]

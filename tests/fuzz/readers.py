@@ -30,15 +30,13 @@ from omnisim.core.trajectories.trajectory_files import FORMATS
 from omnisim.datasets.export.export import export_run
 from omnisim.datasets.export.stored_clouds import read_cloud, read_table
 from omnisim.ground_truth import ClassLabel, InstanceLabel, Labels
-from omnisim.ground_truth.channel_files import write_exr
+from omnisim.ground_truth.channel_files import StoredChannels, write_exr
 from omnisim.ground_truth.channels import CHANNELS
 from omnisim.ground_truth.frame import Frame
-from omnisim.ground_truth.stored_channels import StoredChannels
 from omnisim.perception.landmarks.color_model import BINS, ColorModel, load_model, save_model
-from omnisim.perception.localization.filter_parameters import DEFAULT as FILTER_FILE
-from omnisim.perception.localization.filter_parameters import read_parameters
-from omnisim.perception.unwarping.unwarping import Unwarping
-from omnisim.perception.unwarping.views import cylinder_view
+from omnisim.perception.localization.filter import DEFAULT as FILTER_FILE
+from omnisim.perception.localization.filter import read_parameters
+from omnisim.perception.unwarping import Unwarping, cylinder_view
 from omnisim.rendering.camera.captured_image import read_captured_image
 from omnisim.rendering.camera.degradations import preset
 from omnisim.rendering.camera.sensor_file import DEFAULT_SENSOR_FILE

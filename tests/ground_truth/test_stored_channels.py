@@ -8,9 +8,8 @@ import pytest
 from omnisim.core.errors import OutputError
 from omnisim.core.files.image_files import write_channels
 from omnisim.ground_truth import CHANNELS
-from omnisim.ground_truth.channel_files import write_exr
+from omnisim.ground_truth.channel_files import StoredChannels, write_exr
 from omnisim.ground_truth.frame import Frame
-from omnisim.ground_truth.stored_channels import StoredChannels
 from tests.ground_truth.test_channel_files import LABELS, _channels, _frame
 
 METADATA = {"scene": "test"}

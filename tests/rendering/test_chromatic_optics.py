@@ -8,8 +8,8 @@ import pytest
 from omnisim import OmniCamera, open_sensor
 from omnisim.cameras import EquidistantCamera, PerspectiveCamera, pixel_grid
 from omnisim.cameras.optics import OpticalSystem, Surface
-from omnisim.cameras.optics.media import refractive_index
 from omnisim.cameras.optics.shapes import Plane
+from omnisim.cameras.optics.surface import refractive_index
 from omnisim.cameras.optics.system_file import parse_optics
 from omnisim.core.errors import OpticsError, SensorFileError
 from omnisim.core.poses import pose

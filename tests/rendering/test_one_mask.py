@@ -8,8 +8,8 @@ import pytest
 from omnisim import OmniCamera, Stage
 from omnisim.cameras import HyperbolicCamera, pixel_grid
 from omnisim.cameras.mirrors import HyperbolicMirror
+from omnisim.cameras.mirrors.hyperbolic import inside_rim
 from omnisim.cameras.mirrors.mirror_mesh import sectors_and_rings
-from omnisim.cameras.mirrors.mirror_mesh_rays import inside_rim
 from omnisim.core.poses import pose
 from omnisim.rendering.camera.captured_image import valid_mask
 from omnisim.rendering.opengl.capture import image_pass

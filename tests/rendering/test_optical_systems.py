@@ -17,8 +17,7 @@ from omnisim.cameras.optics.shapes import Conic
 from omnisim.core.errors import OmnisimError
 from omnisim.core.poses import pose
 from omnisim.ground_truth.hits import NO_DETAILS
-from omnisim.perception.unwarping.unwarping import Unwarping
-from omnisim.perception.unwarping.views import cylinder_view
+from omnisim.perception.unwarping import Unwarping, cylinder_view
 from omnisim.rendering.camera.degradations import preset
 from omnisim.rendering.contract import ScenePoses
 from omnisim.rendering.opengl import parallax_camera
@@ -26,10 +25,10 @@ from omnisim.rendering.rays.ray_scene import RayScene
 from omnisim.rendering.stage import Stage
 from omnisim.rendering.twist import moved_px
 from omnisim.scene.model import Material
-from omnisim.validation.checks.optics_triangles import pose_beside_nearest, same_triangles
+from omnisim.validation.checks.optics import pose_beside_nearest, same_triangles
 from omnisim.validation.image_differences import psnr_of_levels_db
-from omnisim.validation.markers import centroids, marker_pixels, markers_on_rays
 from omnisim.validation.optical_systems import validation_systems
+from omnisim.validation.plain_scenes import centroids, marker_pixels, markers_on_rays
 from tests.cameras.optics.examples import SYSTEMS
 from tests.scenes import room, room_color, room_hit, scene_of
 from tests.slow import slow_but

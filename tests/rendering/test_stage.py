@@ -11,6 +11,7 @@ from omnisim.core.errors import GraphicsError, OmnisimError, SceneError
 from omnisim.core.pending import Pending
 from omnisim.core.poses import pose
 from omnisim.core.world import WorldState
+from omnisim.ground_truth.hits import ScanBeams
 from omnisim.rendering.instrument import Instrument
 from omnisim.rendering.sensor import Moment, Mount, SensorSettings
 from omnisim.sensors import DepthCamera, LaserScanner, RangeSensor, SpinningLidar
@@ -186,7 +187,7 @@ class _Plumb(SensorSettings):
 
 class _PlumbInstrument(Instrument):
     def _open_passes(self, hidden):
-        return self._stage.backend.range_finder(np.zeros(1), np.inf, hidden)
+        return self._stage.backend.range_finder(ScanBeams(np.zeros(1), np.inf), hidden)
 
     def begin(self, moment):
         now = self._state(moment.motion(moment.time_s))

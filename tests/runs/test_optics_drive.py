@@ -12,7 +12,7 @@ from omnisim import OmniCamera
 from omnisim.cameras.optics import CentralView
 from omnisim.core.errors import RobotFileError, RunError
 from omnisim.core.files.image_files import read_image
-from omnisim.perception.unwarping.panorama import Panorama
+from omnisim.perception.unwarping import Panorama
 from omnisim.rendering.camera.captured_image import read_captured_image
 from omnisim.rendering.camera.degradations import preset
 from omnisim.rendering.camera.omnicamera import CALIBRATION

@@ -12,7 +12,7 @@ from omnisim.core import coordinate_frames as frames
 from omnisim.core import poses
 from omnisim.rendering.opengl.gl import shader_files
 from omnisim.validation.check_registry import CHECKS
-from omnisim.validation.checks import optics_calibration
+from omnisim.validation.checks import optics
 from omnisim.validation.fixture import Fixture
 from omnisim.validation.oracles import omnidir
 from omnisim.validation.plain_scenes import board_corners_m
@@ -101,11 +101,11 @@ def test_a_mirror_that_reflects_aside_is_found_out(fixture, monkeypatch):
     """Its normals are turned by half a degree: what OpenCV calibrates is no central mirror."""
     normals, turned = Surface.normals, poses.pose((0.0, 0.0, 0.0), roll_deg=0.5)[:3, :3]
     monkeypatch.setattr(Surface, "normals", lambda self, points: normals(self, points) @ turned)
-    mirror = optics_calibration.mirror_table(0.0, 0.0)
-    aligned = optics_calibration.boards_in_mirror(fixture, mirror)
-    size_px = optics_calibration.SIZE_PX
+    mirror = optics.mirror_table(0.0, 0.0)
+    aligned = optics.boards_in_mirror(fixture, mirror)
+    size_px = optics.BOARD_IMAGE_PX
     found = omnidir.calibrate(board_corners_m(), aligned.corners, (size_px, size_px))
-    assert found.rms_px > optics_calibration.RMS_BOUND_PX
+    assert found.rms_px > optics.RMS_BOUND_PX
 
 
 @pytest.mark.slow
@@ -132,13 +132,13 @@ def test_rays_that_look_aside_are_found_out(fixture, monkeypatch):
 def test_a_wrong_calibration_file_is_found_out(fixture, monkeypatch):
     """The file's focal length is half a percent off the image's."""
     from omnisim.cameras.calibration import calibration_of
-    from omnisim.validation.checks import boards
+    from omnisim.validation.checks import calibration
 
-    pinhole = boards.board_cameras()[0]
+    pinhole = calibration.board_cameras()[0]
     focal_px = 1.005 * pinhole.camera.focal_length_px
     wrong = dataclasses.replace(pinhole.camera, focal_length_px=focal_px)
-    monkeypatch.setattr(boards, "board_cameras", lambda: (pinhole,))
-    monkeypatch.setattr(boards, "calibration_of", lambda camera: calibration_of(wrong))
+    monkeypatch.setattr(calibration, "board_cameras", lambda: (pinhole,))
+    monkeypatch.setattr(calibration, "calibration_of", lambda camera: calibration_of(wrong))
     assert _missed("boards", fixture)
 
 

@@ -3,7 +3,7 @@
 import pytest
 
 from omnisim.scene import load_scene
-from omnisim.validation.checks.image_quality import measure_quality
+from omnisim.validation.checks.other_renderers import measure_quality
 from omnisim.validation.fixture import Fixture
 from tests.scenes import with_warehouse
 

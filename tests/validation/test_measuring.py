@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from omnisim.report.report import Measure, Section
-from omnisim.validation.checks.rings import ring_radii
+from omnisim.validation.checks.paper_mirror import ring_radii
 from omnisim.validation.fixture import max_abs, mean_abs
-from omnisim.validation.markers import centroids, marker_positions, rim_centroids_px
+from omnisim.validation.plain_scenes import centroids, marker_positions, rim_centroids_px
 
 
 def _smooth_ring(radius, center, width=1.5):

@@ -3,7 +3,7 @@
 import pytest
 
 from omnisim.scene import load_scene
-from omnisim.validation.checks.optics_triangles import measure_triangles, triangle_section
+from omnisim.validation.checks.optics import measure_triangles, triangle_section
 from omnisim.validation.fixture import Fixture
 from omnisim.validation.optical_systems import validation_systems
 from omnisim.validation.oracles.surfaces import opaque_only

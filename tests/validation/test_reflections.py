@@ -8,7 +8,7 @@ pytest.importorskip("embreex", reason="embreex, which casts the rays, is missing
 
 from omnisim.rendering.rays.shading import ray_optics
 from omnisim.validation import reflective_rooms
-from omnisim.validation.checks.reflections import (
+from omnisim.validation.checks.traced_images import (
     MIN_DB,
     min_by_cube_db,
     rendered,

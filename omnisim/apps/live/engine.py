@@ -17,12 +17,18 @@ import numpy as np
 
 from omnisim.apps.live.camera_document import FILE_NAME, SCENE_FILE
 from omnisim.apps.live.controls import control_groups
-from omnisim.apps.live.floor_map import FloorMap, draw_floor_map, profile
 from omnisim.apps.live.live_messages import Part, Probe, Save, pack
 from omnisim.apps.live.live_source import LiveSource
 from omnisim.apps.live.run_source import LiveFrame, RunSource
 from omnisim.apps.live.session import Draw, Job, Session
-from omnisim.apps.live.view_maker import UNWARPED, ViewMaker, probe
+from omnisim.apps.live.view_maker import (
+    UNWARPED,
+    FloorMap,
+    ViewMaker,
+    draw_floor_map,
+    probe,
+    profile,
+)
 from omnisim.core.arrays import Bytes
 from omnisim.core.errors import OmnisimError
 from omnisim.core.files.image_files import image_bytes, png_bytes

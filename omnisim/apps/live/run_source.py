@@ -19,7 +19,7 @@ from omnisim.core.errors import RunError
 from omnisim.core.poses import pose_from_rotation, roll_pitch_yaw_from_rotation
 from omnisim.core.trajectories import read_trajectory
 from omnisim.ground_truth import Labels
-from omnisim.ground_truth.stored_channels import StoredChannels
+from omnisim.ground_truth.channel_files import StoredChannels
 from omnisim.rendering.camera.captured_image import read_captured_image
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.stage import Stage

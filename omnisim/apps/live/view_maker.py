@@ -4,23 +4,32 @@ from __future__ import annotations
 
 import math
 from contextlib import suppress
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from omnisim.apps.live.live_messages import Gaze, Probe
 from omnisim.apps.live.run_source import LiveFrame, degrees
-from omnisim.cameras import CentralCamera, NonCentralCamera
+from omnisim.cameras import CentralCamera, HyperbolicCamera, NonCentralCamera, PerspectiveCamera
+from omnisim.cameras.mirrors import HyperbolicMirror
+from omnisim.cameras.optics import OpticalSystem, Surface, caustic_points
+from omnisim.cameras.optics.surface import Fate
 from omnisim.core.arrays import Bytes, Floats
 from omnisim.core.errors import OmnisimError, OpticsError
-from omnisim.perception.unwarping.unwarping import Unwarping
-from omnisim.perception.unwarping.views import (
+from omnisim.core.poses import pose_from_rotation
+from omnisim.perception.unwarping import (
+    Unwarping,
     View,
     birdseye_view,
     cylinder_view,
     highest_elevation_deg,
     perspective_view,
 )
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.stage import Stage
+from omnisim.scene import Scene
+from omnisim.scene.space.floor import floor_height_m
 
 UNWARPED = ("panorama", "perspective", "birdseye")
 PANORAMA_PX, LOWEST_RAD = 720, math.radians(-45.0)
@@ -196,3 +205,180 @@ def probe(
             number = int(channels["instance"][row, column])
             answer["instance"] = labels.instances[number - 1].name if number else None
     return answer
+
+
+# Drawings beside the image: the scene's map from above, and a section of the camera.
+
+
+CUT_M = 0.95  # height of the cut above the ground, so that higher parts do not hide the floor
+LONGER_SIDE_PX = 1000
+REACH_M = 20.0  # extent around the viewpoint if the scene names no places
+MARGIN_M = 6.0  # margin around the scene's named places
+_WORLD_FROM_OPTICAL = np.diag([1.0, -1.0, -1.0])  # looks down; the world's y is up in the image
+DISTANCE = 30.0  # camera distance in units of the longer side: rays are nearly parallel
+RAYS = 15
+_POINTS = 81  # points per curve
+
+
+@dataclass(frozen=True, eq=False)
+class FloorMap:
+    """Image of a scene from above, x to the right and y up."""
+
+    rgb: Bytes  # (height, width, 3) uint8 sRGB
+    # (2,) minimum and maximum x and y of the image in the world
+    low_m: Floats
+    high_m: Floats
+    ground_m: float  # height (z) of the ground in the world
+
+
+def draw_floor_map(stage: Stage, near_m: tuple[float, float, float]) -> FloorMap:
+    """Draw the map of a stage's scene around the point `near_m`.
+
+    Raises:
+        OmnisimError: the GPU cannot render the map.
+    """
+    scene = stage.scene
+    ground_m = ground_height_m(scene, near_m)
+    low_m, high_m = _corners(scene, near_m)
+    side_m = float((high_m - low_m).max())
+    distance_m, pixels_per_m = DISTANCE * side_m, LONGER_SIDE_PX / side_m
+    width_px, height_px = (max(1, round(float(m) * pixels_per_m)) for m in high_m - low_m)
+    center_px = 0.5 * (width_px - 1), 0.5 * (height_px - 1)
+    camera = PerspectiveCamera(width_px, height_px, distance_m * pixels_per_m, center_px)
+    looking = _WORLD_FROM_OPTICAL @ camera.rig_from_optical.T
+    sensor = OmniCamera(
+        camera, polygons=None, near_m=distance_m - CUT_M, supersampling=2, texels_per_pixel=1.5
+    )
+    middle_m = 0.5 * (low_m + high_m)
+    base = pose_from_rotation(looking, (*middle_m, ground_m + distance_m))
+    hidden = {each.name for body in stage.vehicles.values() for each in body.instances}
+    with stage.open(sensor, hidden=hidden) as renderer:
+        frame = renderer.render(base)
+    half_m = 0.5 * np.array((width_px, height_px)) / pixels_per_m
+    return FloorMap(frame.rgb, middle_m - half_m, middle_m + half_m, ground_m)
+
+
+def ground_height_m(scene: Scene, near_m: tuple[float, float, float]) -> float:
+    """Height (z) of the floor below a viewpoint; without a floor, of the scene's lowest point."""
+    floor_m = floor_height_m(scene, near_m[:2], near_m[2] - 0.5 * CUT_M)
+    if floor_m is not None and math.isfinite(floor_m) and floor_m <= near_m[2]:
+        return floor_m
+    return float(min(scene.bounds_m()[0, 2], near_m[2]))
+
+
+def _corners(scene: Scene, near_m: tuple[float, float, float]) -> tuple[Floats, Floats]:
+    """Minimum and maximum (x, y) of the map: around starts, landmarks, paths and the viewpoint.
+
+    Around the viewpoint alone if the scene has none of these, or if they are far apart.
+    """
+    places = [start.position_m[:2] for start in scene.starts]
+    places += [landmark.position_m[:2] for landmark in scene.landmarks]
+    places += [point[:2] for path in scene.paths for point in path.waypoints_m]
+    named = np.array([*places, near_m[:2]], dtype=np.float64)
+    is_near = bool(places) and float(np.ptp(named, axis=0).max()) < 10.0 * REACH_M
+    at, reach_m = (named, MARGIN_M) if is_near else (named[-1:], REACH_M)
+    low, high = scene.bounds_m()[:, :2]
+    low, high = np.minimum(low, near_m[:2]) - 0.3, np.maximum(high, near_m[:2]) + 0.3
+    return np.maximum(low, at.min(axis=0) - reach_m), np.minimum(high, at.max(axis=0) + reach_m)
+
+
+def profile(model: CentralCamera) -> Json:
+    """Lines of a camera as JSON-serializable values.
+
+    `kind` is "section" or "mapping". A section has `curves`, `rays`, `caustic` and `pinhole`, of
+    points (x, z) in millimeters, z along the camera's axis. A mapping has `points` with an angle in
+    degrees and a radius in pixels.
+    """
+    if isinstance(model, HyperbolicCamera):
+        return _mirror(model.mirror)
+    return _system(model) if isinstance(model, OpticalSystem) else _mapping(model)
+
+
+def _mirror(mirror: HyperbolicMirror) -> Json:
+    theta = np.linspace(-mirror.theta_max_rad, mirror.theta_max_rad, _POINTS)
+    curve = _incident(mirror, theta)
+    directions = np.linspace(-0.98 * mirror.theta_max_rad, 0.98 * mirror.theta_max_rad, RAYS)
+    hits = _incident(mirror, directions)
+    pinhole = np.array((0.0, -mirror.c_m))
+    reach_m = 2.2 * max(mirror.rim_radius_m, 0.3 * mirror.c_m)
+    outward = np.stack((np.sin(directions), -np.cos(directions)), axis=-1)
+    rays = [
+        _line(np.stack((pinhole, hit, hit + reach_m * out)))
+        for hit, out in zip(hits, outward, strict=True)
+    ]
+    return {
+        "kind": "section",
+        "curves": [{"kind": "mirror", "points": _line(curve)}],
+        "rays": rays,
+        "caustic": [[0.0, 0.0]],
+        "pinhole": _line(pinhole[None])[0],
+    }
+
+
+def _incident(mirror: HyperbolicMirror, theta_rad: Floats) -> Floats:
+    """Points (x, z) (n, 2) of the mirror, m, z up, at angles of incidence from straight down."""
+    rho = mirror.rho_m(np.abs(theta_rad))
+    # behind the surface: the viewpoint is inside the mirror, and rays arrive from outside
+    return np.stack((rho * np.sin(theta_rad), -rho * np.cos(theta_rad)), axis=-1)
+
+
+def _system(system: OpticalSystem) -> Json:
+    def row(count: int) -> Floats:
+        u = np.linspace(0.0, system.width_px - 1.0, count)
+        return np.column_stack((u, np.full(count, system.principal_point_px[1])))
+
+    paths = system.paths(row(RAYS))
+    seen = paths.fates == Fate.SEEN
+    hits = paths.points_m[:, seen].reshape(-1, 3)
+    curves = [
+        {"kind": "mirror" if each.is_mirror else "boundary", "points": _line(_curve(each, hits))}
+        for each in system.surfaces
+    ]
+    drawn = hits[:, [0, 2]]
+    size_m = float(np.ptp(drawn, axis=0).max()) if len(drawn) else 0.1
+    ends = paths.points_m[-1] + 0.8 * size_m * paths.directions
+    rays = [
+        _line(np.concatenate((paths.points_m[:, ray], ends[ray : ray + 1]))[:, [0, 2]])
+        for ray in np.flatnonzero(seen)
+    ]
+    caustic = (caustic_points(system, row(120)) + system.origin_m).reshape(-1, 3)[:, [0, 2]]
+    caustic = caustic[np.all(np.abs(caustic) < 20.0 * size_m, axis=1)]
+    return {
+        "kind": "section",
+        "curves": curves,
+        "rays": rays,
+        "caustic": _line(caustic),
+        "pinhole": _line(system.system_from_camera[None, [0, 2], 3])[0],
+    }
+
+
+def _curve(surface: Surface, hits_m: Floats) -> Floats:
+    """Section (n, 2) of a surface with its own plane y = 0, as (x, z) in m, system frame.
+
+    `hits_m` (n, 3) are points of rays; they set the width of a surface without an edge.
+    """
+    reach_m = surface.visible_radius_m
+    if math.isinf(reach_m):
+        local = surface.points_from_system(hits_m)
+        reach_m = 1.2 * float(np.hypot(local[:, 0], local[:, 1]).max(initial=1e-3))
+    x = np.linspace(-reach_m, reach_m, _POINTS)
+    z = surface.shape.sag_m(np.abs(x))
+    points = surface.directions_to_system(np.column_stack((x, np.zeros_like(x), z)))
+    return (points + surface.system_from_surface[:3, 3])[:, [0, 2]]
+
+
+def _mapping(model: CentralCamera) -> Json:
+    """Mapping of a lens: radius from the principal point, px, over the angle from the axis."""
+    theta = np.linspace(0.0, math.pi, 181)
+    directions = np.stack((np.sin(theta), np.zeros_like(theta), np.cos(theta)), axis=-1)
+    pixels = model.pixel_from_ray(directions)
+    middle = getattr(model, "principal_point_px", (0.5 * model.width_px, 0.5 * model.height_px))
+    radii = np.hypot(*(pixels.positions_px - middle).T)
+    points = np.column_stack((np.degrees(theta), radii))[pixels.valid & np.isfinite(radii)]
+    return {"kind": "mapping", "points": np.round(points, 2).tolist()}
+
+
+def _line(points_m: Floats) -> list[list[float]]:
+    """Convert points (n, 2) to millimeters, as a list without non-finite points."""
+    finite = points_m[np.all(np.isfinite(points_m), axis=1)]
+    return np.round(1e3 * finite, 3).tolist()

@@ -40,7 +40,7 @@ from omnisim.cameras import (
     StereographicCamera,
     UnifiedCamera,
 )
-from omnisim.cameras.focal_camera import FisheyeCamera, FocalCamera
+from omnisim.cameras.parametric_camera import FisheyeCamera, FocalCamera
 
 CameraT = TypeVar("CameraT", bound=CentralCamera)
 # c1, c2 and fun in r = c1 f fun(θ/c2)

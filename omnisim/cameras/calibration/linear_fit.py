@@ -37,11 +37,10 @@ from omnisim.cameras import (
     UnifiedCamera,
 )
 from omnisim.cameras.calibration.equivalents import IDEAL_FISHEYES
+from omnisim.cameras.lens_polynomials import RadialTangential
 from omnisim.cameras.models.field_of_view import angles_from_axis
 from omnisim.cameras.models.gazebo import FUNCTIONS
-from omnisim.cameras.models.radial_tangential import RadialTangential
-from omnisim.cameras.parametric_camera import ParametricCamera
-from omnisim.cameras.plane_camera import PlaneCamera
+from omnisim.cameras.parametric_camera import ParametricCamera, PlaneCamera
 from omnisim.core.arrays import Bools, Floats
 from omnisim.core.errors import OpticsError
 

@@ -36,7 +36,13 @@ from omnisim.cameras import (
     StereographicCamera,
     UnifiedCamera,
 )
-from omnisim.cameras.calibration.calibrated_camera import OPTICS, NamedPose, Residuals, find_pose
+from omnisim.cameras.calibration.calibrated_camera import (
+    OPTICS,
+    CentralError,
+    NamedPose,
+    Residuals,
+    find_pose,
+)
 from omnisim.cameras.calibration.documents import (
     ForeignTable,
     Matrix,
@@ -47,7 +53,6 @@ from omnisim.cameras.calibration.documents import (
 )
 from omnisim.cameras.calibration.equivalents import equivalent, is_plain
 from omnisim.cameras.calibration.formats.format import MetadataPlace
-from omnisim.cameras.central_error import CentralError
 from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.cameras.models.field_of_view import optical_axis
 from omnisim.cameras.parametric_camera import ParametricCamera

@@ -29,9 +29,7 @@ import numpy as np
 from pydantic import Field
 
 from omnisim.cameras.camera import Rays, Uniforms
-from omnisim.cameras.focal_camera import FocalCamera
-from omnisim.cameras.parametric_camera import ThetaMax
-from omnisim.cameras.plane_camera import PlanePoints, RadialCamera
+from omnisim.cameras.parametric_camera import FocalCamera, PlanePoints, RadialCamera, ThetaMax
 from omnisim.core.arrays import Floats
 from omnisim.core.coordinate_frames import RIG_FROM_OPTICAL_LOOKING_UP
 from omnisim.core.files.parameters import Number, Typical

@@ -24,8 +24,7 @@ import numpy as np
 from pydantic import Field
 
 from omnisim.cameras.camera import Rays, Uniforms
-from omnisim.cameras.parametric_camera import PrincipalPoint, WideTheta
-from omnisim.cameras.plane_camera import PlanePoints, RadialCamera
+from omnisim.cameras.parametric_camera import PlanePoints, PrincipalPoint, RadialCamera, WideTheta
 from omnisim.core.arrays import Floats
 from omnisim.core.coordinate_frames import FLIP_Z, RIG_FROM_OPTICAL_LOOKING_UP
 from omnisim.core.files.parameters import Number, Typical

@@ -15,8 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from omnisim.cameras.camera import Pixels, Rays, as_directions, as_pixels
-from omnisim.cameras.focal_camera import FocalCamera
+from omnisim.cameras.camera import CentralCamera, Pixels, Rays, as_directions, as_pixels
+from omnisim.cameras.models.equirectangular import EquirectangularCamera
+from omnisim.cameras.parametric_camera import FocalCamera
 
 
 @dataclass(frozen=True)
@@ -47,3 +48,13 @@ class CylindricalCamera(FocalCamera):
         azimuth = np.arctan2(rays[..., 0], rays[..., 2])
         scaled = np.stack((azimuth, tangent), axis=-1)
         return Pixels(self.focal_length_px * scaled + self.principal_point_px, valid)
+
+
+def period_px(camera: CentralCamera) -> float | None:
+    """Period of a 360° panorama in pixels; None if the image does not wrap around."""
+    if isinstance(camera, EquirectangularCamera):
+        return float(camera.width_px)
+    if isinstance(camera, CylindricalCamera):
+        turn_px = 2.0 * math.pi * camera.focal_length_px
+        return turn_px if camera.width_px >= turn_px - 1.0 else None
+    return None

@@ -24,14 +24,15 @@ import numpy as np
 from pydantic import Field
 
 from omnisim.cameras.camera import Rays, Uniforms
-from omnisim.cameras.focal_camera import (
+from omnisim.cameras.parametric_camera import (
+    PlaneCamera,
+    PlanePoints,
     TwoFocalCamera,
     cosine_limit,
     lift_alpha,
     plane_limit,
     project_alpha,
 )
-from omnisim.cameras.plane_camera import PlaneCamera, PlanePoints
 from omnisim.core.arrays import Floats
 from omnisim.core.files.parameters import Fraction, Number
 

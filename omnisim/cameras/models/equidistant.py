@@ -10,8 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from omnisim.cameras.focal_camera import FisheyeCamera
-from omnisim.cameras.parametric_camera import WideTheta
+from omnisim.cameras.parametric_camera import FisheyeCamera, WideTheta
 from omnisim.core.arrays import Floats
 
 

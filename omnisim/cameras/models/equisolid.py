@@ -12,8 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from omnisim.cameras.focal_camera import FisheyeCamera
-from omnisim.cameras.parametric_camera import WideTheta
+from omnisim.cameras.parametric_camera import FisheyeCamera, WideTheta
 from omnisim.core.arrays import Floats
 
 

@@ -18,8 +18,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from omnisim.cameras.camera import Rays, Uniforms
-from omnisim.cameras.focal_camera import TwoFocalCamera, lift_alpha, plane_limit, project_alpha
-from omnisim.cameras.plane_camera import PlaneCamera, PlanePoints
+from omnisim.cameras.parametric_camera import (
+    PlaneCamera,
+    PlanePoints,
+    TwoFocalCamera,
+    lift_alpha,
+    plane_limit,
+    project_alpha,
+)
 from omnisim.core.arrays import Floats
 from omnisim.core.files.parameters import AboveZero, Fraction
 

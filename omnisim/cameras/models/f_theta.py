@@ -18,7 +18,7 @@ from typing import Annotated
 from pydantic import Field
 
 from omnisim.cameras.camera import Uniforms
-from omnisim.cameras.models.polynomial_lens import PolynomialLens
+from omnisim.cameras.lens_polynomials import PolynomialLens
 from omnisim.cameras.parametric_camera import Coefficients, PrincipalPoint, ThetaMax
 from omnisim.core.files.parameters import Number, Typical
 

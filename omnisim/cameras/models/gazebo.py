@@ -21,9 +21,7 @@ import numpy as np
 from pydantic import Field
 
 from omnisim.cameras.camera import Uniforms
-from omnisim.cameras.focal_camera import FocalCamera
-from omnisim.cameras.parametric_camera import WideTheta
-from omnisim.cameras.plane_camera import RadialCamera
+from omnisim.cameras.parametric_camera import FocalCamera, RadialCamera, WideTheta
 from omnisim.core.arrays import Floats
 from omnisim.core.files.parameters import Number, Positive
 

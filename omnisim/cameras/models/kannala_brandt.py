@@ -22,9 +22,8 @@ from typing import Annotated
 from pydantic import Field
 
 from omnisim.cameras.camera import Uniforms
-from omnisim.cameras.focal_camera import TwoFocalCamera
-from omnisim.cameras.models.polynomial_lens import PolynomialLens
-from omnisim.cameras.parametric_camera import Coefficients, WideTheta
+from omnisim.cameras.lens_polynomials import PolynomialLens
+from omnisim.cameras.parametric_camera import Coefficients, TwoFocalCamera, WideTheta
 from omnisim.core.files.parameters import described
 
 

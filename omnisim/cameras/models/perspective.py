@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from omnisim.cameras.camera import Pixels, Rays, as_directions, as_pixels
-from omnisim.cameras.focal_camera import FocalCamera
+from omnisim.cameras.parametric_camera import FocalCamera
 from omnisim.core.errors import OpticsError
 
 

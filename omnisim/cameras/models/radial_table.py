@@ -20,9 +20,8 @@ import numpy as np
 from pydantic import Field
 
 from omnisim.cameras.camera import Uniforms
-from omnisim.cameras.monotone import solve_increasing
-from omnisim.cameras.parametric_camera import Coefficients, PrincipalPoint
-from omnisim.cameras.plane_camera import RadialCamera
+from omnisim.cameras.lens_polynomials import solve_increasing
+from omnisim.cameras.parametric_camera import Coefficients, PrincipalPoint, RadialCamera
 from omnisim.core.arrays import Floats
 
 MAX_NODES = 64  # array size in the GLSL twin

@@ -27,10 +27,14 @@ import numpy as np
 from numpy.polynomial import polynomial
 
 from omnisim.cameras.camera import Rays, Uniforms
-from omnisim.cameras.focal_camera import TwoFocalCamera
-from omnisim.cameras.monotone import first_root, solve_increasing, undistort
-from omnisim.cameras.parametric_camera import Coefficients
-from omnisim.cameras.plane_camera import PlaneCamera, PlanePoints, unit_vectors
+from omnisim.cameras.lens_polynomials import first_root, solve_increasing, undistort
+from omnisim.cameras.parametric_camera import (
+    Coefficients,
+    PlaneCamera,
+    PlanePoints,
+    TwoFocalCamera,
+    unit_vectors,
+)
 from omnisim.core.arrays import Floats
 from omnisim.core.errors import OpticsError
 

@@ -14,8 +14,7 @@ from typing import Annotated
 
 import numpy as np
 
-from omnisim.cameras.focal_camera import FisheyeCamera
-from omnisim.cameras.parametric_camera import ThetaMax
+from omnisim.cameras.parametric_camera import FisheyeCamera, ThetaMax
 from omnisim.core.arrays import Floats
 from omnisim.core.files.parameters import Typical
 

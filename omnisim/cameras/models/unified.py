@@ -1,7 +1,7 @@
 """Unified model of Geyer and Mei with distortion: OpenCV's `omnidir`, Kalibr's `omni`.
 
     (x_n, y_n) = (x, y)/(z + ξ d),  d = √(x² + y² + z²)
-    (x_d, y_d) = distorted by k1, k2, p1, p2, k3, see `radial_tangential`
+    (x_d, y_d) = distorted by k1, k2, p1, p2, k3, see `lens_polynomials`
     (u, v) = (γu x_d + s y_d + u0, γv y_d + v0)
 
 Domain: z > −w d, with w = ξ for ξ ≤ 1 and w = 1/ξ above, where the image would fold over; and
@@ -22,10 +22,14 @@ from functools import cached_property
 import numpy as np
 
 from omnisim.cameras.camera import Rays, Uniforms
-from omnisim.cameras.focal_camera import TwoFocalCamera
-from omnisim.cameras.models.radial_tangential import RadialTangential
-from omnisim.cameras.parametric_camera import Coefficients
-from omnisim.cameras.plane_camera import EDGE_RAD, PlaneCamera, PlanePoints
+from omnisim.cameras.lens_polynomials import RadialTangential
+from omnisim.cameras.parametric_camera import (
+    EDGE_RAD,
+    Coefficients,
+    PlaneCamera,
+    PlanePoints,
+    TwoFocalCamera,
+)
 from omnisim.core.arrays import Floats
 from omnisim.core.files.parameters import Level, Number
 

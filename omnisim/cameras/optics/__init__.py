@@ -1,20 +1,26 @@
 """Non-central optical systems: mirrors of any profile, misalignment, and underwater ports."""
 
-from omnisim.cameras.central_error import CentralError
-from omnisim.cameras.optics.boards.board_corners import BoardCorners, read_corners, write_corners
-from omnisim.cameras.optics.boards.calibrate import SystemCalibration, calibrate_system
-from omnisim.cameras.optics.central_view import CentralView, fit_central
+from omnisim.cameras.calibration.calibrated_camera import CentralError
 from omnisim.cameras.optics.centrality import (
     Centrality,
+    CentralView,
     caustic_points,
     common_point,
+    fit_central,
     measure_centrality,
     pixel_jacobians,
     ray_jacobians,
 )
-from omnisim.cameras.optics.design import Design
+from omnisim.cameras.optics.profiles import Design
 from omnisim.cameras.optics.surface import Fate, Rod, Surface, TracedRays
 from omnisim.cameras.optics.system import OpticalSystem
+from omnisim.cameras.optics.system_calibration import (
+    BoardCorners,
+    SystemCalibration,
+    calibrate_system,
+    read_corners,
+    write_corners,
+)
 from omnisim.cameras.optics.system_file import read_optics_file
 
 __all__ = [

@@ -25,21 +25,19 @@ from omnisim.cameras.camera import (
     as_directions,
     as_pixels,
 )
-from omnisim.cameras.optics.media import (
-    WAVELENGTHS_UM,
-    Medium,
-    Primary,
-    medium_parameter,
-    refractive_index,
-)
 from omnisim.cameras.optics.surface import (
+    WAVELENGTHS_UM,
     Fate,
+    Medium,
     Paths,
     Place,
+    Primary,
     Rod,
     Surface,
     TracedRays,
+    medium_parameter,
     pose_parameters,
+    refractive_index,
     trace,
 )
 from omnisim.core.arrays import Floats, Ints

@@ -11,8 +11,7 @@ from pydantic import ConfigDict, Field, model_validator
 
 from omnisim.cameras import CAMERA_MODELS, CentralCamera
 from omnisim.cameras.camera_table import camera_from_calibration, camera_from_table
-from omnisim.cameras.optics.media import Medium
-from omnisim.cameras.optics.profile_file import read_profile
+from omnisim.cameras.optics.profiles import read_profile
 from omnisim.cameras.optics.shapes import (
     Asphere,
     Cone,
@@ -23,7 +22,7 @@ from omnisim.cameras.optics.shapes import (
     Shape,
     TabulatedProfile,
 )
-from omnisim.cameras.optics.surface import Place, Surface
+from omnisim.cameras.optics.surface import Medium, Place, Surface
 from omnisim.cameras.optics.system import ORIENTATIONS, OpticalSystem
 from omnisim.core import poses
 from omnisim.core.arrays import Floats

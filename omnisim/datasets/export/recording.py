@@ -27,9 +27,9 @@ from omnisim.core.trajectories.body_motion import MotionStates
 from omnisim.core.trajectories.odometry import Odometry
 from omnisim.core.trajectories.spline_motion import SplineMotion
 from omnisim.datasets.export.stored_clouds import StoredCloud, read_cloud, read_table
+from omnisim.ground_truth.channel_files import StoredChannels
 from omnisim.ground_truth.label_names import Labels
-from omnisim.ground_truth.stored_channels import StoredChannels
-from omnisim.perception.unwarping.panorama import CameraMount
+from omnisim.perception.unwarping import CameraMount
 from omnisim.rendering.camera.omnicamera import CALIBRATION
 from omnisim.rendering.sensor import SensorSettings
 from omnisim.robots import read_odometry

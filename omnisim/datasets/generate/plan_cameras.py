@@ -1,10 +1,11 @@
-"""Cameras of a plan: read from their files, and varied for each setup."""
+"""Cameras and light of a plan."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -12,14 +13,19 @@ import numpy as np
 
 from omnisim.cameras import CentralCamera
 from omnisim.core.errors import OmnisimError, PlanError, did_you_mean
-from omnisim.core.files.sources import recorded_sources
+from omnisim.core.files.parameters import parse_table
+from omnisim.core.files.sources import SourceReader, recorded_sources
 from omnisim.core.poses import pose
 from omnisim.datasets.generate.distributions import Distribution, Shares
-from omnisim.datasets.generate.plan import PlanCameraTable
+from omnisim.datasets.generate.plan import PlanCameraTable, VaryLightTable, VarySkyTable, VaryTable
 from omnisim.rendering.camera.captured_image import camera_of_parameters
 from omnisim.rendering.camera.degradations import Degradation, Exposure, preset
 from omnisim.rendering.camera.degradations.degradation_file import EFFECTS, parse_degradation
 from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.scene import Scene
+from omnisim.scene.light.light_tables import LightTable, SkyTable
+from omnisim.scene.light.sky import sun_position, with_sky
+from omnisim.scene.parts import Light, LightKind
 
 WHOLE_RIG = "all"
 ROUNDING = 1e-9  # of a parameter that is computed from others
@@ -179,3 +185,130 @@ def _number(effect: str, key: str, value: float) -> float | int:
     """Drawn value for a key of a degradation, rounded if the key's default is an integer."""
     field = getattr(EFFECTS.get(effect), "__dataclass_fields__", {}).get(key)
     return round(value) if field is not None and isinstance(field.default, int) else value
+
+
+# Light of a setup: drawn lamps and sky of a scene.
+
+
+YEAR = datetime(2026, 1, 1, tzinfo=UTC)
+_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear sRGB, Rec. 709
+_SRGB_FROM_XYZ = np.array(
+    [[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]]
+)
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnLight:
+    """Scene with drawn light."""
+
+    scene: Scene  # scene with the lighting
+    values: dict[str, Any]  # drawn values, of JSON types
+
+
+def draw_light(scene: Scene, vary: VaryTable, stream: Shares, plan: Path) -> DrawnLight:
+    """Draw the light of a scene.
+
+    Args:
+        scene: scene with its own light.
+        vary: table [vary] of the plan.
+        stream: stream of random numbers.
+        plan: path of the plan's file; maps are relative to it.
+
+    Raises:
+        OmnisimError: the sun is below the horizon, or a map cannot be read.
+    """
+    values: dict[str, Any] = {}
+    if vary.light is not None:
+        values["light"] = _draw_lamps(vary.light, len(scene.lighting.lights), stream)
+        scene = _lit(scene, values["light"])
+    if vary.sky is not None:
+        values["sky"] = _draw_sky(vary.sky, stream, plan)
+        scene = _under_sky(scene, values["sky"], plan)
+    return DrawnLight(scene, values)
+
+
+def _draw_sky(table: VarySkyTable, stream: Shares, plan: Path) -> dict[str, Any]:
+    """Drawn keys and values for a scene file's [sky]."""
+    yaw_deg, brightness = table.yaw_deg.draw(stream), table.brightness.draw(stream)
+    if table.files:
+        file = table.files[min(int(stream.share() * len(table.files)), len(table.files) - 1)]
+        return {"file": file, "yaw_deg": yaw_deg, "brightness": brightness}
+    sky = {"brightness": brightness, "turbidity": table.turbidity.draw(stream)}
+    if table.hour is None:
+        sky["sun_elevation_deg"] = table.sun_elevation_deg.draw(stream)
+        sky["sun_azimuth_deg"] = table.sun_azimuth_deg.draw(stream)
+        return sky
+    hour, day = table.hour.draw(stream), table.day.draw(stream)
+    time = YEAR + timedelta(days=round(day) - 1, hours=hour)
+    sun = sun_position(time, table.latitude_deg.draw(stream), 0.0)
+    if sun.elevation_deg <= 0.0:
+        raise PlanError(
+            f"{plan}: vary.sky.hour = {hour:.3g}: expected a sun above the horizon, got "
+            f"{sun.elevation_deg:.3g}°"
+        )
+    sky["sun_elevation_deg"] = sun.elevation_deg
+    sky["sun_azimuth_deg"] = 90.0 + yaw_deg - sun.azimuth_deg
+    return sky
+
+
+def _under_sky(scene: Scene, sky: dict[str, Any], plan: Path) -> Scene:
+    """Scene with a drawn sky instead of its own sky and directional lamps."""
+    lamps = (one for one in scene.lighting.lights if one.kind is not LightKind.DIRECTIONAL)
+    lighting = dataclasses.replace(scene.lighting, lights=tuple(lamps), environment=None)
+    scene = dataclasses.replace(scene, lighting=lighting)
+    table = parse_table(sky, SkyTable, PlanError, f"{plan}: vary", "sky")
+    return with_sky(scene, table, LightTable(), None, f"{plan}: vary", plan.parent, SourceReader())
+
+
+def _draw_lamps(table: VaryLightTable, count: int, stream: Shares) -> dict[str, Any]:
+    """Drawn factors of the ambient light and the lamps, and the lamps' temperatures in K."""
+    values: dict[str, Any] = {"ambient_factor": table.ambient_factor.draw(stream)}
+    values["lamp_factors"] = [table.lamp_factor.draw(stream) for _ in range(count)]
+    if (kelvin := table.lamp_temperature_k) is not None:
+        values["lamp_temperatures_k"] = [kelvin.draw(stream) for _ in range(count)]
+    return values
+
+
+def _lit(scene: Scene, values: dict[str, Any]) -> Scene:
+    """Scene with drawn values applied to lamps and ambient light, and without baked light."""
+    lighting = scene.lighting
+    lamps = [
+        dataclasses.replace(lamp, intensity=factor * lamp.intensity)
+        for lamp, factor in zip(lighting.lights, values["lamp_factors"], strict=True)
+    ]
+    if "lamp_temperatures_k" in values:
+        kelvins = values["lamp_temperatures_k"]
+        lamps = [_of_temperature(*pair) for pair in zip(lamps, kelvins, strict=True)]
+    red, green, blue = (values["ambient_factor"] * one for one in lighting.ambient)
+    lit = dataclasses.replace(lighting, lights=tuple(lamps), ambient=(red, green, blue), baked=None)
+    return dataclasses.replace(scene, lighting=lit)
+
+
+def _of_temperature(lamp: Light, kelvin: float) -> Light:
+    """Lamp with the color of a black body, at unchanged luminance."""
+    level = float(_LUMINANCE @ lamp.color)
+    red, green, blue = (level * one for one in black_body_rgb(kelvin))
+    return dataclasses.replace(lamp, color=(red, green, blue))
+
+
+def black_body_rgb(kelvin: float) -> tuple[float, float, float]:
+    """Linear sRGB of a black body from 1667 K to 25 000 K, with luminance 1.
+
+    Source: Kim et al., "Design of advanced color temperature control system for HDTV
+    applications", 2002: a cubic fit of the Planckian locus in CIE xy.
+    """
+    inverse = 1000.0 / kelvin
+    powers = np.array([inverse**3, inverse**2, inverse, 1.0])
+    if kelvin <= 4000.0:
+        x = float(np.dot((-0.2661239, -0.2343589, 0.8776956, 0.179910), powers))
+    else:
+        x = float(np.dot((-3.0258469, 2.1070379, 0.2226347, 0.240390), powers))
+    if kelvin <= 2222.0:
+        y = float(np.polyval((-1.1063814, -1.34811020, 2.18555832, -0.20219683), x))
+    elif kelvin <= 4000.0:
+        y = float(np.polyval((-0.9549476, -1.37418593, 2.09137015, -0.16748867), x))
+    else:
+        y = float(np.polyval((3.0817580, -5.87338670, 3.75112997, -0.37001483), x))
+    rgb = np.maximum(_SRGB_FROM_XYZ @ (x / y, 1.0, (1.0 - x - y) / y), 0.0)
+    red, green, blue = (rgb / (_LUMINANCE @ rgb)).tolist()
+    return red, green, blue

@@ -28,8 +28,7 @@ from omnisim.datasets.free_space import (
 )
 from omnisim.datasets.generate.distributions import ConstantShares
 from omnisim.datasets.generate.plan import Plan, PlanObjectTable, PlanSceneTable, read_plan
-from omnisim.datasets.generate.plan_cameras import PlanRig, RigFile
-from omnisim.datasets.generate.plan_light import draw_light
+from omnisim.datasets.generate.plan_cameras import PlanRig, RigFile, draw_light
 from omnisim.ground_truth.channels import CLASSES
 from omnisim.scene import Scene, read_scene
 from omnisim.scene.labels import find_labels, read_label_file

@@ -15,8 +15,7 @@ from omnisim.core.world import WorldState
 from omnisim.datasets.generate.distributions import Stream
 from omnisim.datasets.generate.draw import Draw, SampleIndices, draw, draw_indices
 from omnisim.datasets.generate.plan import RejectTable
-from omnisim.datasets.generate.plan_cameras import PlanRig
-from omnisim.datasets.generate.plan_light import DrawnLight, draw_light
+from omnisim.datasets.generate.plan_cameras import DrawnLight, PlanRig, draw_light
 from omnisim.datasets.generate.prepared_plan import PreparedPlan
 from omnisim.ground_truth.frame import Frame
 from omnisim.rendering.camera.omnicamera import OmniCamera

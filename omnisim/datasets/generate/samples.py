@@ -17,7 +17,7 @@ from omnisim.core.arrays import Bytes
 from omnisim.core.errors import OutputError, PlanError
 from omnisim.core.files.image_files import read_image
 from omnisim.datasets.dataset_manifest import Manifest, read_manifest
-from omnisim.ground_truth.stored_channels import StoredChannels
+from omnisim.ground_truth.channel_files import StoredChannels
 
 IMAGES = (".png", ".jpg")
 _PREFIX = "omnisim-"  # of temporary folders

@@ -16,8 +16,7 @@ from omnisim.datasets.export.recording import Recording
 from omnisim.evaluation.estimator import Estimator
 from omnisim.perception.landmarks.color_model import Costs
 from omnisim.perception.landmarks.landmark_detector import LandmarkDetector
-from omnisim.perception.localization.filter import LandmarkMap
-from omnisim.perception.localization.filter_parameters import read_parameters
+from omnisim.perception.localization.filter import LandmarkMap, read_parameters
 from omnisim.perception.localization.track import localize, observation_from_detection
 from omnisim.runs.run_data import read_run, train_on_run
 

@@ -21,7 +21,7 @@ from omnisim.measurement.comparison.comparison import (
     even_blocks,
 )
 from omnisim.measurement.geometry.board_detection import LUMA, read_gray
-from omnisim.measurement.sharpness.edge_fit import UnusableEdge, find_edges, fit_edge
+from omnisim.measurement.sharpness.slanted_edge import UnusableEdge, find_edges, fit_edge
 from omnisim.rendering.camera.degradations import Encoding
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.stage import open_sensor

@@ -18,7 +18,7 @@ import scipy  # its submodules load on first use
 
 from omnisim.cameras import KannalaBrandtCamera
 from omnisim.cameras.calibration.linear_fit import FITTED, ParameterVector
-from omnisim.cameras.optics.boards.board_corners import move_jacobians, pose_from_directions
+from omnisim.cameras.optics.system_calibration import move_jacobians, pose_from_directions
 from omnisim.cameras.parametric_camera import ParametricCamera
 from omnisim.core.arrays import Floats, Ints
 from omnisim.core.errors import MeasurementError, OpticsError

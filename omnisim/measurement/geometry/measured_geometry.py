@@ -11,8 +11,11 @@ import numpy as np
 
 from omnisim.cameras import MirroredCamera
 from omnisim.cameras.camera import CentralCamera
-from omnisim.cameras.optics.boards.board_corners import BoardCorners
-from omnisim.cameras.optics.boards.calibrate import SystemCalibration, calibrate_system
+from omnisim.cameras.optics.system_calibration import (
+    BoardCorners,
+    SystemCalibration,
+    calibrate_system,
+)
 from omnisim.core.arrays import Bools, Floats
 from omnisim.core.errors import CalibrationError, MeasurementError, OpticsError
 from omnisim.measurement.geometry.board_detection import MIN_CORNERS

@@ -11,7 +11,7 @@ import scipy  # its submodules load on first use
 from omnisim.cameras import NonCentralCamera
 from omnisim.cameras.calibration.linear_fit import ParameterVector
 from omnisim.cameras.camera import CentralCamera, Pixels
-from omnisim.cameras.optics.boards.board_corners import pose_from_directions
+from omnisim.cameras.optics.system_calibration import pose_from_directions
 from omnisim.core.arrays import Floats
 from omnisim.core.errors import MeasurementError, OpticsError
 from omnisim.measurement.geometry.boards import BoardView
@@ -100,8 +100,7 @@ def locate_board(
         raise MeasurementError(message)
     try:
         if isinstance(camera, NonCentralCamera):
-            from omnisim.cameras.optics.boards.board_corners import BoardCorners
-            from omnisim.cameras.optics.boards.calibrate import calibrate_system
+            from omnisim.cameras.optics.system_calibration import BoardCorners, calibrate_system
 
             table = {key: value for key, value in camera.parameters().items() if key != "model"}
             boards = [BoardCorners(view.points_m, view.pixels_px)]

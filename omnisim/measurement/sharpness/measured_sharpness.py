@@ -11,18 +11,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.optics.boards.board_corners import BoardCorners
+from omnisim.cameras.optics.system_calibration import BoardCorners
 from omnisim.core.arrays import Bools, Floats
 from omnisim.core.errors import MeasurementError
 from omnisim.measurement.quantity import Quantity, Unobservable
-from omnisim.measurement.sharpness.edge_fit import (
+from omnisim.measurement.sharpness.slanted_edge import (
+    GREEN,
+    EdgeSharpness,
     Flaw,
     UnusableEdge,
     board_edges,
     find_edges,
     linear_light,
+    measure_edge,
 )
-from omnisim.measurement.sharpness.slanted_edge import GREEN, EdgeSharpness, measure_edge
 from omnisim.rendering.camera.degradations import ChromaticAberration, Encoding, PointSpread
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
 from omnisim.rendering.camera.degradations.point_spread import MAX_WIDTH_PX

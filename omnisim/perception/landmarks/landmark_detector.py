@@ -25,7 +25,7 @@ from omnisim.core.files.atomic_file import write_text
 from omnisim.core.poses import wrap_angle
 from omnisim.core.srgb import LINEAR_FROM_SRGB8
 from omnisim.perception.landmarks.color_model import ColorModel
-from omnisim.perception.unwarping.panorama import CameraMount, Panorama
+from omnisim.perception.unwarping import CameraMount, Panorama
 from omnisim.scene.model import Landmark
 
 Key = TypeVar("Key")

@@ -21,11 +21,12 @@ from omnisim.core.trajectories.odometry import Odometry
 from omnisim.perception.landmarks.landmark_detector import Detection
 from omnisim.perception.localization.filter import (
     Estimate,
+    FilterParameters,
     LandmarkMap,
     LocalizationFilter,
+    MeasurementNoise,
     Observation,
 )
-from omnisim.perception.localization.filter_parameters import FilterParameters, MeasurementNoise
 
 
 def observation_from_detection(detection: Detection, relation: MeasurementNoise) -> Observation:

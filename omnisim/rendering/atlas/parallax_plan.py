@@ -141,7 +141,8 @@ class ParallaxRays:
                 origins_m += weight * self.origins_m[neighbor]
         rightward = self.directions[row, column + 1] - self.directions[row, column - 1]
         downward = self.directions[row + 1, column] - self.directions[row - 1, column]
-        footprints = np.stack((rightward, downward), axis=1) / np.float32(2 * side)
+        footprints: Floats32 = np.stack((rightward, downward), axis=1)
+        footprints /= 2 * side
         numbers = self.rim_numbers[rows, columns]
         rim = np.flatnonzero(numbers >= 0)
         directions[rim] = self.rim_directions[numbers[rim], parts[rim]]
@@ -193,26 +194,20 @@ def sample_rays(
     rim = np.argwhere(near if polygons is not None else near & ~smooth)
     offsets = (pixel_grid(supersampling, supersampling).reshape(-1, 2) + 0.5) / supersampling - 0.5
     directions, origins_m, valid = trace(rim[:, None, ::-1] + offsets)
-    bent = ~beside[tuple(rim.T)] | ~valid.all(axis=1) | _bent(rays, rim, directions)
+    # beside rays interpolated between neighboring pixels
+    count = supersampling**2
+    rows, columns = np.repeat(rim, count, axis=0).T
+    between = rays.of(rows, columns, np.tile(np.arange(count), len(rim)))
+    misses = np.linalg.norm(between.directions.reshape(directions.shape) - directions, axis=-1)
+    steps = supersampling * np.linalg.norm(between.footprints, axis=-1)
+    bent = misses.max(axis=1) > _MISS_PX * steps.reshape(len(rim), 2 * count).min(axis=1)
+    bent |= ~beside[tuple(rim.T)] | ~valid.all(axis=1)
     rays.smooth[tuple(rim.T)] = ~bent
     kept = bent & valid.any(axis=1)
     rays.rim_numbers[tuple(rim[kept].T)] = np.arange(kept.sum())
     return replace(
         rays, rim_directions=directions[kept], rim_origins_m=origins_m[kept], rim_valid=valid[kept]
     )
-
-
-def _bent(rays: ParallaxRays, pixels: Indices, own: Floats32) -> Bools:
-    """Mask of pixels (n, 2), row and column, whose sample directions cannot be interpolated.
-
-    The directions (n, samples, 3) differ from those interpolated between neighboring pixels.
-    """
-    count = rays.supersampling**2
-    rows, columns = np.repeat(pixels, count, axis=0).T
-    between = rays.of(rows, columns, np.tile(np.arange(count), len(pixels)))
-    misses = np.linalg.norm(between.directions.reshape(own.shape) - own, axis=-1).max(axis=1)
-    steps = rays.supersampling * np.linalg.norm(between.footprints, axis=-1)
-    return np.asarray(misses > _MISS_PX * steps.reshape(len(pixels), 2 * count).min(axis=1))
 
 
 _Traced = tuple[Floats32, Floats32, Bools]
@@ -296,8 +291,12 @@ def _seen_rays(
     steps = np.stack(
         (directions[:-1, 1:][whole] - centers, directions[1:, :-1][whole] - centers), -1
     )
-    # of the samples, because mip levels refer to samples
-    along, across = (values / rays.supersampling for values in _singular_values(steps))
+    # singular values in closed form; of the samples, because mip levels refer to samples
+    gram = np.einsum("nji,njk->nik", steps, steps)
+    mean = 0.5 * (gram[:, 0, 0] + gram[:, 1, 1])
+    spread = np.hypot(0.5 * (gram[:, 0, 0] - gram[:, 1, 1]), gram[:, 0, 1])
+    along = np.sqrt(mean + spread) / rays.supersampling
+    across = np.sqrt(np.maximum(mean - spread, 0.0)) / rays.supersampling
     densest = 1.0 / np.maximum(across, along / max_anisotropy)
     points = [(centers, densest)]
     some = slice(None, None, max(1, len(centers) // max_rays))
@@ -308,14 +307,6 @@ def _seen_rays(
     for nearness in np.linspace(0.0, 1.0 / near_m, 2 + math.ceil(turn / _STEP))[1:]:
         points.append((near + nearness * origins_m, densest))
     return _SeenRays(centers, along, points)
-
-
-def _singular_values(steps: Floats) -> tuple[Floats, Floats]:
-    """Larger and smaller singular values (n,) of matrices (n, 3, 2), in closed form."""
-    gram = np.einsum("nji,njk->nik", steps, steps)
-    mean = 0.5 * (gram[:, 0, 0] + gram[:, 1, 1])
-    spread = np.hypot(0.5 * (gram[:, 0, 0] - gram[:, 1, 1]), gram[:, 0, 1])
-    return np.sqrt(mean + spread), np.sqrt(np.maximum(mean - spread, 0.0))
 
 
 def _on_faces(directions: Floats) -> Iterator[tuple[Indices, Floats]]:

@@ -129,7 +129,10 @@ def density_of_camera(
     # there. No face is so dense that a step elsewhere would move the image by a pixel.
     smooth = inner & np.all(np.abs(steps) < 1.0, axis=(-2, -1))
     inner = smooth if smooth.any() else inner
-    largest, smallest = _singular_values(steps[inner] / _STEP)
+    # singular values: sum and difference of the lengths of the conformal and anticonformal parts
+    (a, b), (c, d) = (steps[inner] / _STEP).transpose(1, 2, 0)
+    conformal, anticonformal = np.hypot(a + d, c - b), np.hypot(a - d, c + b)
+    largest, smallest = 0.5 * (conformal + anticonformal), 0.5 * np.abs(conformal - anticonformal)
     max_px_per_tan[inner] = np.minimum(largest, MAX_ANISOTROPY * smallest)
     min_px_per_tan[inner] = smallest
     valid[len(grid) :] = True
@@ -143,16 +146,6 @@ def density_of_rays(tangents: Floats, px_per_tan: Floats) -> SamplingDensity:
         np.maximum.at(density, corners, px_per_tan)
     flat = density.ravel()
     return SamplingDensity(_grid(), flat > 0.0, flat, np.where(flat > 0.0, flat, np.inf))
-
-
-def _singular_values(matrices: Floats) -> tuple[Floats, Floats]:
-    """Largest and smallest singular values (n,) of matrices (n, 2, 2).
-
-    Their sum and difference are the lengths of the matrices' conformal and anticonformal parts.
-    """
-    (a, b), (c, d) = matrices.transpose(1, 2, 0)
-    conformal, anticonformal = np.hypot(a + d, c - b), np.hypot(a - d, c + b)
-    return 0.5 * (conformal + anticonformal), 0.5 * np.abs(conformal - anticonformal)
 
 
 def _corners(tangents: Floats) -> Iterator[tuple[Indices, Indices]]:

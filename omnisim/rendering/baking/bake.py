@@ -417,22 +417,17 @@ def probe_grid(scene: Scene) -> ProbeGrid:
         around = np.array((level_m, level_m, upwards_m))
         first = np.maximum(low, places.min(axis=0) - around)
         last = np.minimum(high, places.max(axis=0) + around)
-        spacing_m, shape = _spacing(last - first)
+        spacing_m = _MIN_SPACING_M
+        while True:
+            shape = np.maximum(np.ceil((last - first) / spacing_m).astype(np.intp), 1)
+            if shape.prod(dtype=np.float64) <= PROBE_BUDGET:  # would overflow as int64
+                break
+            spacing_m *= 1.05
         if spacing_m <= _MAX_SPACING_M:
             break
     steps = np.maximum(last - first, _MIN_SIZE_M) / shape
     nx, ny, nz = (int(number) for number in shape)
     return ProbeGrid(first + 0.5 * steps, steps, (nx, ny, nz))
-
-
-def _spacing(size_m: Floats) -> tuple[float, Indices]:
-    """Spacing of a grid within the budget, and its number of probes per axis."""
-    spacing_m = _MIN_SPACING_M
-    while True:
-        shape = np.maximum(np.ceil(size_m / spacing_m).astype(np.intp), 1)
-        if shape.prod(dtype=np.float64) <= PROBE_BUDGET:  # would overflow as int64
-            return spacing_m, shape
-        spacing_m *= 1.05
 
 
 class ProbeBaker:

@@ -72,10 +72,6 @@ def sphere_directions(points: Floats32) -> Floats32:
 
 
 # Light of emissive and other bright surfaces: rays aimed at points on them.
-#
-# Aimed rays are weighted against gathering rays that hit the same emitter.
-# Source of the weights: Veach and Guibas, "Optimally combining sampling techniques for Monte Carlo
-# rendering", 1995, the balance heuristic.
 LUMINANCE = np.array((0.2126, 0.7152, 0.0722), dtype=np.float32)
 _MIN_M2 = 1e-8
 _TRIED = 64  # rays per place that find the emitters that light it

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from omnisim.core.arrays import Bools, Floats, Floats32, Indices, Ints32
 from omnisim.rendering.baking.lightmap_atlas import Atlas, corner_pixels
 from omnisim.rendering.baking.specular import SpecularSurfaces
-from omnisim.rendering.rays.caster import RayHits, Rays
+from omnisim.rendering.rays.caster import RayHits
 from omnisim.rendering.rays.ray_scene import RayScene
+from omnisim.rendering.rays.shading.shading import View
 
 FRONT, BACK = 0, 1
 NO_PATCH = -1
@@ -170,11 +171,9 @@ def _appearance(
     rays: RayScene, specular: SpecularSurfaces, samples: Samples
 ) -> tuple[Floats32, Floats32, Floats32]:
     """Diffuse reflectance, diffuse transmittance and emission (n, 3) at samples."""
-    count = len(samples.triangles)
-    nowhere = np.zeros((count, 3))
-    zeros = np.zeros(count)
-    hits = RayHits(samples.triangles, zeros, samples.weights, nowhere.astype(np.float32))
-    colors = rays.shading.base_colors(Rays(nowhere, nowhere, zeros, zeros), hits)
+    flat = np.zeros((len(samples.triangles), 3), dtype=np.float32)
+    hits = RayHits(samples.triangles, np.zeros(len(flat)), samples.weights, flat)
+    colors = rays.shading.base_colors(View.of(hits))
     emission = rays.shading.emitted(hits)
     surfaces = rays.shading.surfaces(hits)
     emission[colors[:, 3] < rays.shading.hit_cutoff[surfaces]] = 0.0

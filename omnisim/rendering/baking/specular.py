@@ -139,19 +139,18 @@ class SpecularSurfaces:
 
     def ways(self, hits: EmbreeHits, directions: Floats32) -> Ways:
         """Ways on from specular surfaces hit by rays (n,) with unit directions (n, 3)."""
-        weights = np.stack((1.0 - hits.u - hits.v, hits.u, hits.v), axis=1)
         is_back = np.einsum("nc,nc->n", hits.normals, directions) > 0.0
         planes = hits.normals / np.maximum(np.linalg.norm(hits.normals, axis=1), 1e-30)[:, None]
         planes[is_back] *= np.float32(-1.0)
         ranges_m = hits.ranges_m.astype(np.float64)
-        placed = RayHits(hits.triangles, ranges_m, weights, planes)
+        placed = RayHits(hits.triangles, ranges_m, hits.weights, planes)
         none, origins_m = np.zeros(len(ranges_m)), np.zeros((len(ranges_m), 3))
         rays = Rays(origins_m, directions.astype(np.float64), none, ranges_m)
-        view = View(rays, placed, (), None)
+        view = View(rays, placed)
         shading, surfaces = self._shading, self._shading.surfaces(placed)
         normals = shading.normals(placed)
         cosines = np.abs(np.einsum("nc,nc->n", normals, directions)).clip(_MIN_COSINE, 1.0)
-        colors = shading.base_colors(view.rays, placed)[:, :3]
+        colors = shading.base_colors(view)[:, :3]
         surface = shading.table.reflectance(surfaces, colors, shading.sampler(view))
         reflected = mirrored_shares(surface, cosines.astype(np.float64))
         is_pane, is_glass = shading.is_pane[surfaces], shading.is_glass[surfaces]
@@ -172,9 +171,7 @@ class SpecularSurfaces:
         if len(some) == 0:
             return DiffuseShares(reflected, transmitted)
         hits, surfaces, colors = hits.take(some), surfaces[some], colors[some]
-        nowhere = np.zeros((len(some), 3))
-        view = View(Rays(nowhere, nowhere, hits.ranges_m, hits.ranges_m), hits, (), None)
-        surface = shading.table.reflectance(surfaces, colors, shading.sampler(view))
+        surface = shading.table.reflectance(surfaces, colors, shading.sampler(View.of(hits)))
         lost = surface.dielectric_f0.max(axis=1)
         lost = lost + (surface.dielectric_f90 - lost) * _SCHLICK_MEAN
         body = np.where(

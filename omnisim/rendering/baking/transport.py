@@ -12,8 +12,9 @@ import numpy as np
 from omnisim.core.arrays import Bools, Floats32, Indices, Ints32
 from omnisim.rendering.baking.patches import BACK, FRONT, Patches
 from omnisim.rendering.baking.specular import SpecularSurfaces, Way, chosen, onward, random_numbers
-from omnisim.rendering.rays.caster import NO_TRIANGLE, EmbreeHits, RayHits, Rays, put_rows
+from omnisim.rendering.rays.caster import NO_TRIANGLE, EmbreeHits, RayHits, put_rows
 from omnisim.rendering.rays.ray_scene import MAX_LAYERS, RayScene
+from omnisim.rendering.rays.shading.shading import View
 
 SKY, INSIDE = -1, -2
 # Offset of rays from their surface: a constant, and a share of the scene's size.
@@ -205,11 +206,8 @@ class Transport:
 
     def _is_hole(self, hits: EmbreeHits) -> Bools:
         """Mask (n,) of hits in a hole of a masked surface, or on a mostly clear blended one."""
-        weights = np.stack((1.0 - hits.u - hits.v, hits.u, hits.v), axis=1)
-        nowhere = np.zeros((len(hits.u), 3))
-        ranges_m = np.zeros(len(hits.u))
-        placed = RayHits(hits.triangles, ranges_m, weights, hits.normals)
-        colors = self._shading.base_colors(Rays(nowhere, nowhere, ranges_m, ranges_m), placed)
+        placed = RayHits(hits.triangles, np.zeros(len(hits.u)), hits.weights, hits.normals)
+        colors = self._shading.base_colors(View.of(placed))
         cutoffs = self._shading.hit_cutoff[self._surface_of_triangle[hits.triangles]]
         return colors[:, 3] < cutoffs
 

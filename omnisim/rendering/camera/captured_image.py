@@ -20,8 +20,8 @@ from omnisim.cameras import (
     pixel_grid,
     summary,
 )
+from omnisim.cameras.mirrors.hyperbolic import inside_rim
 from omnisim.cameras.mirrors.mirror_mesh import sectors_and_rings
-from omnisim.cameras.mirrors.mirror_mesh_rays import inside_rim
 from omnisim.core.arrays import Bools, Floats
 from omnisim.core.errors import OmnisimError, OpticsError, OutputError, SensorFileError
 from omnisim.core.files.image_files import read_image
@@ -114,7 +114,7 @@ class CapturedImage:
                 fault = f"expected an optical system, got {summary(self.camera)}"
                 raise OpticsError(f"--right-at: {fault}, which is central")
             return self, None
-        from omnisim.cameras.optics.central_view import CentralView  # few cameras need it
+        from omnisim.cameras.optics.centrality import CentralView  # few cameras need it
 
         view, world = CentralView(self.camera, distance_m), self.world_from_optical
         world_from_view = None if world is None else view.frame_from_view(world)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import math
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property
@@ -21,16 +20,13 @@ from omnisim.core import poses
 from omnisim.core.arrays import Floats
 from omnisim.core.errors import OpticsError, RunError
 from omnisim.core.extras import missing_packages
+from omnisim.core.files.parameters import NOT_IN_FILES
 from omnisim.core.short_repr import short_repr
 from omnisim.rendering.camera.degradations import Degradation
 from omnisim.rendering.camera.quality import (
-    DEFAULT_MIRRORS,
     DEFAULT_NEAR_M,
-    DEFAULT_PROBES,
-    DEFAULT_QUALITY,
     MAX_ERROR_PX,
     MAX_IMAGE_PX,
-    QUALITIES,
     Capture,
     CaptureQuality,
     QualityName,
@@ -71,7 +67,7 @@ class CameraStage(Protocol[RendererT_co]):
 
 
 @dataclass(frozen=True, eq=False)
-class OmniCamera(SensorSettings):
+class OmniCamera(Capture, SensorSettings):
     """An omnidirectional camera: a pinhole camera below a mirror, or a lens.
 
     Without arguments: the paper's camera.
@@ -97,20 +93,14 @@ class OmniCamera(SensorSettings):
     model: CentralCamera = field(
         default_factory=lambda: HyperbolicCamera.framed_on_rim(
             HyperbolicMirror(), PAPER_SIZE_PX, PAPER_SIZE_PX
-        )
+        ),
+        metadata=NOT_IN_FILES,
     )
     _: KW_ONLY
-    polygons: Polygons = "default"
-    base_from_rig: Floats = field(default_factory=lambda: np.eye(4))
-    face_size_px: int | None = None
-    near_m: float = DEFAULT_NEAR_M
-    far_m: float = math.inf
-    samples: int = 1
-    mirrors: int = DEFAULT_MIRRORS
-    reflection_probes: int = DEFAULT_PROBES
-    supersampling: int = QUALITIES[DEFAULT_QUALITY].supersampling
-    texels_per_pixel: float = QUALITIES[DEFAULT_QUALITY].texels_per_pixel
-    degradation: Degradation = field(default_factory=Degradation)
+    polygons: Polygons = field(default="default", metadata=NOT_IN_FILES)
+    base_from_rig: Floats = field(default_factory=lambda: np.eye(4), metadata=NOT_IN_FILES)
+    face_size_px: int | None = field(default=None, metadata=NOT_IN_FILES)
+    degradation: Degradation = field(default_factory=Degradation, metadata=NOT_IN_FILES)
 
     noun: ClassVar[str] = "camera"
     origin_noun: ClassVar[str] = "effective viewpoint"
@@ -145,12 +135,7 @@ class OmniCamera(SensorSettings):
             expected = "expected at least 1, or None"
             raise OpticsError(f"face_size_px: {expected}, got {self.face_size_px}")
         poses.check_pose(self.base_from_rig)
-        self.capture  # noqa: B018  # raises if a setting is out of its limits
-
-    @property
-    def capture(self) -> Capture:
-        """Settings of the virtual cameras and of the image's samples."""
-        return Capture(**{key.name: getattr(self, key.name) for key in dataclasses.fields(Capture)})
+        super().__post_init__()  # checks the settings of `Capture`
 
     def __repr__(self) -> str:
         return short_repr(
@@ -375,7 +360,7 @@ class OmniCamera(SensorSettings):
             "yaw_deg": yaw,
         }
         virtual: dict[str, Any] = {"size_px": self.face_size_px or "auto"}
-        written, changed = self.capture.to_table(full=True), self.capture.to_table()
+        written, changed = self.to_table(full=True), self.to_table()
         virtual |= {key: written[key] for key in ("texels_per_pixel", "near_m", "far_m", "samples")}
         virtual |= {key: changed.get(key) for key in ("mirrors", "reflection_probes")}
         return toml_text(

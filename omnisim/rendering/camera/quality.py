@@ -1,8 +1,8 @@
-"""Capture quality: texels of the virtual cameras and samples per pixel, by name or by number.
+"""Capture settings: quality, by name or by number, near plane, and polygons of a mirror's mesh.
 
-Both numbers control jagged edges and lost detail: texels per side of the image's finest pixels,
-and samples per pixel side, which are averaged. The named settings balance them: more texels would
-need more samples to be visible, and more samples more texels.
+Quality is two numbers, against jagged edges and lost detail: texels per side of the image's finest
+pixels, and samples per pixel side, which are averaged. The named settings balance them: more texels
+would need more samples to be visible, and more samples more texels.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ DEFAULT_PROBES, MAX_PROBES = 8, 16
 DEFAULT_QUALITY: QualityName = "default"
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Capture(Parameters):
     """Settings of the virtual cameras, and of the samples of the image that they capture."""
 
@@ -137,7 +137,7 @@ def auto_polygons(camera: CentralCamera) -> int | None:
     if isinstance(camera, HyperbolicCamera):
         max_error = (MAX_ERROR_PX - _RASTER_STEP_PX) / camera.focal_length_px
         return needed_polygons(camera.mirror, max_error, _shown(camera))
-    from omnisim.cameras.optics.mesh_error import SystemMeshErrors  # few cameras have one
+    from omnisim.cameras.optics.mesh_rays import SystemMeshErrors  # few cameras have one
 
     return SystemMeshErrors(camera).needed_polygons(MAX_ERROR_PX, limit)
 
@@ -156,7 +156,7 @@ def max_polygons(camera: CentralCamera) -> int | None:
 def mesh_error_px(camera: CentralCamera, polygons: int | None) -> float:
     """Largest mesh error in the image, outline and rasterization included; exact: 0."""
     if polygons is not None and isinstance(camera, NonCentralCamera):
-        from omnisim.cameras.optics.mesh_error import SystemMeshErrors
+        from omnisim.cameras.optics.mesh_rays import SystemMeshErrors
 
         return SystemMeshErrors(camera).of(polygons).max_px
     if polygons is None or not isinstance(camera, HyperbolicCamera):

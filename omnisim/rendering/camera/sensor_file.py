@@ -272,6 +272,8 @@ def read_sensor_file(path: Path) -> dict[str, Any]:
         SensorFileError: names file, key, value and the expected value.
     """
     table = read_tables(path, SensorFileError)
+    if not path.stat().st_size:
+        warnings.warn(f"{path}: is empty: the paper's camera is used", NoticeWarning, stacklevel=2)
     if "surfaces" not in table or "optics" in table:
         return parse_sensor(table, str(path))
     from omnisim.cameras.optics.system_file import parse_optics  # few have one

@@ -39,7 +39,7 @@ from omnisim.scene import Scene
 from omnisim.scene.surface_kind import SurfaceKind, kind_of
 
 if TYPE_CHECKING:  # imported where they are made: few images need them
-    from omnisim.ground_truth.lidar_beams import BeamHits, EchoLimits, LidarBeams, Revolution
+    from omnisim.ground_truth.hits import BeamHits, LidarBeams, Revolution, ScanBeams
 
 LIDAR_NEAR_M = 0.01  # smaller in small scenes
 
@@ -138,25 +138,17 @@ class CubeBackend(SceneBackend):
             return ParallaxCamera(self, drawn, setup)
         return CubeCamera(self, drawn, setup)
 
-    def range_finder(
-        self,
-        angles_rad: Floats,
-        max_range_m: float,
-        hidden: frozenset[ObjectPart],
-        limits: EchoLimits | None = None,
-    ) -> RangeFinder:
+    def range_finder(self, beams: ScanBeams, hidden: frozenset[ObjectPart]) -> RangeFinder:
         """Beams of a scanner; needs the current context, as do the pass's methods."""
         from omnisim.rendering.opengl.hits.range_pass import RangePass
 
         def draw() -> RangePass:
-            return RangePass(self.buffers, angles_rad, max_range_m, hidden)
+            return RangePass(self.buffers, beams.angles_rad, beams.max_range_m, hidden)
 
-        if limits is None:
+        if beams.echo_limits is None:
             return draw()
         return _FollowedRanges(
-            self.follows_specular,
-            draw,
-            lambda: self.rays.range_finder(angles_rad, max_range_m, hidden, limits),
+            self.follows_specular, draw, lambda: self.rays.range_finder(beams, hidden)
         )
 
     def beam_caster(self, beams: LidarBeams, hidden: frozenset[ObjectPart]) -> BeamCaster:

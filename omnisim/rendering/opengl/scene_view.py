@@ -277,6 +277,9 @@ class MirroredViews(Protocol):
     def items(self) -> frozenset[int]:
         """Indices of the items that show the views."""
 
+    def use_plan(self, plan: TilePlan) -> None:
+        """Draw other tiles, at most as many as at first, in an atlas of the same size."""
+
     def render(self, view: SceneView, shot: ScenePoses) -> None:
         """Render the mirrored views that a view shows."""
 

@@ -1,1 +1,7 @@
-"""Ray casting: images and ray hits from Embree, without a GPU."""
+"""Ray casting: images and ray hits from Embree, without a GPU.
+
+In the order of a ray: `ray_backend` opens a scene and aims rays at a camera's samples; `ray_scene`
+follows each through surfaces; `caster` finds the triangles that it hits, in the tables of
+`geometry`; `shading` lights them. `pixel_hits` and `beams` make ground truth and scans of hits.
+`scene_rays` is what another back end asks for.
+"""

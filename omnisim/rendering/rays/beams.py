@@ -9,7 +9,7 @@ import numpy as np
 
 from omnisim.core.arrays import Bools, Floats, Indices, Ints32, Uints32
 from omnisim.core.world import ObjectPart, Poses
-from omnisim.ground_truth.lidar_beams import BeamHits, EchoLimits, LidarBeams, Revolution, Slice
+from omnisim.ground_truth.hits import BeamHits, EchoLimits, LidarBeams, Revolution, ScanBeams, Slice
 from omnisim.rendering.rays.caster import NO_TRIANGLE, RayHits, Rays
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
 from omnisim.rendering.rays.shading.shading import Shading, View
@@ -24,22 +24,15 @@ class Beams:
 
     Args:
         scene: scene to cast at, in its current state; earlier states are not kept.
-        angles_rad: (n,) in the scanner's frame, counter-clockwise from its x axis.
-        max_range_m: surfaces farther away are ignored; may be infinite.
+        beams: beams; surfaces farther away than their range are ignored.
         hidden: parts of dynamic objects that beams pass through.
-        limits: limits of echoes behind glass and mirrors; None: beams end at them.
     """
 
     def __init__(
-        self,
-        scene: Callable[[], RayScene],
-        angles_rad: Floats,
-        max_range_m: float,
-        hidden: frozenset[ObjectPart],
-        limits: EchoLimits | None = None,
+        self, scene: Callable[[], RayScene], beams: ScanBeams, hidden: frozenset[ObjectPart]
     ):
-        self._scene, self._max_range_m, self._hidden = scene, max_range_m, hidden
-        self._limits = limits
+        self._scene, self._beams, self._hidden = scene, beams, hidden
+        angles_rad = beams.angles_rad
         flat = np.zeros_like(angles_rad)
         self._directions = np.stack((np.cos(angles_rad), np.sin(angles_rad), flat), axis=1)
 
@@ -53,7 +46,7 @@ class Beams:
             np.tile(world_from_scanner[:3, 3], (count, 1)),
             np.einsum("nj,ij->ni", self._directions, world_from_scanner[:3, :3]),
             np.zeros(count),
-            np.full(count, self._max_range_m),
+            np.full(count, self._beams.max_range_m),
         )
         objects = ObjectState(world_from_objects, self._hidden)
         hits = scene.first_hits(rays, objects, both_sides=True)
@@ -62,8 +55,9 @@ class Beams:
         exact = scene.caster.exact(rays.take(hit), hits.take(hit), world_from_objects)
         returns.ranges_m[0, hit] = exact.ranges_m
         returns.surfaces_plus_one[0, hit] = scene.shading.surfaces(exact) + 1
-        if self._limits is not None and scene.shading.is_specular.any():
-            replace_specular(returns, scene, rays, objects, self._limits)
+        limits = self._beams.echo_limits
+        if limits is not None and scene.shading.is_specular.any():
+            replace_specular(returns, scene, rays, objects, limits)
         return returns.ranges_m[0]
 
 

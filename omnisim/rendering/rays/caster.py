@@ -56,45 +56,30 @@ class RayHits(NamedTuple):
         put_rows(self, indices, hits)
 
 
-class _PartMesh(NamedTuple):
-    """BVH of a part's triangles, centered on the middle of their bounds, in the part's frame."""
-
-    mesh: EmbreeMesh
-    triangles: Indices  # indices into the geometry
-    center_m: Floats
-    radius_m: float
-
-
 class RayCaster:
-    """Casts rays at the static scene and its objects; BVHs are built once and instanced by pose.
+    """Casts rays at the static scene and its objects; BVHs are built on first use, and instanced.
 
     Embree finds the triangle in float32, with coordinates relative to the middle of each object
     so that they are small. `exact` computes the other values in float64.
 
     Args:
         scene: the static part of the world.
-        casts: False: no more than `exact` is needed, and no embreex, until `prepare`.
 
     Attributes:
         geometry: tables of all triangles.
-
-    Raises:
-        OmnisimError: embreex is not installed.
     """
 
-    def __init__(self, scene: Scene, dynamic_objects: Sequence[Scene] = (), casts: bool = True):
+    def __init__(self, scene: Scene, dynamic_objects: Sequence[Scene] = ()):
         self.geometry = build_geometry(scene, dynamic_objects)
         self._part_meshes: dict[tuple[int, frozenset[ObjectPart]], _PartMesh] = {}
-        if casts:
-            self.prepare()
-        # deformed meshes of the last times, shared by the threads
+        # of the last times, shared by the threads
         self._deformed_mesh = lru_cache(maxsize=_MESHES_KEPT)(self._build_deformed_mesh)
         self._deforming_parts = {
             int(self.geometry.part_of_surface[one.number]) for one in self.geometry.deforming
         }
 
     def prepare(self) -> None:
-        """Build what all casts share, unless it is there.
+        """Build what all casts share, before threads do, unless it is there.
 
         Raises:
             OmnisimError: embreex is not installed.
@@ -128,7 +113,11 @@ class RayCaster:
             mesh = self._deformed_mesh(part, gone, time_of(world_from_objects))
             others.append((mesh, world_from_objects[part - 1] if part else identity))
         for mesh, pose in others:
-            aimed = _near_sphere(rays, mesh, pose)
+            # rays that pass the part's bounding sphere
+            to_center_m = pose[:3, :3] @ mesh.center_m + pose[:3, 3] - rays.origins_m
+            along_m = np.maximum(_dot(to_center_m, rays.directions), 0.0)
+            away_m = to_center_m - along_m[:, None] * rays.directions
+            aimed = np.flatnonzero(_dot(away_m, away_m) <= mesh.radius_m**2)
             if len(aimed) == 0:
                 continue
             some = rays.take(aimed)
@@ -278,6 +267,15 @@ class RayCaster:
         return _part_mesh_of(corners_m.reshape(-1, 3), np.arange(3 * len(triangles)), triangles)
 
 
+class _PartMesh(NamedTuple):
+    """BVH of a part's triangles, centered on the middle of their bounds, in the part's frame."""
+
+    mesh: EmbreeMesh
+    triangles: Indices  # indices into the geometry
+    center_m: Floats
+    radius_m: float
+
+
 def _part_mesh_of(positions_m: Floats, corners: Indices, triangles: Indices) -> _PartMesh:
     """BVH of triangles with corners (3 n,) that index vertices (k, 3)."""
     bounds = bounds_of(positions_m) if len(positions_m) else np.zeros((2, 3))
@@ -292,15 +290,6 @@ def _beyond_m(origins_m: Floats, ranges_m: Floats) -> Floats:
     """Ranges (n,) just behind surfaces at ranges (n,) along rays from origins (n, 3)."""
     size_m: Floats = np.abs(origins_m).max(axis=1) + ranges_m
     return ranges_m + _BEYOND * size_m + _MIN_STEP_M
-
-
-def _near_sphere(rays: Rays, part: _PartMesh, world_from_part: Floats) -> Indices:
-    """Indices of the rays that pass the bounding sphere of a part within its radius."""
-    center_m = world_from_part[:3, :3] @ part.center_m + world_from_part[:3, 3]
-    to_center = center_m - rays.origins_m
-    along = np.maximum(_dot(to_center, rays.directions), 0.0)
-    away = to_center - along[:, None] * rays.directions
-    return np.flatnonzero(_dot(away, away) <= part.radius_m**2)
 
 
 def _dot(one: AnyFloats, other: AnyFloats) -> Floats:
@@ -335,6 +324,11 @@ class EmbreeHits(NamedTuple):
     v: Floats32  # (n,) weight of the third corner
     normals: Floats32  # (n, 3) plane normals on the front side, not of unit length
 
+    @property
+    def weights(self) -> Floats32:
+        """Barycentric weights (n, 3)."""
+        return np.stack((1.0 - self.u - self.v, self.u, self.v), axis=1)
+
     def take(self, indices: Indices) -> EmbreeHits:
         """The selected hits."""
         return EmbreeHits._make(values[indices] for values in self)
@@ -356,7 +350,7 @@ class EmbreeMesh:
     """
 
     def __init__(self, positions_m: Floats32, triangles: Ints32):
-        check_embree()
+        require_extra("rays", "casting rays")
         from embreex.mesh_construction import TriangleMesh
         from embreex.rtcore_scene import EmbreeScene
 
@@ -393,15 +387,6 @@ class EmbreeMesh:
         return EmbreeHits(
             columns["primID"], columns["tfar"], columns["u"], columns["v"], columns["Ng"]
         )
-
-
-def check_embree(feature: str = "casting rays") -> None:
-    """Check that embreex, an optional package, is installed for a feature.
-
-    Raises:
-        OmnisimError: embreex is missing; names the command that installs it.
-    """
-    require_extra("rays", feature)
 
 
 @dataclass(frozen=True)

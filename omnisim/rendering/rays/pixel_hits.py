@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.core.arrays import Bools, Floats, Floats32, Indices, Ints, Ints32, Uints32
+from omnisim.core.arrays import Bools, Floats, Floats32, Indices, Ints, Uints32
 from omnisim.ground_truth.hits import HitDetails, Hits
 from omnisim.rendering.pixel_rays import PixelRays
 from omnisim.rendering.rays.caster import NO_TRIANGLE, DepthLimits, Rays
@@ -21,26 +21,6 @@ from omnisim.rendering.rays.shading.surface_light import mirrored_rays, surface_
 _NEARER = 1e-3
 
 
-class CastHits(NamedTuple):
-    """Hits (n,) of rays, as in `Hits`, and the triangles they hit in the geometry."""
-
-    hits: Hits
-    triangles: Ints32
-
-
-class SeenPoints(NamedTuple):
-    """Points hit by rays."""
-
-    points_m: Floats  # (n, 3) viewpoint frame; directions for rays without a hit
-    surfaces_plus_one: Uints32  # (n,) 1 + index into the geometry's surfaces; 0: no hit
-    triangles: Ints32  # (n,) indices into the geometry
-
-    @classmethod
-    def none(cls) -> SeenPoints:
-        """No points."""
-        return cls(np.empty((0, 3)), np.empty(0, np.uint32), np.empty(0, np.int32))
-
-
 def cast_hits(
     scene: RayScene,
     rays: Rays,
@@ -48,7 +28,7 @@ def cast_hits(
     viewpoint_m: Floats,
     objects: ObjectState,
     details: HitDetails,
-) -> CastHits:
+) -> Hits:
     """Cast rays (n,) and return hits with points relative to a viewpoint (3,).
 
     Args:
@@ -74,34 +54,43 @@ def cast_hits(
     view = View(some, exact, poses, footprints[hit])
     find: dict[str, Callable[[], Floats32]] = {
         "normals": lambda: shading.normals(exact, poses),
-        "albedos": lambda: shading.base_colors(*view)[:, :3],
+        "albedos": lambda: shading.base_colors(view)[:, :3],
         "materials": lambda: shading.materials(view),
     }
     values = {name: np.empty((0, 0), dtype=np.float32) for name in find}
     for name, numbers in details.components.items():
         values[name] = np.zeros((len(points), numbers), dtype=np.float32)
         values[name][hit] = find[name]()
-    return CastHits(Hits(points, draw_ids, triangles, **values), first.triangles)
+    return Hits(points, draw_ids, triangles, **values)
 
 
 def cast_occlusion(
     scene: RayScene,
     limits: DepthLimits,
-    moved: SeenPoints,
+    points_m: Floats,
+    surfaces_plus_one: Indices,
+    triangles: Uints32,
     starts_m: Floats,
     world_from_rig: Floats,
     objects: ObjectState,
 ) -> Bools:
-    """Mask (n,) of moved points that rays from starts (n, 3), viewpoint frame, do not reach."""
-    hit, ways_m = np.flatnonzero(moved.surfaces_plus_one), moved.points_m.copy()
+    """Mask (n,) of points that rays from starts (n, 3) do not reach.
+
+    Args:
+        points_m, starts_m: (n, 3) viewpoint frame; directions for points without a hit.
+        surfaces_plus_one: (n,) 1 + index into the geometry's surfaces; 0: no hit.
+        triangles: (n,) indices into the surfaces' meshes.
+    """
+    hit, ways_m = np.flatnonzero(surfaces_plus_one), points_m.copy()
     ways_m[hit] -= starts_m[hit]
     ends_m, lengths_m = np.full(len(ways_m), np.inf), np.linalg.norm(ways_m, axis=1)
     ends_m[hit] = (1.0 - _NEARER) * lengths_m[hit]
     rig = np.einsum("nj,ji->ni", ways_m / lengths_m[:, None], world_from_rig[:3, :3])
     rays = limits.aim(rig, world_from_rig)
     rays = rays._replace(origins_m=rays.origins_m + starts_m, far_m=np.minimum(rays.far_m, ends_m))
-    hits = scene.first_hits(rays, objects, moved.triangles)
-    return hits.triangles != NO_TRIANGLE
+    firsts = scene.caster.geometry.first_of_surface[surfaces_plus_one - 1]
+    own = firsts.astype(np.int32) + triangles.astype(np.int32)
+    return scene.first_hits(rays, objects, own).triangles != NO_TRIANGLE
 
 
 def whole_areas_px(

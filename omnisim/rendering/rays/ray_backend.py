@@ -16,8 +16,14 @@ from omnisim.core.errors import GraphicsError
 from omnisim.core.pending import Pending
 from omnisim.core.random_numbers import key_of
 from omnisim.core.world import ObjectPart
-from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits, ThroughHits
-from omnisim.ground_truth.lidar_beams import EchoLimits, LidarBeams
+from omnisim.ground_truth.hits import (
+    NO_DETAILS,
+    HitDetails,
+    Hits,
+    LidarBeams,
+    ScanBeams,
+    ThroughHits,
+)
 from omnisim.rendering.camera.degradations.encoding import Encoding, eight_bits
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage
 from omnisim.rendering.contract import (
@@ -35,7 +41,7 @@ from omnisim.rendering.degraded_camera import DegradedCamera
 from omnisim.rendering.pixel_rays import Band, PixelRays, moved_points, starts_of_rays
 from omnisim.rendering.rays.beams import Beams, LidarCaster
 from omnisim.rendering.rays.caster import DepthLimits
-from omnisim.rendering.rays.pixel_hits import CastHits, SeenPoints, cast_hits, cast_occlusion
+from omnisim.rendering.rays.pixel_hits import cast_hits, cast_occlusion
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
 from omnisim.rendering.rays.scene_rays import CastCamera, CastScene
 from omnisim.rendering.rays.shading.ray_optics import Paths
@@ -98,15 +104,9 @@ class RayBackend(SceneBackend):
         """Camera in the scene."""
         return RayCamera(self, setup)
 
-    def range_finder(
-        self,
-        angles_rad: Floats,
-        max_range_m: float,
-        hidden: frozenset[ObjectPart],
-        limits: EchoLimits | None = None,
-    ) -> Beams:
+    def range_finder(self, beams: ScanBeams, hidden: frozenset[ObjectPart]) -> Beams:
         """Beams of a scanner."""
-        return self.rays.range_finder(angles_rad, max_range_m, hidden, limits)
+        return self.rays.range_finder(beams, hidden)
 
     def beam_caster(self, beams: LidarBeams, hidden: frozenset[ObjectPart]) -> LidarCaster:
         """Beams of a spinning lidar."""
@@ -284,7 +284,9 @@ class RayHitSource(HitSource):
         self._limits, self._pixels = self._camera_rays.limits, self._camera_rays.pixels
         self._bands = range(len(self._pixels.bands))
         self.has_ray = np.concatenate([self._pixels.band(number).valid for number in self._bands])
-        self._seen = SeenPoints.none()  # by the pixels that have a ray
+        # of the last hits, by the pixels that have a ray
+        self._points_m = np.empty((0, 3))
+        self._draw_ids, self._triangles = np.empty((2, 0), dtype=np.uint32)
 
     def rays(self) -> Floats:
         """Unit rays (height, width, 3), optical frame."""
@@ -295,19 +297,16 @@ class RayHitSource(HitSource):
         objects = ObjectState(poses.world_from_objects, self._hidden)
         viewpoint_m = poses.world_from_rig[:3, 3]
 
-        def of_band(number: int) -> CastHits:
+        def of_band(number: int) -> Hits:
             aimed = self._limits.aim_band(
                 self._pixels.band(number), self.camera.rig_from_optical, poses.world_from_rig
             )
             return cast_hits(self._scene, *aimed, viewpoint_m, objects, details)
 
-        bands = self._scene.in_threads(of_band, self._bands)
-        hits = [band.hits for band in bands]
-        self._seen = SeenPoints(
-            np.concatenate([one.points_m for one in hits]).astype(np.float64),
-            np.concatenate([one.draw_ids for one in hits]),
-            np.concatenate([band.triangles for band in bands]),
-        )
+        hits = self._scene.in_threads(of_band, self._bands)
+        self._points_m = np.concatenate([one.points_m for one in hits]).astype(np.float64)
+        self._draw_ids = np.concatenate([one.draw_ids for one in hits])
+        self._triangles = np.concatenate([one.triangles for one in hits])
         none = np.empty((0, self.has_ray.shape[1], 3), dtype=np.float32)
         arrays = dict.fromkeys(details._fields, none)
         for name in details.components:
@@ -329,20 +328,20 @@ class RayHitSource(HitSource):
     ) -> Pending[Bools]:
         """Cast rays from another viewpoint to the points of the last hits."""
         if deformed is not None:
-            points_m = deformed.points_m[self.has_ray].astype(np.float64)
-            self._seen = self._seen._replace(points_m=points_m)
-        objects = ObjectState(other.world_from_objects, self._hidden)
+            self._points_m = deformed.points_m[self.has_ray].astype(np.float64)
+        objects, pose = ObjectState(other.world_from_objects, self._hidden), other.world_from_rig
 
         def of_batch(first: int) -> Bools:
             own = slice(first, first + _POINTS_PER_BATCH)
-            seen = SeenPoints._make(values[own] for values in self._seen)
-            points_m = moved_points(seen.points_m, seen.surfaces_plus_one, other_from_current)
-            is_hit, pose = seen.surfaces_plus_one > 0, other.world_from_rig
-            starts_m = starts_of_rays(self.camera, points_m, is_hit, pose)
-            seen = seen._replace(points_m=points_m)
-            return cast_occlusion(self._scene, self._limits, seen, starts_m, pose, objects)
+            draw_ids = self._draw_ids[own]
+            points_m = moved_points(self._points_m[own], draw_ids, other_from_current)
+            starts_m = starts_of_rays(self.camera, points_m, draw_ids > 0, pose)
+            return cast_occlusion(
+                self._scene, self._limits, points_m, draw_ids.astype(np.intp),
+                self._triangles[own], starts_m, pose, objects,
+            )  # fmt: skip
 
-        firsts = range(0, len(self._seen.triangles), _POINTS_PER_BATCH)
+        firsts = range(0, len(self._draw_ids), _POINTS_PER_BATCH)
         none = np.empty(0, dtype=np.bool_)
         occluded = self._placed([none, *self._scene.in_threads(of_batch, firsts)], False)
         return Pending(lambda: occluded)

@@ -45,24 +45,16 @@ class RayScene:
 
     Args:
         threads: number of threads for casting; None: one per core.
-        casts: False: its surfaces are looked up only, without embreex.
 
     Attributes:
         caster, shading: triangles of the scene, and their appearance.
-
-    Raises:
-        OmnisimError: embreex is not installed.
     """
 
     def __init__(
-        self,
-        scene: Scene,
-        dynamic_objects: Sequence[Scene] = (),
-        threads: int | None = None,
-        casts: bool = True,
+        self, scene: Scene, dynamic_objects: Sequence[Scene] = (), threads: int | None = None
     ):
         self.scene = scene
-        self.caster = RayCaster(scene, dynamic_objects, casts)
+        self.caster = RayCaster(scene, dynamic_objects)
         self.shading = Shading(self.caster.geometry, scene.lighting)
         self._threads = threads or os.cpu_count() or 1
         self._background = np.array(scene.background, dtype=np.float32)
@@ -124,29 +116,25 @@ class RayScene:
             active, rays, hits = active[kept], rays.take(kept), hits.take(kept)
             if len(active) == 0:
                 break
-            widths = None if footprints is None else footprints[active]
-            colors = shading.base_colors(rays, hits, poses, widths)
+            view = View(rays, hits, poses, None if footprints is None else footprints[active])
+            colors = shading.base_colors(view)
             opacity = self._opacity(hits, colors[:, 3], layer)
             shown = np.flatnonzero(opacity > 0.0)
             light = colors[shown, :3]
             if not unlit:
-                some = None if widths is None else widths[shown]
                 cast = self._shadow_caster(poses)
                 tracing = (
                     None if paths is None else self._tracing(paths, active[shown], share, poses)
                 )
-                light = shading.lit(
-                    light, rays.take(shown), hits.take(shown), cast, poses, some, tracing
-                )
+                light = shading.lit(light, view.take(shown), cast, tracing)
             if fog is not None:
                 light = fogged(fog, light, hits.ranges_m[shown] - starts_m[active[shown]])
             total[active[shown]] += share[active[shown]] * opacity[shown, None] * light
             through = 1.0 - opacity[:, None]
             if has_panes and layer < MAX_LAYERS - 1:
-                passing = shading.transmitted(rays, hits, colors, poses)
+                passing = shading.transmitted(view, colors)
                 through = through + opacity[:, None] * passing
             if glass is not None and layer < MAX_LAYERS - 1:
-                view = View(rays, hits, poses, widths)
                 rays, passing = glass.refract(active, view, colors, opacity)
                 through = through + opacity[:, None] * passing
             share[active] *= through
@@ -191,7 +179,8 @@ class RayScene:
                 break
             hits, some = first.take(active), rays.take(active)
             widths = None if footprints is None else footprints[active]
-            alphas = shading.base_colors(some, hits, objects.world_from_objects, widths)[:, 3]
+            view = View(some, hits, objects.world_from_objects, widths)
+            alphas = shading.base_colors(view)[:, 3]
             clear = np.flatnonzero(alphas < limits[shading.surfaces(hits)])
             active = active[clear]
             some = self.caster.behind(some.take(clear), hits.ranges_m[clear])
@@ -235,8 +224,8 @@ class RayScene:
                 if len(on) == 0:
                     break
                 active, passed, rays, hits = active[on], passed[on], rays.take(on), hits.take(on)
-                colors = shading.base_colors(rays, hits, poses)
-                passed *= straight_shares(shading, View(rays, hits, poses, None), colors)
+                view = View(rays, hits, poses)
+                passed *= straight_shares(shading, view, shading.base_colors(view))
                 triangles = hits.triangles
                 rays = self.caster.behind(rays, hits.ranges_m)
                 hits = first(rays, triangles)
@@ -248,6 +237,7 @@ class RayScene:
 
     def in_threads(self, function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
         """Results of a function for each item, in order; Embree and NumPy release the GIL."""
+        self.caster.prepare()
         with ThreadPoolExecutor(self._threads) as pool:
             return list(pool.map(function, items))
 

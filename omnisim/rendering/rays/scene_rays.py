@@ -9,14 +9,21 @@ import numpy as np
 
 from omnisim.core.arrays import Bools, Floats, Floats32, Ints32, Uints32
 from omnisim.core.world import ObjectPart
-from omnisim.ground_truth.hits import HitDetails, Hits, ThroughHits
-from omnisim.ground_truth.lidar_beams import BeamHits, EchoLimits, LidarBeams, Revolution
+from omnisim.ground_truth.hits import (
+    BeamHits,
+    HitDetails,
+    Hits,
+    LidarBeams,
+    Revolution,
+    ScanBeams,
+    ThroughHits,
+)
 from omnisim.rendering.contract import CameraRays, CameraSetup, PlacedMesh, ScenePoses, SceneRays
 from omnisim.rendering.pixel_rays import Band, PixelRays
 from omnisim.rendering.rays.beams import Beams, LidarCaster, intensities_of
 from omnisim.rendering.rays.caster import DepthLimits
 from omnisim.rendering.rays.geometry import Geometry
-from omnisim.rendering.rays.pixel_hits import SeenPoints, cast_hits, cast_occlusion, cast_through
+from omnisim.rendering.rays.pixel_hits import cast_hits, cast_occlusion, cast_through
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
 from omnisim.scene import Scene
 
@@ -44,7 +51,7 @@ class CastScene(SceneRays):
     def surfaces(self) -> RayScene:
         """Scene whose surfaces can be looked up, without embreex."""
         if self._built is None:
-            self._built = RayScene(self._scene, self._objects, casts=False)
+            self._built = RayScene(self._scene, self._objects)
         return self._built
 
     def ray_scene(self) -> RayScene:
@@ -57,15 +64,9 @@ class CastScene(SceneRays):
         scene.caster.prepare()
         return scene
 
-    def range_finder(
-        self,
-        angles_rad: Floats,
-        max_range_m: float,
-        hidden: frozenset[ObjectPart],
-        limits: EchoLimits | None = None,
-    ) -> Beams:
+    def range_finder(self, beams: ScanBeams, hidden: frozenset[ObjectPart]) -> Beams:
         """Beams of a scanner."""
-        return Beams(self.ray_scene, angles_rad, max_range_m, hidden, limits)
+        return Beams(self.ray_scene, beams, hidden)
 
     def beam_caster(self, beams: LidarBeams, hidden: frozenset[ObjectPart]) -> LidarCaster:
         """Beams of a spinning lidar."""
@@ -146,7 +147,7 @@ class CastCamera(CameraRays):
         """Hits (n,) of a band's rays, relative to a viewpoint (3,), world."""
         scene = self._scene()
         aimed = self.limits.aim_band(band, self._rig_from_optical, poses.world_from_rig)
-        hits = cast_hits(scene, *aimed, viewpoint_m, self._objects(poses), details).hits
+        hits = cast_hits(scene, *aimed, viewpoint_m, self._objects(poses), details)
         return hits._replace(draw_ids=_draws_of_surfaces(scene, numbers)[hits.draw_ids])
 
     def occluded(
@@ -164,16 +165,10 @@ class CastCamera(CameraRays):
         surface_of_draw = np.zeros(1 + max(numbers.values(), default=0), dtype=np.intp)
         surface_of_draw[draws] = np.arange(len(draws))
         surface_of_draw[0] = 0
-        surfaces_plus_one = surface_of_draw[draw_ids]
-        firsts = scene.caster.geometry.first_of_surface[surfaces_plus_one - 1]
-        seen = SeenPoints(
-            points_m,
-            surfaces_plus_one.astype(np.uint32),
-            firsts.astype(np.int32) + triangles.astype(np.int32),
-        )
         return cast_occlusion(
-            scene, self.limits, seen, starts_m, poses.world_from_rig, self._objects(poses)
-        )
+            scene, self.limits, points_m, surface_of_draw[draw_ids], triangles, starts_m,
+            poses.world_from_rig, self._objects(poses),
+        )  # fmt: skip
 
     def through(
         self,

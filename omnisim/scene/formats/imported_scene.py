@@ -219,8 +219,18 @@ def world_from_file(suffix: str, data: bytes, axes: FileAxes) -> Floats:
     """
     axis = _UP_AXIS_OF_FORMAT.get(suffix, "z")
     unit = _METERS_OF_FORMAT.get(suffix, 1.0)
-    if suffix == ".dae":
-        axis, unit = _collada(data)
+    if suffix == ".dae":  # COLLADA's <asset>, which trimesh does not apply
+        axis_match = re.search(rb"<up_axis>\s*([XYZ])_UP\s*</up_axis>", data)
+        axis = axis_match[1].decode().lower() if axis_match else "y"
+        stated = re.search(rb"<unit\b[^>]*\bmeter\s*=\s*[\"']([^\"']*)[\"']", data)
+        if stated is not None:
+            text = stated[1].decode("utf-8", "replace")
+            try:
+                unit = float(text)
+            except ValueError:
+                unit = math.nan
+            if not (math.isfinite(unit) and unit > 0.0):
+                raise SceneError(f"<unit meter>: expected a number > 0, got {text!r}")
     return world_from_axes(
         axes.up_axis or axis, unit if axes.meters_per_unit is None else axes.meters_per_unit
     )
@@ -239,23 +249,6 @@ def world_from_axes(up_axis: str, meters_per_unit: float) -> Floats:
     matrix = np.eye(4)
     matrix[:3, :3] = _WORLD_FROM_UP_AXIS[up_axis] * meters_per_unit
     return matrix
-
-
-def _collada(data: bytes) -> tuple[str, float]:
-    """Up axis and unit in COLLADA's <asset>, which trimesh does not apply."""
-    axis_match = re.search(rb"<up_axis>\s*([XYZ])_UP\s*</up_axis>", data)
-    axis = axis_match[1].decode().lower() if axis_match else "y"
-    stated = re.search(rb"<unit\b[^>]*\bmeter\s*=\s*[\"']([^\"']*)[\"']", data)
-    if stated is None:
-        return axis, 1.0
-    text = stated[1].decode("utf-8", "replace")
-    try:
-        unit = float(text)
-    except ValueError:
-        unit = math.nan
-    if not (math.isfinite(unit) and unit > 0.0):
-        raise SceneError(f"<unit meter>: expected a number > 0, got {text!r}")
-    return axis, unit
 
 
 # Unsupported or approximated parts of a file, as notices.
@@ -323,10 +316,22 @@ class Cameras:
         free, number = name, 1
         while free in self._poses:
             free, number = f"{name}_{number}", number + 1
-        pose = _camera_pose(free, world_from_camera, None if isinstance(lens, str) else lens)
-        if pose is None:
+        if not np.abs(world_from_camera).max() < MAX_COORDINATE:  # false for NaN as well
             return
-        self._poses[free] = pose
+        ahead, up = -world_from_camera[:3, 2], world_from_camera[:3, 1]
+        left = np.cross(up, ahead)
+        lengths = np.linalg.norm(ahead), np.linalg.norm(left)
+        if not min(lengths) > 0.0:
+            return
+        ahead, left = ahead / lengths[0], left / lengths[1]
+        rotation = np.stack((ahead, left, np.cross(ahead, left)), axis=1)
+        roll, pitch, yaw = (
+            round(angle, 6) + 0.0  # avoids -0.0
+            for angle in np.degrees(roll_pitch_yaw_from_rotation(rotation)).tolist()
+        )
+        x, y, z = world_from_camera[:3, 3].tolist()
+        known = None if isinstance(lens, str) else lens
+        self._poses[free] = CameraPose(free, (x, y, z), yaw, pitch, roll, known)
         if isinstance(lens, str):
             self.notices.append(
                 f"camera {free!r}: its pose is a viewpoint, its lens is not: {lens}"
@@ -356,23 +361,3 @@ def pinhole(
     middle = (0.5 * (width - 1), 0.5 * (HEIGHT_PX - 1))
     axis = (middle[0] - offset[0] * per_unit, middle[1] + offset[1] * per_unit)
     return PerspectiveCamera(width, HEIGHT_PX, focal_length * per_unit, axis)
-
-
-def _camera_pose(
-    name: str, world_from_camera: Floats, lens: CentralCamera | None
-) -> CameraPose | None:
-    if not np.abs(world_from_camera).max() < MAX_COORDINATE:  # false for NaN as well
-        return None
-    ahead, up = -world_from_camera[:3, 2], world_from_camera[:3, 1]
-    left = np.cross(up, ahead)
-    lengths = np.linalg.norm(ahead), np.linalg.norm(left)
-    if not min(lengths) > 0.0:
-        return None
-    ahead, left = ahead / lengths[0], left / lengths[1]
-    rotation = np.stack((ahead, left, np.cross(ahead, left)), axis=1)
-    roll, pitch, yaw = (
-        round(angle, 6) + 0.0  # avoids -0.0
-        for angle in np.degrees(roll_pitch_yaw_from_rotation(rotation)).tolist()
-    )
-    x, y, z = world_from_camera[:3, 3].tolist()
-    return CameraPose(name, (x, y, z), yaw, pitch, roll, lens)

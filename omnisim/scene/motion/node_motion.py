@@ -230,23 +230,20 @@ class Keyframes:
         step_s = float(times_s[last + 1] - times_s[last])
         share = (time_s - float(times_s[last])) / step_s
         if self.interpolation is Interpolation.CUBIC_SPLINE:
-            return self._along_spline(last, share, step_s)
+            assert self.in_tangents is not None
+            assert self.out_tangents is not None
+            share2, share3 = share * share, share * share * share
+            return (
+                (2.0 * share3 - 3.0 * share2 + 1.0) * self.values[last]
+                + step_s * (share3 - 2.0 * share2 + share) * self.out_tangents[last]
+                + (3.0 * share2 - 2.0 * share3) * self.values[last + 1]
+                + step_s * (share3 - share2) * self.in_tangents[last + 1]
+            )
         first, second = self.values[last], self.values[last + 1]
         if self.are_rotations:
             between = _slerp if first.ndim == 1 else _slerps
             return between(first, second, share)
         return first + share * (second - first)
-
-    def _along_spline(self, last: int, t: float, step_s: float) -> Floats:
-        assert self.in_tangents is not None
-        assert self.out_tangents is not None
-        t2, t3 = t * t, t * t * t
-        return (
-            (2.0 * t3 - 3.0 * t2 + 1.0) * self.values[last]
-            + step_s * (t3 - 2.0 * t2 + t) * self.out_tangents[last]
-            + (3.0 * t2 - 2.0 * t3) * self.values[last + 1]
-            + step_s * (t3 - t2) * self.in_tangents[last + 1]
-        )
 
 
 def _slerp(first: Floats, second: Floats, share: float) -> Floats:

@@ -35,7 +35,7 @@ from omnisim.core.files.parameters import (
 from omnisim.core.pending import Pending
 from omnisim.core.short_repr import short_repr
 from omnisim.core.world import ObjectPart, WorldState
-from omnisim.ground_truth.lidar_beams import EchoLimits
+from omnisim.ground_truth.hits import EchoLimits, ScanBeams
 from omnisim.rendering.contract import RangeFinder
 from omnisim.rendering.instrument import Instrument
 from omnisim.rendering.sensor import TABLE_SUFFIX, Moment, Mount, SensorSettings
@@ -319,9 +319,8 @@ class LaserRenderer(Instrument[LaserScanner, RangeFinder, Scan]):
     def _open_passes(self, hidden: frozenset[ObjectPart]) -> RangeFinder:
         sensor = self.sensor
         limits = EchoLimits(1, sensor.min_intensity, sensor.range_max_m)
-        return self._stage.backend.range_finder(
-            sensor.angles_rad, sensor.reach_m, hidden, limits if sensor.specular else None
-        )
+        beams = ScanBeams(sensor.angles_rad, sensor.reach_m, limits if sensor.specular else None)
+        return self._stage.backend.range_finder(beams, hidden)
 
     def begin(self, moment: Moment) -> Pending[Scan]:
         """Render the scan at a moment."""

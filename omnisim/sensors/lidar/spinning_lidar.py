@@ -39,7 +39,7 @@ from omnisim.core.pending import Pending
 from omnisim.core.rate import LATE
 from omnisim.core.short_repr import short_repr
 from omnisim.core.world import Motion, ObjectPart, WorldState
-from omnisim.ground_truth.lidar_beams import EchoLimits, LidarBeams, LidarPoses, Revolution, Slice
+from omnisim.ground_truth.hits import EchoLimits, LidarBeams, LidarPoses, Revolution, Slice
 from omnisim.rendering.contract import BeamCaster, LabelCache
 from omnisim.rendering.instrument import Instrument
 from omnisim.rendering.sensor import Moment, Mount, SensorSettings

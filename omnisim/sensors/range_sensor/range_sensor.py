@@ -34,6 +34,7 @@ from omnisim.core.pending import Pending
 from omnisim.core.poses import pose
 from omnisim.core.short_repr import short_repr
 from omnisim.core.world import ObjectPart
+from omnisim.ground_truth.hits import ScanBeams
 from omnisim.rendering.contract import RangeFinder
 from omnisim.rendering.instrument import Instrument
 from omnisim.rendering.sensor import TABLE_SUFFIX, Moment, Mount, SensorSettings
@@ -164,7 +165,7 @@ class RangeSensorRenderer(Instrument[RangeSensor, RangeFinder, RangeReading]):
 
     def _open_passes(self, hidden: frozenset[ObjectPart]) -> RangeFinder:
         reach_m = self.sensor.errors.reach_m
-        return self._stage.backend.range_finder(self.sensor.fan_rad, reach_m, hidden)
+        return self._stage.backend.range_finder(ScanBeams(self.sensor.fan_rad, reach_m), hidden)
 
     def begin(self, moment: Moment) -> Pending[RangeReading]:
         """Render the reading at a moment; with the sensor's seed its number sets the noise."""

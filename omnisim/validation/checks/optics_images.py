@@ -18,10 +18,10 @@ from omnisim.report.report import CaptionedFigure, Measure, ResultTable, Section
 from omnisim.scene import Scene, load_scene
 from omnisim.validation.fixture import Fixture, linear_image, max_abs, mean_abs
 from omnisim.validation.image_differences import psnr_db
-from omnisim.validation.markers import centroids, marker_pixels, markers_on_rays
 from omnisim.validation.optical_systems import validation_systems
 from omnisim.validation.oracles.mitsuba_optics import PhysicalOptics
 from omnisim.validation.oracles.surfaces import opaque_only
+from omnisim.validation.plain_scenes import centroids, marker_pixels, markers_on_rays
 from omnisim.validation.traced_light import beside
 
 SCENE = "soccer"

@@ -38,7 +38,7 @@ from omnisim.validation.oracles.mitsuba_materials import (
     principled,
     sky,
 )
-from omnisim.validation.oracles.mitsuba_tracer import RIM_UNITS, mirror_of_metal, mirror_pinhole
+from omnisim.validation.oracles.mitsuba_optics import RIM_UNITS, mirror_of_metal, mirror_pinhole
 from omnisim.validation.oracles.surfaces import opaque_only
 
 # Segments of a path from a lamp to the camera: via one surface, and until more add nothing.

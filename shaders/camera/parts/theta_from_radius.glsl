@@ -5,7 +5,7 @@
 // Newton's method starts at the radius itself, which in focal lengths is nearly the angle. A step
 // that leaves the bracket, or crosses more than half of it, is replaced by a bisection: two angles
 // of a stretched lens could otherwise lead to each other forever.
-// Twin of omnisim/cameras/monotone.py.
+// Twin of omnisim/cameras/lens_polynomials.py.
 
 const int STEPS = 24;  // bisections alone reach the last bit of a float
 

@@ -1,6 +1,6 @@
 // vec3 lift_alpha(vec2 plane, float alpha): ray, not of unit length, of a point of the normalized
 // plane by the alpha form of the unified model; radius up to 1/sqrt(2 alpha - 1) if alpha > 0.5.
-// Twin of `lift_alpha` in omnisim/cameras/focal_camera.py.
+// Twin of `lift_alpha` in omnisim/cameras/parametric_camera.py.
 
 vec3 lift_alpha(vec2 plane, float alpha) {
     float squared = dot(plane, plane);

@@ -10,7 +10,7 @@ import pytest
 from omnisim.cameras import pixel_grid
 from omnisim.cameras.models.field_of_view import optical_axis
 from omnisim.cameras.optics import OpticalSystem
-from omnisim.cameras.optics.media import refractive_index
+from omnisim.cameras.optics.surface import refractive_index
 from omnisim.cameras.optics.system_file import parse_optics
 from omnisim.rendering.camera.captured_image import camera_of_parameters
 from tests.camera_examples import CAMERA_EXAMPLES

@@ -10,8 +10,8 @@ from omnisim.cameras import HyperbolicCamera
 from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.cameras.models.field_of_view import edge_pixels
 from omnisim.cameras.optics import OpticalSystem, Surface
-from omnisim.cameras.optics.media import MEDIA, refractive_index
 from omnisim.cameras.optics.shapes import Asphere, Conic, Polynomial, TabulatedProfile
+from omnisim.cameras.optics.surface import MEDIA, refractive_index
 from omnisim.core.coordinate_frames import MIRROR_FROM_OPTICAL
 from omnisim.validation import optical_systems as closed_forms
 from omnisim.validation.optical_systems import AxialRays

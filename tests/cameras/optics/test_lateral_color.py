@@ -9,8 +9,8 @@ import pytest
 from omnisim.cameras import EquidistantCamera
 from omnisim.cameras.optics import OpticalSystem, Surface
 from omnisim.cameras.optics.centrality import lateral_color_px, seen_rays
-from omnisim.cameras.optics.media import refractive_index
 from omnisim.cameras.optics.shapes import Plane
+from omnisim.cameras.optics.surface import refractive_index
 from tests.cameras.optics.examples import SYSTEMS, at, behind_a_dome, port
 
 LENS = EquidistantCamera(200, 200, 80.0, (99.5, 99.5), math.radians(60.0))

@@ -9,12 +9,15 @@ import pytest
 from omnisim import OmniCamera, open_sensor
 from omnisim.cameras import PerspectiveCamera, pixel_grid
 from omnisim.cameras.mirrors import tessellate
-from omnisim.cameras.mirrors.mirror_mesh_rays import mesh_rays
+from omnisim.cameras.mirrors.hyperbolic import mesh_rays
 from omnisim.cameras.optics import OpticalSystem, Surface, read_optics_file
-from omnisim.cameras.optics.mesh_error import SystemMeshErrors
-from omnisim.cameras.optics.mesh_rays import MeshRays, has_mesh
+from omnisim.cameras.optics.mesh_rays import (
+    MeshRays,
+    SystemMeshErrors,
+    has_mesh,
+    tessellate_surface,
+)
 from omnisim.cameras.optics.shapes import Conic, Hyperbolic
-from omnisim.cameras.optics.surface_mesh import tessellate_surface
 from omnisim.core.errors import OmnisimError, OpticsError
 from omnisim.core.poses import pose
 from omnisim.rendering.atlas.parallax_plan import sample_rays

@@ -8,8 +8,8 @@ import pytest
 
 from omnisim.cameras import CAMERA_MODELS
 from omnisim.cameras.optics import OpticalSystem, Surface, read_optics_file
-from omnisim.cameras.optics.media import refractive_index
 from omnisim.cameras.optics.shapes import Conic, Polynomial
+from omnisim.cameras.optics.surface import refractive_index
 from omnisim.cameras.optics.system_file import parse_optics
 from omnisim.core import poses
 from omnisim.core.errors import OmnisimError, OpticsError

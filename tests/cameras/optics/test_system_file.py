@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from omnisim.cameras.optics import read_optics_file
-from omnisim.cameras.optics.profile_file import read_profile, sampled, write_profile
+from omnisim.cameras.optics.profiles import read_profile, sampled, write_profile
 from omnisim.cameras.optics.shapes import Conic
 from omnisim.cameras.optics.system_file import parse_optics
 from omnisim.core.coordinate_frames import (

@@ -19,7 +19,7 @@ from click.testing import CliRunner
 from omnisim.apps.cli.app import app
 from omnisim.core.errors import OmnisimError
 from omnisim.core.files.image_files import read_image
-from omnisim.datasets.coco_folder import CocoSettings
+from omnisim.datasets.converted_datasets import CocoSettings
 from omnisim.datasets.free_space import find_free_space
 from omnisim.datasets.generate.generate import Generation
 from omnisim.datasets.generate.prepared_plan import PreparedPlan

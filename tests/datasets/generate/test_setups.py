@@ -11,7 +11,7 @@ from omnisim.apps.cli.app import app
 from omnisim.core.errors import OmnisimError
 from omnisim.core.srgb import linear_from_srgb8
 from omnisim.datasets.generate.draw import draw_indices
-from omnisim.datasets.generate.plan_light import black_body_rgb
+from omnisim.datasets.generate.plan_cameras import black_body_rgb
 from omnisim.datasets.generate.prepared_plan import PreparedPlan
 from omnisim.datasets.generate.sample_renderer import SampleRenderer, setup_light, setup_rig
 from omnisim.datasets.generate.samples import Shards

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from omnisim.cameras.optics.boards.board_corners import BoardCorners
+from omnisim.cameras.optics.system_calibration import BoardCorners
 from omnisim.core.errors import MeasurementError
 from omnisim.core.srgb import srgb_from_linear
 from omnisim.measurement.sharpness import measure_sharpness

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from omnisim.measurement.sharpness.edge_fit import EdgeLine, Flaw, UnusableEdge
-from omnisim.measurement.sharpness.slanted_edge import measure_edge
+from omnisim.measurement.sharpness.slanted_edge import EdgeLine, Flaw, UnusableEdge, measure_edge
 from omnisim.validation.checks.measured.sharpness import (
     disc,
     edge_image,

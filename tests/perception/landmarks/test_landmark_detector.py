@@ -11,7 +11,7 @@ from omnisim.core.errors import LocalizationError
 from omnisim.perception.landmarks.color_model import BINS, ColorModel, bin_of
 from omnisim.perception.landmarks.landmark_detector import LandmarkDetector, find_regions
 from omnisim.perception.localization.filter import LandmarkMap, predict_measurement
-from omnisim.perception.unwarping.panorama import CameraMount, Panorama
+from omnisim.perception.unwarping import CameraMount, Panorama
 from omnisim.rendering.camera.captured_image import valid_mask
 
 PLACES = [(-0.6, 0.4, 25.0), (1.9, -1.2, 130.0), (-2.2, 1.3, -100.0)]

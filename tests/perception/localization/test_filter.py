@@ -11,13 +11,14 @@ from omnisim.core.errors import LocalizationError
 from omnisim.core.files.parameters import parse_table
 from omnisim.core.trajectories.odometry import Odometry
 from omnisim.perception.localization.filter import (
+    FilterParameters,
     LandmarkMap,
     LocalizationFilter,
     Observation,
     move,
     predict_measurement,
+    read_parameters,
 )
-from omnisim.perception.localization.filter_parameters import FilterParameters, read_parameters
 from omnisim.perception.localization.track import mean_interval, nees, pose_errors
 
 CAMERA_M = (-0.08, 0.03)

@@ -16,8 +16,7 @@ from omnisim.datasets.export.recording import Recording
 from omnisim.evaluation.estimators.landmark_localization import LandmarkLocalization
 from omnisim.perception.landmarks.color_model import Costs, load_model
 from omnisim.perception.landmarks.landmark_detector import LandmarkDetector
-from omnisim.perception.localization.filter import LandmarkMap
-from omnisim.perception.localization.filter_parameters import read_parameters
+from omnisim.perception.localization.filter import LandmarkMap, read_parameters
 from omnisim.perception.localization.track import (
     localize,
     notices,

@@ -4,8 +4,7 @@ import dataclasses
 
 import numpy as np
 
-from omnisim.perception.localization.filter import Association, Estimate
-from omnisim.perception.localization.filter_parameters import read_parameters
+from omnisim.perception.localization.filter import Association, Estimate, read_parameters
 from omnisim.perception.localization.track import Track, notices
 
 

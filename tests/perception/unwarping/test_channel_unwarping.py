@@ -9,7 +9,7 @@ from omnisim.core.errors import OpticsError, OutputError
 from omnisim.core.poses import pose
 from omnisim.ground_truth import CHANNELS
 from omnisim.ground_truth.channels import FLOWS
-from omnisim.perception.unwarping.unwarping import ChannelUnwarping
+from omnisim.perception.unwarping import ChannelUnwarping
 from tests.scenes import room, scene_of
 from tests.vehicles import box
 

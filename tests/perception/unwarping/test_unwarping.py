@@ -13,8 +13,8 @@ from omnisim.core.coordinate_frames import (
 )
 from omnisim.core.errors import OpticsError
 from omnisim.core.srgb import linear_from_srgb
-from omnisim.perception.unwarping.unwarping import Unwarping
-from omnisim.perception.unwarping.views import (
+from omnisim.perception.unwarping import (
+    Unwarping,
     birdseye_view,
     cylinder_view,
     highest_elevation_deg,
@@ -105,8 +105,8 @@ def test_blocks_and_a_table_that_is_not_kept_change_nothing(monkeypatch):
     view, image = VIEWS["perspective"], _image()
     rotation = BASE_FROM_OPTICAL.T @ view.base_from_view
     whole = Unwarping(CAMERA, view.camera, rotation, samples=2)
-    monkeypatch.setattr("omnisim.perception.unwarping.unwarping.BLOCK_SAMPLES", 7 * 300 * 4 + 1)
-    monkeypatch.setattr("omnisim.perception.unwarping.unwarping.MAX_KEPT_SAMPLES", 1000)
+    monkeypatch.setattr("omnisim.perception.unwarping.BLOCK_SAMPLES", 7 * 300 * 4 + 1)
+    monkeypatch.setattr("omnisim.perception.unwarping.MAX_KEPT_SAMPLES", 1000)
     banded = Unwarping(CAMERA, view.camera, rotation, samples=2)
     np.testing.assert_array_equal(banded.valid, whole.valid)
     for _ in range(2):

@@ -10,7 +10,7 @@ from omnisim.cameras.optics.shapes import Conic
 from omnisim.core.cube import face_index, face_tangents
 from omnisim.core.errors import GraphicsError
 from omnisim.rendering.atlas.parallax_plan import parallax_tiles, rays_by_color, sample_rays
-from tests.cameras.optics.examples import SYSTEMS, at, pinhole
+from tests.cameras.optics.examples import SYSTEMS, at, pinhole, port
 from tests.cameras.optics.samples import all_samples
 
 NEAR_M = 0.5
@@ -47,6 +47,12 @@ def test_points_on_all_rays_are_seen_in_one_tile_with_a_texel_to_spare(name, dis
         last = np.minimum(tile.region[1], tile.padded_region[1] - texel)
         tiles += (faces == tile.face) & np.all((tangents >= first) & (tangents <= last), axis=1)
     assert (tiles == 1).all()
+
+
+def test_an_image_without_a_rim_is_interpolated_everywhere():
+    rays = sample_rays(OpticalSystem(pinhole(1300.0), port()).scaled(0.1), 3)
+    assert rays.smooth.all()
+    assert rays.rim_directions.shape == (0, 9, 3)
 
 
 def test_origins_are_relative_to_the_viewpoint():

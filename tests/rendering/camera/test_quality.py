@@ -31,6 +31,11 @@ def test_a_name_sets_both_numbers_and_nothing_else(name):
     assert _numbers(OmniCamera.from_table({"camera": {"quality": name}})) == QUALITIES[name]
 
 
+def test_cameras_of_one_quality_are_not_the_same():
+    camera = OmniCamera(polygons=64)
+    assert len({camera, camera.with_polygons(256), OmniCamera()}) == 3
+
+
 def test_qualities_are_ordered():
     numbers = np.array([QUALITIES[name] for name in ("fast", "default", "fine")])
     assert (np.diff(numbers, axis=0) > 0.0).all()

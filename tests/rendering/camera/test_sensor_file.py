@@ -4,7 +4,7 @@ import tomllib
 import numpy as np
 import pytest
 
-from omnisim.core.errors import OpticsError, SensorFileError
+from omnisim.core.errors import NoticeWarning, OpticsError, SensorFileError
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.quality import quality_named
 from omnisim.rendering.camera.sensor_file import DEFAULT_SENSOR_FILE
@@ -26,9 +26,12 @@ def test_documented_default_file_is_the_default():
         assert getattr(documented, name) == getattr(default, name)
 
 
-def test_empty_file_is_the_default(tmp_path):
+def test_empty_file_is_the_default_and_says_so(tmp_path):
     path = tmp_path / "sensor.toml"
     path.write_text("")
+    with pytest.warns(NoticeWarning, match=r"sensor\.toml: is empty: the paper's camera"):
+        assert OmniCamera.from_file(path).model == OmniCamera().model
+    path.write_text("# the paper's camera\n")
     assert OmniCamera.from_file(path).model == OmniCamera().model
 
 

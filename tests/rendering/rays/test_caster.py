@@ -138,4 +138,4 @@ def test_a_ray_goes_on_behind_what_it_has_passed():
 def test_a_missing_package_is_named(monkeypatch):
     monkeypatch.setattr("omnisim.core.extras.is_installed", lambda module: module != "embreex")
     with pytest.raises(OmnisimError, match=r"needs embreex: pip install 'omnisim-camera\[rays\]'"):
-        RayCaster(scene_of([square()]))
+        RayCaster(scene_of([square()])).prepare()

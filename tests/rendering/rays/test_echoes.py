@@ -16,7 +16,7 @@ pytest.importorskip("embreex", reason="embreex, which casts the rays, is missing
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
-from omnisim.ground_truth.lidar_beams import EchoLimits
+from omnisim.ground_truth.hits import EchoLimits
 from omnisim.rendering.rays.beams import Echoes, cast_echoes, select_returns
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
 

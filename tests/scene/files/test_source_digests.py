@@ -214,3 +214,16 @@ def test_a_reader_of_more_remembers_the_files_of_a_scene(tmp_path):
         own.note(tmp_path / file)
     assert reader.digest(tmp_path) == own.digest(tmp_path)
     assert scene.identity == read_scene(tmp_path / "a.obj").identity
+
+
+def test_arrays_are_read_for_an_identity_only_when_it_is_asked_for(monkeypatch):
+    def refuse(*_):
+        raise AssertionError("hashed")
+
+    for module in ("model", "identity"):
+        monkeypatch.setattr(f"omnisim.scene.{module}.fingerprint", refuse)
+    scene = scene_of([room()])
+    name = scene.instance_names[0]
+    edited = scene.added("part", scene).moved(name, np.eye(4)).removed("part").at_start()
+    with pytest.raises(AssertionError, match="hashed"):
+        _ = edited.identity

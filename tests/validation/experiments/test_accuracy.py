@@ -6,11 +6,15 @@ import numpy as np
 import pytest
 
 from omnisim.perception.landmarks.landmark_detector import Detection
-from omnisim.perception.localization.filter import LandmarkMap
-from omnisim.perception.localization.filter_parameters import read_parameters
+from omnisim.perception.localization.filter import LandmarkMap, read_parameters
 from omnisim.perception.localization.track import mean_interval
-from omnisim.validation.experiments.detection_accuracy import DetectionMatch, accuracy, compare
-from omnisim.validation.experiments.experiment_runs import REAL_PARAMETERS, SeedRuns
+from omnisim.validation.experiments.experiment_runs import (
+    REAL_PARAMETERS,
+    DetectionMatch,
+    SeedRuns,
+    accuracy,
+    compare,
+)
 from omnisim.validation.experiments.recordings import TRAINING_WAYPOINTS, real_camera
 
 

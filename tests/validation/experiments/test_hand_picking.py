@@ -7,7 +7,7 @@ import numpy as np
 import omnisim
 from omnisim.core.trajectories.odometry import Odometry
 from omnisim.perception.localization.filter import LandmarkMap, predict_measurement
-from omnisim.perception.unwarping.panorama import CameraMount
+from omnisim.perception.unwarping import CameraMount
 from omnisim.scene import load_scene
 from omnisim.validation.experiments.experiment_runs import Hand, pick_landmarks
 from omnisim.validation.experiments.recordings import cluttered, with_wrong_start

@@ -9,7 +9,7 @@ from omnisim.perception.localization.filter import Observation
 from omnisim.rendering.camera.degradations.defocus import Defocus
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
 from omnisim.validation.experiments.experiment_runs import in_field_of_view
-from omnisim.validation.experiments.sweep import CAUSES, degraded
+from omnisim.validation.experiments.landmark_sections import CAUSES, degraded
 
 SIZE = 96
 GEOMETRY = ImageGeometry(SIZE, SIZE, (0.5 * (SIZE - 1), 0.5 * (SIZE - 1)))

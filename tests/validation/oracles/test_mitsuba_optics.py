@@ -10,8 +10,8 @@ from omnisim.cameras.optics.shapes import Cone
 from omnisim.core.coordinate_frames import RIG_FROM_OPTICAL_LOOKING_UP
 from omnisim.core.errors import OpticsError
 from omnisim.core.poses import pose
-from omnisim.validation.markers import marker_pixels, markers_on_rays
 from omnisim.validation.optical_systems import validation_systems
+from omnisim.validation.plain_scenes import marker_pixels, markers_on_rays
 from tests.cameras.optics.examples import SYSTEMS
 from tests.scenes import room, room_color, room_hit, scene_of
 from tests.slow import slow_but

@@ -24,7 +24,7 @@ from omnisim.validation.oracles.surfaces import opaque_only
 from tests.scenes import room, room_color, room_hit, scene_of
 
 mi = pytest.importorskip("mitsuba", reason="Mitsuba is an optional oracle")
-from omnisim.validation.oracles import mitsuba_scene, mitsuba_tracer  # noqa: E402
+from omnisim.validation.oracles import mitsuba_optics, mitsuba_scene  # noqa: E402
 
 SIZE_PX = 128
 AVERAGED = 4
@@ -70,7 +70,7 @@ def test_room_of_gradients(world_from_optical):
     camera = dataclasses.replace(
         _camera(), width_px=150, height_px=136, principal_point_px=(70.25, 71.5)
     )
-    traced = mitsuba_tracer.trace_mirror(scene_of([room()]), camera, world_from_optical, 36)
+    traced = mitsuba_optics.trace_mirror(scene_of([room()]), camera, world_from_optical, 36)
     origin = world_from_optical[:3, 3]
     ours = _expected(camera, world_from_optical, lambda rays: room_color(room_hit(origin, rays)))
     difference = np.abs(traced - ours)[_inside(camera)]
@@ -87,7 +87,7 @@ def test_front_is_at_the_top_and_left_on_the_right():
     camera = _camera(64)
     for yaw_deg, pixel in ((0.0, (55.0, 31.5)), (90.0, (31.5, 8.0))):
         world_from_optical = pose(yaw_deg=yaw_deg) @ LOOKING_UP
-        traced = mitsuba_tracer.trace_mirror(
+        traced = mitsuba_optics.trace_mirror(
             scene_of([Mesh("on the left of yaw 0", corners, quad, 0)]),
             camera,
             world_from_optical,
@@ -144,7 +144,7 @@ def test_textured_quad(wrap):
         return np.where(inside, _bilinear(pixels, coordinates, wrap) * factor[:3], sky)
 
     world_from_optical = pose((0.0, 0.0, height_m)) @ LOOKING_UP
-    traced = mitsuba_tracer.trace_mirror(scene, camera, world_from_optical, 36)
+    traced = mitsuba_optics.trace_mirror(scene, camera, world_from_optical, 36)
     ours = _expected(camera, world_from_optical, color_of_rays)
     # The floor's edge is sampled by both, coarsely.
     assert psnr_db(traced, ours, _inside(camera)) > 40.0
@@ -157,10 +157,10 @@ def test_unsupported_materials_are_refused():
     mesh = dataclasses.replace(room(), texture_coordinates=coordinates)
     textured = Material("rug", texture=texture, double_sided=True)
     with pytest.raises(SceneError, match="'rug': Mitsuba has no texture times vertex colors"):
-        mitsuba_tracer.trace_mirror(scene_of([mesh], [textured]), _camera(), LOOKING_UP, 1)
+        mitsuba_optics.trace_mirror(scene_of([mesh], [textured]), _camera(), LOOKING_UP, 1)
     mesh = dataclasses.replace(mesh, colors=None)
     with pytest.raises(SceneError, match="'rug': Mitsuba wraps u and v"):
-        mitsuba_tracer.trace_mirror(scene_of([mesh], [textured]), _camera(), LOOKING_UP, 1)
+        mitsuba_optics.trace_mirror(scene_of([mesh], [textured]), _camera(), LOOKING_UP, 1)
 
 
 @pytest.mark.slow
@@ -168,7 +168,7 @@ def test_seeds_and_variant():
     scene, camera = scene_of([room()]), _camera(16)
     mi.set_variant("scalar_spectral")
     first, again, other = (
-        mitsuba_tracer.trace_mirror(scene, camera, LOOKING_UP, 4, seed) for seed in (0, 0, 1)
+        mitsuba_optics.trace_mirror(scene, camera, LOOKING_UP, 4, seed) for seed in (0, 0, 1)
     )
     assert mi.variant() == "scalar_spectral"
     assert np.array_equal(first, again)
@@ -178,9 +178,9 @@ def test_seeds_and_variant():
 def _reflected(camera, pixels, distance_m):
     """Points of Mitsuba's rays at `distance_m`, optical frame, meters."""
     mi.set_variant(mitsuba_scene.VARIANT)
-    units_per_m = mitsuba_tracer.RIM_UNITS / camera.mirror.rim_radius_m
-    sensor = mi.load_dict(mitsuba_tracer.mirror_pinhole(camera, np.eye(3), units_per_m, 1))
-    mirror = mitsuba_tracer.mirror_of_metal(camera.mirror, np.eye(3), units_per_m)
+    units_per_m = mitsuba_optics.RIM_UNITS / camera.mirror.rim_radius_m
+    sensor = mi.load_dict(mitsuba_optics.mirror_pinhole(camera, np.eye(3), units_per_m, 1))
+    mirror = mitsuba_optics.mirror_of_metal(camera.mirror, np.eye(3), units_per_m)
     scene = mi.load_dict({"type": "scene", "mirror": mirror})
     places = []
     for on_film in (pixels + 0.5) / (camera.width_px, camera.height_px):
@@ -211,7 +211,7 @@ def test_rays_as_traced():
 def _facet_errors_px(camera, rings, sectors):
     """Displacements of rays by facets with interpolated normals, over the image, float64."""
     mirror = camera.mirror
-    vertices, triangles = mitsuba_tracer.mirror_mesh(mirror, rings, sectors)
+    vertices, triangles = mitsuba_optics.mirror_mesh(mirror, rings, sectors)
     assert np.abs(mirror.equation_residual(vertices)).max() < 1e-12
     corners, normals = vertices[triangles], mirror.normals(vertices)[triangles]
     random = np.random.default_rng(0)
@@ -249,7 +249,7 @@ def test_other_mirrors():
             k=k, c=1.0, meters_per_unit=0.1, theta_max_rad=math.radians(rim_deg)
         )
         camera = HyperbolicCamera.framed_on_rim(mirror, 64, 64)
-        traced = mitsuba_tracer.trace_mirror(scene_of([room()]), camera, LOOKING_UP, 16)
+        traced = mitsuba_optics.trace_mirror(scene_of([room()]), camera, LOOKING_UP, 16)
         ours = _expected(camera, LOOKING_UP, lambda rays: room_color(room_hit(np.zeros(3), rays)))
         assert np.abs(traced - ours)[_inside(camera)].mean() < 0.05 / 255.0
 
@@ -265,7 +265,7 @@ def test_courtyard():
         ours = renderer.render(base, linear=True).linear[..., :3].astype(np.float64)
     ours = ours.reshape(SIZE_PX, 8, SIZE_PX, 8, 3).mean(axis=(1, 3))
     camera = _camera()
-    traced = mitsuba_tracer.trace_mirror(scene, camera, base @ fine.base_from_rig @ LOOKING_UP, 64)
+    traced = mitsuba_optics.trace_mirror(scene, camera, base @ fine.base_from_rig @ LOOKING_UP, 64)
     # Measured: 44.3 dB, of which the noise of 64 samples allows 46.5. A tenth of a pixel to one
     # side leaves 36 dB, the mirror image 14 dB.
     assert psnr_db(ours, traced, _inside(camera)) > 43.0

@@ -23,10 +23,9 @@ from omnisim.cameras.calibration import (
     load_calibration,
     save_calibration,
 )
-from omnisim.cameras.calibration.calibrated_camera import OPTICS
+from omnisim.cameras.calibration.calibrated_camera import OPTICS, CentralError
 from omnisim.cameras.calibration.calibration_formats import format_named
 from omnisim.cameras.calibration.metadata import is_catadioptric
-from omnisim.cameras.central_error import CentralError
 from omnisim.cameras.models.field_of_view import field_of_view
 from omnisim.core.errors import CalibrationError, OmnisimError
 from omnisim.core.files.atomic_file import check_distinct, check_target
@@ -101,7 +100,7 @@ def _convert_optics(
     request: ConvertRequest, system: NonCentralCamera, source: Path, more_distances_m: list[float]
 ) -> None:
     from omnisim.cameras.optics import OpticalSystem
-    from omnisim.cameras.optics.central_view import DISTANCES_M, fit_central
+    from omnisim.cameras.optics.centrality import DISTANCES_M, fit_central
 
     assert isinstance(system, OpticalSystem)
     reason, names = "expected a calibration file, got optics", ("camera_name", "format", "mirrored")

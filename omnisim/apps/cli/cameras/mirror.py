@@ -76,9 +76,13 @@ def _mirror_camera(request: MirrorRequest, camera: OmniCamera) -> HyperbolicCame
 
 
 def _write_surface(request: MirrorRequest, optics: Path) -> None:
-    from omnisim.cameras.optics.mesh_error import SystemMeshErrors
-    from omnisim.cameras.optics.mesh_rays import has_mesh, mesh_surface
-    from omnisim.cameras.optics.surface_mesh import rim_of_mesh, tessellate_surface
+    from omnisim.cameras.optics.mesh_rays import (
+        SystemMeshErrors,
+        has_mesh,
+        mesh_surface,
+        rim_of_mesh,
+        tessellate_surface,
+    )
     from omnisim.cameras.optics.system_file import read_optics_file
 
     system = read_optics_file(optics)

@@ -14,14 +14,11 @@ from omnisim.apps.cli.cameras.calibration import error_table
 from omnisim.apps.cli.console import out, pluralize, table
 from omnisim.cameras import summary
 from omnisim.cameras.calibration.ray_table import write_ray_table
-from omnisim.cameras.optics.boards.board_corners import read_corners
-from omnisim.cameras.optics.boards.calibrate import calibrate_system
-from omnisim.cameras.optics.central_view import DISTANCES_M
-from omnisim.cameras.optics.centrality import lateral_color_px, measure_centrality
-from omnisim.cameras.optics.design import Design
-from omnisim.cameras.optics.profile_file import sampled, write_profile
+from omnisim.cameras.optics.centrality import DISTANCES_M, lateral_color_px, measure_centrality
+from omnisim.cameras.optics.profiles import Design, sampled, write_profile
 from omnisim.cameras.optics.surface import Fate, Surface
 from omnisim.cameras.optics.system import OpticalSystem
+from omnisim.cameras.optics.system_calibration import calibrate_system, read_corners
 from omnisim.cameras.optics.system_file import (
     input_files,
     parse_optics,

@@ -16,11 +16,10 @@ from omnisim.apps.cli.options import refuse_given
 from omnisim.core.errors import OutputError, did_you_mean
 from omnisim.core.files.atomic_file import check_distinct, check_target
 from omnisim.core.files.image_files import write_image
-from omnisim.datasets.coco_folder import CocoSettings, write_coco
+from omnisim.datasets.converted_datasets import CocoSettings, write_coco, write_recordings
 from omnisim.datasets.dataset_manifest import MANIFEST, check_hashes, read_manifest
 from omnisim.datasets.export.export_formats import LAYOUTS
 from omnisim.datasets.generate.samples import Shards
-from omnisim.datasets.recorded_runs import write_recordings
 from omnisim.ground_truth.boxes import BoxLimits
 from omnisim.plots.sample_sheet import SampleTiles, channel_tile, sample_sheet
 from omnisim.sensors.sensor_names import FOLDER_NAME

@@ -285,7 +285,7 @@ def _calibration(sensor: OmniCamera, world_from_base: Floats) -> Calibration:
     )
     if not isinstance(sensor.model, NonCentralCamera):
         return Calibration((CalibratedCamera("camera", sensor.model, poses),))
-    from omnisim.cameras.optics.central_view import fit_central
+    from omnisim.cameras.optics.centrality import fit_central
     from omnisim.cameras.optics.system import OpticalSystem
 
     assert isinstance(sensor.model, OpticalSystem)

@@ -22,14 +22,14 @@ from omnisim.core.version import __version__
 from omnisim.ground_truth import Labels, check_channels, parse_channels
 from omnisim.ground_truth.channel_files import (
     ChannelFormat,
+    StoredChannels,
     sidecar_path,
     write_boxes,
     write_exr,
     write_sidecars,
 )
-from omnisim.ground_truth.stored_channels import StoredChannels
-from omnisim.perception.unwarping import views
-from omnisim.perception.unwarping.unwarping import ChannelUnwarping, Unwarping
+from omnisim.perception import unwarping
+from omnisim.perception.unwarping import ChannelUnwarping, Unwarping, View
 from omnisim.rendering.camera.captured_image import CapturedImage, read_captured_image
 
 DEFAULT_FIELD_OF_VIEW_DEG = 90.0
@@ -107,7 +107,7 @@ def run(request: UnwarpRequest) -> None:
 def _channels(
     request: UnwarpRequest,
     taken: CapturedImage,
-    view: views.View,
+    view: View,
     camera_from_view: Floats,
     metadata: dict[str, Any],
 ) -> tuple[dict[str, NDArray[Any]], Labels | None, Bools]:
@@ -124,7 +124,7 @@ def _channels(
     return {name: unwarped[name] for name in names}, stored.labels, unwarp.valid
 
 
-def _view(request: UnwarpRequest, taken: CapturedImage) -> views.View:
+def _view(request: UnwarpRequest, taken: CapturedImage) -> View:
     side = min(taken.camera.width_px, taken.camera.height_px)
     width, height = request.size_px or (side, side)
     if not 1 <= min(width, height) <= max(width, height) <= MAX_SIDE_PX:
@@ -136,7 +136,7 @@ def _view(request: UnwarpRequest, taken: CapturedImage) -> views.View:
         given_deg = request.field_of_view_deg
         field_deg = DEFAULT_FIELD_OF_VIEW_DEG if given_deg is None else given_deg
         pitch = math.radians(request.pitch_deg or 0.0)
-        return views.perspective_view(width, height, math.radians(field_deg), yaw, pitch)
+        return unwarping.perspective_view(width, height, math.radians(field_deg), yaw, pitch)
     if request.kind == "cylinder":
         return _cylinder(request, taken, yaw)
     height_m = request.height_m
@@ -153,16 +153,16 @@ def _view(request: UnwarpRequest, taken: CapturedImage) -> views.View:
         got = f"expected a square for a bird's eye view, got {width} × {height}"
         raise OpticsError(f"--size: {got}")
     extent_m = 4.0 * height_m if request.extent_m is None else request.extent_m
-    return views.birdseye_view(width, extent_m, height_m, yaw)
+    return unwarping.birdseye_view(width, extent_m, height_m, yaw)
 
 
-def _cylinder(request: UnwarpRequest, taken: CapturedImage, yaw: float) -> views.View:
+def _cylinder(request: UnwarpRequest, taken: CapturedImage, yaw: float) -> View:
     side = min(taken.camera.width_px, taken.camera.height_px)
     # the width equals the circumference of the largest circle in the image
     width = request.size_px[0] if request.size_px else max(8, round(math.pi * side))
-    highest_deg = views.highest_elevation_deg(taken.camera, taken.base_from_optical)
+    highest_deg = unwarping.highest_elevation_deg(taken.camera, taken.base_from_optical)
     low, high = request.elevation_deg or (-45.0, highest_deg)
-    view = views.cylinder_view(width, math.radians(low), math.radians(high), yaw)
+    view = unwarping.cylinder_view(width, math.radians(low), math.radians(high), yaw)
     if request.size_px and view.camera.height_px != request.size_px[1]:
         raise OpticsError(
             f"--size: expected {width} × {view.camera.height_px} for a cylinder from "
@@ -172,7 +172,7 @@ def _cylinder(request: UnwarpRequest, taken: CapturedImage, yaw: float) -> views
     return view
 
 
-def _metadata(taken: CapturedImage, view: views.View) -> dict[str, Any]:
+def _metadata(taken: CapturedImage, view: View) -> dict[str, Any]:
     """Metadata of the view: its own camera and pose, and the image's scene."""
     base_from_optical = np.eye(4)
     base_from_optical[:3, :3] = view.base_from_view

@@ -17,9 +17,13 @@ from omnisim.apps.cli.measure.measured_files import (
     write_measured,
 )
 from omnisim.apps.cli.measure.requests import MeasureGeometryRequest
-from omnisim.cameras.optics.boards.board_corners import BoardCorners, read_corners, write_corners
-from omnisim.cameras.optics.boards.calibrate import FreeParameters
 from omnisim.cameras.optics.system import OpticalSystem
+from omnisim.cameras.optics.system_calibration import (
+    BoardCorners,
+    FreeParameters,
+    read_corners,
+    write_corners,
+)
 from omnisim.cameras.optics.system_file import OpticsTables, parse_optics, read_optics_tables
 from omnisim.core.errors import MeasurementError, OpticsError
 from omnisim.core.extras import is_installed, require_extra

@@ -28,7 +28,7 @@ from omnisim.apps.cli.measure.requests import (
     MeasureTimingRequest,
 )
 from omnisim.cameras import CentralCamera
-from omnisim.cameras.optics.boards.board_corners import BoardCorners, read_corners
+from omnisim.cameras.optics.system_calibration import BoardCorners, read_corners
 from omnisim.core.arrays import Floats
 from omnisim.core.errors import MeasurementError
 from omnisim.core.extras import require_extra
@@ -49,7 +49,7 @@ from omnisim.measurement.response import (
     measure_response,
     measure_vignetting,
 )
-from omnisim.measurement.response.light_falloff import check_unclipped, mean_image
+from omnisim.measurement.response.response_curve import check_unclipped, mean_image
 from omnisim.measurement.sharpness import (
     EdgeSharpness,
     find_edge_images,

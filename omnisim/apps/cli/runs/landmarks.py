@@ -20,8 +20,7 @@ from omnisim.perception.landmarks.landmark_detector import (
     LandmarkDetector,
     write_detections,
 )
-from omnisim.perception.localization.filter import LandmarkMap
-from omnisim.perception.localization.filter_parameters import read_parameters
+from omnisim.perception.localization.filter import LandmarkMap, read_parameters
 from omnisim.perception.localization.track import localize as localize_run
 from omnisim.perception.localization.track import observation_from_detection
 from omnisim.runs.run_data import RunData, SingleImage, read_run, read_single_image, train_on_run

@@ -23,8 +23,7 @@ from omnisim.core.short_repr import number_text
 from omnisim.rendering.opengl.world.vertex_records import gpu_bytes
 from omnisim.rendering.reflection_kinds import reflection_kinds
 from omnisim.scene import Scene, summary
-from omnisim.scene.files.load import NO_BAKED_LIGHT
-from omnisim.scene.files.scene_file import resolve_source
+from omnisim.scene.files.load import NO_BAKED_LIGHT, resolve_source
 from omnisim.scene.formats.gltf.writer import write_glb
 from omnisim.scene.labels import find_labels, read_label_file
 from omnisim.scene.light.lighting import is_even, light_summary

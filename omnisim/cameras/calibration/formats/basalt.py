@@ -44,12 +44,10 @@ from omnisim.cameras.calibration.documents import (
 from omnisim.cameras.calibration.formats.format import (
     ANY,
     Format,
+    Intrinsics,
     MetadataPlace,
     ParsedCamera,
     error_context,
-)
-from omnisim.cameras.calibration.formats.pinhole import (
-    Intrinsics,
     pinhole,
     pose_from_quaternion,
     position_and_quaternion,

@@ -34,10 +34,12 @@ from omnisim.cameras.calibration.formats.format import (
     ANY,
     NO_SKEW,
     Format,
+    Intrinsics,
     ParsedCamera,
     error_context,
+    pinhole,
+    yaml_float,
 )
-from omnisim.cameras.calibration.formats.pinhole import Intrinsics, pinhole, yaml_float
 from omnisim.core.files.parameters import Number, Table
 
 CamodocalLens = UnifiedCamera | KannalaBrandtCamera

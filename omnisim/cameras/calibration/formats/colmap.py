@@ -41,11 +41,13 @@ from omnisim.cameras.calibration.formats.format import (
     ANY,
     PINHOLE,
     Format,
+    FovLens,
+    Intrinsics,
     ParsedCamera,
+    brown_pinhole,
     error_context,
+    pinhole,
 )
-from omnisim.cameras.calibration.formats.pinhole import Intrinsics, brown_pinhole, pinhole
-from omnisim.cameras.calibration.fov_lens import FovLens
 from omnisim.core.errors import CalibrationError
 
 MODELS = {

@@ -50,11 +50,12 @@ from omnisim.cameras.calibration.equivalents import IDEAL_FISHEYES
 from omnisim.cameras.calibration.formats.format import (
     ANY,
     Format,
+    Intrinsics,
     MetadataPlace,
     ParsedCamera,
     error_context,
+    pinhole,
 )
-from omnisim.cameras.calibration.formats.pinhole import Intrinsics, pinhole
 from omnisim.cameras.models.field_of_view import largest_theta_rad
 from omnisim.core.errors import CalibrationError
 

@@ -55,11 +55,13 @@ from omnisim.cameras.calibration.formats.format import (
     ANY,
     NO_SKEW,
     Format,
+    FovLens,
+    Intrinsics,
     ParsedCamera,
     error_context,
+    pinhole,
+    yaml_floats,
 )
-from omnisim.cameras.calibration.formats.pinhole import Intrinsics, pinhole, yaml_floats
-from omnisim.cameras.calibration.fov_lens import FovLens
 from omnisim.core.files.parameters import Number
 from omnisim.core.poses import inverse
 

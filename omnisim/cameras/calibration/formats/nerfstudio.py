@@ -48,11 +48,12 @@ from omnisim.cameras.calibration.formats.format import (
     ANY,
     PINHOLE,
     Format,
+    Intrinsics,
     MetadataPlace,
     ParsedCamera,
     error_context,
+    pinhole,
 )
-from omnisim.cameras.calibration.formats.pinhole import Intrinsics, pinhole
 from omnisim.core.errors import CalibrationError
 from omnisim.core.files.parameters import Flag, Number
 

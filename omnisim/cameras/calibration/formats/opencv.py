@@ -47,14 +47,12 @@ from omnisim.cameras.calibration.formats.format import (
     NO_SKEW,
     PINHOLE,
     Format,
+    Intrinsics,
     LensT,
     ParsedCamera,
-    error_context,
-)
-from omnisim.cameras.calibration.formats.pinhole import (
-    Intrinsics,
     brown_pinhole,
     check_no_skew,
+    error_context,
     fisheye,
     matrix_intrinsics,
     yaml_float,

@@ -45,11 +45,9 @@ from omnisim.cameras.calibration.formats.format import (
     PINHOLE,
     Format,
     ParsedCamera,
-    error_context,
-)
-from omnisim.cameras.calibration.formats.pinhole import (
     brown_pinhole,
     check_no_skew,
+    error_context,
     fisheye,
     matrix_intrinsics,
     yaml_matrix,

@@ -34,8 +34,6 @@ from omnisim.cameras.calibration.formats.format import (
     MetadataPlace,
     ParsedCamera,
     error_context,
-)
-from omnisim.cameras.calibration.formats.pinhole import (
     pose_from_quaternion,
     position_and_quaternion,
 )

@@ -32,6 +32,7 @@ EFFECTS: dict[str, type[Effect]] = {
     module: getattr(import_module(f"{__package__}.{module}"), name)
     for name, module in EFFECT_MODULES.items()
 }
+_Tables = dict[str, dict[str, Any]]  # values by key, by effect
 
 
 @cache
@@ -61,8 +62,8 @@ def preset(name: str, folder: Path = Path()) -> Degradation:
         SensorFileError: the preset does not exist or is faulty; names file, key, value and the
             expected value.
     """
-    path = _preset_path(name, folder, f"preset {name!r}: ")
-    return _build(_read_preset(path), str(path), "")
+    tables, source = _read_preset(name, folder, f"preset {name!r}: ")
+    return _build(tables, source, "")
 
 
 def parse_degradation(table: Mapping[str, Any], source: str, folder: Path) -> Degradation:
@@ -78,45 +79,41 @@ def parse_degradation(table: Mapping[str, Any], source: str, folder: Path) -> De
     """
     checked = parse_table(table, degradation_table(), SensorFileError, source, "degradation")
     given = checked.model_dump(exclude_unset=True)
-    name = given.pop("preset", None)
-    tables: dict[str, dict[str, Any]] = {}
+    name, tables = given.pop("preset", None), _Tables()
     if name is not None:
         where = f"{source}: degradation.preset = {name!r}: "
-        tables = _read_preset(_preset_path(name, folder, where))
-    for key, values in _with_paths(given, source, "degradation.", folder).items():
+        tables, _ = _read_preset(name, folder, where)
+    _find_files(given, source, "degradation.", folder)
+    for key, values in given.items():
         tables[key] = {**tables.get(key, {}), **values}
     return _build(tables, source, "degradation.")
 
 
-def _preset_path(name: str, folder: Path, where: str) -> Path:
-    if name.endswith(".toml"):
-        return folder / name
+def _read_preset(name: str, folder: Path, where: str) -> tuple[_Tables, str]:
+    """Tables of a preset and its file; `where` begins the message about an unknown one."""
     names = preset_names()
-    if name not in names:
+    if name.endswith(".toml"):
+        path = folder / name
+    elif name in names:
+        path = PRESETS / f"{name}.toml"
+    else:
         hint = did_you_mean(name, [*names, "a file that ends in .toml"])
         raise SensorFileError(f"{where}unknown preset; {hint}")
-    return PRESETS / f"{name}.toml"
-
-
-def _read_preset(path: Path) -> dict[str, dict[str, Any]]:
     tables = read_toml(path, _preset_table(), SensorFileError).model_dump(exclude_unset=True)
-    return _with_paths(tables, str(path), "", path.parent)
+    _find_files(tables, str(path), "", path.parent)
+    return tables, str(path)
 
 
-def _with_paths(
-    tables: Mapping[str, dict[str, Any]], source: str, prefix: str, folder: Path
-) -> dict[str, dict[str, Any]]:
-    """Tables with file names resolved against the folder of their TOML file."""
-    result = {name: dict(values) for name, values in tables.items()}
-    for name, values in result.items():
+def _find_files(tables: _Tables, source: str, prefix: str, folder: Path) -> None:
+    """Resolve file names in tables against the folder of their TOML file."""
+    for name, values in tables.items():
         for key in EFFECTS[name].files:
             if values.get(key) is not None:
                 where = f"{source}: {prefix}{name}.{key}"
                 values[key] = str(find_beside(folder, values[key], where, SensorFileError))
-    return result
 
 
-def _build(tables: dict[str, dict[str, Any]], source: str, prefix: str) -> Degradation:
+def _build(tables: _Tables, source: str, prefix: str) -> Degradation:
     """Degradation of checked tables, whose names have the prefix in their file."""
     parts: dict[str, Any] = {}
     try:

@@ -17,7 +17,7 @@ import numpy as np
 
 from omnisim.cameras import CentralCamera, HyperbolicCamera, MirroredCamera, Rays
 from omnisim.cameras.mirrors import MirrorMesh, tessellate
-from omnisim.cameras.mirrors.mirror_mesh_rays import mesh_rays
+from omnisim.cameras.mirrors.hyperbolic import mesh_rays
 from omnisim.core.arrays import Bools, Floats, Floats32
 from omnisim.core.cube import FACE_FROM_RIG, FACE_NAMES
 from omnisim.rendering.atlas.sampling_density import dilate

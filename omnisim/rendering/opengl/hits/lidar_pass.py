@@ -14,7 +14,7 @@ from omnisim.cameras import CylindricalCamera
 from omnisim.core.coordinate_frames import BASE_FROM_OPTICAL_LOOKING_AHEAD
 from omnisim.core.poses import pose_from_rotation, rotation_from_yaw
 from omnisim.core.world import ObjectPart
-from omnisim.ground_truth.lidar_beams import BeamHits, LidarBeams, LidarPoses, Revolution, Slice
+from omnisim.ground_truth.hits import BeamHits, LidarBeams, LidarPoses, Revolution, Slice
 from omnisim.rendering.atlas.tile_plan import TilePlan, plan_tiles
 from omnisim.rendering.contract import PlacedMesh, ScenePoses, SceneRays
 from omnisim.rendering.opengl.gl.buffers import gpu_allocation

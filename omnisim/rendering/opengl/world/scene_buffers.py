@@ -37,8 +37,7 @@ from omnisim.rendering.opengl.world.scene_textures import (
 )
 from omnisim.scene.model import Instance, Scene
 from omnisim.scene.parts import LightRectangle
-from omnisim.scene.planar_mirrors import MirrorPlane, find_mirrors
-from omnisim.scene.reflection_probes import ProbePlace, find_probes
+from omnisim.scene.reflection_probes import find_reflectors
 from omnisim.scene.surface_kind import SurfaceKind, kind_of
 
 # Extensions of OpenGL 4.5 that are part of 4.6.
@@ -116,18 +115,11 @@ class SceneBuffers:
 
     def _find_mirrors(self, possible: Bools) -> None:
         """Find planar mirrors, panes and probes among the possible items (n,), which are drawn."""
-        self.mirrors: tuple[MirrorPlane, ...] = ()
-        self.pane_mirrors: tuple[MirrorPlane, ...] = ()
-        self.probe_places: tuple[ProbePlace, ...] = ()
-        if self._lighting.is_matte:
-            return
         drawn = np.flatnonzero(self._is_drawn).tolist()
         surfaces = {number: self.draw_items[number].surface for number in drawn}
-        some = {number: surfaces[number] for number in np.flatnonzero(possible).tolist()}
-        self.mirrors = find_mirrors(some, SurfaceKind.PLANAR_MIRROR)
-        self.pane_mirrors = find_mirrors(some, SurfaceKind.PLANAR_PANE)
-        planes = (*self.mirrors, *self.pane_mirrors)
-        self.probe_places = find_probes(surfaces, planes, some.keys())[:MAX_PROBES]
+        found = find_reflectors(surfaces, np.flatnonzero(possible).tolist())
+        self.mirrors, self.pane_mirrors = found.mirrors, found.panes
+        self.probe_places = found.places[:MAX_PROBES]
 
     def _set_items(self, items: Sequence[DrawItem]) -> None:
         self.draw_items = tuple(items)
@@ -144,11 +136,6 @@ class SceneBuffers:
         self._deformer: MeshDeformer | None = None
         self._posed: tuple[bytes, InstanceTransforms] | None = None  # poses of objects, and world
         self._deformed_spheres: tuple[float, Floats, Floats] | None = None
-
-    @property
-    def is_matte(self) -> bool:
-        """True if all surfaces are shaded as matte."""
-        return self._lighting.is_matte
 
     @property
     def materials(self) -> MaterialTable:

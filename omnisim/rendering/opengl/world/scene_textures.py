@@ -209,7 +209,7 @@ class MaterialTextures:
 
     def _reflectance(self, material: Material, mesh: Mesh) -> Reflectance | None:
         """Reflectance of a material on a mesh, whose maps are uploaded."""
-        if self._is_matte or kind_of(material) & SurfaceKind.MATTE:
+        if SurfaceKind.MATTE in kind_of(material, self._is_matte):
             return None
         keys = [_map_key(one, mesh) for one in material.maps]
         name = id(material), *keys
@@ -226,7 +226,7 @@ class MaterialTextures:
 
     def _uses(self, material: Material, mesh: Mesh) -> dict[_Key, Texture]:
         """Textures of a material on a mesh."""
-        is_matte = self._is_matte or kind_of(material) & SurfaceKind.MATTE
+        is_matte = SurfaceKind.MATTE in kind_of(material, self._is_matte)
         maps = () if is_matte else material.maps
         pairs = [(material.texture, _base_key(material, mesh))]
         pairs += [(one, _map_key(one, mesh)) for one in maps]

@@ -1,1 +1,1 @@
-"""Shading of rays: lights, shadows, fog, reflectance."""
+"""Shading of hits: `shading` is the whole, of materials, light, and rays that surfaces send on."""

@@ -73,19 +73,8 @@ def ambient_light(lighting: Lighting, normals: Floats32) -> Floats32:
     return total
 
 
-def light_on_surfaces(
-    lighting: Lighting, lamps: Sequence[LampLight], normals: Floats32
-) -> Floats32:
-    """Linear RGB light (n, 3) of lamps and environment on white surfaces, by normals (n, 3)."""
-    return _with_lamps(ambient_light(lighting, normals), lamps, normals)
-
-
-def light_of_lamps(lamps: Sequence[LampLight], normals: Floats32) -> Floats32:
-    """Linear RGB light (n, 3) of lamps alone on white surfaces with unit normals (n, 3)."""
-    return _with_lamps(np.zeros((len(normals), 3), dtype=np.float32), lamps, normals)
-
-
-def _with_lamps(total: Floats32, lamps: Sequence[LampLight], normals: Floats32) -> Floats32:
+def with_lamps(total: Floats32, lamps: Sequence[LampLight], normals: Floats32) -> Floats32:
+    """Light (n, 3) on white surfaces with unit normals (n, 3), to which lamps add theirs."""
     for lamp in lamps:
         cosines = np.maximum(np.einsum("nc,nc->n", normals, lamp.directions), np.float32(0.0))
         total += (cosines * lamp.levels)[:, None] * lamp.color

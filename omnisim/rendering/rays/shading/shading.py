@@ -23,11 +23,11 @@ from omnisim.rendering.rays.shading.lit_surfaces import (
     Shadows,
     SurfaceDirections,
     Traced,
+    ambient_light,
     coat_fresnel,
     lamps_at,
-    light_of_lamps,
-    light_on_surfaces,
     reflected_light,
+    with_lamps,
 )
 from omnisim.rendering.rays.shading.ray_optics import (
     NO_MEDIUM,
@@ -64,12 +64,18 @@ _DARKEST = 1e-20
 
 
 class View(NamedTuple):
-    """Rays (n,), their hits, and their footprints (n, 2, 3), see `Shading.base_colors`."""
+    """Rays (n,), their hits, and their footprints (n, 2, 3), which filter textures; None: none."""
 
     rays: Rays
     hits: RayHits
-    world_from_objects: Poses
-    footprints: Floats32 | None
+    world_from_objects: Poses = ()
+    footprints: Floats32 | None = None
+
+    @classmethod
+    def of(cls, hits: RayHits) -> View:
+        """View of static places, from nowhere."""
+        nowhere = np.zeros((len(hits.triangles), 3))
+        return cls(Rays(nowhere, nowhere, hits.ranges_m, hits.ranges_m), hits)
 
     def take(self, indices: Indices) -> View:
         """View of the rays at indices (m,)."""
@@ -122,33 +128,26 @@ class Shading:
         """Surfaces (n,) of the hits."""
         return self._geometry.surface_of_triangle[hits.triangles]
 
-    def base_colors(
-        self,
-        rays: Rays,
-        hits: RayHits,
-        world_from_objects: Poses = (),
-        footprints: Floats32 | None = None,
-    ) -> Floats32:
-        """Linear RGBA (n, 4) base colors, before lighting; footprints (n, 2, 3) filter textures."""
-        surfaces = self.surfaces(hits)
+    def base_colors(self, view: View) -> Floats32:
+        """Linear RGBA (n, 4) base colors, before lighting."""
+        surfaces = self.surfaces(view.hits)
         colors = self._base_color[surfaces]
         if self._geometry.colors is not None:
-            colors *= self._interpolated(self._geometry.colors, hits)
+            colors *= self._interpolated(self._geometry.colors, view.hits)
         textures = self._textures.texture_of_surface[surfaces]
         textured = np.flatnonzero(textures >= 0)
         if len(textured):
-            view = View(rays, hits, world_from_objects, footprints)
             colors[textured] *= self._sampled(self._textures, textures[textured], view, textured)
         return colors
 
-    def transmitted(self, rays: Rays, hits: RayHits, colors: Floats32, poses: Poses) -> Floats32:
+    def transmitted(self, view: View, colors: Floats32) -> Floats32:
         """Transmittance (n, 3) of panes with base colors (n, 3 or more); 0 at other surfaces."""
-        surfaces = self.surfaces(hits)
+        surfaces = self.surfaces(view.hits)
         shares = np.zeros((len(surfaces), 3), dtype=np.float32)
         indices = np.flatnonzero(self.is_pane[surfaces])
         if len(indices):
-            normals = self.normals(hits.take(indices), poses)
-            cosines = np.abs(np.einsum("nc,nc->n", normals, rays.directions[indices]))
+            normals = self.normals(view.hits.take(indices), view.world_from_objects)
+            cosines = np.abs(np.einsum("nc,nc->n", normals, view.rays.directions[indices]))
             shares[indices] = self.panes.transmitted(
                 surfaces[indices], colors[indices, :3], cosines
             )
@@ -181,11 +180,9 @@ class Shading:
 
     def emitted(self, hits: RayHits) -> Floats32:
         """Light (n, 3), linear RGB, that surfaces emit; all rays must hit."""
-        nowhere = np.zeros((len(hits.triangles), 3))
-        rays = Rays(nowhere, nowhere, hits.ranges_m, hits.ranges_m)
-        light = self.materials(View(rays, hits, (), None))[:, 2:]
+        light = self.materials(View.of(hits))[:, 2:]
         unlit = np.flatnonzero(self.is_unlit[self.surfaces(hits)])
-        light[unlit] = self.base_colors(rays.take(unlit), hits.take(unlit))[:, :3]
+        light[unlit] = self.base_colors(View.of(hits.take(unlit)))[:, :3]
         return light
 
     def _sampled(
@@ -247,17 +244,15 @@ class Shading:
     def lit(
         self,
         colors: Floats32,
-        rays: Rays,
-        hits: RayHits,
+        view: View,
         cast_shadow: CastShadow,
-        world_from_objects: Poses = (),
-        footprints: Floats32 | None = None,
         tracing: Tracing | None = None,
     ) -> Floats32:
         """Light (n, 3), linear RGB, from surfaces of base colors (n, 3 or more) toward the rays.
 
         With `tracing`, smooth surfaces reflect the scene; without it, only sky and lamps.
         """
+        rays, hits, world_from_objects, _ = view
         surfaces = self.surfaces(hits)
         points_m = rays.origins_m + hits.ranges_m[:, None] * rays.directions
         normals = self.normals(hits, world_from_objects)
@@ -265,7 +260,7 @@ class Shading:
         baked = self._lighting.baked
         if baked is None:
             lamps = lamps_at(self._lighting, points_m, normals, Shadows(hits, cast_shadow))
-            light = light_on_surfaces(self._lighting, lamps, normals)
+            light = with_lamps(ambient_light(self._lighting, normals), lamps, normals)
             lamps = [lamp.take(glossy) for lamp in lamps]
         else:
             light = self._baked_light(baked, hits, points_m, normals)
@@ -274,14 +269,14 @@ class Shading:
         lamps = [lamp.facing(normals[glossy]) for lamp in lamps]
         surroundings = None
         if baked is not None:  # without the light of lamps
-            beyond: Floats32 = light[glossy] - light_of_lamps(lamps, normals[glossy])
+            of_lamps = with_lamps(np.zeros_like(light[glossy]), lamps, normals[glossy])
+            beyond: Floats32 = light[glossy] - of_lamps
             surroundings = np.maximum(beyond, np.float32(0.0), out=beyond)
         light[self.is_unlit[surfaces]] = 1.0
         light *= colors[:, :3]
         if len(glossy):
-            view = View(rays, hits, world_from_objects, footprints).take(glossy)
             light[glossy] = self._reflected(
-                colors[glossy, :3], view, lamps, normals[glossy], surroundings,
+                colors[glossy, :3], view.take(glossy), lamps, normals[glossy], surroundings,
                 None if tracing is None else tracing.take(glossy),
             )  # fmt: skip
         return light

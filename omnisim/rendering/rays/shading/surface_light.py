@@ -50,14 +50,14 @@ class SurfaceLight(NamedTuple):
 
 def surface_light(shading: Shading, view: View) -> SurfaceLight:
     """Light at the hits (n,) of a view; all rays must hit."""
-    rays, hits, poses, footprints = view
+    rays, hits, poses, _ = view
     surfaces = shading.surfaces(hits)
     planes = hits.planes / np.maximum(np.linalg.norm(hits.planes, axis=1), 1e-30)[:, None]
     normals = shading.normals(hits, poses).astype(np.float64)
     is_flat = np.einsum("nc,nc->n", normals, planes) >= _MIN_FLAT_COSINE
     normals[is_flat] = planes[is_flat]
     cosines = np.abs(np.einsum("nc,nc->n", normals, rays.directions)).clip(_MIN_COSINE, 1.0)
-    colors = shading.base_colors(rays, hits, poses, footprints)[:, :3].astype(np.float64)
+    colors = shading.base_colors(view)[:, :3].astype(np.float64)
     passed, reflected = np.zeros_like(colors), np.zeros_like(colors)
     returned = colors * cosines[:, None]
     glossy = np.flatnonzero(~shading.table.is_matte[surfaces])

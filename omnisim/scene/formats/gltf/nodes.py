@@ -48,16 +48,6 @@ def scene_parents(root: JsonObject, nodes: list[JsonObject]) -> dict[int, int | 
     return parents
 
 
-def file_from_nodes(
-    parents: Mapping[int, int | None], local: Mapping[int, Floats]
-) -> dict[int, Floats]:
-    """Global transforms (4, 4) of nodes, in drawing order, from their local ones."""
-    poses: dict[int | None, Floats] = {None: np.eye(4)}
-    for index, parent in parents.items():
-        poses[index] = poses[parent] @ local[index]
-    return {index: poses[index] for index in parents}
-
-
 def parent_from_node(node: JsonObject) -> Floats:
     """Local transform (4, 4): the matrix, or translation · rotation · scale."""
     result = np.eye(4)
@@ -279,16 +269,11 @@ def _keyframes(sampler: JsonObject, accessors: Accessors, path: str, width: int)
     return Keyframes(times_s, values, interpolation, before, after, are_rotations=is_rotation)
 
 
-def transforms_at_start(
-    nodes: list[JsonObject], parents: Mapping[int, int | None], animation: Animation
-) -> dict[int, Floats]:
-    """Local transforms (4, 4) of the scene's nodes at 0 s, by node index."""
-    return {
-        index: _before(nodes[index]) @ local_transform(*_start(nodes[index], properties))
-        if (properties := animation.nodes.get(index))
-        else parent_from_node(nodes[index])
-        for index in parents
-    }
+def transform_at_start(node: JsonObject, animated: Properties | None) -> Floats:
+    """Local transform (4, 4) of a node at 0 s; None: without keyframes."""
+    if not animated:
+        return parent_from_node(node)
+    return _before(node) @ local_transform(*_start(node, animated))
 
 
 class MovingNode(NamedTuple):

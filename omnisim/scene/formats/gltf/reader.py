@@ -22,14 +22,13 @@ from omnisim.scene.formats.gltf.nodes import (
     FIRST_ANIMATION,
     AnimationChoice,
     animated_nodes,
-    file_from_nodes,
     moving_objects,
     read_animation,
     read_copies,
     read_lights,
     reshaped_nodes,
     scene_parents,
-    transforms_at_start,
+    transform_at_start,
 )
 from omnisim.scene.formats.gltf.primitives import (
     POINTS_AND_LINES,
@@ -80,8 +79,11 @@ def read_gltf(
     nodes, accessors = root.objects("nodes"), Accessors(root, chunk, assets)
     parents = scene_parents(root, nodes)
     animation = read_animation(root, nodes, accessors, choice.name)
-    local = transforms_at_start(nodes, parents, animation)
-    poses = file_from_nodes(parents, local)
+    local = {one: transform_at_start(nodes[one], animation.nodes.get(one)) for one in parents}
+    poses: dict[int, Floats] = {}
+    for index, parent in parents.items():
+        above = np.eye(4) if parent is None else poses[parent]
+        poses[index] = above @ local[index]
     moved = animated_nodes(nodes, parents, local, animation, world_from_file)
     reshaped = reshaped_nodes(nodes, moved, animation) if choice.moves_objects else set(moved)
     played = PlayedNodes(nodes, poses, moved, reshaped, animation, world_from_file)
@@ -195,11 +197,16 @@ class _Meshes:
             if not node.has("mesh"):
                 continue
             copies = read_copies(node, self._accessors)
-            if copies is not None:
-                yield from self._copy(node, index, pose, copies)
-                continue
             name = node.text("name", f"node {index}")
-            for part in self._parts[node.index("mesh", self._parts)]:
+            parts = self._parts[node.index("mesh", self._parts)]
+            if copies is not None:
+                for number, file_from_copy in enumerate(pose @ copies):
+                    for part in parts:
+                        file_from_mesh = translate(file_from_copy, part.center)
+                        copy = f"{name}_{number}"
+                        yield index, Instance(copy, part.mesh, file_from_mesh, file_from_copy)
+                continue
+            for part in parts:
                 deformed = deforming.make(index, part.primitive, self.meshes[part.mesh])
                 if deformed is None:
                     yield index, Instance(name, part.mesh, translate(pose, part.center), pose)
@@ -209,16 +216,6 @@ class _Meshes:
                 number = len(self.meshes) - 1
                 placed = Instance(name, number, deformed.file_from_mesh, node_pose)
                 yield deformed.owner, placed
-
-    def _copy(
-        self, node: JsonObject, index: int, pose: Floats, copies: Floats
-    ) -> Iterator[tuple[int | None, Instance]]:
-        name = node.text("name", f"node {index}")
-        parts = self._parts[node.index("mesh", self._parts)]
-        for number, file_from_copy in enumerate(pose @ copies):
-            for part in parts:
-                placed = translate(file_from_copy, part.center)
-                yield index, Instance(f"{name}_{number}", part.mesh, placed, file_from_copy)
 
     def _read(self, mesh: JsonObject, name: str) -> Iterator[_Part]:
         entries = self._materials.entries

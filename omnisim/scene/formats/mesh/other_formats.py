@@ -60,8 +60,11 @@ logging.getLogger("trimesh").addHandler(logging.NullHandler())
 def check_format(path: Path) -> None:
     """Check that trimesh reads surfaces from files with the suffix of `path`."""
     if path.suffix.lower()[1:] not in set(trimesh.available_formats()) - _NOT_SCENES:
-        if hint := conversion_hint(path):
-            raise SceneError(f"{path}: {hint}")
+        conversion = _BY_SUFFIX.get(path.suffix.lower())
+        if conversion is not None:
+            hint = f"{path}: is not read ({conversion.format}): {conversion.advice}"
+            command = f": {conversion.command_for(path)}" if conversion.command else ""
+            raise SceneError(hint + command)
         raise SceneError(
             f"{path}: unknown scene format: expected .glb .gltf .obj .ply .stl .dae .sdf "
             f".world .urdf .xml .usd, or a scene's .toml, got {path.suffix or '(no suffix)'!r}"
@@ -296,7 +299,18 @@ def _material_in_memory(
     mesh_name: str, source: Any, textures: TextureStore, notices: list[str]
 ) -> Material:
     if isinstance(source, PBRMaterial):
-        return _pbr_material(mesh_name, source, textures)
+        name = str(source.name or mesh_name)
+        image, factor = source.baseColorTexture, source.baseColorFactor
+        rgba = np.ones(4) if factor is None else np.resize(np.array(factor) / 255.0, 4)
+        red, green, blue, alpha = (float(value) for value in rgba)
+        return Material(
+            name,
+            (red, green, blue, alpha),
+            None if image is None else textures.texture(image, name),
+            _ALPHA_MODES.get(str(source.alphaMode).upper(), AlphaMode.OPAQUE),
+            alpha_cutoff=0.5 if source.alphaCutoff is None else float(source.alphaCutoff),
+            double_sided=bool(source.doubleSided),
+        )
     image, factor = getattr(source, "image", None), getattr(source, "diffuse", None)
     if isinstance(source, SimpleMaterial):
         if source.kwargs.get("map_d"):
@@ -304,22 +318,6 @@ def _material_in_memory(
         if image is not None and tuple(source.diffuse) == _DEFAULT_DIFFUSE:
             factor = None
     return _material(mesh_name, source, image, factor, textures, {})
-
-
-def _pbr_material(mesh_name: str, source: PBRMaterial, textures: TextureStore) -> Material:
-    name = str(source.name or mesh_name)
-    image, factor = source.baseColorTexture, source.baseColorFactor
-    texture = None if image is None else textures.texture(image, name)
-    rgba = np.ones(4) if factor is None else np.resize(np.array(factor) / 255.0, 4)
-    red, green, blue, alpha = (float(value) for value in rgba)
-    return Material(
-        name,
-        (red, green, blue, alpha),
-        texture,
-        _ALPHA_MODES.get(str(source.alphaMode).upper(), AlphaMode.OPAQUE),
-        alpha_cutoff=0.5 if source.alphaCutoff is None else float(source.alphaCutoff),
-        double_sided=bool(source.doubleSided),
-    )
 
 
 def _material(
@@ -334,10 +332,15 @@ def _material(
     name = str(getattr(source, "name", None) or mesh_name)
     extra = getattr(source, "kwargs", {})
     texture = None if image is None else textures.texture(image, name)
-    hole_map = _hole_map(extra, assets)
-    if hole_map is not None:
-        white = Texture(np.full((*hole_map.shape, 4), 255, dtype=np.uint8))
-        texture = _with_alpha(texture or white, hole_map)
+    holes = _hole_map(extra, assets)
+    if holes is not None:  # sampled at the nearest level
+        texture = texture or Texture(np.full((*holes.shape, 4), 255, dtype=np.uint8))
+        height, width = texture.pixels.shape[:2]
+        rows = np.arange(height) * holes.shape[0] // height
+        columns = np.arange(width) * holes.shape[1] // width
+        pixels = texture.pixels.copy()
+        pixels[..., 3] = holes[rows[:, None], columns]
+        texture = Texture(pixels, texture.wrap_u, texture.wrap_v)
     if factor is None:
         factor = [255] * 4 if texture is not None else [204, 204, 204, 255]
     rgba = np.resize(np.array(factor, dtype=np.float64) / 255.0, 4)
@@ -382,16 +385,6 @@ def _hole_map(extra: dict[str, Any], assets: Mapping[str, bytes]) -> Bytes | Non
         return None
     holes = pixels[..., 3]
     return holes if (holes < 255).any() else pixels[..., 0]
-
-
-def _with_alpha(texture: Texture, levels: Bytes) -> Texture:
-    """Texture with `levels` as its alpha, sampled at the nearest level."""
-    height, width = texture.pixels.shape[:2]
-    rows = np.arange(height) * levels.shape[0] // height
-    columns = np.arange(width) * levels.shape[1] // width
-    pixels = texture.pixels.copy()
-    pixels[..., 3] = levels[rows[:, None], columns]
-    return Texture(pixels, texture.wrap_u, texture.wrap_v)
 
 
 # Formats that omnisim cannot read, with a conversion for each.
@@ -470,12 +463,3 @@ CONVERSIONS = (
     ),
 )
 _BY_SUFFIX = {suffix: found for found in CONVERSIONS for suffix in found.suffixes}
-
-
-def conversion_hint(path: Path) -> str:
-    """One-line hint on how to convert a file; empty for an unknown suffix."""
-    conversion = _BY_SUFFIX.get(path.suffix.lower())
-    if conversion is None:
-        return ""
-    hint = f"is not read ({conversion.format}): {conversion.advice}"
-    return f"{hint}: {conversion.command_for(path)}" if conversion.command else hint

@@ -14,7 +14,7 @@ import numpy as np
 from omnisim.core.arrays import Bytes, Floats, Floats32
 from omnisim.core.short_repr import counted
 from omnisim.core.srgb import linear_from_srgb, linear_from_srgb8
-from omnisim.scene.light.lighting import DEFAULT_BACKGROUND, DEFAULT_LIGHTING
+from omnisim.scene.light.lighting import DEFAULT_LIGHTING
 from omnisim.scene.parts import (
     MAX_LIGHTS,
     AlphaMode,
@@ -261,16 +261,6 @@ def read_lighting(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Lighting,
         )
     red, green, blue = ambient.tolist()
     return Lighting((red, green, blue), tuple(lights)), notices
-
-
-def read_background(
-    model: mujoco.MjModel, textures: Textures
-) -> tuple[tuple[float, float, float], list[str]]:
-    """Linear RGB of rays without a hit, the mean of the sky box; and notices."""
-    for texture in range(model.ntex):
-        if int(model.tex_type[texture]) == mujoco.mjtTexture.mjTEXTURE_SKYBOX:
-            return textures.mean_color(texture), ["the sky box is drawn in its mean color"]
-    return DEFAULT_BACKGROUND, []
 
 
 def transformed(lighting: Lighting, world_from_file: Floats) -> Lighting:

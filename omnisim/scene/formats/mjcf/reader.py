@@ -32,7 +32,7 @@ from omnisim.scene.formats.imported_scene import (
     read_lens,
     translate,
 )
-from omnisim.scene.formats.mjcf.materials import read_background, read_lighting, transformed
+from omnisim.scene.formats.mjcf.materials import read_lighting, transformed
 from omnisim.scene.formats.mjcf.meshes import Geom, Meshes, Parts, visible_deformables
 from omnisim.scene.light.lighting import DEFAULT_BACKGROUND, DEFAULT_LIGHTING
 from omnisim.scene.model import Scene
@@ -114,14 +114,28 @@ class ModelReader:
     def content(self, instances: Iterable[Instance]) -> ImportedScene:
         """Import instances created by this reader."""
         lighting, lights = read_lighting(self._model, self._data)
-        background, sky = read_background(self._model, self.meshes.materials.textures)
+        boxes = np.flatnonzero(self._model.tex_type == int(mujoco.mjtTexture.mjTEXTURE_SKYBOX))
+        sky = ["the sky box is drawn in its mean color"] if len(boxes) else []
+        model, groups, notices = self._model, self._groups, []
+        hidden = sum(int(group) not in groups for group in model.geom_group)
+        if hidden:
+            others = sorted({int(group) for group in model.geom_group} - set(groups))
+            listed = ", ".join(map(str, others))
+            notices.append(f"not drawn, as in MuJoCo: {counted(hidden, 'geom')} of group {listed}")
+        fields = sum(int(model.geom_type[geom]) == Geom.mjGEOM_SDF for geom in self.geoms)
+        if fields:
+            notices.append(f"drawn as meshes: {counted(fields, 'signed distance field')}")
+        ropes = int((model.flex_dim == 1).sum())
+        if ropes:
+            notices.append(f"not drawn: {counted(ropes, 'flexible line')} without a surface")
+        textures = self.meshes.materials.textures
         return ImportedScene(
             tuple(self.meshes.entries),
             tuple(self.meshes.materials.entries),
             tuple(instances),
-            [*self._notices(), *self.meshes.materials.notices, *lights, *sky],
+            [*notices, *self.meshes.materials.notices, *lights, *sky],
             lighting=lighting,
-            background=background,
+            background=textures.mean_color(int(boxes[0])) if len(boxes) else DEFAULT_BACKGROUND,
         )
 
     def instances(self, geoms: Iterable[int], frame_from_world: Floats) -> list[Instance]:
@@ -141,21 +155,6 @@ class ModelReader:
             part = self.meshes.add(one.name, one.mapped, one.material, one.rgba)
             instances += _place(one.name, (part,), np.eye(4))
         return instances
-
-    def _notices(self) -> list[str]:
-        model, groups, notices = self._model, self._groups, []
-        hidden = sum(int(group) not in groups for group in model.geom_group)
-        if hidden:
-            others = sorted({int(group) for group in model.geom_group} - set(groups))
-            listed = ", ".join(map(str, others))
-            notices.append(f"not drawn, as in MuJoCo: {counted(hidden, 'geom')} of group {listed}")
-        fields = sum(int(model.geom_type[geom]) == Geom.mjGEOM_SDF for geom in self.geoms)
-        if fields:
-            notices.append(f"drawn as meshes: {counted(fields, 'signed distance field')}")
-        ropes = int((model.flex_dim == 1).sum())
-        if ropes:
-            notices.append(f"not drawn: {counted(ropes, 'flexible line')} without a surface")
-        return notices
 
 
 def _place(name: str, parts: Parts, pose: Floats) -> list[Instance]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import re
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +14,6 @@ from typing import NamedTuple
 from PIL import Image
 
 from omnisim.core.arrays import Floats
-from omnisim.core.files.sources import SourceReader
 from omnisim.scene.formats.imported_scene import Omissions
 from omnisim.scene.formats.resources import ResourcePath
 from omnisim.scene.formats.sdf.geometry import Layer, blend, terrain_size_m
@@ -228,7 +227,12 @@ class MaterialReader:
         paths = [self._resources.find(uri, element.file.parent) for uri in uris if uri]
         files = tuple(path for path in paths if path is not None)
         if files not in self._scripts:
-            self._scripts[files] = read_scripts(files, self._resources.reader)
+            materials = self._scripts[files] = {}
+            for path in files:
+                for file in sorted(path.glob("*.material")) if path.is_dir() else [path]:
+                    with suppress(OSError):  # the missing material is reported below
+                        text = self._resources.reader.read(file).decode("utf-8", "replace")
+                        materials |= parse_scripts(text, materials)
         material = self._scripts[files].get(name) or GAZEBO_MATERIALS.get(name)
         if material is None:
             has_color = element.find("diffuse") is not None
@@ -333,19 +337,6 @@ def parse_scripts(text: str, parents: dict[str, ScriptMaterial]) -> dict[str, Sc
             _rgb(emissive) or parent.emissive,
             values["texture"].split()[0].strip('"') if "texture" in values else parent.texture,
         )
-    return materials
-
-
-def read_scripts(paths: Sequence[Path], reader: SourceReader) -> dict[str, ScriptMaterial]:
-    """Materials of all scripts among files and folders; unreadable files are skipped."""
-    materials: dict[str, ScriptMaterial] = {}
-    for path in paths:
-        for file in sorted(path.glob("*.material")) if path.is_dir() else [path]:
-            try:
-                text = reader.read(file).decode("utf-8", "replace")
-            except OSError:  # the missing material is reported later
-                continue
-            materials |= parse_scripts(text, materials)
     return materials
 
 

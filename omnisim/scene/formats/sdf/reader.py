@@ -183,7 +183,11 @@ class _Reader:
         elif tag == "heightmap":
             self._read_heightmap(kind, file_from_visual, name)
         elif tag in SHAPES:
-            shape = self._shape(geometry, kind)
+            key = tuple((one.tag, (one.text or "").strip()) for one in geometry.element.iter())
+            if key not in self._shapes:
+                limit = segment_limit(self._library.round_shapes)
+                self._shapes[key] = make_shape(geometry, kind, limit)
+            shape = self._shapes[key]
             material = self._materials.read(visual, double_sided=not shape.is_closed)
             self._place(shape, material, file_from_visual, name)
 
@@ -200,13 +204,6 @@ class _Reader:
             return
         material, tile_m = self._materials.terrain(element, levels)
         self._place(terrain(element, levels, tile_m), material, file_from_visual, name)
-
-    def _shape(self, geometry: XmlElement, kind: XmlElement) -> Shape:
-        key = tuple((one.tag, (one.text or "").strip()) for one in geometry.element.iter())
-        if key not in self._shapes:
-            limit = segment_limit(self._library.round_shapes)
-            self._shapes[key] = make_shape(geometry, kind, limit)
-        return self._shapes[key]
 
     def _place(self, shape: Shape, material: int, file_from_visual: Floats, name: str) -> None:
         key = id(shape), material

@@ -144,7 +144,11 @@ class _Reader:
             self._omissions.count(f"{path.name}: not drawn: {file}", "visual")
             return
         meshes = [file.meshes[one.mesh] for one in file.instances]
-        has_own = [_has_own(mesh, file.materials[mesh.material]) for mesh in meshes]
+        has_own = []  # colors, a texture, or another material than that of plain files
+        for mesh in meshes:
+            stated = file.materials[mesh.material]
+            is_plain = stated.base_color == _GRAY or not stated.name
+            has_own.append(mesh.colors is not None or stated.texture is not None or not is_plain)
         self._hidden += material is not None and any(has_own)
         for one, mesh, is_colored in zip(file.instances, meshes, has_own, strict=True):
             if is_colored and self._chosen == "mesh":
@@ -202,12 +206,6 @@ class _Reader:
             self._omissions.count(f"texture {name} is not an image that can be read", "material")
             return None
         return self._textures.texture(image, element.name)
-
-
-def _has_own(mesh: Mesh, material: Material) -> bool:
-    """True for a mesh with colors, a texture, or another material than that of plain files."""
-    is_plain = material.base_color == _GRAY or not material.name
-    return mesh.colors is not None or material.texture is not None or not is_plain
 
 
 def _surface(shape: XmlElement) -> Surface:

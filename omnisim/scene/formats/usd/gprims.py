@@ -61,8 +61,7 @@ class Gprims:
             faces = mesh_faces(prim, self._time, self._notices)
         if faces is None:
             return []
-        rest = np.ones(len(faces.polygons), dtype=bool)
-        parts = []
+        rest, parts = np.ones(len(faces.polygons), dtype=bool), []
         for subset, material in zip(subsets, bound[1:], strict=True):
             chosen = np.zeros(faces.corners.sizes["uniform"], dtype=bool)
             indices = integers(subset.GetIndicesAttr().Get(self._time))

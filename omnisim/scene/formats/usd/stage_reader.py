@@ -100,6 +100,7 @@ class _Reader:
         """Read everything that is drawn, and the transform (4, 4) world_from_stage."""
         placed = self._placed(self._stage.GetPseudoRoot(), np.eye(4), 0)
         instances = tuple(Instance(*one[:4]) for one in placed)
+        class_of = {one.name: one.class_name for one in placed if one.class_name}
         read = ImportedScene(
             tuple(self._gprims.meshes),
             tuple(self._gprims.materials),
@@ -110,7 +111,15 @@ class _Reader:
             environment=self._lights.environment,
             start=self._start,
             cameras=self._cameras.poses,
-            labels=_labels({one.name: one.class_name for one in placed if one.class_name}),
+            labels=tuple(
+                LabelRule(
+                    number,
+                    name,
+                    distinct_color(number),
+                    tuple(each for each, own in class_of.items() if own == name),
+                )
+                for number, name in enumerate(sorted(set(class_of.values())), start=1)
+            ),
         )
         read.notices.extend((*self._assets.notices, *self._textures.notices))
         read.notices.extend(self._notices.notices)
@@ -259,18 +268,6 @@ class _Reader:
             if form.GetResetXformStack():
                 return parent_from_prim
             return stage_from_parent @ parent_from_prim
-
-
-def _labels(class_of: dict[str, str]) -> tuple[LabelRule, ...]:
-    return tuple(
-        LabelRule(
-            number,
-            name,
-            distinct_color(number),
-            tuple(each for each, own in class_of.items() if own == name),
-        )
-        for number, name in enumerate(sorted(set(class_of.values())), start=1)
-    )
 
 
 # Traversal of a stage: visible prims, their poses, and the objects that contain them.

@@ -1,4 +1,4 @@
-"""Response, vignetting and readout, measured from synthetic frames with known formulas."""
+"""Noise, response, vignetting and readout, measured from synthetic frames."""
 
 from __future__ import annotations
 
@@ -15,11 +15,13 @@ from omnisim.core.poses import rotation_from_roll_pitch_yaw
 from omnisim.core.srgb import srgb_from_linear
 from omnisim.measurement.geometry import BoardView, Chessboard
 from omnisim.measurement.geometry.board_detection import find_board
+from omnisim.measurement.noise import measure_noise
 from omnisim.measurement.response import measure_response, measure_vignetting
 from omnisim.measurement.timing import line_profiles, measure_readout, measure_timing
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
 from omnisim.report.report import Measure, ResultTable, Section
 from omnisim.validation.fixture import Fixture
+from omnisim.validation.oracles.emva import BOUNDS, ReferenceCamera
 
 CAMERAS, QUICK_CAMERAS = 12, 4
 TURNING, QUICK_TURNING = 4, 1  # cameras before a turning board
@@ -36,7 +38,7 @@ _SAMPLES = 3  # of a pixel's side
 _BLACK, _WHITE, _BACKGROUND = 30.0, 220.0, 110.0
 
 
-def check(fixture: Fixture, title: str) -> Section:
+def check_response(fixture: Fixture, title: str) -> Section:
     """Measure random cameras from their frames, and compare with their formulas."""
     count = QUICK_CAMERAS if fixture.is_quick else CAMERAS
     rows, errors = [], []
@@ -175,3 +177,38 @@ def _image(time_s: float, readout_s: float, turn_radps: float) -> Floats:
             is_black = is_square & ((column + row) % 2 == 0)
             levels += np.where(is_black, _BLACK, np.where(is_paper, _WHITE, _BACKGROUND))
     return levels / _SAMPLES**2
+
+
+# Noise, measured from frames simulated by the reference implementation of EMVA 1288.
+
+
+NOISY_CAMERAS, QUICK_NOISY_CAMERAS = 20, 1
+
+
+def check_noise(fixture: Fixture, title: str) -> Section:
+    """Measure the noise of random cameras; compare it with their true parameters."""
+    count = QUICK_NOISY_CAMERAS if fixture.is_quick else NOISY_CAMERAS
+    errors: dict[str, list[float]] = {name: [] for name in BOUNDS}
+    rows = []
+    for seed in range(count):
+        camera = ReferenceCamera.drawn(seed)
+        measured = measure_noise(*camera.dark_and_flat(), bit_depth=camera.bit_depth)
+        values = {quantity.name: quantity.value for quantity in measured.quantities}
+        cells = []
+        for name, (true, _) in camera.truth().items():
+            errors[name].append(values.get(name, np.inf) / true - 1.0)
+            cells.append(f"{true:.4g} ({100.0 * errors[name][-1]:+.2f} %)")
+        rows.append((str(camera.bit_depth), *cells))
+    caption = "True values, and errors of the measured ones"
+    return Section(
+        title,
+        "Parameters measured by `omnisim measure noise` against the true ones, for "
+        f"{count} random cameras of the simulator of EMVA 1288. Each has two dark frames and two "
+        "flat fields at each of 16 exposures, and 50 at one of them, with 640 × 480 px.",
+        [
+            Measure(f"{name}, largest error", 100.0 * float(np.abs(errors[name]).max()), "%",
+                    100.0 * bound)
+            for name, bound in BOUNDS.items()
+        ],
+        [ResultTable(caption, ("bits", *BOUNDS), tuple(rows))],
+    )  # fmt: skip

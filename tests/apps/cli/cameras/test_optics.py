@@ -12,7 +12,7 @@ import omnisim as package
 from omnisim.cameras.calibration.ray_table import read_ray_table
 from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.cameras.optics import read_optics_file, write_corners
-from omnisim.cameras.optics.profile_file import read_profile
+from omnisim.cameras.optics.profiles import read_profile
 from tests.cameras.optics.boards.test_calibrate import boards_of
 
 EXAMPLES = Path(package.__file__).parents[1] / "examples" / "optics"

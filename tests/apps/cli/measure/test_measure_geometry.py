@@ -5,7 +5,7 @@ import json
 import pytest
 
 from omnisim.cameras import KannalaBrandtCamera
-from omnisim.cameras.optics.boards.board_corners import BoardCorners, write_corners
+from omnisim.cameras.optics.system_calibration import BoardCorners, write_corners
 from omnisim.core.files.image_files import write_numbers
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from tests.measurement.geometry.board_pictures import (

@@ -6,14 +6,15 @@ import numpy as np
 import pytest
 
 from omnisim.cameras.optics import calibrate_system
-from omnisim.cameras.optics.boards.board_corners import (
+from omnisim.cameras.optics.centrality import CentralView
+from omnisim.cameras.optics.system_calibration import (
     BoardCorners,
+    FreeParameters,
+    _Problem,
     first_pose,
     read_corners,
     write_corners,
 )
-from omnisim.cameras.optics.boards.calibrate import FreeParameters, _Problem
-from omnisim.cameras.optics.central_view import CentralView
 from omnisim.cameras.optics.system_file import parse_optics
 from omnisim.core import poses
 from omnisim.core.errors import OpticsError

@@ -8,16 +8,32 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omnisim.cameras import CentralCamera, check_central, period_px, pixel_grid
+from omnisim.cameras import (
+    CentralCamera,
+    CylindricalCamera,
+    HyperbolicCamera,
+    NonCentralCamera,
+    PerspectiveCamera,
+    check_central,
+    period_px,
+    pixel_grid,
+)
+from omnisim.cameras.mirrors.hyperbolic import theta_from_image_radius_eq2_rad
 from omnisim.core.arrays import Bools, Floats, Floats32, Indices
 from omnisim.core.bilinear import corner_and_weights
-from omnisim.core.errors import OpticsError, OutputError
-from omnisim.core.poses import check_pose
+from omnisim.core.coordinate_frames import (
+    BASE_FROM_OPTICAL_LOOKING_AHEAD,
+    BASE_FROM_OPTICAL_LOOKING_DOWN,
+    RIG_FROM_OPTICAL_LOOKING_UP,
+)
+from omnisim.core.errors import LocalizationError, OpticsError, OutputError
+from omnisim.core.poses import check_pose, rotation_from_roll_pitch_yaw
 from omnisim.core.srgb import linear_from_srgb8, srgb8_from_linear
 from omnisim.ground_truth.channels import CHANNELS, FLOWS
 
@@ -303,3 +319,278 @@ class ChannelUnwarping:
         rays = self._camera.ray_from_pixel(positions_px)
         pixels = self._view.pixel_from_ray(rays.directions @ self._camera_from_view)
         return pixels.positions_px.copy(), rays.valid & pixels.valid
+
+
+# Views to unwarp an omnidirectional image to: cylinder, perspective, bird's eye.
+#
+# Each view is a camera at the effective viewpoint of the image, with an orientation on the vehicle.
+# The bird's eye view is a perspective view straight down, in which plane ground appears as a map.
+
+
+STEEPEST_RAD = math.radians(85.0)  # of a cylinder's rows: at 90° they are infinitely far away
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """Camera at the effective viewpoint, and its (3, 3) rotation to the vehicle's base."""
+
+    camera: CentralCamera
+    base_from_view: Floats
+
+
+def cylinder_view(
+    width_px: int, lowest_rad: float, highest_rad: float, yaw_rad: float = 0.0
+) -> View:
+    """Cylindrical view of a whole turn of `width_px`, left to right clockwise.
+
+    The middle column looks toward `yaw_rad`, counter-clockwise from the vehicle's front, the left
+    and right edges back; elevations are of the lowest and highest row above the horizon.
+
+    Raises:
+        OpticsError: elevations that leave no row between them, or are too steep for a cylinder.
+    """
+    if not -STEEPEST_RAD <= lowest_rad < highest_rad <= STEEPEST_RAD:
+        raise OpticsError(
+            f"cylinder: elevation {math.degrees(lowest_rad):g}° to {math.degrees(highest_rad):g}°: "
+            f"expected the lower one first, within ±{math.degrees(STEEPEST_RAD):g}°"
+        )
+    focal_length_px = width_px / (2.0 * math.pi)
+    top_px = focal_length_px * math.tan(highest_rad)
+    height_px = max(1, round(top_px - focal_length_px * math.tan(lowest_rad)))
+    center = (0.5 * (width_px - 1), top_px - 0.5)
+    camera = CylindricalCamera(width_px, height_px, focal_length_px, center)
+    return View(camera, _turned(yaw_rad) @ BASE_FROM_OPTICAL_LOOKING_AHEAD)
+
+
+def perspective_view(
+    width_px: int,
+    height_px: int,
+    field_of_view_rad: float,
+    yaw_rad: float = 0.0,
+    pitch_rad: float = 0.0,
+) -> View:
+    """Perspective view of a pinhole camera, with its field of view between the left and right edge.
+
+    Yaw is counter-clockwise from the vehicle's front, pitch positive downward as in REP 103.
+
+    Raises:
+        OpticsError: a field of view that is not between 0 and 180°, or a size below 1.
+    """
+    camera = PerspectiveCamera.with_field_of_view(width_px, height_px, field_of_view_rad)
+    return View(camera, _turned(yaw_rad, pitch_rad) @ BASE_FROM_OPTICAL_LOOKING_AHEAD)
+
+
+def birdseye_view(
+    size_px: int, half_extent_m: float, height_m: float, yaw_rad: float = 0.0
+) -> View:
+    """Bird's eye view: a square map of the ground, the vehicle in the middle, its front up.
+
+    `half_extent_m` is from the middle to an edge; the effective viewpoint is `height_m` above the
+    ground; the top of the map heads `yaw_rad` counter-clockwise from the vehicle's front.
+
+    Raises:
+        OpticsError: an extent, height or size that is not above 0.
+    """
+    for name, value in (("height", height_m), ("extent", half_extent_m)):
+        if not (math.isfinite(value) and value > 0.0):
+            raise OpticsError(
+                f"bird's eye: {name}: expected a finite number of meters above 0, got {value:g}"
+            )
+    focal_length_px = 0.5 * size_px * height_m / half_extent_m
+    middle = 0.5 * (size_px - 1)
+    camera = PerspectiveCamera(size_px, size_px, focal_length_px, (middle, middle))
+    return View(camera, _turned(yaw_rad) @ BASE_FROM_OPTICAL_LOOKING_DOWN)
+
+
+def highest_elevation_deg(camera: CentralCamera, base_from_optical: Floats) -> float:
+    """Highest whole degree of elevation, up to 60, visible at all azimuths.
+
+    If there is none, as of a lens that looks ahead, the highest one visible anywhere; else 0.
+
+    `base_from_optical` is the (3, 3) rotation of the camera, level or tilted.
+    """
+    azimuth = np.radians(np.arange(0.0, 360.0, 5.0))
+    highest_deg = 0.0
+    for elevation_deg in range(60, -60, -1):
+        elevation = math.radians(elevation_deg)
+        x, y = math.cos(elevation) * np.cos(azimuth), math.cos(elevation) * np.sin(azimuth)
+        base = np.stack((x, y, np.full_like(azimuth, math.sin(elevation))), axis=-1)
+        pixels = camera.pixel_from_ray(base @ base_from_optical)
+        last = camera.width_px - 1, camera.height_px - 1
+        inside = (pixels.positions_px >= 0.0) & (pixels.positions_px <= last)
+        seen = pixels.valid & inside.all(axis=-1)
+        if seen.all():
+            return float(elevation_deg)
+        if seen.any():
+            highest_deg = max(highest_deg, float(elevation_deg))
+    return highest_deg
+
+
+def _turned(yaw_rad: float, pitch_rad: float = 0.0) -> Floats:
+    if not (math.isfinite(yaw_rad) and math.isfinite(pitch_rad)):
+        yaw_deg, pitch_deg = math.degrees(yaw_rad), math.degrees(pitch_rad)
+        raise OpticsError(
+            "view: yaw and pitch: expected finite numbers of degrees, "
+            f"got {yaw_deg:g} and {pitch_deg:g}"
+        )
+    return rotation_from_roll_pitch_yaw(0.0, pitch_rad, yaw_rad)
+
+
+# Level panorama for landmark detection, and the geometry of its rows and columns.
+
+
+LOWEST_RAD, HIGHEST_RAD = math.radians(-60.0), math.radians(3.0)
+_LEVEL = 1e-9  # maximum error of a rotation about the upright axis
+
+
+@dataclass(frozen=True, eq=False)
+class CameraMount:
+    """Camera on a vehicle.
+
+    The caveat is of the assumed single viewpoint of non-central optics, and of its errors.
+    """
+
+    camera: CentralCamera
+    base_from_optical: Floats  # (4, 4) pose on the vehicle
+    # (height, width) pixels that show the scene; None: all valid
+    covered: Bools | None = None
+    caveat: str | None = None  # None: a central camera, or no assumption
+
+    def assuming_viewpoint(self) -> CameraMount:
+        """The same mount; for non-central optics, as if all rays met in one point."""
+        if not isinstance(self.camera, NonCentralCamera):
+            return self
+        from omnisim.cameras.optics.centrality import CentralView  # few cameras need it
+
+        view = CentralView(self.camera)
+        base_from_view = view.frame_from_view(self.base_from_optical)
+        return CameraMount(view, base_from_view, self.covered, view.caveat())
+
+    @property
+    def height_m(self) -> float:
+        """Height of the effective viewpoint above the ground."""
+        return float(self.base_from_optical[2, 3])
+
+    @property
+    def position_m(self) -> tuple[float, float]:
+        """Effective viewpoint x, y in the base frame."""
+        return float(self.base_from_optical[0, 3]), float(self.base_from_optical[1, 3])
+
+
+class Panorama:
+    """Panorama of a whole turn around a vehicle, from 60° below the horizon to 3° above it.
+
+    Rows and columns count from the center of the first pixel and may have fractions.
+
+    Args:
+        mount: camera on the vehicle.
+        width_px: columns of the whole turn; None: the length of the horizon in the image, pixels.
+
+    Attributes:
+        camera: camera model of the panorama, a cylinder.
+
+    Raises:
+        LocalizationError: a camera at or below the ground, or one that sees no part of the horizon.
+        OpticsError: the camera sees nothing of the panorama.
+    """
+
+    def __init__(self, mount: CameraMount, width_px: int | None = None):
+        if not mount.height_m > 0.0:
+            raise LocalizationError(
+                f"camera: {mount.height_m:g} m above the ground: expected more than 0 for ranges"
+            )
+        self.mount = mount
+        rotation = mount.base_from_optical[:3, :3]
+        width = width_px or _horizon_px(mount.camera, rotation)
+        view = cylinder_view(width, LOWEST_RAD, HIGHEST_RAD)
+        assert isinstance(view.camera, CylindricalCamera)
+        self.camera = view.camera
+        self._unwarp = Unwarping(
+            mount.camera, view.camera, rotation.T @ view.base_from_view, mount.covered
+        )
+
+    def __call__(self, image: NDArray[Any]) -> NDArray[Any]:
+        """Unwarp an image to a panorama (height, width, 3); black outside the image."""
+        return self._unwarp(image)
+
+    @property
+    def valid(self) -> Bools:
+        """Mask (height, width) of pixels that show the scene."""
+        return self._unwarp.valid
+
+    def bearings_rad(self, columns: ArrayLike) -> Floats:
+        """Bearings (...) of columns (...), counter-clockwise from the front; unwrapped."""
+        u = np.asarray(columns, dtype=np.float64)
+        return (self.camera.principal_point_px[0] - u) / self.camera.focal_length_px
+
+    def ranges_m(self, rows: ArrayLike, height_m: float = 0.0) -> Floats:
+        """Ranges (...) along the ground at rows (...), for a known height: r = (H − z) tan θ.
+
+        H is the camera's height, z = `height_m` the height of the points, and θ the angle of the
+        row from straight down. Infinite at and above the camera's horizon.
+        """
+        down = self._tangents(rows)
+        drop_m = self.mount.height_m - height_m
+        return np.where(down > 0.0, drop_m / np.where(down > 0.0, down, 1.0), np.inf)
+
+    def rows(self, ranges_m: ArrayLike, height_m: float = 0.0) -> Floats:
+        """Rows (...) of points with known ranges (...) and height."""
+        tangents = (self.mount.height_m - height_m) / np.asarray(ranges_m, dtype=np.float64)
+        return self.camera.principal_point_px[1] + self.camera.focal_length_px * tangents
+
+    def ranges_eq2_m(self, rows: ArrayLike, height_m: float = 0.0) -> Floats:
+        """Ranges (...) of points of known height from the image radius, by the inverse of Eq. 2.
+
+        NaN if Eq. 2 does not apply: the camera has no hyperbolic mirror, or is not upright.
+        Infinite at and above the camera's horizon.
+        """
+        down = self._tangents(rows)
+        camera = self.mount.camera
+        # straight up, with any rotation about the camera's axis
+        rotation = self.mount.base_from_optical[:3, :3] @ RIG_FROM_OPTICAL_LOOKING_UP.T
+        is_upright = abs(rotation[2, 2] - 1.0) < _LEVEL
+        if not isinstance(camera, HyperbolicCamera) or not is_upright:
+            return np.full(down.shape, np.nan)
+        theta = 0.5 * math.pi - np.arctan(down)
+        radius = camera.image_radius(theta).radii_px
+        paper = theta_from_image_radius_eq2_rad(radius, camera.horizon_radius_px)
+        near = paper < 0.5 * math.pi
+        drop_m = self.mount.height_m - height_m
+        return np.where(near, drop_m * np.tan(np.where(near, paper, 0.0)), np.inf)
+
+    def range_sigmas_m(self, ranges_m: ArrayLike, height_m: float, row_sigma_px: float) -> Floats:
+        """Standard deviations of ranges, given that of the row: dr/dv = r²/((H − z) f).
+
+        H and z are as in `ranges_m`; f is the panorama's focal length.
+        """
+        drop_m = self.mount.height_m - height_m
+        squared = np.square(np.asarray(ranges_m, dtype=np.float64))
+        return squared * row_sigma_px / (abs(drop_m) * self.camera.focal_length_px)
+
+    def heights_m(self, rows: ArrayLike, ranges_m: ArrayLike) -> Floats:
+        """Heights (...) above the ground of points at rows (...) with known ranges (...)."""
+        return self.mount.height_m - np.asarray(ranges_m) * self._tangents(rows)
+
+    def _tangents(self, rows: ArrayLike) -> Floats:
+        """Tangents (...) of the angles of rows (...) below the horizon."""
+        v = np.asarray(rows, dtype=np.float64)
+        return (v - self.camera.principal_point_px[1]) / self.camera.focal_length_px
+
+
+def _horizon_px(camera: CentralCamera, base_from_optical: Floats) -> int:
+    """Length of the horizon in the image, pixels."""
+    step_rad = 1e-3
+    headings = np.linspace(-math.pi, math.pi, 72, endpoint=False)
+
+    def pixels(shift_rad: float) -> Any:
+        turned = headings + shift_rad
+        level = np.stack((np.cos(turned), np.sin(turned), np.full_like(turned, -0.1)), axis=-1)
+        level /= np.linalg.norm(level, axis=-1, keepdims=True)
+        return camera.pixel_from_ray(level @ base_from_optical)
+
+    start, end = pixels(0.0), pixels(step_rad)
+    seen = start.valid & end.valid
+    if not seen.any():
+        raise LocalizationError("camera: sees nothing of the horizon: no landmark can be found")
+    steps = np.linalg.norm(end.positions_px - start.positions_px, axis=-1)[seen]
+    return max(64, math.ceil(2.0 * math.pi * float(np.median(steps)) / step_rad))

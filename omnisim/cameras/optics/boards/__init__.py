@@ -1,1 +1,0 @@
-"""Calibration of optical systems from images of calibration boards."""

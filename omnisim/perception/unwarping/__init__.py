@@ -1,1 +1,0 @@
-"""Unwarping of omnidirectional images."""

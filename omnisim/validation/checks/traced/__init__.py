@@ -1,1 +1,0 @@
-"""Checks of images against a path tracer."""
