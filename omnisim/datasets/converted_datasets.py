@@ -19,7 +19,8 @@ from omnisim.core.errors import OutputError, PlanError
 from omnisim.core.files.atomic_file import atomic_folder, check_new_folder, write_text
 from omnisim.core.poses import check_pose, inverse
 from omnisim.core.trajectories import Trajectory
-from omnisim.datasets.export.export import ExportSettings, PrintNote, for_format
+from omnisim.datasets.export.export import for_format
+from omnisim.datasets.export.export_format import ExportSettings, PrintNote
 from omnisim.datasets.export.export_formats import format_named
 from omnisim.datasets.export.recording import RecordedCamera, Recording
 from omnisim.datasets.generate.samples import Shards, in_shard
