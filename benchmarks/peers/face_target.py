@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from omnisim.rendering.opengl.gl.framebuffers import framebuffer
 from omnisim.rendering.opengl.gl.gpu_textures import DEPTH, renderbuffer
-from omnisim.rendering.opengl.gl.reversed_depth import CLEAR_DEPTH, DEPTH_FUNCTION
+from omnisim.rendering.opengl.gl.reversed_depth import CLEAR_DEPTH
 from omnisim.rendering.opengl.gl.shader_files import columns_first, find_uniform, uniform
 from omnisim.rendering.opengl.surfaces.surface_program import (
     SurfaceProgram,
@@ -116,7 +116,7 @@ class ObjectDrawer:
         target.clear(*self._background, 1.0, depth=CLEAR_DEPTH)
         context.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         context.enable_direct(FRAMEBUFFER_SRGB)
-        context.depth_func = DEPTH_FUNCTION
+        context.depth_func = ">"  # as reversed depth needs
         context.cull_face = "back"
         context.blend_func = (  # type: ignore[assignment]  # the stub knows no factors of alpha
             moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA, moderngl.ZERO, moderngl.ONE

@@ -11,7 +11,7 @@ from __future__ import annotations
 from omnisim.rendering.opengl.gl.functions import ENUM, gl_function
 
 CLEAR_DEPTH = 0.0
-GREATER, DEPTH_FUNCTION = 0x0204, ">"  # test that nearer surfaces pass, and moderngl's name of it
+GREATER = 0x0204  # test that nearer surfaces pass
 _LOWER_LEFT, _ZERO_TO_ONE = 0x8CA1, 0x935F
 
 

@@ -269,7 +269,7 @@ class HitTables:
         self._draw_items["first"] = [draw.first for draw in draws]
         self._draw_items["flags"] = [
             _MASKED * bool(draw.kind & SurfaceKind.HOLES)
-            + _DOUBLE_SIDED * (draw.material.double_sided or visibility.both_sides)
+            + _DOUBLE_SIDED * (draw.material.double_sided or visibility.cameras.both_sides)
             + _FLIPS_WINDING * draw.flips_winding
             for draw in draws
         ]
@@ -281,8 +281,8 @@ class HitTables:
         bind_tiles(program, visibility.plan, rig_from_optical)
         for name, unit in _UNITS.items():
             uniform(program, name).value = unit
-        depth_limits_m = (visibility.near_m, min(visibility.far_m, 3e38))
-        uniform(program, "u_depth_limits_m").value = depth_limits_m
+        cameras = visibility.cameras
+        uniform(program, "u_depth_limits_m").value = cameras.near_m, min(cameras.far_m, 3e38)
 
     def update(
         self,

@@ -70,7 +70,7 @@ class VisibilityPass:
         like: pass of the same scene, whose programs and IDs are used, too.
 
     Attributes:
-        buffers, plan, cameras, near_m, far_m, both_sides: see the arguments.
+        buffers, plan, cameras: see the arguments.
         id_atlas: integer texture, 1 + ID of the triangle; 0: nothing visible.
         triangle_ids: table of the IDs.
         depth: depth of the last rendered atlas.
@@ -91,8 +91,7 @@ class VisibilityPass:
         context, size = buffers.context, (plan.width_px, plan.height_px)
         self.buffers, self.cameras, self._state = buffers, cameras, GlState()
         self.plan = self._first_plan = plan
-        self.near_m, self.far_m = cameras.near_m, cameras.far_m
-        self.both_sides, self._layers = cameras.both_sides, layers
+        self._layers = layers
         formats = {"u_triangle_ids": (1, "u4"), **atlas_formats(details)}
         self.depth: moderngl.Texture | moderngl.TextureArray
         if layers is None:
