@@ -25,7 +25,7 @@ from omnisim.plots.style import Figure
 from omnisim.rendering.atlas.tile_plan import plan_tiles
 from omnisim.rendering.contract import ScenePoses, SubFrame, SubFrames
 from omnisim.rendering.opengl.camera_frame import CameraFrame, CubePass
-from omnisim.rendering.opengl.capture.pixel_map import PixelMap
+from omnisim.rendering.opengl.capture.mesh_and_lens import PixelMap
 from omnisim.rendering.opengl.gl.context import open_context
 from omnisim.rendering.opengl.scene_view import VirtualCameras
 from omnisim.rendering.opengl.surfaces.surface_program import SurfacePrograms

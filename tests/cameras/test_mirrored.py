@@ -12,7 +12,7 @@ from omnisim.cameras import (
 )
 from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.core.errors import OpticsError
-from omnisim.rendering.opengl.capture.pixel_map import PixelMap
+from omnisim.rendering.opengl.capture.mesh_and_lens import PixelMap
 
 MIRROR = HyperbolicCamera.framed_on_rim(HyperbolicMirror(), 240, 200)
 GAMMA = MIRROR.unified_focal_length_px

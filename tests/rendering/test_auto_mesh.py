@@ -13,7 +13,7 @@ from omnisim.core.errors import OpticsError
 from omnisim.core.poses import pose
 from omnisim.rendering.camera.captured_image import valid_mask
 from omnisim.rendering.camera.quality import MAX_ERROR_PX, auto_polygons, mesh_error_px
-from omnisim.rendering.opengl.capture.pixel_map import PixelMap
+from omnisim.rendering.opengl.capture.mesh_and_lens import PixelMap
 from tests.scenes import room, scene_of
 
 PAPER = HyperbolicCamera.framed_on_rim(HyperbolicMirror(), 360, 360)

@@ -60,7 +60,7 @@ def test_images_are_those_of_single_frames(stage, camera, images_a_slice, monkey
     with stage.open(camera) as renderer:
         poses = _poses(5, camera)
         if images_a_slice:
-            monkeypatch.setattr(renderer._passes.frame, "slice_length", images_a_slice)
+            monkeypatch.setattr(renderer._passes.batches, "slice_length", images_a_slice)
         images = renderer.render_batch(poses)
         with_alpha = renderer.render_batch(poses, channels=["rgba"])["rgba"]
         frames = [renderer.render(one) for one in poses]
@@ -73,8 +73,8 @@ def test_slices_bound_the_memory(stage, monkeypatch):
     monkeypatch.setattr(buffers, "MAX_SLICE_BYTES", 1 << 20)
     with stage.open(PAPER) as renderer:
         renderer.render_batch(_poses(9))
-        batches = renderer._passes.frame
-        atlases = batches._batch.layers.atlases
+        batches = renderer._passes.batches
+        atlases = batches._reserved.layers.atlases
         texels = atlases.width * atlases.height * atlases.layers
         assert 1 <= batches.slice_length < 9
         assert 8 * texels <= 1 << 20 or batches.slice_length == 1
@@ -137,7 +137,7 @@ def test_what_is_not_drawn_together_is_the_same(stage, camera, monkeypatch):
     else:
         sensor = dataclasses.replace(PAPER, degradation=Degradation(noise=Noise()))
     with stage.open(sensor) as renderer:
-        assert not renderer._passes.frame.draws_together
+        assert renderer._passes.batches is None
         images = renderer.render_batch(_poses(2), frame_number=7)
         for number, one in enumerate(_poses(2)):
             frame = renderer.render(one, frame_number=7 + number)
@@ -228,7 +228,7 @@ def test_an_interrupted_batch_leaves_later_ones_alone(renderer, monkeypatch):
     poses, stale = _poses(3), np.zeros((3, SIZE_PX, SIZE_PX, 3), np.uint8)
     expected = renderer.render_batch(poses)
     passes = renderer._passes
-    monkeypatch.setattr(passes.frame, "slice_length", 1)
+    monkeypatch.setattr(passes.batches, "slice_length", 1)
     draw, drawn = passes.cube.draw, []
 
     def interrupted(some, *targets):
@@ -290,7 +290,7 @@ def test_layers_drawn_one_after_the_other_are_the_same(stage, monkeypatch):
     """Some drivers cannot draw them together."""
     with stage.open(PAPER) as renderer:
         together = renderer.render_batch(_poses(3))
-        assert renderer._passes.frame._batch.layers.drawn is not None
+        assert renderer._passes.batches._reserved.layers.drawn is not None
         monkeypatch.setattr(framebuffers, "LAYER_EXTENSIONS", {"GL_NONE_such"})
         np.testing.assert_array_equal(renderer.render_batch(_poses(3)), together)
 

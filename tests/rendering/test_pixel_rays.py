@@ -7,7 +7,7 @@ import pytest
 
 from omnisim import OmniCamera
 from omnisim.cameras import EquidistantCamera, pixel_grid
-from omnisim.rendering.opengl.capture.pixel_map import PixelMap
+from omnisim.rendering.opengl.capture.mesh_and_lens import PixelMap
 
 pytest.importorskip("embreex", reason="embreex, which casts the rays, is missing")
 

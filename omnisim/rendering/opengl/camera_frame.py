@@ -1,21 +1,20 @@
 """A camera's frame, from poses to pixels.
 
-`CameraFrame.begin` tells it, with `CubePass.draw` for what the virtual cameras see: meshes, probes,
-shadows, mirrors, atlas, mip levels; then the image, exposure, degradation, and readback. Single
-images, sub-frames, parts of large images, batches and faces all go this way.
+`CubePass.draw` draws what the virtual cameras see: meshes, probes, shadows, mirrors, atlas, mip
+levels. `CameraFrame` makes the image of it: sampling, exposure, degradation, readback. Batches, in
+`frame_batches.py`, draw their atlases by the same method.
 """
 
 from __future__ import annotations
 
 from collections.abc import Generator, Sequence
 from contextlib import closing
-from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import moderngl
 import numpy as np
 
-from omnisim.core.arrays import Bytes, Floats32
+from omnisim.core.arrays import Floats32
 from omnisim.core.errors import GraphicsError
 from omnisim.core.pending import Pending
 from omnisim.core.short_repr import counted
@@ -23,9 +22,9 @@ from omnisim.rendering.atlas.image_parts import ImagePart
 from omnisim.rendering.atlas.tile_plan import Tile, TilePlan
 from omnisim.rendering.contract import Readback, ScenePoses, SubFrames
 from omnisim.rendering.opengl.capture.atlas_levels import AtlasLevels
-from omnisim.rendering.opengl.capture.image_pass import RemapPass, image_pass
-from omnisim.rendering.opengl.capture.pixel_map import PixelMap
-from omnisim.rendering.opengl.gl.buffers import gpu_allocation, slice_length
+from omnisim.rendering.opengl.capture.image_pass import image_pass
+from omnisim.rendering.opengl.capture.mesh_and_lens import PixelMap
+from omnisim.rendering.opengl.gl.buffers import gpu_allocation
 from omnisim.rendering.opengl.gl.framebuffers import (
     attach_layer,
     attach_texture,
@@ -46,7 +45,6 @@ from omnisim.rendering.opengl.gl.pixel_readback import (
     PixelReadback,
     Pixels,
     Read,
-    Reading,
     read_once,
 )
 from omnisim.rendering.opengl.scene_view import SceneView, TileRenderer, VirtualCameras
@@ -59,7 +57,6 @@ if TYPE_CHECKING:
     from omnisim.rendering.opengl.reflect.mirror_pass import MirrorPass
     from omnisim.rendering.opengl.reflect.probe_pass import ProbePass
 
-_PIXEL_BYTES = 4
 _LAYER_TEXEL_BYTES = 12  # color and depth
 
 
@@ -75,6 +72,7 @@ class CameraFrame:
 
     Attributes:
         size_px: width and height of the image.
+        readback: ring of images that are read.
         image_pass: samples the atlas into the image.
         linear: texture of the linear image: RGB and validity.
         encoded_target: framebuffer with the encoded image alone.
@@ -92,8 +90,8 @@ class CameraFrame:
         parts: Sequence[ImagePart] | None = None,
     ):
         context, (width, height) = samples.context, samples.size_px
-        self._context, self._cube, self._degradation = context, cube, degradation
-        self._readback = PixelReadback(context)
+        self._cube, self._degradation = cube, degradation
+        self.readback = PixelReadback(context)
         self.size_px = width, height = (width // supersampling, height // supersampling)
         self._parts = parts or [ImagePart((0, 0, width, height), cube.plan)]
         self._make_pass(samples, supersampling)
@@ -105,7 +103,6 @@ class CameraFrame:
             self._both_targets = framebuffer(context, [encoded, self.linear])
         # once: pixels without a ray are never drawn
         clear_target(self._both_targets)
-        self._batch: _Batch | None = None
 
     def _make_pass(self, samples: PixelMap, supersampling: int) -> None:
         self.image_pass = image_pass(samples, self._parts, supersampling)
@@ -126,7 +123,7 @@ class CameraFrame:
         metered = None if frames.meter is None else degradation.draw_meter(frames.meter)
         luminance, reads = None, [] if metered is None else [metered[0]]
         if metered is not None and not frames.is_exposed:
-            self._readback.read(*reads)
+            self.readback.read(*reads)
             luminance, reads, metered = metered[1](), [], None
         exposed = frames.expose(luminance)
         degradation.finish({"u_exposure_factors": exposed.factors, "u_frame": exposed.frame_number})
@@ -153,77 +150,12 @@ class CameraFrame:
         if linear is not None:
             floats = np.empty((height, width, 3), dtype=np.float32)
             reads.append((linear, floats))
-        reading = self._readback.start(*reads)
+        reading = self.readback.start(*reads)
         return Pending(reading.finish).then(lambda _: Readback(rgba, floats))
 
-    @property
-    def draws_together(self) -> bool:
-        """True if `begin_batch` can draw its images."""
-        return self._degradation is None and isinstance(self.image_pass, RemapPass)
-
-    def begin_batch(self, poses: Sequence[ScenePoses], out: Bytes) -> Pending[None]:
-        """Begin to render ideal images slice by slice, one layer of an atlas array per pose.
-
-        Args:
-            poses: poses of the camera and the objects, one entry per image.
-            out: (n, height, width, components) sRGB, with alpha if there are four components;
-                filled by the result.
-        """
-        assert isinstance(self.image_pass, RemapPass)
-        readings: list[Reading] = []
-        slices = -(-len(poses) // self.slice_length)
-        length = -(-len(poses) // max(1, slices))
-        try:
-            for first in range(0, len(poses), length or 1):
-                some = slice(first, min(first + length, len(poses)))
-                layers, target = self._reserve(length)
-                self._cube.draw(poses[some], layers)
-                self.image_pass.draw_batch(layers.atlases, target, some.stop - first)
-                region = (0, 0, target.width, (some.stop - first) * self.size_px[1])
-                readings.append(self._readback.start((Pixels(target, region=region), out[some])))
-        except BaseException:
-            for reading in readings:
-                reading.discard()
-            raise
-
-        def finish() -> None:
-            for reading in readings:
-                reading.finish()
-
-        return Pending(finish)
-
     def refresh(self) -> None:
-        """Update after the buffers, and with them the memory per image of a batch, changed."""
+        """Update after the buffers changed."""
         self._cube.refresh()
-        self.__dict__.pop("slice_length", None)
-        if self._batch is not None:
-            self._batch.layers.drawn = None
-
-    @cached_property
-    def slice_length(self) -> int:
-        """Maximum number of images per slice of a batch."""
-        width, height = self.size_px
-        layer_bytes = self._cube.bytes_of_layer + _PIXEL_BYTES * width * height
-        return slice_length(self._context, height, layer_bytes, layer_bytes)
-
-    def _reserve(self, count: int) -> _Batch:
-        """Atlases and a target for `count` to 2 `count` images."""
-        if self._batch is None or not count <= self._batch.layers.atlases.layers <= 2 * count:
-            self._batch, (width, height) = None, self.size_px
-            with gpu_allocation(f"a batch of {count} images", "render fewer at once"):
-                layers = self._cube.make_layers(count)
-                images = renderbuffer(self._context, (width, count * height), 4)
-                self._batch = _Batch(layers, framebuffer(self._context, [images]))
-            # once: pixels without a ray are never drawn
-            clear_target(self._batch.target)
-        return self._batch
-
-
-class _Batch(NamedTuple):
-    """Memory of a batch: atlases, and a target with the images, one above the other."""
-
-    layers: AtlasLayers
-    target: moderngl.Framebuffer
 
 
 class AtlasLayers:

@@ -153,7 +153,7 @@ class CubeBackend(SceneBackend):
 
     def beam_caster(self, beams: LidarBeams, hidden: frozenset[ObjectPart]) -> BeamCaster:
         """Beams of a spinning lidar; needs the current context, as do the pass's methods."""
-        from omnisim.rendering.opengl.hits.lidar_pass import LidarPass
+        from omnisim.rendering.opengl.hits.lidar_beams import LidarPass
 
         near_m = near_plane_m(scene_size_m(self.scene), LIDAR_NEAR_M)
 

@@ -25,7 +25,7 @@ from omnisim.rendering.contract import (
     seen_background,
 )
 from omnisim.rendering.opengl.camera_frame import CameraFrame, CubePass
-from omnisim.rendering.opengl.capture.pixel_map import PixelMap
+from omnisim.rendering.opengl.capture.mesh_and_lens import PixelMap
 from omnisim.rendering.opengl.gl.context import collect_garbage, graphics_info
 from omnisim.rendering.opengl.gl.gpu_textures import check_image_size
 from omnisim.rendering.opengl.scene_view import VirtualCameras
@@ -34,6 +34,7 @@ from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
 
 if TYPE_CHECKING:  # for frames with ground truth, or that are degraded
     from omnisim.rendering.opengl.degradation.degradation_pass import DegradationPass
+    from omnisim.rendering.opengl.frame_batches import FrameBatches
     from omnisim.rendering.opengl.hits.drawn_hits import CubeHits, DrawnHits
 
 
@@ -161,14 +162,28 @@ class CubeCamera(OpenGLCamera["CubeHits"]):
         super().refresh()
         if "whole_cube" in self.__dict__:
             self.whole_cube.refresh()
+        batches: FrameBatches | None = self.__dict__.get("batches")
+        if batches is not None:
+            batches.refresh()
 
     def begin_batch(
         self, poses: Sequence[ScenePoses], out: Bytes, frame_number: int = 0
     ) -> Pending[None]:
         """Begin to render images; those of an ideal camera are drawn together."""
-        if not self.frame.draws_together:
+        if self.batches is None:
             return super().begin_batch(poses, out, frame_number)
-        return self.frame.begin_batch(poses, out)
+        return self.batches.begin(poses, out)
+
+    @cached_property
+    def batches(self) -> FrameBatches | None:
+        """Drawer of batches; None: a degraded image, or one in parts, is drawn by itself."""
+        from omnisim.rendering.opengl.capture.image_pass import RemapPass
+        from omnisim.rendering.opengl.frame_batches import FrameBatches
+
+        frame, image_pass = self.frame, self.frame.image_pass
+        if self._degraded is not None or not isinstance(image_pass, RemapPass):
+            return None
+        return FrameBatches(self.cube, image_pass, frame.size_px, frame.readback)
 
     def _make_hits(self, details: HitDetails) -> CubeHits:
         from omnisim.rendering.opengl.hits.drawn_hits import CubeHits

@@ -23,8 +23,8 @@ from omnisim.rendering.atlas.parallax_plan import (
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.contract import CameraSetup, FrameRequest, SceneBackend, ScenePoses, Taken
 from omnisim.rendering.opengl.camera_frame import CameraFrame, CubePass
+from omnisim.rendering.opengl.capture.mesh_and_lens import PixelMap
 from omnisim.rendering.opengl.capture.parallax_pass import DepthPyramid, ParallaxPass
-from omnisim.rendering.opengl.capture.pixel_map import PixelMap
 from omnisim.rendering.opengl.gl.context import Context
 from omnisim.rendering.opengl.gl.gpu_textures import check_image_size, fits_texture
 from omnisim.rendering.opengl.opengl_camera import DrawnScene, OpenGLCamera

@@ -20,7 +20,7 @@ from omnisim.ground_truth.hits import (
 )
 from omnisim.rendering.contract import CameraRays, CameraSetup, PlacedMesh, ScenePoses, SceneRays
 from omnisim.rendering.pixel_rays import Band, PixelRays
-from omnisim.rendering.rays.beams import Beams, LidarCaster, intensities_of
+from omnisim.rendering.rays.cast_beams import Beams, LidarCaster, intensities_of
 from omnisim.rendering.rays.caster import DepthLimits
 from omnisim.rendering.rays.geometry import Geometry
 from omnisim.rendering.rays.pixel_hits import cast_hits, cast_occlusion, cast_through

@@ -18,7 +18,7 @@ from omnisim.ground_truth.frame import Frame
 from omnisim.plots.style import BLUE, GRAY, ORANGE, RED, Figure, gallery, plot
 from omnisim.rendering.camera.omnicamera import PAPER_POLYGONS, OmniCamera
 from omnisim.rendering.camera.quality import MAX_ERROR_PX
-from omnisim.rendering.opengl.capture.pixel_map import PixelMap
+from omnisim.rendering.opengl.capture.mesh_and_lens import PixelMap
 from omnisim.rendering.opengl.gl.context import open_context
 from omnisim.rendering.stage import Stage
 from omnisim.report.report import CaptionedFigure, Measure, ResultTable, Section

@@ -9,7 +9,7 @@ import pytest
 from omnisim import OmniCamera
 from omnisim.cameras import pixel_grid
 from omnisim.rendering.camera.sensor_file import DEFAULT_SENSOR_FILE
-from omnisim.rendering.opengl.capture.pixel_map import PixelMap
+from omnisim.rendering.opengl.capture.mesh_and_lens import PixelMap
 
 SCENES = Path(__file__).resolve().parents[3] / "scenes"
 SHIPPED = [DEFAULT_SENSOR_FILE, *sorted(SCENES.glob("*/omnicam.toml"))]

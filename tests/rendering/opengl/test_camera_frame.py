@@ -9,7 +9,7 @@ from omnisim.core.srgb import srgb_from_linear
 from omnisim.rendering.atlas.tile_plan import plan_tiles
 from omnisim.rendering.contract import ScenePoses, SubFrame, SubFrames
 from omnisim.rendering.opengl.camera_frame import CameraFrame, CubePass
-from omnisim.rendering.opengl.capture.pixel_map import PixelMap
+from omnisim.rendering.opengl.capture.mesh_and_lens import PixelMap
 from omnisim.rendering.opengl.scene_view import VirtualCameras
 from omnisim.rendering.opengl.surfaces.surface_program import SurfacePrograms
 from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers

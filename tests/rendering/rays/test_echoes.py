@@ -17,7 +17,7 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
 from omnisim.ground_truth.hits import EchoLimits
-from omnisim.rendering.rays.beams import Echoes, cast_echoes, select_returns
+from omnisim.rendering.rays.cast_beams import Echoes, cast_echoes, select_returns
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
 
 RED = 0.5

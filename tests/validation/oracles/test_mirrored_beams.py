@@ -5,7 +5,7 @@ import pytest
 
 pytest.importorskip("embreex", reason="embreex, which casts the beams, is missing")
 
-from omnisim.rendering.rays import beams
+from omnisim.rendering.rays import cast_beams
 from omnisim.validation import reflective_rooms
 from omnisim.validation.oracles.mirrored_beams import beam_measures
 
@@ -23,20 +23,20 @@ def test_ranges_are_within_a_millimeter_and_intensities_within_a_percent():
 
 
 def test_other_intensities_and_straight_mirrored_rays_are_found(monkeypatch):
-    seen = beams.surface_light
+    seen = cast_beams.surface_light
 
     def brighter(shading, view):
         light = seen(shading, view)
         return light._replace(passed=1.02 * light.passed, reflected=1.02 * light.reflected)
 
-    monkeypatch.setattr(beams, "surface_light", brighter)
+    monkeypatch.setattr(cast_beams, "surface_light", brighter)
     assert [one.passed for one in measures()] == [True, False, True, False]
-    monkeypatch.setattr(beams, "surface_light", seen)
-    mirrored = beams.mirrored_rays
+    monkeypatch.setattr(cast_beams, "surface_light", seen)
+    mirrored = cast_beams.mirrored_rays
 
     def late(caster, rays, hits, light):
         rays = mirrored(caster, rays, hits, light)
         return rays._replace(origins_m=rays.origins_m - 2e-3 * rays.directions)
 
-    monkeypatch.setattr(beams, "mirrored_rays", late)
+    monkeypatch.setattr(cast_beams, "mirrored_rays", late)
     assert [bool(np.isfinite(one.value)) and one.passed for one in measures()][2] is False

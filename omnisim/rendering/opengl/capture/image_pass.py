@@ -11,7 +11,7 @@ import numpy as np
 from omnisim.core.arrays import Bools, Floats32
 from omnisim.rendering.atlas.image_parts import ImagePart
 from omnisim.rendering.atlas.tile_plan import TilePlan
-from omnisim.rendering.opengl.capture.pixel_map import (
+from omnisim.rendering.opengl.capture.mesh_and_lens import (
     CaptureOutput,
     PixelMap,
     drawn_mask,

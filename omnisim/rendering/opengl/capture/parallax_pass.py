@@ -12,7 +12,7 @@ from omnisim.core.cube import FACE_FROM_RIG, FACE_NAMES
 from omnisim.rendering.atlas.parallax_plan import MARGIN_PX, ParallaxRays, SampleRays
 from omnisim.rendering.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.capture.image_pass import image_array
-from omnisim.rendering.opengl.capture.pixel_map import valid_pixels_array
+from omnisim.rendering.opengl.capture.mesh_and_lens import valid_pixels_array
 from omnisim.rendering.opengl.gl.buffers import gpu_allocation, gpu_buffer
 from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer, use_target
 from omnisim.rendering.opengl.gl.functions import StorageBindings

@@ -16,7 +16,7 @@ from omnisim.rendering.atlas.image_parts import image_parts
 from omnisim.rendering.atlas.tile_plan import sensor_tiles
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.contract import CameraRays, DeformingDraw, HitSource, ScenePoses
-from omnisim.rendering.opengl.capture.pixel_map import PixelMap
+from omnisim.rendering.opengl.capture.mesh_and_lens import PixelMap
 from omnisim.rendering.opengl.gl.buffers import slice_length
 from omnisim.rendering.opengl.gl.context import graphics_info
 from omnisim.rendering.opengl.gl.framebuffers import draws_layers

@@ -16,8 +16,8 @@ from omnisim.rendering.atlas.parallax_plan import MARGIN_PX, ParallaxRays, paral
 from omnisim.rendering.atlas.sampling_density import MAX_ANISOTROPY
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.contract import CameraRays, ScenePoses
+from omnisim.rendering.opengl.capture.mesh_and_lens import PixelMap
 from omnisim.rendering.opengl.capture.parallax_pass import DepthPyramid
-from omnisim.rendering.opengl.capture.pixel_map import PixelMap
 from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
 from omnisim.rendering.opengl.gl.shader_files import uniform
 from omnisim.rendering.opengl.hits.drawn_hits import DrawnHits

@@ -15,7 +15,7 @@ from omnisim.core.pending import Pending
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
 from omnisim.rendering.atlas.image_parts import ImagePart
 from omnisim.rendering.contract import ScenePoses
-from omnisim.rendering.opengl.capture.pixel_map import (
+from omnisim.rendering.opengl.capture.mesh_and_lens import (
     RAYS_UNIT,
     PixelMap,
     bind_tiles,

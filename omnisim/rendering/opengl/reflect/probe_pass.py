@@ -20,7 +20,7 @@ from omnisim.core.arrays import Bools, Floats, Floats32
 from omnisim.core.world import time_of
 from omnisim.rendering.atlas.tile_plan import TilePlan, cube_plan
 from omnisim.rendering.contract import ScenePoses
-from omnisim.rendering.opengl.capture.pixel_map import bind_tiles
+from omnisim.rendering.opengl.capture.mesh_and_lens import bind_tiles
 from omnisim.rendering.opengl.gl.buffers import gpu_allocation
 from omnisim.rendering.opengl.gl.framebuffers import attach_layer, framebuffer
 from omnisim.rendering.opengl.gl.gpu_textures import (

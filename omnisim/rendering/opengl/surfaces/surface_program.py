@@ -15,7 +15,7 @@ from omnisim.core.arrays import Floats, Floats32
 from omnisim.core.errors import GraphicsError
 from omnisim.core.world import Poses
 from omnisim.rendering.atlas.tile_plan import TilePlan
-from omnisim.rendering.opengl.capture.pixel_map import bind_tiles
+from omnisim.rendering.opengl.capture.mesh_and_lens import bind_tiles
 from omnisim.rendering.opengl.gl.gpu_textures import AnyTexture, bind_textures, texture_2d
 from omnisim.rendering.opengl.gl.shader_files import (
     build_program,

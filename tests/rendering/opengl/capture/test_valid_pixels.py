@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from omnisim.rendering.opengl.capture.pixel_map import STRIP_PX, covering_triangles
+from omnisim.rendering.opengl.capture.mesh_and_lens import STRIP_PX, covering_triangles
 
 
 def _covered(triangles, shape):

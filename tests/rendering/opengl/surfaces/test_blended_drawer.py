@@ -121,7 +121,7 @@ def test_others_that_turn_away_leave_the_sorting_to_the_gpu():
         assert all(map(np.array_equal, images, expected))
         assert all(cube._view.sorts_blended(ScenePoses(pose, [pose])) for pose in POSES)
         batch = renderer.render_batch(np.stack(POSES))
-        assert renderer._passes.frame._batch.layers.drawn is not None
+        assert renderer._passes.batches._reserved.layers.drawn is not None
         assert all(map(np.array_equal, batch, colors))
 
 
@@ -133,7 +133,7 @@ def test_others_in_view_are_drawn_one_by_one_with_the_rest(monkeypatch):
         with stage.open(camera) as renderer:
             images = [renderer.render(pose).rgba for pose in POSES]
             batch = renderer.render_batch(np.stack(POSES))
-            assert renderer._passes.frame._batch.layers.drawn is None
+            assert renderer._passes.batches._reserved.layers.drawn is None
         with reference.open(camera) as renderer:
             for image, also, pose in zip(images, batch, POSES, strict=True):
                 assert_same(image, renderer.render(pose).rgba)

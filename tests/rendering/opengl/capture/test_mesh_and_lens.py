@@ -6,7 +6,7 @@ import pytest
 from omnisim.cameras import HyperbolicCamera, MirroredCamera, pixel_grid
 from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.cameras.mirrors.mirror_mesh import mesh_error
-from omnisim.rendering.opengl.capture.pixel_map import PixelMap
+from omnisim.rendering.opengl.capture.mesh_and_lens import PixelMap
 from tests.camera_examples import OWN, camera_examples
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from omnisim.core.poses import pose
-from omnisim.rendering.opengl.hits import lidar_pass
+from omnisim.rendering.opengl.hits import lidar_beams
 from omnisim.rendering.stage import open_sensor
 from omnisim.sensors.lidar.spinning_lidar import SpinningLidar
 from tests.scenes import ROOM_HALF_M, room, scene_of
@@ -33,15 +33,15 @@ def test_atlases_of_dense_rings_fit(name, firings):
     beams = _lidar(DENSE[name], firings).beams
     for slices in (1, 64):
         in_slice = -(-firings // slices)
-        count, plan = lidar_pass._plan_part(beams, in_slice, slices == 1, LIMIT_PX)
+        count, plan = lidar_beams._plan_part(beams, in_slice, slices == 1, LIMIT_PX)
         assert 0 < count <= in_slice
         assert max(plan.width_px, plan.height_px) <= LIMIT_PX
-        assert plan.width_px * plan.height_px <= lidar_pass.MAX_TEXELS
+        assert plan.width_px * plan.height_px <= lidar_beams.MAX_TEXELS
 
 
 @pytest.mark.parametrize("lidar", [SpinningLidar.vlp16(), SpinningLidar.hdl64e()])
 def test_usual_lidars_need_one_atlas(lidar):
-    count, _ = lidar_pass._plan_part(lidar.beams, lidar.firings, True, LIMIT_PX)
+    count, _ = lidar_beams._plan_part(lidar.beams, lidar.firings, True, LIMIT_PX)
     assert count == lidar.firings
 
 
@@ -56,11 +56,11 @@ def test_parts_hit_what_the_whole_hits(is_moving, monkeypatch):
         return pose((0.4 + time_s * is_moving, -0.3, -0.2), yaw_deg=20.0)
 
     clouds = []
-    for texels in (lidar_pass.MAX_TEXELS, 1 << 15):
-        monkeypatch.setattr(lidar_pass, "MAX_TEXELS", texels)
+    for texels in (lidar_beams.MAX_TEXELS, 1 << 15):
+        monkeypatch.setattr(lidar_beams, "MAX_TEXELS", texels)
         with open_sensor(scene_of([room()]), lidar) as renderer:
             clouds.append(renderer.scan(motion))
-    assert lidar_pass._plan_part(lidar.beams, 13, False, LIMIT_PX)[0] < 13
+    assert lidar_beams._plan_part(lidar.beams, 13, False, LIMIT_PX)[0] < 13
     whole, parts = (cloud.points for cloud in clouds)
     assert len(whole) == len(parts) == 24 * 100
     np.testing.assert_array_equal(parts["range"], whole["range"])
