@@ -1,7 +1,8 @@
 """Reversed depth: 1 at the near plane, 0 at infinity, in 32-bit floats that store near/z.
 
 Floats then have a relative precision of 6e-8 at every distance; the usual 24 bits from −1 to 1
-confuse surfaces 10 cm apart at 500 m.
+confuse surfaces 10 cm apart at 500 m. The tiles' matrices in `rendering/atlas/tile_plan.py` make
+depth so; this file tells OpenGL.
 
 Source: Reed, "Depth precision visualized", 2015.
 """

@@ -22,7 +22,7 @@ from omnisim.rendering.opengl.gl.gpu_textures import copy_region, depth_texture,
 from omnisim.rendering.opengl.gl.reversed_depth import CLEAR_DEPTH
 from omnisim.rendering.opengl.gl.shader_files import build_program, uniform
 from omnisim.rendering.opengl.gl.state import GlState
-from omnisim.rendering.opengl.shadows.caster_drawer import CasterDrawer, MapPart
+from omnisim.rendering.opengl.shadows.shadow_drawer import CasterDrawer, MapPart
 from omnisim.rendering.opengl.shadows.shadow_plan import (
     CELLS,
     Cascades,

@@ -18,8 +18,8 @@ from omnisim.core.world import Poses, time_of
 from omnisim.rendering.opengl.gl.buffers import gpu_allocation, written_buffer
 from omnisim.rendering.opengl.gl.framebuffers import use_target
 from omnisim.rendering.opengl.gl.reversed_depth import CLEAR_DEPTH
-from omnisim.rendering.opengl.shadows.caster_drawer import CasterDrawer
 from omnisim.rendering.opengl.shadows.kept_cascades import DepthLevels, KeptCascades
+from omnisim.rendering.opengl.shadows.shadow_drawer import CasterDrawer
 from omnisim.rendering.opengl.shadows.shadow_plan import covered_px, make_shadow_plan
 from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
 from omnisim.scene.model import LAMP_NEAR_M, Lighting
