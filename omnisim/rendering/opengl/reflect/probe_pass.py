@@ -142,10 +142,7 @@ class ProbePass:
         return mask
 
     def render(self, seen: Collection[int], world_from_objects: Sequence[Floats]) -> None:
-        """Render the probes that items at the given indices reflect.
-
-        Tables are bound, and meshes are deformed.
-        """
+        """Render the probes that items at the given indices reflect; meshes are deformed."""
         state = b"".join(np.asarray(one).tobytes() for one in world_from_objects)
         if self._buffers.deforming.size:
             state += np.float64(time_of(world_from_objects)).tobytes()
