@@ -35,6 +35,7 @@ OPENGL_LAYERS = (
     {"cube_backend"},
     {"parallax_camera"},
     {"opengl_camera"},
+    {"frame_batches"},
     {"camera_frame", "hits"},
     {"reflect", "shadows"},
     {"scene_view"},

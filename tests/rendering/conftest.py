@@ -3,6 +3,7 @@
 import pytest
 
 from omnisim.rendering.rays.shading import ray_optics
+from omnisim.scene.reflection_probes import Reflectors
 
 FINE = {"test_body", "test_materials_by_chance", "test_ray_backend", "test_skins"}
 FINE_FOLDERS = {"baking", "opengl", "rays"}
@@ -19,6 +20,7 @@ def _coarse(request):
 def untraced_reflections(monkeypatch):
     """Reflections of sky and lamps alone, in both back ends."""
     monkeypatch.setattr(ray_optics, "MAX_BOUNCES", 0)
-    buffers = "omnisim.rendering.opengl.world.scene_buffers"
-    monkeypatch.setattr(f"{buffers}.find_mirrors", lambda surfaces, is_mirror: ())
-    monkeypatch.setattr(f"{buffers}.find_probes", lambda surfaces, planes, possible: ())
+    monkeypatch.setattr(
+        "omnisim.rendering.opengl.world.scene_buffers.find_reflectors",
+        lambda *_: Reflectors((), (), ()),
+    )

@@ -245,7 +245,8 @@ def test_static_copies_change_nothing(monkeypatch):
     """Moving objects are drawn over a copy of the static ones."""
     sensor = dataclasses.replace(fisheye(90), supersampling=1)
     copied = _seen(_room(), sensor)
-    monkeypatch.setattr(probe_pass.ProbePass, "_has_static_copy", lambda *_: False)
+    nothing_moves = property(lambda _: False, lambda *_: None)
+    monkeypatch.setattr(probe_pass.ProbePass, "_has_moving", nothing_moves, raising=False)
     np.testing.assert_array_equal(_seen(_room(), sensor), copied)
     without = Stage(_room(), dynamic_objects={})
     with without, without.open(sensor) as renderer:

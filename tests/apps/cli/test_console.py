@@ -38,7 +38,7 @@ def test_console_without_unicode(tmp_path, arguments, encoding):
 
 
 def test_summary_of_a_sensor_in_ascii(tmp_path):
-    (tmp_path / "a.toml").write_text("", encoding="utf-8")
+    (tmp_path / "a.toml").write_text("# defaults", encoding="utf-8")
     done = run(tmp_path, "sensor", "--check", "a.toml", encoding="ascii", stdout=subprocess.PIPE)
     assert (done.returncode, done.stderr) == (0, b"")
     assert rb"\u03be = " in done.stdout  # ξ

@@ -22,7 +22,7 @@ RARE_MODULES = (
 RARE_IN_IMAGES = (
     "PIL", "rich", "scipy", "typer",
     "omnisim.cameras.camera_registry", "omnisim.cameras.models",
-    "omnisim.core.trajectories", "omnisim.ground_truth.hits", "omnisim.rendering.truth",
+    "omnisim.core.trajectories", "omnisim.rendering.truth",
     "omnisim.rendering.camera.degradations.degradation_file",
     "omnisim.rendering.camera.degradations.noise",
     "omnisim.rendering.opengl.degradation.degradation_pass",

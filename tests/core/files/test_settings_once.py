@@ -17,7 +17,6 @@ REASONS = {
     "Plan.min_area_px -> BoxLimits",  # with a check against channels; stored in this order
     "Plan.min_visible -> BoxLimits",
     # arrays, in files lists of numbers
-    "ObjectPathTable.times_s -> Trajectory",
     "_Grid.origin_m -> Probes",
     "_Grid.spacing_m -> Probes",
     # what every sensor on a vehicle has, whatever its parameters
