@@ -198,7 +198,7 @@ class Renderer(Instrument[OmniCamera, CameraBackend, RecordedFrame]):
             around = None if motion is None else partial(self._poses_at, motion, now)
             pending = passes.begin(FrameRequest(poses, around, linear, frame_number, exposure_ev))
             if names or boxes_3d:
-                from omnisim.rendering.truth.ground_truth import ground_truth_of
+                from omnisim.rendering.truth import ground_truth_of
 
                 ground_truth = ground_truth_of(passes, names)
                 other_poses = {other: self._poses_in(others[other]) for other in needed}
@@ -563,7 +563,7 @@ def _fill_channels(
         poses: poses of the camera and the objects, one entry per image.
         others: poses of the "next" and the "previous" images, if channels need them.
     """
-    from omnisim.rendering.truth.ground_truth import ground_truth_of
+    from omnisim.rendering.truth import ground_truth_of
 
     truth = ground_truth_of(passes, arrays)
     for number, channels in enumerate(truth.batch(tuple(arrays), poses, others)):

@@ -9,7 +9,7 @@ from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.core.bilinear import corner_and_weights
 from omnisim.core.poses import pose
 from omnisim.core.world import WorldState
-from omnisim.rendering.truth.flow import VISIBLE
+from omnisim.rendering.truth import VISIBLE
 from tests.scenes import room, scene_of
 from tests.vehicles import box
 

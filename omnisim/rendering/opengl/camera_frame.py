@@ -21,8 +21,7 @@ from omnisim.core.short_repr import counted
 from omnisim.rendering.atlas.image_parts import ImagePart
 from omnisim.rendering.atlas.tile_plan import Tile, TilePlan
 from omnisim.rendering.contract import Readback, ScenePoses, SubFrames
-from omnisim.rendering.opengl.capture.atlas_levels import AtlasLevels
-from omnisim.rendering.opengl.capture.image_pass import image_pass
+from omnisim.rendering.opengl.capture.image_pass import AtlasLevels, image_pass
 from omnisim.rendering.opengl.capture.mesh_and_lens import PixelMap
 from omnisim.rendering.opengl.gl.buffers import gpu_allocation
 from omnisim.rendering.opengl.gl.framebuffers import (
@@ -48,7 +47,7 @@ from omnisim.rendering.opengl.gl.pixel_readback import (
     read_once,
 )
 from omnisim.rendering.opengl.scene_view import SceneView, TileRenderer, VirtualCameras
-from omnisim.rendering.opengl.surfaces.sky_pass import SkyPass
+from omnisim.rendering.opengl.surfaces.scene_drawer import SkyPass
 from omnisim.rendering.opengl.surfaces.surface_program import SurfacePrograms
 from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
 

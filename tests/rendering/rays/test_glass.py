@@ -16,8 +16,8 @@ from tests.scenes import room, room_color, room_hit, scene_of, square
 pytest.importorskip("embreex", reason="embreex, which casts the rays, is missing")
 
 from omnisim.rendering.rays import ray_scene
-from omnisim.rendering.rays.pixel_hits import cast_through
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
+from omnisim.rendering.rays.scene_rays import cast_through
 
 DARK = Lighting((0.0, 0.0, 0.0), ())
 GLASS = Material(

@@ -10,8 +10,8 @@ pytest.importorskip("embreex", reason="embreex, which casts the rays, is missing
 
 from omnisim.rendering.pixel_rays import PixelRays
 from omnisim.rendering.rays.caster import DepthLimits
-from omnisim.rendering.rays.pixel_hits import whole_areas_px
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
+from omnisim.rendering.rays.scene_rays import whole_areas_px
 
 CAMERA = PerspectiveCamera(100, 80, 52.0, (49.5, 39.5))
 

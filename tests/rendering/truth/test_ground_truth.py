@@ -17,7 +17,7 @@ from omnisim.core.errors import OutputError, SceneError
 from omnisim.core.poses import pose
 from omnisim.core.world import WorldState
 from omnisim.ground_truth import CHANNELS
-from omnisim.rendering.truth.flow import INVALID, OCCLUDED, OUTSIDE, VISIBLE
+from omnisim.rendering.truth import INVALID, OCCLUDED, OUTSIDE, VISIBLE
 from omnisim.scene.model import AlphaMode, Material, Mesh
 from tests import embree_oracle
 from tests.ray_casting import opaque_part

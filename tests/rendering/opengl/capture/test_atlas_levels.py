@@ -4,7 +4,7 @@ import moderngl
 import numpy as np
 import pytest
 
-from omnisim.rendering.opengl.capture.atlas_levels import AtlasLevels
+from omnisim.rendering.opengl.capture.image_pass import AtlasLevels
 from omnisim.rendering.opengl.gl.gpu_textures import texture_2d, texture_array
 
 LEVELS = 3

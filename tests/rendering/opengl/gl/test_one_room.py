@@ -78,7 +78,7 @@ OUTSIDE = "rendering/opengl/camera_frame.py"  # any file that draws
 @pytest.mark.parametrize(
     ("name", "line"),
     [
-        ("rendering/opengl/surfaces/sky_pass.py", "buffers.context.buffer(reserve=4)"),
+        ("rendering/opengl/surfaces/scene_drawer.py", "buffers.context.buffer(reserve=4)"),
         (f"{ROOM}/framebuffers.py", "context.texture((1, 1), 4)"),
         (OUTSIDE, "self._context.framebuffer([one])"),
         (OUTSIDE, "self._context.front_face = 'ccw'"),

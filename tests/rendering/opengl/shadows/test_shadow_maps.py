@@ -13,9 +13,8 @@ from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.opengl.gl.functions import gl_function
 from omnisim.rendering.opengl.scene_view import SceneView
 from omnisim.rendering.opengl.shadows import shadow_plan
-from omnisim.rendering.opengl.shadows.kept_cascades import LEVELS
 from omnisim.rendering.opengl.shadows.shadow_drawer import CasterDrawer
-from omnisim.rendering.opengl.shadows.shadow_maps import ShadowMaps
+from omnisim.rendering.opengl.shadows.shadow_maps import LEVELS, ShadowMaps
 from omnisim.rendering.opengl.shadows.shadow_plan import ShadowPlan, make_shadow_plan
 from omnisim.rendering.stage import Stage, open_sensor
 from omnisim.scene.labels import BODY
