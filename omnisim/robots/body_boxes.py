@@ -16,18 +16,14 @@ from omnisim.scene.space.floor import triangles_within
 
 @dataclass(frozen=True, eq=False)
 class BodyBoxes:
-    """Bounding boxes of a vehicle in the base frame.
+    """Bounding boxes of a vehicle in the base frame."""
 
-    Attributes:
-        low_m, high_m: (3,) corners of the box around the whole robot; its lower side is the ground.
-        clearance_m: ground clearance; the wheels drive over lower obstacles.
-        parts_m: (n, 2, 3) corners of the boxes around the body's nodes, cut off below the
-            clearance; without a body, the footprint's box.
-    """
-
+    # low_m, high_m: (3,) corners of the box around the whole robot; its lower side is the ground
     low_m: Floats
     high_m: Floats
-    clearance_m: float
+    clearance_m: float  # ground clearance; the wheels drive over lower obstacles
+    # (n, 2, 3) corners of the boxes around the body's nodes, cut off below the clearance; without a
+    # body, the footprint's box
     parts_m: Floats
 
     def __repr__(self) -> str:

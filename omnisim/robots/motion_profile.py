@@ -35,18 +35,12 @@ CONVERGED = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """Planned drive along waypoints.
+    """Planned drive along waypoints."""
 
-    Attributes:
-        trajectory: poses at the start and after each step.
-        motion: continuous motion, defined at all times.
-        counts: number of steps per segment of the motion.
-        period_s: duration of every step; None: the steps of a segment have equal lengths instead.
-    """
-
-    trajectory: Trajectory
-    motion: PlannedMotion
-    counts: tuple[int, ...]
+    trajectory: Trajectory  # poses at the start and after each step
+    motion: PlannedMotion  # continuous motion, defined at all times
+    counts: tuple[int, ...]  # number of steps per segment of the motion
+    # duration of every step; None: the steps of a segment have equal lengths instead
     period_s: float | None = None
 
 
@@ -299,17 +293,11 @@ FloatOrArray = TypeVar("FloatOrArray", float, Floats)
 
 @dataclass(frozen=True)
 class Trapezoid(Generic[FloatOrArray]):
-    """Trapezoidal speed profile from rest to rest, of one motion or of (n,) motions.
+    """Trapezoidal speed profile from rest to rest, of one motion or of (n,) motions."""
 
-    Attributes:
-        amount: distance in meters or angle in radians, above 0.
-        top_rate: maximum rate, reached if the amount suffices.
-        acceleration: magnitude while accelerating and braking.
-    """
-
-    amount: FloatOrArray
-    top_rate: FloatOrArray
-    acceleration: FloatOrArray
+    amount: FloatOrArray  # distance in meters or angle in radians, above 0
+    top_rate: FloatOrArray  # maximum rate, reached if the amount suffices
+    acceleration: FloatOrArray  # magnitude while accelerating and braking
 
     @property
     def ramp_s(self) -> FloatOrArray:
@@ -359,25 +347,17 @@ class Trapezoid(Generic[FloatOrArray]):
 
 @dataclass(frozen=True)
 class Segment:
-    """Leg or turn on the spot, from rest to rest.
+    """Leg or turn on the spot, from rest to rest."""
 
-    Attributes:
-        start: x and y in meters, yaw in radians.
-        move_m: displacement of a leg; (0, 0) for a turn.
-        turn_rad: angle of a turn; 0 for a leg.
-        top_rate, acceleration: limits of its speed or turn rate.
-        start_s: start time.
-        stretch: duration relative to the time-optimal one.
-        way: poses over meters or radians on an uneven floor; None: straight, or about z.
-    """
-
-    start: tuple[float, float, float]
-    move_m: tuple[float, float]
-    turn_rad: float
+    start: tuple[float, float, float]  # x and y in meters, yaw in radians
+    move_m: tuple[float, float]  # displacement of a leg; (0, 0) for a turn
+    turn_rad: float  # angle of a turn; 0 for a leg
+    # top_rate, acceleration: limits of its speed or turn rate
     top_rate: float
     acceleration: float
-    start_s: float = 0.0
-    stretch: float = 1.0
+    start_s: float = 0.0  # start time
+    stretch: float = 1.0  # duration relative to the time-optimal one
+    # poses over meters or radians on an uneven floor; None: straight, or about z
     way: SplineMotion | None = None
 
     @property

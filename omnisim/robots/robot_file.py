@@ -123,19 +123,13 @@ class RobotFile(Table):
 
 
 class Robot(RobotFile):
-    """Contents of a robot file.
+    """Contents of a robot file."""
 
-    Attributes:
-        source: path of the file, or the name of the table in messages.
-        folder: base folder of relative paths.
-        chassis: masses, wheels and friction for physics.
-    """
-
-    source: str
-    folder: Path
+    source: str  # path of the file, or the name of the table in messages
+    folder: Path  # base folder of relative paths
     title: str
     kinematics: Kinematics | None  # type: ignore[assignment]  # without its wheels
-    chassis: Chassis
+    chassis: Chassis  # masses, wheels and friction for physics
 
     def __repr__(self) -> str:
         return short_repr(self, repr(self.name), *self.sensor_names)

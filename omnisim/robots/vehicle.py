@@ -44,26 +44,16 @@ _IDENTITY = (
 
 @dataclass(frozen=True, eq=False)
 class Vehicle:
-    """Robot with its body and sensors.
+    """Robot with its body and sensors."""
 
-    Attributes:
-        name: short name for file names.
-        title: display name.
-        body: geometry in the base frame; None: invisible.
-        kinematics: limits of the robot; None: unknown.
-        odometry: errors of the wheel odometry.
-        footprint: footprint around the base; None: unknown.
-        sensors: mounted sensors in the order of the robot file.
-        given: digest of the source files; None: identified by its own content.
-    """
-
-    name: str
-    title: str
-    body: Scene | None
-    kinematics: Kinematics | None
-    odometry: OdometryErrors
-    footprint: Footprint | None
-    sensors: tuple[Mount[SensorSettings], ...]
+    name: str  # short name for file names
+    title: str  # display name
+    body: Scene | None  # geometry in the base frame; None: invisible
+    kinematics: Kinematics | None  # limits of the robot; None: unknown
+    odometry: OdometryErrors  # errors of the wheel odometry
+    footprint: Footprint | None  # footprint around the base; None: unknown
+    sensors: tuple[Mount[SensorSettings], ...]  # mounted sensors in the order of the robot file
+    # digest of the source files; None: identified by its own content
     given: str | None = field(default=None, init=False)
 
     def __repr__(self) -> str:

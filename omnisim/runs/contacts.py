@@ -26,19 +26,12 @@ POSES_AT_ONCE = 64  # batch size, which bounds the memory
 
 @dataclass(frozen=True, eq=False)
 class Sweep:
-    """Poses along a trajectory.
+    """Poses along a trajectory."""
 
-    Attributes:
-        world_from_base: (m, 4, 4) poses of the base.
-        steps: (m,) index of the trajectory's pose at or before each pose.
-        is_step: (m,) true for the trajectory's own poses, which stay unchanged.
-        times_s: (m,) times of the poses.
-    """
-
-    world_from_base: Floats
-    steps: Indices
-    is_step: Bools
-    times_s: Floats
+    world_from_base: Floats  # (m, 4, 4) poses of the base
+    steps: Indices  # (m,) index of the trajectory's pose at or before each pose
+    is_step: Bools  # (m,) true for the trajectory's own poses, which stay unchanged
+    times_s: Floats  # (m,) times of the poses
 
     def __repr__(self) -> str:
         return short_repr(self, counted(len(self.steps), "pose"))
@@ -80,21 +73,13 @@ class Sweep:
 
 @dataclass(frozen=True)
 class Contact:
-    """Contact of the body with an object.
+    """Contact of the body with an object."""
 
-    Attributes:
-        object: name of the object's node.
-        step: step at or before the first contact.
-        time_s: time of the first contact.
-        position_m: x, y of the base at the first contact.
-        steps: number of steps with contact, at their pose or on the way to the next.
-    """
-
-    object: str
-    step: int
-    time_s: float
-    position_m: tuple[float, float]
-    steps: int
+    object: str  # name of the object's node
+    step: int  # step at or before the first contact
+    time_s: float  # time of the first contact
+    position_m: tuple[float, float]  # x, y of the base at the first contact
+    steps: int  # number of steps with contact, at their pose or on the way to the next
 
     def __str__(self) -> str:
         x, y = self.position_m

@@ -69,38 +69,26 @@ SAME_MOTION_M = 1e-3  # far below a pixel; contacts that amplify rounding exceed
 
 @dataclass(frozen=True, eq=False)
 class Drive:
-    """Settings of a drive; they determine the run's files.
-
-    Attributes:
-        scene: scene to drive in.
-        vehicle: vehicle with its sensors.
-        route: path through the scene.
-        seed: seed of the odometry's and the cameras' noise; a scanner's noise has its own seed in
-            the robot file.
-        unlit: show plain base colors.
-        device: EGL's number of the GPU; None: the default GPU.
-        backend: back end that renders images and casts rays.
-        up_axis, meters_per_unit: loading options of the scene, for the manifest; None: default.
-        resources: search folders of the scene's models and packages, for the manifest.
-        channels: ground-truth channels, as `check_channels` returns them.
-        channel_format: file format of the channels.
-        boxes_3d: also record the oriented boxes of the visible instances.
-        physics: chassis of the vehicle, simulated in MuJoCo; None: it drives exactly as planned.
-    """
+    """Settings of a drive; they determine the run's files."""
 
     scene: Scene
     vehicle: Vehicle
     route: Route
+    # seed of the odometry's and the cameras' noise; a scanner's noise has its own seed in the robot
+    # file
     seed: int = 0
-    unlit: bool = False
-    device: int | None = None
-    backend: BackendName = "cube"
+    unlit: bool = False  # show plain base colors
+    device: int | None = None  # EGL's number of the GPU; None: the default GPU
+    backend: BackendName = "cube"  # back end that renders images and casts rays
+    # up_axis, meters_per_unit: loading options of the scene, for the manifest; None: default
     up_axis: str | None = None
     meters_per_unit: float | None = None
+    # search folders of the scene's models and packages, for the manifest
     resources: tuple[Path, ...] = ()
-    channels: tuple[str, ...] = ()
-    channel_format: ChannelFormat = ChannelFormat.AUTO
-    boxes_3d: bool = False
+    channels: tuple[str, ...] = ()  # ground-truth channels, as `check_channels` returns them
+    channel_format: ChannelFormat = ChannelFormat.AUTO  # file format of the channels
+    boxes_3d: bool = False  # also record the oriented boxes of the visible instances
+    # chassis of the vehicle, simulated in MuJoCo; None: it drives exactly as planned
     physics: Chassis | None = None
 
     def __repr__(self) -> str:
@@ -169,31 +157,21 @@ class Drive:
 
 @dataclass(frozen=True, eq=False)
 class PlannedDrive:
-    """Drive with its trajectory, ready to be rendered.
-
-    Attributes:
-        drive: settings of the drive.
-        truth: poses of the base at the steps.
-        motion: continuous motion of the base, also between the steps.
-        odometry: readings of the wheels; None: no odometry.
-        follows_floor: see `PlannedRoute`.
-        contacts: contacts of the body with the scene, in the order in which they begin; None: not
-            checked.
-        name: name of the vehicle in the world.
-        others: other vehicles in the world, by name.
-        simulated: motion of the robot and of the objects around it in physics, or None.
-        route_given: digest of the poses' inputs; None: the digest of the drive's route.
-    """
+    """Drive with its trajectory, ready to be rendered."""
 
     drive: Drive
-    truth: Trajectory
-    motion: BodyMotion
-    odometry: Odometry | None = None
-    follows_floor: bool = False
+    truth: Trajectory  # poses of the base at the steps
+    motion: BodyMotion  # continuous motion of the base, also between the steps
+    odometry: Odometry | None = None  # readings of the wheels; None: no odometry
+    follows_floor: bool = False  # see `PlannedRoute`
+    # contacts of the body with the scene, in the order in which they begin; None: not checked
     contacts: tuple[Contact, ...] | None = None
-    name: str = BODY
+    name: str = BODY  # name of the vehicle in the world
+    # other vehicles in the world, by name
     others: Mapping[str, MovingVehicle] = field(default_factory=dict)
+    # motion of the robot and of the objects around it in physics, or None
     simulated: SimulatedMotion | None = None
+    # digest of the poses' inputs; None: the digest of the drive's route
     route_given: str | None = None
 
     def __repr__(self) -> str:
@@ -523,17 +501,11 @@ def _file_or_name(name: str) -> str:
 
 @dataclass(frozen=True, eq=False)
 class MovingVehicle:
-    """Vehicle in motion through the world.
+    """Vehicle in motion through the world."""
 
-    Attributes:
-        body: body in the base frame, or None: invisible.
-        truth: poses of the base at the steps.
-        motion: continuous motion of the base, also between the steps.
-    """
-
-    body: Scene | None
-    truth: Trajectory
-    motion: BodyMotion
+    body: Scene | None  # body in the base frame, or None: invisible
+    truth: Trajectory  # poses of the base at the steps
+    motion: BodyMotion  # continuous motion of the base, also between the steps
 
     def pose_at(self, time_s: float) -> Pose:
         """Pose (4, 4) of the base; at a step, bit for bit the step's pose."""
@@ -545,19 +517,12 @@ class MovingVehicle:
 
 @dataclass(frozen=True, eq=False)
 class DriveWorld:
-    """Motion of the world in which a vehicle drives.
+    """Motion of the world in which a vehicle drives."""
 
-    Attributes:
-        scene: scene with its dynamic objects.
-        ego: the vehicle and its motion.
-        vehicle: name of the vehicle in the world.
-        others: other vehicles by name.
-    """
-
-    scene: Scene
-    ego: MovingVehicle
-    vehicle: str = BODY
-    others: Mapping[str, MovingVehicle] = field(default_factory=dict)
+    scene: Scene  # scene with its dynamic objects
+    ego: MovingVehicle  # the vehicle and its motion
+    vehicle: str = BODY  # name of the vehicle in the world
+    others: Mapping[str, MovingVehicle] = field(default_factory=dict)  # other vehicles by name
 
     @property
     def bodies(self) -> dict[str, Scene]:

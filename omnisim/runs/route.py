@@ -50,24 +50,18 @@ NOTED_M = 0.005  # heights closer to 0 cause no note
 
 @dataclass(frozen=True)
 class Route:
-    """Path to drive, and the size of its steps.
+    """Path to drive, and the size of its steps."""
 
-    Attributes:
-        path: name of one of the scene's paths, or a file with poses or waypoints.
-        step_m, step_deg: maximum step along waypoints and on the spot.
-        rate_hz: steps per second along waypoints, in place of `step_m` and `step_deg`; or poses per
-            second of a file without times.
-        ignore_limits: allow jumps and motion beyond the robot's limits.
-        ground_m: height of the waypoints, or None: on the scene's floor.
-        axes: axes of a file's poses, or None: by the convention of the file's format.
-    """
-
-    path: str
+    path: str  # name of one of the scene's paths, or a file with poses or waypoints
+    # step_m, step_deg: maximum step along waypoints and on the spot
     step_m: float = DEFAULT_STEP_M
     step_deg: float = DEFAULT_STEP_DEG
+    # steps per second along waypoints, in place of `step_m` and `step_deg`; or poses per second of
+    # a file without times
     rate_hz: float | None = None
-    ignore_limits: bool = False
-    ground_m: float | None = None
+    ignore_limits: bool = False  # allow jumps and motion beyond the robot's limits
+    ground_m: float | None = None  # height of the waypoints, or None: on the scene's floor
+    # axes of a file's poses, or None: by the convention of the file's format
     axes: Axes | None = None
 
 
@@ -86,19 +80,14 @@ def route_digest(route: Route) -> str:
 
 @dataclass(frozen=True, eq=False)
 class PlannedRoute:
-    """Route with its trajectory.
+    """Route with its trajectory."""
 
-    Attributes:
-        trajectory: poses of the vehicle's base.
-        sweep: closely spaced poses along the trajectory, for contacts.
-        follows_floor: true on the scene's floor; false at a fixed height, or at heights of a file.
-        motion: continuous motion of the vehicle's base: the plan's, or smooth through the poses of
-            a file, from rest to rest if the file has no times.
-    """
-
-    trajectory: Trajectory
-    sweep: Sweep
+    trajectory: Trajectory  # poses of the vehicle's base
+    sweep: Sweep  # closely spaced poses along the trajectory, for contacts
+    # true on the scene's floor; false at a fixed height, or at heights of a file
     follows_floor: bool
+    # continuous motion of the vehicle's base: the plan's, or smooth through the poses of a file,
+    # from rest to rest if the file has no times
     motion: BodyMotion
 
     def __repr__(self) -> str:
@@ -169,17 +158,11 @@ def plan_route(
 
 @dataclass(frozen=True, eq=False)
 class _RecordedPath:
-    """Trajectory from a file with poses.
+    """Trajectory from a file with poses."""
 
-    Attributes:
-        trajectory: trajectory with the file's own times, or timed by a rate.
-        has_heights: true if the heights are the file's.
-        has_times: true if the times are the file's, or follow from a rate.
-    """
-
-    trajectory: Trajectory
-    has_heights: bool
-    has_times: bool
+    trajectory: Trajectory  # trajectory with the file's own times, or timed by a rate
+    has_heights: bool  # true if the heights are the file's
+    has_times: bool  # true if the times are the file's, or follow from a rate
 
 
 def _motion(plan: Plan | _RecordedPath, trajectory: Trajectory) -> BodyMotion:

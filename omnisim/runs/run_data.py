@@ -40,26 +40,17 @@ from omnisim.sensors.calibration_file import read_mount
 
 @dataclass(frozen=True, eq=False)
 class RunData:
-    """Run with one of its cameras.
+    """Run with one of its cameras."""
 
-    Attributes:
-        folder: folder of the run.
-        camera: name of the camera.
-        mount: camera on the vehicle, from its calibration file, independent of the vehicle's pose.
-            An optical system gets an assumed viewpoint.
-        scene: scene of the drive.
-        odometry: readings of the wheels, from the known start on.
-        truth: poses of the base, or None: unknown.
-        steps: number of steps with an image.
-    """
-
-    folder: RunFolder
-    camera: str
+    folder: RunFolder  # folder of the run
+    camera: str  # name of the camera
+    # camera on the vehicle, from its calibration file, independent of the vehicle's pose. An
+    # optical system gets an assumed viewpoint.
     mount: CameraMount
-    scene: Scene
-    odometry: Odometry
-    truth: Trajectory | None
-    steps: int
+    scene: Scene  # scene of the drive
+    odometry: Odometry  # readings of the wheels, from the known start on
+    truth: Trajectory | None  # poses of the base, or None: unknown
+    steps: int  # number of steps with an image
 
     def __repr__(self) -> str:
         return short_repr(self, self.name, self.camera, counted(self.steps, "step"))
@@ -272,15 +263,10 @@ def _class_of_instance(run: RunData, colors: Sequence[str]) -> Bytes:
 
 @dataclass(frozen=True, eq=False)
 class SingleImage:
-    """Image of a camera, as a run of one step.
+    """Image of a camera, as a run of one step."""
 
-    Attributes:
-        mount: camera on its vehicle.
-        pixels: (height, width, 3), sRGB.
-    """
-
-    mount: CameraMount
-    pixels: Bytes
+    mount: CameraMount  # camera on its vehicle
+    pixels: Bytes  # (height, width, 3), sRGB
     steps: ClassVar[int] = 1
 
     def __repr__(self) -> str:

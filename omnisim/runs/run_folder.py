@@ -73,15 +73,10 @@ PARTIAL = ".omnisim-*.partial"
 
 @dataclass(frozen=True)
 class RunFolder:
-    """Folder of one run.
+    """Folder of one run."""
 
-    Attributes:
-        path: path of the folder.
-        manifest: provenance of the run.
-    """
-
-    path: Path
-    manifest: Manifest
+    path: Path  # path of the folder
+    manifest: Manifest  # provenance of the run
 
     def __repr__(self) -> str:
         manifest = self.manifest

@@ -30,31 +30,20 @@ CASTER, CASTER_LOAD = 0.35, 0.4  # share of the length behind the axle; share of
 
 @dataclass(frozen=True, eq=False)
 class Rover:
-    """Robot on wheels driven in two groups, left and right.
+    """Robot on wheels driven in two groups, left and right."""
 
-    Attributes:
-        name: name of the vehicle.
-        kinematics: limits of the motion.
-        mass_kg: total mass.
-        center_m: (3,) center of mass in the base frame.
-        size_m: (3,) size of the bounding box.
-        friction: friction coefficient of the tires.
-        wheels_m: (n, 3) centers of the driven wheels in the base frame: left ones, then right ones.
-        wheel_radius_m: radius of the driven wheels.
-        caster_m: (3,) center of the caster, at the height of its radius; None: no caster.
-        parts_m: (n, 2, 3) corners of the body's boxes.
-    """
-
-    name: str
-    kinematics: Kinematics
-    mass_kg: float
-    center_m: Floats
-    size_m: Floats
-    friction: float
+    name: str  # name of the vehicle
+    kinematics: Kinematics  # limits of the motion
+    mass_kg: float  # total mass
+    center_m: Floats  # (3,) center of mass in the base frame
+    size_m: Floats  # (3,) size of the bounding box
+    friction: float  # friction coefficient of the tires
+    # (n, 3) centers of the driven wheels in the base frame: left ones, then right ones
     wheels_m: Floats
-    wheel_radius_m: float
+    wheel_radius_m: float  # radius of the driven wheels
+    # (3,) center of the caster, at the height of its radius; None: no caster
     caster_m: Floats | None
-    parts_m: Floats
+    parts_m: Floats  # (n, 2, 3) corners of the body's boxes
 
     def __repr__(self) -> str:
         return short_repr(self, repr(self.name), f"{self.mass_kg:g} kg")
@@ -122,21 +111,13 @@ class Rover:
 
 @dataclass(frozen=True, eq=False)
 class Driver:
-    """Robot that follows a planned motion.
+    """Robot that follows a planned motion."""
 
-    Attributes:
-        rover: robot on wheels.
-        planned: planned trajectory; the robot begins at its first pose.
-        motion: planned motion; the robot rests before and after it.
-        where: name of the path in messages.
-        ignores_limits: True to continue after the robot leaves the path or tips over.
-    """
-
-    rover: Rover
-    planned: Trajectory
-    motion: BodyMotion
-    where: str
-    ignores_limits: bool = False
+    rover: Rover  # robot on wheels
+    planned: Trajectory  # planned trajectory; the robot begins at its first pose
+    motion: BodyMotion  # planned motion; the robot rests before and after it
+    where: str  # name of the path in messages
+    ignores_limits: bool = False  # True to continue after the robot leaves the path or tips over
 
     def __repr__(self) -> str:
         return short_repr(self, repr(self.rover), repr(self.where))

@@ -23,17 +23,11 @@ from omnisim.scene.motion.object_motion import Along
 
 @dataclass(frozen=True)
 class Slip:
-    """Slip of the wheels: their readings against the robot's true motion.
+    """Slip of the wheels: their readings against the robot's true motion."""
 
-    Attributes:
-        distance: extra meters that the wheels report per meter driven.
-        turn: extra radians that the wheels report per radian turned.
-        end_m: distance between the ends of the motion and of dead reckoning.
-    """
-
-    distance: float
-    turn: float
-    end_m: float
+    distance: float  # extra meters that the wheels report per meter driven
+    turn: float  # extra radians that the wheels report per radian turned
+    end_m: float  # distance between the ends of the motion and of dead reckoning
 
     def __str__(self) -> str:
         return (
@@ -44,26 +38,17 @@ class Slip:
 
 @dataclass(frozen=True, eq=False)
 class SimulatedMotion:
-    """Motion in small steps over a whole drive.
+    """Motion in small steps over a whole drive."""
 
-    Attributes:
-        base: poses of the robot's base.
-        wheels_m: (n, 2) distances that the left and the right tires have rolled by the base's
-            times.
-        effective_track_m: track that converts differences of the wheels' distances into turns.
-        objects: poses of the free objects, by name, at the same times.
-        contact_times_s: contact times by the touched object's name, ordered by first contact.
-        engine: name and version of the physics engine.
-        step_s: time step of the engine.
-    """
-
-    base: Trajectory
+    base: Trajectory  # poses of the robot's base
+    # (n, 2) distances that the left and the right tires have rolled by the base's times
     wheels_m: Floats
-    effective_track_m: float
-    objects: Mapping[str, Trajectory]
+    effective_track_m: float  # track that converts differences of the wheels' distances into turns
+    objects: Mapping[str, Trajectory]  # poses of the free objects, by name, at the same times
+    # contact times by the touched object's name, ordered by first contact
     contact_times_s: Mapping[str, Floats]
-    engine: str
-    step_s: float
+    engine: str  # name and version of the physics engine
+    step_s: float  # time step of the engine
 
     def __repr__(self) -> str:
         return short_repr(self, repr(self.base), counted(len(self.objects), "free object"))

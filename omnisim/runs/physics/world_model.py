@@ -38,34 +38,24 @@ GEOMS = {
 
 @dataclass(frozen=True, eq=False)
 class SolidObject:
-    """Dynamic object of a scene.
+    """Dynamic object of a scene."""
 
-    Attributes:
-        pieces: convex pieces in the object's frame.
-        pose: (4, 4) initial pose.
-        mass_kg: mass of a free object; None: the object follows the scene's motion.
-    """
-
-    pieces: Sequence[ConvexPiece]
-    pose: Pose
+    pieces: Sequence[ConvexPiece]  # convex pieces in the object's frame
+    pose: Pose  # (4, 4) initial pose
+    # mass of a free object; None: the object follows the scene's motion
     mass_kg: float | None = None
 
 
 @dataclass(eq=False)
 class WorldModel:
-    """Specification of a model, and the owners of its geoms.
+    """Specification of a model, and the owners of its geoms."""
 
-    Attributes:
-        spec: specification to compile.
-        owners: names of the instances, objects and robots, by the names of their geoms.
-        robots: names of the robots, by the names of their geoms.
-        wheel_geoms: names of the wheels' and casters' geoms.
-    """
-
-    spec: mujoco.MjSpec = field(default_factory=mujoco.MjSpec)
+    spec: mujoco.MjSpec = field(default_factory=mujoco.MjSpec)  # specification to compile
+    # names of the instances, objects and robots, by the names of their geoms
     owners: dict[str, str] = field(default_factory=dict)
+    # names of the robots, by the names of their geoms
     robots: dict[str, str] = field(default_factory=dict)
-    wheel_geoms: set[str] = field(default_factory=set)
+    wheel_geoms: set[str] = field(default_factory=set)  # names of the wheels' and casters' geoms
 
     def __repr__(self) -> str:
         return short_repr(self, counted(len(self.owners), "piece"))

@@ -148,17 +148,11 @@ def _numbers(indices: Ints, stream: int, key: int) -> Floats:
 
 @dataclass(frozen=True, repr=False)
 class Imu(SensorSettings):
-    """Inertial measurement unit.
+    """Inertial measurement unit."""
 
-    Attributes:
-        errors: noise and biases.
-        rate_hz: readings per second, which are averages over a period.
-        gravity_mps2: gravity along the world's −z.
-    """
-
-    errors: ImuErrors
-    rate_hz: float = 200.0
-    gravity_mps2: float = STANDARD_GRAVITY_MPS2
+    errors: ImuErrors  # noise and biases
+    rate_hz: float = 200.0  # readings per second, which are averages over a period
+    gravity_mps2: float = STANDARD_GRAVITY_MPS2  # gravity along the world's −z
 
     noun: ClassVar[str] = "IMU"
     suffixes: ClassVar[tuple[str, ...]] = (TABLE_SUFFIX,)
