@@ -27,7 +27,7 @@ from omnisim.ground_truth.boxes import VISIBLE_SHARE, BoxLimits, mask_from_runs,
 from omnisim.runs.run_folder import RunFolder
 from omnisim.runs.run_manifest import MANIFEST_FORMAT, parse_manifest
 from omnisim.sensors.calibration_file import parse_mount
-from omnisim.sensors.sensor_names import folder_name
+from omnisim.sensors.sensor_table import folder_name
 
 IMAGES, LABELS, ANNOTATIONS = "images", "labels", "annotations.json"
 GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0

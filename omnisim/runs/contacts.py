@@ -13,8 +13,8 @@ from omnisim.core.errors import TrajectoryError
 from omnisim.core.poses import pose_from_rotation
 from omnisim.core.short_repr import counted, short_repr
 from omnisim.core.trajectories import Trajectory
-from omnisim.robots.body_boxes import BodyBoxes
 from omnisim.robots.kinematics import steps_between
+from omnisim.robots.vehicle import BodyBoxes
 from omnisim.scene import Scene
 from omnisim.scene.space.floor import TriangleBvh, triangles_within
 

@@ -24,7 +24,6 @@ from omnisim.core.trajectories.formats.parsed_trajectory import (
 )
 from omnisim.core.trajectories.trajectory import step_lengths_m
 from omnisim.robots import Kinematics, check_drivable, time_poses
-from omnisim.robots.body_boxes import BodyBoxes
 from omnisim.robots.motion_profile import (
     Plan,
     PlannedMotion,
@@ -34,7 +33,7 @@ from omnisim.robots.motion_profile import (
     read_waypoints,
 )
 from omnisim.robots.robot_file import DEFAULT_CLEARANCE_M
-from omnisim.robots.vehicle import Vehicle
+from omnisim.robots.vehicle import BodyBoxes, Vehicle
 from omnisim.runs.contacts import SPACING_M, Sweep
 from omnisim.scene import Scene
 from omnisim.scene.space.floor import HeightField
@@ -138,15 +137,19 @@ def plan_route(
         raise TrajectoryError(f"{route.path}: {reason}") from None
     box = BodyBoxes.of(vehicle)
     sweep = Sweep.along(trajectory, 0.0 if box is None else box.reach_m)
-    if not follows_floor:
-        motion = _motion(plan, trajectory)
-        return PlannedRoute(trajectory, sweep, follows_floor=False, motion=motion)
-    sweep = follow_floor(scene, sweep, box, route.path)
-    if isinstance(plan, Plan):
+    motion: BodyMotion
+    if follows_floor:
+        sweep = follow_floor(scene, sweep, box, route.path)
+    if isinstance(plan, _RecordedPath):
+        if follows_floor and not plan.has_times:
+            sweep = slow_on_slopes(sweep)
+        motion = SplineMotion(sweep.trajectory, from_rest=not plan.has_times)
+    elif follows_floor:
         sweep, motion = on_floor(plan, sweep)
     else:
-        sweep = sweep if plan.has_times else slow_on_slopes(sweep)
-        motion = _motion(plan, sweep.trajectory)
+        motion = plan.motion.at_height(float(trajectory.positions_m[0, 2]))
+    if not follows_floor:
+        return PlannedRoute(trajectory, sweep, follows_floor=False, motion=motion)
     trajectory = sweep.trajectory
     if print_note is not None:
         low, high = trajectory.positions_m[:, 2].min(), trajectory.positions_m[:, 2].max()
@@ -163,13 +166,6 @@ class _RecordedPath:
     trajectory: Trajectory  # trajectory with the file's own times, or timed by a rate
     has_heights: bool  # true if the heights are the file's
     has_times: bool  # true if the times are the file's, or follow from a rate
-
-
-def _motion(plan: Plan | _RecordedPath, trajectory: Trajectory) -> BodyMotion:
-    """Motion through poses from a file, or poses off the floor."""
-    if isinstance(plan, Plan):
-        return plan.motion.at_height(float(trajectory.positions_m[0, 2]))
-    return SplineMotion(trajectory, from_rest=not plan.has_times)
 
 
 def _check_numbers(route: Route) -> None:

@@ -14,8 +14,8 @@ from omnisim.core.files.parameters import Table, parse_table
 from omnisim.ground_truth.channel_files import ChannelFormat
 from omnisim.rendering.sensor import SensorSettings
 from omnisim.scene import Scene, read_scene
-from omnisim.sensors.sensor_names import SensorName
 from omnisim.sensors.sensor_registry import SENSOR_TYPES
+from omnisim.sensors.sensor_table import SensorName
 
 MANIFEST_FORMAT = 2
 RAYS = "embreex "  # prefix of the ray-casting back end's name

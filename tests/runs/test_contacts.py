@@ -9,8 +9,7 @@ from scipy.optimize import linprog
 from omnisim.core.errors import TrajectoryError
 from omnisim.core.poses import pose
 from omnisim.core.trajectories import Trajectory, write_trajectory
-from omnisim.robots.body_boxes import BodyBoxes
-from omnisim.robots.vehicle import Vehicle
+from omnisim.robots.vehicle import BodyBoxes, Vehicle
 from omnisim.runs.contacts import SPACING_M, Sweep, check_no_contact, meet_box
 from omnisim.runs.drive import Drive
 from omnisim.runs.route import Route

@@ -24,10 +24,11 @@ from omnisim.rendering.camera.quality import DEFAULT_NEAR_M
 from omnisim.robots.importers.imported_robot import (
     ImportedRobot,
     ImportedSensor,
+    drive_table,
     footprint,
+    is_wheel_drive,
     load_body,
 )
-from omnisim.robots.importers.mechanics import drive_table, is_wheel_drive
 from omnisim.scene.formats.features import part_notices, xml_parts
 from omnisim.scene.formats.imported_scene import Omissions, unique_name
 from omnisim.scene.formats.resources import ResourcePath
@@ -40,7 +41,7 @@ from omnisim.scene.formats.sdf.models import (
 )
 from omnisim.scene.formats.xml.element import XmlElement
 from omnisim.sensors.depth_camera.depth_camera import MAX_RANGE_M
-from omnisim.sensors.sensor_names import folder_name
+from omnisim.sensors.sensor_table import folder_name
 
 _GROUND_M = 0.02  # maximum height of the body's lowest point above or below the ground
 

@@ -11,8 +11,15 @@ import numpy as np
 from omnisim.core.arrays import Floats
 from omnisim.core.errors import OmnisimError, RobotFileError
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.robots.importers.imported_robot import ImportedRobot, ImportedSensor, load_body
-from omnisim.robots.importers.mechanics import Mechanics, Wheel, imported_robot, is_across
+from omnisim.robots.importers.imported_robot import (
+    ImportedRobot,
+    ImportedSensor,
+    Mechanics,
+    Wheel,
+    imported_robot,
+    is_across,
+    load_body,
+)
 from omnisim.scene.formats.imported_scene import unique_name
 from omnisim.scene.formats.mjcf.reader import (
     VISIBLE_GROUPS,
@@ -23,7 +30,7 @@ from omnisim.scene.formats.mjcf.reader import (
     load_model,
     without_world,
 )
-from omnisim.sensors.sensor_names import folder_name
+from omnisim.sensors.sensor_table import folder_name
 
 _SHOWN = 4  # maximum number of names in a message
 _INERTIAL = (mujoco.mjtSensor.mjSENS_GYRO, mujoco.mjtSensor.mjSENS_ACCELEROMETER)

@@ -10,13 +10,15 @@ import numpy as np
 from omnisim.core.arrays import Floats
 from omnisim.core.errors import RobotFileError, SceneError
 from omnisim.robots.importers.gazebo_robot import read_sensors
-from omnisim.robots.importers.imported_robot import ImportedRobot, ImportedSensor, load_body
-from omnisim.robots.importers.mechanics import (
+from omnisim.robots.importers.imported_robot import (
+    ImportedRobot,
+    ImportedSensor,
     Mechanics,
     Wheel,
     imported_robot,
     is_across,
     is_wheel_drive,
+    load_body,
     stated_limits,
 )
 from omnisim.scene import Scene
@@ -25,7 +27,7 @@ from omnisim.scene.formats.imported_scene import Omissions, unique_name
 from omnisim.scene.formats.resources import ResourcePath
 from omnisim.scene.formats.urdf.reader import link_poses
 from omnisim.scene.formats.xml.element import XmlElement, parse_xml
-from omnisim.sensors.sensor_names import folder_name
+from omnisim.sensors.sensor_table import folder_name
 
 Poses = Mapping[str, Floats]  # poses (4, 4) by link name
 

@@ -127,7 +127,7 @@ def test_parts_out_of_the_region_are_left_out():
 @pytest.mark.parametrize("two_sided", [False, True])
 def test_any_triangles_are_pieces_that_mujoco_takes_without_a_word(flatness, two_sided, capfd):
     mujoco = pytest.importorskip("mujoco", reason="MuJoCo, an extra, is not installed")
-    from omnisim.runs.physics.world_model import WorldModel
+    from omnisim.runs.physics.simulation import WorldModel
 
     random = np.random.default_rng(7)
     sizes = 10.0 ** random.uniform(-4.0, 2.0, (200, 1, 1))

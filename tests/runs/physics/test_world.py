@@ -9,8 +9,14 @@ pytest.importorskip("mujoco", reason="MuJoCo, an extra, is not installed")
 
 from omnisim.core.poses import pose_from_rotation
 from omnisim.runs.physics.convex_pieces import ConvexPiece, Shape
-from omnisim.runs.physics.simulation import PERIOD_S, SimulatedWorld
-from omnisim.runs.physics.world_model import FRICTION, STEP_S, SolidObject, WorldModel
+from omnisim.runs.physics.simulation import (
+    FRICTION,
+    PERIOD_S,
+    STEP_S,
+    SimulatedWorld,
+    SolidObject,
+    WorldModel,
+)
 from tests.runs.physics.worlds import ball, block, ground, rover
 
 G = 9.80665

@@ -62,9 +62,8 @@ from omnisim.datasets.export.export_format import (
     ExportSettings,
     PrintNote,
 )
-from omnisim.datasets.export.recording import ImuReadings, RecordedCamera, Recording
+from omnisim.datasets.export.recording import ImuReadings, RecordedCamera, Recording, read_table
 from omnisim.datasets.export.ros2 import ros_messages as messages
-from omnisim.datasets.export.stored_clouds import read_table
 from omnisim.rendering.camera.omnicamera import CALIBRATION
 from omnisim.rendering.sensor import SensorSettings
 from omnisim.runs.run_folder import LABELS

@@ -34,7 +34,7 @@ from omnisim.robots.importers.usarsim.usarsim_parts import (
     read_ini,
     read_part,
 )
-from omnisim.sensors.sensor_names import folder_name
+from omnisim.sensors.sensor_table import folder_name
 
 SENSOR_KEYS = ("sensors", "cameras")
 _NAME = re.compile(r"(?:Part|Pkg|Item)Name\s*=\s*[\"']?([^\"',()]*)", re.IGNORECASE)

@@ -1,4 +1,10 @@
-"""Camera in a MuJoCo simulation."""
+"""Cameras of omnisim in your own MuJoCo simulation loop; needs the extra `mujoco`.
+
+with omnisim.runs.mujoco_camera.Camera(model, data, "fisheye.toml", body="head") as camera:
+    while data.time < 1.0:
+        mujoco.mj_step(model, data)
+        frame = camera.render(also=("range", "instance"))
+"""
 
 from __future__ import annotations
 
@@ -22,8 +28,18 @@ from omnisim.rendering.stage import Stage
 if TYPE_CHECKING:
     import mujoco
 
+    from omnisim.scene.formats.mjcf.reader import lens_of as lens_of
+
 VISIBLE_GROUPS = (0, 1, 2)  # shown by MuJoCo's own renderer
 NO_GEOM = -1
+
+
+def __getattr__(name: str) -> object:
+    if name == "lens_of":
+        from omnisim.scene.formats.mjcf import reader  # needs the extra
+
+        return reader.lens_of
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 class Camera(Closeable):
