@@ -45,9 +45,9 @@ def vehicle_of(*sensors):
 
 def drive_of(*sensors, **settings):
     scene = load_scene("soccer")
-    path = dataclasses.replace(scene.paths[0], waypoints_m=((0.0, 0.0), (1.0, 0.0)))
+    path = dataclasses.replace(scene.paths[0], waypoints_m=((0.0, 0.0), (0.5, 0.0)))
     scene = dataclasses.replace(scene, paths=(path,))
-    return Drive(scene, vehicle_of(*sensors), Route(path.name, step_m=0.3), seed=4, **settings)
+    return Drive(scene, vehicle_of(*sensors), Route(path.name, step_m=0.15), seed=4, **settings)
 
 
 def test_rates_phases_and_jitter():

@@ -36,16 +36,16 @@ def plane(camera, z_m):
 
 
 @every_device
-@pytest.mark.parametrize("z_m", [0.8, 1.5, 3.0, 4.5])
-def test_noise_grows_with_the_square_of_depth(camera, z_m):
-    measured = camera.measure(*plane(camera, z_m), seed=3)
-    errors = measured[measured > 0.0].astype(np.float64) - z_m
-    # to first order; the second is sigma/z of the first, and rounding is not even for a small noise
-    expected = camera.disparity_sigma_px * z_m**2 / (camera.focal_length_px * camera.baseline_m)
-    assert camera.sigma_m(z_m) == pytest.approx(expected)
-    rounding = 0.12 if camera.disparity_step_px > camera.disparity_sigma_px else 0.0
-    assert errors.std() == pytest.approx(expected, rel=0.01 + 3.0 * expected / z_m + rounding)
-    assert abs(errors.mean()) < 0.3 * expected
+def test_noise_grows_with_the_square_of_depth(camera):
+    for z_m in (0.8, 4.5):
+        measured = camera.measure(*plane(camera, z_m), seed=3)
+        errors = measured[measured > 0.0].astype(np.float64) - z_m
+        # to first order; the second is sigma/z of it, and rounding is not even for a small noise
+        expected = camera.disparity_sigma_px * z_m**2 / (camera.focal_length_px * camera.baseline_m)
+        assert camera.sigma_m(z_m) == pytest.approx(expected)
+        rounding = 0.12 if camera.disparity_step_px > camera.disparity_sigma_px else 0.0
+        assert errors.std() == pytest.approx(expected, rel=0.01 + 3.0 * expected / z_m + rounding)
+        assert abs(errors.mean()) < 0.3 * expected
 
 
 def test_the_kinects_noise_is_that_of_khoshelham_and_elberink():
@@ -216,12 +216,9 @@ def test_a_run_goes_on_with_the_same_bytes(tmp_path):
     assert [one.read_bytes() for one in files] == before
     pixels, _ = read_image(files[2])
     assert pixels.dtype == np.uint16
-    with open_sensor(
-        drive.scene,
-        vehicle.sensors[0].sensor,
-        base_from_sensor=vehicle.sensors[0].base_from_sensor,
-        seed="3 depth",
-    ) as renderer:
+    (mount,) = vehicle.sensors
+    place = mount.base_from_sensor
+    with open_sensor(drive.scene, mount.sensor, base_from_sensor=place, seed="3 depth") as renderer:
         depths = renderer.measure(poses[2], 2).depths_m
     assert np.count_nonzero(depths) > 1000
     assert np.array_equal(np.squeeze(pixels), np.round(1000.0 * depths))
