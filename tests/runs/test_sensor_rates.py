@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from omnisim.core.errors import RobotFileError, RunError
+from omnisim.core.errors import RunError
 from omnisim.core.rate import SensorRate
 from omnisim.core.trajectories import Trajectory, read_trajectory
 from omnisim.datasets.export.export import export_run
@@ -77,30 +77,6 @@ def test_sensors_of_a_trigger_fire_together():
     assert np.array_equal(times[0], times[2])
     assert lidar.sensor.rate_hz == 12.0
     assert vehicle_of(SONAR).sensors[0].times_s(steps_s, 0) is steps_s  # without a rate
-
-
-@pytest.mark.parametrize(
-    ("sensors", "words"),
-    [
-        ([SONAR | {"phase_s": 0.1}], "sensor 'sonar': phase_s: expected with rate_hz"),
-        ([SONAR | {"jitter_s": 0.1}], "sensor 'sonar': jitter_s: expected with rate_hz"),
-        ([SONAR | {"trigger": "a"}], "trigger = 'a': expected a sensor of it with rate_hz"),
-        ([SONAR | {"rate_hz": 5.0, "jitter_s": 0.1}], "jitter_s = 0.1: expected at most 0.08 of"),
-        ([SONAR | {"rate_hz": 0.0}], "rate_hz"),
-        (
-            [SONAR | {"rate_hz": 5.0, "trigger": "a"}, CAMERA | {"rate_hz": 6.0, "trigger": "a"}],
-            "sensor 'eye': rate_hz = 6: expected 5, that of 'sonar' on trigger 'a'",
-        ),
-    ],
-)
-def test_rates_that_cannot_be_are_refused(sensors, words):
-    with pytest.raises(RobotFileError, match=words):
-        vehicle_of(*sensors)
-
-
-def test_a_phase_beyond_the_drive_is_refused():
-    with pytest.raises(RunError, match=r"sensor 'sonar': phase_s = 99: expected at most the"):
-        drive_of(SONAR | {"rate_hz": 5.0, "phase_s": 99.0}).plan()
 
 
 def test_skipped_revolutions_and_what_is_too_near_at_the_start_are_mentioned():

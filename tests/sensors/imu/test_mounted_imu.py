@@ -144,10 +144,9 @@ def allan_variance(values, cluster):
 def test_allan_deviation_is_the_data_sheets(device):
     errors, rate_hz, count = DEVICES[device], 100.0, 200_000
     values = errors.biases(count, rate_hz, 7) + errors.noise(np.arange(count), rate_hz, 7)
-    for axes, density, walk in (
-        (slice(0, 3), errors.gyro_noise_radps_per_sqrt_hz, errors.gyro_bias_walk_radps2_per_sqrt_hz),
-        (slice(3, 6), errors.accel_noise_mps2_per_sqrt_hz, errors.accel_bias_walk_mps3_per_sqrt_hz),
-    ):  # fmt: skip
+    densities = errors.gyro_noise_radps_per_sqrt_hz, errors.accel_noise_mps2_per_sqrt_hz
+    walks = errors.gyro_bias_walk_radps2_per_sqrt_hz, errors.accel_bias_walk_mps3_per_sqrt_hz
+    for axes, density, walk in zip((slice(0, 3), slice(3, 6)), densities, walks, strict=True):
         for tau_s in (0.1, 1.0, 10.0, 100.0):
             # slope −1/2 and slope +1/2 of the deviation, IEEE Std 952
             expected = density**2 / tau_s + walk**2 * tau_s / 3.0
