@@ -104,8 +104,10 @@ def find_free_space(
     """
     start = np.array(scene.start.position_m[:2])
     grid = _Grid.of_scene(scene, radius_m / CELLS_PER_RADIUS)
-    if floor_m is None:
-        floor_m = _floor_at_start(scene)
+    if floor_m is None:  # the highest surface below the scene's start, or its lowest point
+        heights = HeightField(scene, start, start).heights_m(start[None, None])
+        below = heights[np.isfinite(heights) & (heights <= scene.start.position_m[2])]
+        floor_m = float(below.max(initial=scene.bounds_m()[0][2]))
     reach_m = radius_m + MARGIN_CELLS * grid.cell_m
     windows = grid.windows(start) if from_start else ()
     for window in (*windows, grid):
@@ -124,15 +126,6 @@ def find_free_space(
         f"{scene.name}: no free floor at {floor_m:.3g} m for a radius of {radius_m:g} m and a "
         f"height of {height_m:g} m: expected a smaller radius_m, or another floor_m"
     )
-
-
-def _floor_at_start(scene: Scene) -> float:
-    """Height of the highest surface below the scene's start; default: the scene's lowest point."""
-    *start, z = scene.start.position_m
-    point = np.array(start)
-    heights = HeightField(scene, point, point).heights_m(point[None, None])
-    below = heights[np.isfinite(heights) & (heights <= z)]
-    return float(below.max(initial=scene.bounds_m()[0][2]))
 
 
 def _region(free: Bools, start: Indices, or_largest: bool) -> Bools:

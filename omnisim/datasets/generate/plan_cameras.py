@@ -25,7 +25,7 @@ from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.scene import Scene
 from omnisim.scene.light.light_tables import LightTable, SkyTable
 from omnisim.scene.light.sky import sun_position, with_sky
-from omnisim.scene.parts import Light, LightKind
+from omnisim.scene.parts import LightKind
 
 WHOLE_RIG = "all"
 ROUNDING = 1e-9  # of a parameter that is computed from others
@@ -136,8 +136,12 @@ class RigFile:
         """Degradation with drawn parameters."""
         tables: dict[str, dict[str, Any]] = dict(before.tables())
         for name, keys in self.table.degradation.items():
-            drawn = {key: _number(name, key, one.draw(stream)) for key, one in keys.items()}
-            tables[name] = {**tables.get(name, {}), **drawn}
+            fields = getattr(EFFECTS.get(name), "__dataclass_fields__", {})
+            table = tables[name] = dict(tables.get(name, {}))
+            for key, distribution in keys.items():
+                value, field = distribution.draw(stream), fields.get(key)
+                is_whole = field is not None and isinstance(field.default, int)
+                table[key] = round(value) if is_whole else value
         return parse_degradation(tables, self._place("").removesuffix(": "), self._plan.parent)
 
     def _exposed(self, camera: OmniCamera) -> OmniCamera:
@@ -179,12 +183,6 @@ def _numbers(value: Any) -> list[float]:
     """Floats of a camera parameter that is a float or a list of floats; else an empty list."""
     values = value if isinstance(value, list) else [value]
     return values if all(isinstance(one, float) for one in values) else []
-
-
-def _number(effect: str, key: str, value: float) -> float | int:
-    """Drawn value for a key of a degradation, rounded if the key's default is an integer."""
-    field = getattr(EFFECTS.get(effect), "__dataclass_fields__", {}).get(key)
-    return round(value) if field is not None and isinstance(field.default, int) else value
 
 
 # Light of a setup: drawn lamps and sky of a scene.
@@ -276,19 +274,13 @@ def _lit(scene: Scene, values: dict[str, Any]) -> Scene:
         dataclasses.replace(lamp, intensity=factor * lamp.intensity)
         for lamp, factor in zip(lighting.lights, values["lamp_factors"], strict=True)
     ]
-    if "lamp_temperatures_k" in values:
-        kelvins = values["lamp_temperatures_k"]
-        lamps = [_of_temperature(*pair) for pair in zip(lamps, kelvins, strict=True)]
-    red, green, blue = (values["ambient_factor"] * one for one in lighting.ambient)
+    for index, kelvin in enumerate(values.get("lamp_temperatures_k", ())):
+        level = float(_LUMINANCE @ lamps[index].color)  # the luminance stays
+        red, green, blue = (level * value for value in black_body_rgb(kelvin))
+        lamps[index] = dataclasses.replace(lamps[index], color=(red, green, blue))
+    red, green, blue = (values["ambient_factor"] * value for value in lighting.ambient)
     lit = dataclasses.replace(lighting, lights=tuple(lamps), ambient=(red, green, blue), baked=None)
     return dataclasses.replace(scene, lighting=lit)
-
-
-def _of_temperature(lamp: Light, kelvin: float) -> Light:
-    """Lamp with the color of a black body, at unchanged luminance."""
-    level = float(_LUMINANCE @ lamp.color)
-    red, green, blue = (level * one for one in black_body_rgb(kelvin))
-    return dataclasses.replace(lamp, color=(red, green, blue))
 
 
 def black_body_rgb(kelvin: float) -> tuple[float, float, float]:

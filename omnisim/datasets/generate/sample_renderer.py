@@ -137,7 +137,7 @@ class SampleRenderer:
         if plan.min_visible is not None:
             rays = self._rays.of(stage)
             shares = {
-                name: rig.visible_shares(name).find(stage, rays, frame, state, vehicle)
+                name: rig.visible_shares[name].find(stage, rays, frame, state, vehicle)
                 for name, frame in frames.items()
             }
         return RenderedSample(drawn, frames, self._light.values, shares)
@@ -168,13 +168,11 @@ class _OpenRig:
             name: stage.open(camera, seed=f"{seed} {name}")
             for name, camera in cameras.cameras.items()
         }
-        self._shares: dict[str, VisibleShares] = {}
 
-    def visible_shares(self, name: str) -> VisibleShares:
-        """Calculator of visible shares in a camera's images, created on first use."""
-        if name not in self._shares:
-            self._shares[name] = VisibleShares(self.renderers[name].camera)
-        return self._shares[name]
+    @cached_property
+    def visible_shares(self) -> dict[str, VisibleShares]:
+        """Calculators of visible shares in the cameras' images."""
+        return {name: VisibleShares(one.camera) for name, one in self.renderers.items()}
 
     @cached_property
     def probe(self) -> Renderer:
