@@ -334,12 +334,8 @@ def surface_points(
     """Points (n, 3) on triangles (m, 3, 3) within a band of heights, in batches.
 
     Triangles are halved across their longest edge until it is at most `spacing_m` long. Each point
-    of a triangle is then within `spacing_m` of a returned point.
-
-    Args:
-        corners_m: (m, 3, 3) corners of the triangles.
-        spacing_m: maximum edge length of a part.
-        band_m: lowest and highest height; triangles beyond it are skipped.
+    of a triangle is then within `spacing_m` of a returned point. Triangles beyond the band, lowest
+    and highest height, are skipped.
     """
     while len(corners_m):
         low, high = triangle_bounds(corners_m[..., 2])
@@ -351,14 +347,9 @@ def surface_points(
 def columns_of(
     corners_m: Floats, spacing_m: float, low_m: Floats, high_m: Floats
 ) -> Iterator[Floats]:
-    """Parts (n, 3, 3) of triangles in a box, in batches; each is small on the floor plan.
+    """Parts (n, 3, 3) of triangles (m, 3, 3) in a box, in batches; each is small on the floor plan.
 
     The height of a part is not limited.
-
-    Args:
-        corners_m: (m, 3, 3) corners of the triangles.
-        spacing_m: maximum edge length of a part on the floor plan.
-        low_m, high_m: (3,) opposite corners of the box; parts outside are excluded.
     """
     while len(corners_m):
         low, high = triangle_bounds(corners_m)

@@ -164,11 +164,7 @@ def check_drivable(
 ) -> None:
     """Raise an error if a trajectory exceeds the limits.
 
-    Args:
-        trajectory: poses with times.
-        kinematics: limits of the robot.
-        source: name of the trajectory in the message, such as its file.
-        lines: (n,) line of each pose in its file; None: no line is named.
+    The message names the trajectory's `source`, and the line of the pose if `lines` (n,) are given.
 
     Raises:
         TrajectoryError: a limit is exceeded; names the first violation, its value and the limit.

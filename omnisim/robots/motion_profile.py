@@ -86,13 +86,8 @@ def plan_with_period(
     """Plan a drive along waypoints with a pose every `period_s`.
 
     Each leg and turn is slowed down to last a whole number of periods. There is a pose at each
-    waypoint before its turn and another after it, and no step mixes a leg with a turn.
-
-    Args:
-        waypoints_m: (n, 2) positions in the world.
-        kinematics: limits of the robot.
-        period_s: time between poses.
-        start_yaw_rad: heading at the first waypoint; None: toward the second one.
+    waypoint before its turn and another after it, and no step mixes a leg with a turn. Further
+    arguments are those of `plan_in_steps`.
 
     Raises:
         TrajectoryError: invalid waypoints or period, or too many poses.
@@ -212,10 +207,8 @@ def _from_rest_or_to_it(amounts: Floats, acceleration: float) -> Floats:
 def _lengthen(durations: Floats, amounts: Floats, accelerations: list[float]) -> None:
     """Lengthen durations (n,) in place until neighbors' mean rates satisfy the accelerations.
 
-    Args:
-        durations: (n,) durations that already satisfy the speeds and the steps next to rest.
-        amounts: (quantities, n) distances and turn angles.
-        accelerations: limit per quantity.
+    The durations already satisfy the speeds and the steps next to rest; `amounts` (quantities, n)
+    are distances and turn angles, with a limit each.
     """
     waiting = deque(range(len(durations) - 1))
     while waiting:
@@ -387,12 +380,7 @@ class Segment:
 
 
 class PlannedMotion(BodyMotion):
-    """Motion along consecutive segments.
-
-    Args:
-        segments: segments; each starts at the end pose and end time of the previous one.
-        height_m: height of the base in segments without a `way`.
-    """
+    """Motion along consecutive segments, at one height where they have no `way`."""
 
     def __init__(self, segments: Sequence[Segment], height_m: float = 0.0):
         self.segments, self._height_m = tuple(segments), height_m

@@ -77,9 +77,7 @@ class Vehicle:
     def from_robot(cls, robot: Robot, cameras: Mapping[str, OmniCamera] = {}) -> Vehicle:
         """Build the vehicle that a robot file describes.
 
-        Args:
-            robot: contents of a robot file, or an imported robot.
-            cameras: cameras by sensor name, which replace those of sensor files.
+        `cameras`, by sensor name, replace those of sensor files.
 
         Raises:
             RobotFileError: a file is missing or is not a body, a sensor is invalid or inside the
@@ -286,10 +284,7 @@ def _check_outside(body: Scene | None, mount: Mount[SensorSettings], where: str)
 def rig_vehicle(name: str, rig: Rig, sensors: Sequence[OmniCamera] | None = None) -> Vehicle:
     """Build the vehicle of a rig: invisible, without wheels; its base is the rig's body.
 
-    Args:
-        name: name of the vehicle.
-        rig: cameras and their poses on the body.
-        sensors: sensor per camera; None: the rig's camera models with default settings.
+    `sensors` has one per camera; None: the rig's camera models with default settings.
 
     Raises:
         CalibrationError: two cameras have the same folder name.

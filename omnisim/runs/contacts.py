@@ -43,12 +43,7 @@ class Sweep:
 
     @classmethod
     def along(cls, trajectory: Trajectory, reach_m: float) -> Sweep:
-        """Interpolate poses within the steps: positions linearly, rotations by slerp.
-
-        Args:
-            trajectory: trajectory to interpolate.
-            reach_m: distance from the base to its outermost corner.
-        """
+        """Interpolate poses, for a body that reaches `reach_m` from its base: turns by slerp."""
         poses, times = trajectory.world_from_base, trajectory.times_s
         if len(trajectory) == 1:
             return cls(poses, np.zeros(1, dtype=np.intp), np.ones(1, dtype=bool), times)

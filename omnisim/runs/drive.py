@@ -177,11 +177,7 @@ class PlannedDrive:
 
         The first number counts the steps finished before the call. Measurements between two steps
         are recorded with the second. An interrupted run resumes, and its bytes equal those of an
-        uninterrupted one.
-
-        Args:
-            folder: folder of the run.
-            force: overwrite another run in the folder.
+        uninterrupted one. `force` overwrites another run in the folder.
 
         Raises:
             RunError: the folder holds another run, or another command is writing to it.

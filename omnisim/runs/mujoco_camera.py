@@ -141,12 +141,9 @@ class Camera(Closeable):
         previous_state: WorldState | None = None,
         frame_number: int = 0,
     ) -> Frame:
-        """Render one frame.
+        """Render one frame of a state, or of the data's current one.
 
-        Args:
-            state: state of the world; None: the data's current state.
-            also, linear, next_state, previous_state, frame_number: as for
-                `omnisim.Renderer.render`.
+        Further arguments are those of `omnisim.Renderer.render`.
 
         Raises:
             OmnisimError: as `omnisim.Renderer.render`.

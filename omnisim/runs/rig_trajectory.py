@@ -64,10 +64,6 @@ class RigRoute:
 
         Known times are the file's, or follow from the rate.
 
-        Args:
-            rig: rig with the posed frame.
-            print_note: callback for notes on assumed conventions.
-
         Raises:
             OmnisimError: the file cannot be read, or the rig lacks the frame.
         """
@@ -91,10 +87,6 @@ class RigRoute:
 
     def read_poses(self, rig: Rig, print_note: Callable[[str], None]) -> RigPoses:
         """Poses of the rig's body in the scene, with the names and times that the file has.
-
-        Args:
-            rig: rig with the posed frame.
-            print_note: callback for a note on the assumed frame.
 
         Raises:
             OmnisimError: the file cannot be read, or the rig lacks the frame.

@@ -101,14 +101,9 @@ def plan_route(
     Waypoints, and poses of a file without heights, are on the scene's floor (`follow_floor`), or at
     `ground_m`; poses with heights stay unchanged.
 
-    A route without a suffix names a path of the scene, if there is one, before a file.
-
-    Args:
-        scene: scene to drive in.
-        vehicle: vehicle that drives.
-        route: path, and size of its steps.
-        print_note: callback for notes on the assumed axes, if they differ from the world's, and on
-            the floor's heights, if they differ from 0.
+    A route without a suffix names a path of the scene, if there is one, before a file. `print_note`
+    takes notes on assumed axes, if they differ from the world's, and on the floor's heights, if
+    they differ from 0.
 
     Raises:
         TrajectoryError: an invalid step, rate or ground height; an unknown path; a file that is
@@ -319,14 +314,9 @@ def follow_floor(scene: Scene, sweep: Sweep, box: BodyBoxes | None, where: str) 
     The floor at the start is the surface nearest to a height of 0. From there on each wheel takes
     the highest surface seen from above that is at most the robot's clearance above its last one.
     The base is on the plane through the wheels: level floors leave it level. If one wheel has no
-    floor within the clearance, the other three bear the robot. Fewer suffice as long as the
-    robot's middle is above the floor.
-
-    Args:
-        scene: scene with the floor.
-        sweep: level path at z = 0.
-        box: boxes of the robot's body; None: all wheels are at one point.
-        where: name of the path in messages.
+    floor within the clearance, the other three bear the robot. Fewer suffice as long as the robot's
+    middle is above the floor. Without `box`, the boxes of the robot's body, all wheels are at one
+    point. Messages name the path `where`.
 
     Raises:
         TrajectoryError: the floor ends or drops, at a step.
@@ -411,10 +401,7 @@ class _Track:
 def _points_under(track: _Track, positions_m: Floats, yaw_rad: Floats, spread: Floats) -> Floats:
     """Points (n, 5, 5, 2) under the wheels and the middle at positions (n, 2) and headings (n,).
 
-    Args:
-        track: positions of the wheels.
-        positions_m, yaw_rad: positions and headings of the base.
-        spread: (n,) fractions of the wheels' distances from the middle.
+    `spread` (n,) are fractions of the wheels' distances from the middle.
     """
     places = track.middle_m + spread[:, None, None] * track.half_m * _PLACES
     local = places[:, :, None] + track.tire_m * _POINTS
@@ -485,10 +472,6 @@ def on_floor(plan: Plan, sweep: Sweep) -> tuple[Sweep, PlannedMotion]:
 
     Steps of equal length keep the limits along the floor, and so last longer on slopes; steps of
     equal duration keep their times. Between the sweep's poses the motion is a spline.
-
-    Args:
-        plan: plan on a level floor.
-        sweep: closely spaced poses along the plan, on the scene's floor.
     """
     poses = sweep.world_from_base
     heights_m = poses[:, 2, 3]

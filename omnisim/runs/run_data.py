@@ -107,12 +107,9 @@ def planar_poses(trajectory: Trajectory) -> Floats:
 
 
 def read_run(folder: Path, scene: str | None = None, camera: str | None = None) -> RunData:
-    """Read a run, complete or not.
+    """Read a run, complete or not, with a camera; by default the first.
 
-    Args:
-        folder: folder of the run.
-        scene: file or name of the run's scene, if it has moved.
-        camera: name of a camera; by default the first.
+    `scene` is the file or name of the run's scene, if it has moved.
 
     Raises:
         OmnisimError: no run, no camera, no image yet, no landmarks, or a damaged file.
@@ -169,11 +166,7 @@ def landmark_colors(landmarks: Sequence[Landmark]) -> tuple[str, ...]:
 
 
 class RunLabels:
-    """Classes of the pixels of a run's images.
-
-    Args:
-        run: run with the channel `instance`.
-        colors: names of the landmark colors; their classes are 1, 2, ...
+    """Classes of the pixels of a run's images: 1, 2, ... for the names of landmark colors.
 
     Raises:
         RunError: the run lacks the channel, or its table of labels is damaged.
@@ -204,11 +197,7 @@ class RunLabels:
         return self._class_of_instance[ids]
 
     def pixels(self, track: Track = iter) -> Iterator[LabeledPixels]:
-        """Pixels (n, 3) that show the scene, and their classes (n,), image by image.
-
-        Args:
-            track: wrapper of the steps, for progress.
-        """
+        """Pixels (n, 3) that show the scene, and their classes (n,), image by image."""
         covered = self._run.mount.covered
         selected = slice(None) if covered is None else covered.ravel()
         for step in track(range(self._run.steps)):
@@ -216,12 +205,7 @@ class RunLabels:
 
 
 def train_on_run(run: RunData, costs: Costs, track: Track = iter) -> Training:
-    """Train a color model on a run's landmarks.
-
-    Args:
-        run: run with the channel `instance`.
-        costs: costs of misclassification.
-        track: wrapper of the steps, for progress.
+    """Train a color model on a run's landmarks; `track` wraps the steps, for progress.
 
     Raises:
         RunError: a run without labels, or with too few images.
@@ -287,12 +271,9 @@ def read_single_image(
 ) -> SingleImage:
     """Read an image whose metadata names its camera.
 
-    The metadata gives the camera's mount on its vehicle; the vehicle's pose is ignored.
-
-    Args:
-        path: path of the image.
-        height_m: height of the effective viewpoint above the ground, or None: the mount's z.
-        sensor: camera of the image, on the vehicle, or None: the one in the image's metadata.
+    The metadata gives the camera's mount on its vehicle; the vehicle's pose is ignored. `height_m`
+    is the effective viewpoint's above the ground; None: the mount's z. `sensor` is the camera on
+    its vehicle; None: that of the metadata.
 
     Raises:
         OutputError: not an image, an image of floats, or an image without its camera.

@@ -297,12 +297,9 @@ def read_times(path: Path, count: int) -> Floats:
 
 @contextmanager
 def open_run(path: Path, content: dict[str, Any], force: bool = False) -> Iterator[RunFolder]:
-    """Begin or resume a run; other drives are locked out meanwhile.
+    """Begin or resume a run by its manifest; other drives are locked out meanwhile.
 
-    Args:
-        path: folder of the run; it is created if its parent exists.
-        content: manifest of the run.
-        force: overwrite another run in the folder.
+    `force` overwrites another run in the folder.
 
     Raises:
         RunError: the folder holds another run or foreign files, another command is writing to it,
@@ -455,16 +452,10 @@ COLUMNS = (
 
 
 def write_states(path: Path, motion: BodyMotion, times_s: Iterable[Floats]) -> None:
-    """Write the base's states at given times.
+    """Write the base's states at times of steps and measurements, but for those before the motion.
 
     A state is position, orientation, velocity and acceleration in the world, and the angular rate
     in the base's frame.
-
-    Args:
-        path: path of the file.
-        motion: motion of the base.
-        times_s: times of the steps and of each sensor's measurements; times before the motion are
-            ignored.
 
     Raises:
         OutputError: the file cannot be written.

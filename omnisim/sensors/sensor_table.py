@@ -68,9 +68,7 @@ class SensorTable(MountingTable):
     def mounts(self, folder: Path, source: str) -> tuple[Mount[SensorSettings], ...]:
         """Build the mounts of the table, usually one, without their rate.
 
-        Args:
-            folder: folder of the robot file, the base of relative paths.
-            source: name of file and sensor in messages.
+        Paths are relative to `folder`, that of the robot file; messages name `source`.
 
         Raises:
             RobotFileError: the sensor is invalid, or a file is missing.

@@ -97,12 +97,7 @@ class ConstantShares:
 
 
 class Stream:
-    """Random numbers as a function of integers: seed, image, attempt, purpose.
-
-    Args:
-        seed: seed of the plan.
-        keys: up to three further integers, each at least 0.
-    """
+    """Random numbers as a function of integers: seed, and up to three keys of at least 0."""
 
     def __init__(self, seed: int, *keys: int):
         # the lowest word counts blocks of numbers

@@ -67,10 +67,7 @@ class RigFile:
                 preset(table.preset, plan.parent)
 
     def rig(self, stream: Shares | None = None) -> PlanRig:
-        """Rig with its size, quality and degradations.
-
-        Args:
-            stream: stream for varying values; None: nothing varies.
+        """Rig with its size, quality and degradations, and what varies drawn from a stream.
 
         Raises:
             OmnisimError: invalid parameters of the camera.
@@ -204,13 +201,7 @@ class DrawnLight:
 
 
 def draw_light(scene: Scene, vary: VaryTable, stream: Shares, plan: Path) -> DrawnLight:
-    """Draw the light of a scene.
-
-    Args:
-        scene: scene with its own light.
-        vary: table [vary] of the plan.
-        stream: stream of random numbers.
-        plan: path of the plan's file; maps are relative to it.
+    """Draw the light of a scene by the table [vary]; maps are relative to the file of the plan.
 
     Raises:
         OmnisimError: the sun is below the horizon, or a map cannot be read.

@@ -43,12 +43,7 @@ class RenderedSample:
 
 
 class SampleRenderer:
-    """Renderer of samples; fast for consecutive samples of one scene and rig.
-
-    Args:
-        prepared: prepared plan.
-        device: EGL index of the GPU; None: the first.
-    """
+    """Renderer of samples; fast for consecutive samples of one scene and rig."""
 
     def __init__(self, prepared: PreparedPlan, device: int | None = None):
         self._prepared, self._device = prepared, device
@@ -259,11 +254,7 @@ def _draw(prepared: PreparedPlan, setup: int, purpose: int, make: Callable[[Stre
 
 
 class VisibleShares:
-    """Calculator of visible shares in a camera's images, by casting rays through all surfaces.
-
-    Args:
-        camera: camera, as in its renderer.
-    """
+    """Calculator of visible shares in a camera's images, by casting rays through all surfaces."""
 
     def __init__(self, camera: OmniCamera):
         self._camera = camera
@@ -273,14 +264,9 @@ class VisibleShares:
     def find(
         self, stage: Stage, rays: RayScene, frame: Frame, state: WorldState, vehicle: str
     ) -> dict[int, float]:
-        """Shares of the visible instances, above 0 and at most 1, by ID.
+        """Shares of the instances visible in a vehicle's frame, above 0 and at most 1, by ID.
 
-        Args:
-            stage: stage of the frame.
-            rays: ray scene with the stage's scene and objects.
-            frame: frame with the channel `instance`.
-            state: world state of the frame.
-            vehicle: vehicle of the camera.
+        The ray scene has the stage's scene and objects; the frame has the channel `instance`.
         """
         assert frame.labels is not None
         instances = np.asarray(frame.channels["instance"])

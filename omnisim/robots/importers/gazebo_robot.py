@@ -49,12 +49,7 @@ _GROUND_M = 0.02  # maximum height of the body's lowest point above or below the
 def import_model(
     path: Path, name: str | None = None, resources: Sequence[str | Path] = ()
 ) -> ImportedRobot:
-    """Import a model from a file.
-
-    Args:
-        path: file of a world or a model.
-        name: name of the model; None: the only model with sensors.
-        resources: folders of included models.
+    """Import a model from a file of a world or a model; without a name, the only one with sensors.
 
     Raises:
         RobotFileError: the model is missing, or a value is invalid.

@@ -178,12 +178,8 @@ def imported_robot(
 ) -> ImportedRobot:
     """Convert a model to a robot whose base is on the ground, centered between its wheels.
 
-    Args:
-        mechanics: wheels, mass and sensors of the model.
-        source: file of the model.
-        body: geometry in the file's frame, or None.
-        resources: folders of packages that the body references.
-        notices: list to which the notices about the drive and the sensors are appended.
+    The body is in the file's frame; notices about the drive and the sensors are appended to
+    `notices`.
     """
     drive = drive_of(mechanics.wheels, notices)
     base_m = np.zeros(3)

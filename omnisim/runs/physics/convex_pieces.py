@@ -139,12 +139,7 @@ def _is_solid(hull: scipy.spatial.ConvexHull, corners_m: Floats, two_sided: bool
 
 
 def _slab(corners_m: Floats, two_sided: bool) -> Floats:
-    """Vertices (k, 3) of a facet's slab: behind it, below a floor, or about a two-sided wall.
-
-    Args:
-        corners_m: (n, 3, 3) corners of the facet's triangles.
-        two_sided: True if the facet is visible from both sides.
-    """
+    """Vertices (k, 3) of a facet's slab: behind it, below a floor, or about a two-sided wall."""
     normal = area_vectors(corners_m).sum(axis=0)
     normal /= np.linalg.norm(normal)
     points = corners_m.reshape(-1, 3)

@@ -136,15 +136,10 @@ RESERVE = 1.25  # factor on the limits, which allows the robot to catch up
 
 
 class PathFollower:
-    """Tracking controller that knows the robot's true pose.
+    """Tracking controller that knows the robot's true pose, for commands at times (n,).
 
     Source: Kanayama et al., "A stable tracking control method for an autonomous mobile robot", ICRA
     1990, with a correction of the heading that does not vanish at rest.
-
-    Args:
-        motion: planned motion; its x, y and yaw are tracked.
-        rover: robot on wheels.
-        times_s: (n,) times of the commands.
     """
 
     def __init__(self, motion: BodyMotion, rover: Rover, times_s: Floats):
@@ -163,9 +158,7 @@ class PathFollower:
     def wheel_rates(self, command: int, base: Floats) -> tuple[float, float]:
         """Rates of the left and the right wheels in rad/s at a command.
 
-        Args:
-            command: index of the command.
-            base: (7,) true position and quaternion wxyz of the robot's base.
+        `base` (7,) is the true position and quaternion wxyz of the robot's base.
         """
         x_m, y_m, _, w, i, j, k = base.tolist()
         yaw = math.atan2(2.0 * (w * k + i * j), 1.0 - 2.0 * (j * j + k * k))

@@ -67,13 +67,7 @@ DIVERGED = (
 
 
 class SimulatedWorld:
-    """World of robots driven by their wheels.
-
-    Args:
-        model: model to compile.
-        rovers: robots by name.
-        motions: scripted motions of the scene's objects, by name.
-        free: names of the free objects, which physics moves.
+    """World of robots driven by their wheels, of scripted objects, and of free ones.
 
     Raises:
         ValueError: MuJoCo cannot compile the model.
@@ -121,12 +115,7 @@ class SimulatedWorld:
         return np.array([angles[numbers].mean(axis=1) for numbers in self._wheels])
 
     def advance(self, time_s: float, rates_radps: Sequence[tuple[float, float]]) -> None:
-        """Advance the simulation by one period.
-
-        Args:
-            time_s: time at the end of the period, for the scripted objects.
-            rates_radps: rates of the left and the right wheels, per robot.
-        """
+        """Advance by one period, to `time_s`, at rates of each robot's left and right wheels."""
         sides = zip(rates_radps, self._wheels, strict=True)
         rates = np.concatenate([np.repeat(rate, wheels.shape[1]) for rate, wheels in sides])
         for number, motion in self._motions:
@@ -197,14 +186,10 @@ def without_log() -> Iterator[None]:
 
 
 def simulate(scene: Scene, drivers: Mapping[str, Driver]) -> dict[str, SimulatedMotion]:
-    """Simulate robots that follow planned trajectories through a scene.
+    """Simulate robots that follow planned trajectories through a scene, by name.
 
-    Args:
-        scene: scene to drive in; its dynamic objects move, and objects with a mass can be pushed.
-        drivers: robots by name, which can collide with each other.
-
-    Returns:
-        Motion of each robot, from the first start to the last end.
+    They can collide with each other, with dynamic objects, and push objects that have a mass. The
+    motion of each is from the first start to the last end.
 
     Raises:
         TrajectoryError: a robot cannot follow its path or tips over, a path is too long, or the

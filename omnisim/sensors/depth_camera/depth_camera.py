@@ -255,11 +255,7 @@ class DepthCamera(Parameters, SensorSettings, name="depth_camera"):
 
 
 class _Views:
-    """Render passes of the camera and of the second view.
-
-    Args:
-        backends: back ends of the camera and of the second view.
-    """
+    """Render passes of the camera and of the second view."""
 
     def __init__(self, backends: Iterable[CameraBackend]):
         self.first, self.second = backends

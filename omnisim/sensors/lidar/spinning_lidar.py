@@ -251,10 +251,8 @@ class SpinningLidar(Parameters, SensorSettings, name="lidar"):
     ) -> NDArray[np.void]:
         """Points (n,) of beams, in the order of measurement.
 
-        Args:
-            ranges_m: (rings, firings) or (returns, rings, firings), +inf for misses.
-            instances: instance IDs, of the same shape.
-            intensities: intensities, of the same shape.
+        Ranges, +inf for misses, instance IDs and intensities are (rings, firings) or (returns,
+        rings, firings).
         """
         shape = (-1, self.rings, self.firings)
         ranges_m, instances = ranges_m.reshape(shape), instances.reshape(shape)
@@ -430,12 +428,7 @@ def plan_revolution(
 ) -> Revolution:
     """Cut a revolution into slices that are short enough; a static one is a single slice.
 
-    Args:
-        firings: number of firings in the revolution.
-        period_s: duration of the revolution.
-        poses_at: function that returns the poses at a time in seconds.
-        start_s: time of the first firing.
-        boxes: bounding boxes of all moving objects.
+    It starts at `start_s`; `boxes` are those of all moving objects.
 
     Raises:
         OmnisimError: the lidar turns too fast.
