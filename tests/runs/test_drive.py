@@ -320,17 +320,6 @@ def test_a_step_is_written_while_the_next_is_drawn(scene, vehicle, whole, tmp_pa
     assert all(recorded[name] == (whole / name).read_bytes() for name in names)
 
 
-def test_a_file_that_cannot_be_written_ends_the_drive(scene, vehicle, tmp_path, monkeypatch):
-    def fails(reading, stem):
-        raise OutputError(f"{stem}: cannot be written")
-
-    monkeypatch.setattr(RecordedFrame, "save", fails)
-    steps = Drive(scene, vehicle, ROUTE, seed=7).plan().record(tmp_path / "run")
-    assert next(steps) == 0
-    with pytest.raises(OutputError, match="000000: cannot be written"):
-        next(steps)
-
-
 def test_what_cannot_be_drawn_leaves_no_folder(scene, vehicle, tmp_path):
     drive = Drive(scene, vehicle.with_cameras(size_px=30_000), ROUTE)
     with pytest.raises(GraphicsError, match="30000 × 30000 px"):

@@ -40,7 +40,7 @@ def plans(scene):
     def plan(robot, waypoints):
         vehicle = Vehicle.load(robot).with_cameras(size_px=48, quality="fast")
         route = Route(waypoints, step_m=2.0, step_deg=90.0)
-        return Drive(scene, vehicle, route, channels=("instance", "flow")).plan()
+        return Drive(scene, vehicle, route, channels=("instance",)).plan()
 
     return drive_together({"a": plan("p2at", "lap"), "b": plan("superscout", "lap_clockwise")})
 

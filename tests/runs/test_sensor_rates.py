@@ -45,9 +45,9 @@ def vehicle_of(*sensors):
 
 def drive_of(*sensors, **settings):
     scene = load_scene("soccer")
-    path = dataclasses.replace(scene.paths[0], waypoints_m=((0.0, 0.0), (0.5, 0.0)))
+    path = dataclasses.replace(scene.paths[0], waypoints_m=((0.0, 0.0), (0.25, 0.0)))
     scene = dataclasses.replace(scene, paths=(path,))
-    return Drive(scene, vehicle_of(*sensors), Route(path.name, step_m=0.15), seed=4, **settings)
+    return Drive(scene, vehicle_of(*sensors), Route(path.name, step_m=0.07), seed=4, **settings)
 
 
 def test_rates_phases_and_jitter():
@@ -82,7 +82,7 @@ def test_sensors_of_a_trigger_fire_together():
 def test_skipped_revolutions_and_what_is_too_near_at_the_start_are_mentioned():
     low = {"name": "low", "type": "omnicamera", "position_m": [0.0, 0.0, 0.03]}
     skipped, near = drive_of(LIDAR, low).plan().notes
-    assert skipped.startswith("lidar: a cloud at each step, of 5 of the lidar's 2")
+    assert skipped.startswith("lidar: a cloud at each step, of 5 of the lidar's 15")
     assert skipped.endswith("revolutions: rate_hz = 10 in its table takes all")
     words = "low: nearer than the near plane, 0.05 m, and not seen there: line_halfway, carpet"
     assert near.startswith(words)

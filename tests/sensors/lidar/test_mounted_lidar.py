@@ -73,8 +73,8 @@ def test_a_stopped_drive_goes_on_with_the_same_bytes(tmp_path, suffix):
 
 @pytest.mark.usefixtures("needs_opengl")
 def test_a_cloud_has_its_revolution_its_pose_and_known_instances(tmp_path):
-    drive = Drive(load_scene("soccer"), _vehicle(tmp_path), Route("lap", step_m=1.5))
-    plan = drive.plan()
+    route = Route("lap", step_m=6.0, step_deg=90.0)
+    plan = Drive(load_scene("soccer"), _vehicle(tmp_path), route).plan()
     list(plan.record(tmp_path / "run"))
     truth = read_trajectory(tmp_path / "run" / "ground_truth.tum")
     path = tmp_path / "run" / "lidar" / "000002.ply"
