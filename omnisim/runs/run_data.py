@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from omnisim.cameras import summary
 from omnisim.core.arrays import Bytes, Floats
 from omnisim.core.errors import OpticsError, OutputError, RunError
-from omnisim.core.files.image_files import read_image
 from omnisim.core.short_repr import counted, short_repr
 from omnisim.core.trajectories import Trajectory, read_trajectory
 from omnisim.core.trajectories.odometry import Odometry
@@ -35,7 +34,7 @@ from omnisim.robots import read_odometry
 from omnisim.runs.run_folder import GROUND_TRUTH, LABELS, ODOMETRY, RunFolder
 from omnisim.scene import Scene
 from omnisim.scene.model import Landmark
-from omnisim.sensors.calibration_file import read_mount
+from omnisim.sensors.calibration_file import read_colors, read_mount
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,24 +70,8 @@ class RunData:
         return None if self.truth is None else planar_poses(self.truth)[: self.steps]
 
     def image(self, step: int) -> Bytes:
-        """Read the image (height, width, 3) of a step, sRGB.
-
-        Raises:
-            OutputError: the image is damaged.
-            RunError: the image is not this camera's: of another size, or without 8 bits and 3
-                colors.
-        """
-        path = self.folder.file(self.camera, step, ".png")
-        pixels, _ = read_image(path)
-        height, width, channels = pixels.shape
-        camera = self.mount.camera
-        expected = (camera.height_px, camera.width_px)
-        if (height, width) != expected or channels < 3 or pixels.dtype != np.uint8:
-            raise RunError(
-                f"{path}: has {width} × {height} px of {channels} × {pixels.dtype}: expected this "
-                f"camera's {camera.width_px} × {camera.height_px} px of 3 × uint8"
-            )
-        return np.ascontiguousarray(pixels[..., :3])
+        """Image (height, width, 3) of a step, sRGB; see `read_colors`."""
+        return read_colors(self.folder.file(self.camera, step, IMAGE_SUFFIX), self.mount.camera)
 
     @property
     def notices(self) -> list[str]:

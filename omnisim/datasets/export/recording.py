@@ -33,7 +33,7 @@ from omnisim.rendering.camera.omnicamera import CALIBRATION
 from omnisim.rendering.sensor import SensorSettings
 from omnisim.robots import read_odometry
 from omnisim.runs.run_folder import GROUND_TRUTH, OBJECTS, ODOMETRY, STATES, RunFolder, read_states
-from omnisim.sensors.calibration_file import read_mount
+from omnisim.sensors.calibration_file import read_colors, read_mount
 from omnisim.sensors.depth_camera.depth_camera import STEPS_PER_M
 from omnisim.sensors.imu.imu import BIAS_COLUMNS, BIASES, PARAMETERS, READINGS
 from omnisim.sensors.imu.imu import COLUMNS as IMU_COLUMNS
@@ -305,15 +305,7 @@ class RecordedCamera:
 
     def image(self, step: int) -> Bytes:
         """Image (height, width, 3) of a step, sRGB."""
-        path = self.image_file(step)
-        pixels, _ = read_image(path)
-        width, height = self.size_px
-        if pixels.shape[:2] != (height, width) or pixels.shape[2] < 3 or pixels.dtype != np.uint8:
-            raise RunError(
-                f"{path}: expected {width} × {height} px of 3 × uint8, got {pixels.shape[1]} × "
-                f"{pixels.shape[0]} px of {pixels.shape[2]} × {pixels.dtype}"
-            )
-        return np.ascontiguousarray(pixels[..., :3])
+        return read_colors(self.image_file(step), self.mount.camera)
 
     def depths_m(self, step: int) -> Floats32:
         """Depths (height, width) of a depth camera along its axis; +inf: none."""
