@@ -384,12 +384,14 @@ class PlannedMotion(BodyMotion):
 
     def __init__(self, segments: Sequence[Segment], height_m: float = 0.0):
         self.segments, self._height_m = tuple(segments), height_m
-        self._starts_s = np.array([one.start_s for one in segments])
-        self._stretch = np.array([one.stretch for one in segments])
-        columns = [(one.amount, one.top_rate, one.acceleration) for one in segments]
+        self._starts_s = np.array([segment.start_s for segment in segments])
+        self._stretch = np.array([segment.stretch for segment in segments])
+        columns = [(segment.amount, segment.top_rate, segment.acceleration) for segment in segments]
         self._trapezoids = np.array(columns).T
-        self._planar = np.array([(*one.start, *one.move_m, one.turn_rad) for one in segments])
-        self._is_uneven = np.array([one.way is not None for one in segments])
+        self._planar = np.array(
+            [(*segment.start, *segment.move_m, segment.turn_rad) for segment in segments]
+        )
+        self._is_uneven = np.array([segment.way is not None for segment in segments])
         self.start_s = segments[0].start_s
         self.end_s = segments[-1].start_s + segments[-1].duration_s
 
@@ -448,7 +450,7 @@ def in_sequence(segments: Sequence[Segment]) -> list[Segment]:
     """Chain segments in time: each starts when the previous one ends, the first at 0 s."""
     timed: list[Segment] = []
     start_s = 0.0
-    for one in segments:
-        timed.append(dataclasses.replace(one, start_s=start_s))
-        start_s += one.duration_s
+    for segment in segments:
+        timed.append(dataclasses.replace(segment, start_s=start_s))
+        start_s += segment.duration_s
     return timed

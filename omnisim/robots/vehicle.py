@@ -59,9 +59,8 @@ class Vehicle:
     given: str | None = field(default=None, init=False)
 
     def __repr__(self) -> str:
-        return short_repr(
-            self, repr(self.name), *(f"{one.name}: {one.summary()}" for one in self.sensors)
-        )
+        sensors = (f"{mount.name}: {mount.summary()}" for mount in self.sensors)
+        return short_repr(self, repr(self.name), *sensors)
 
     @classmethod
     def load(cls, source: str | Path) -> Vehicle:
@@ -126,12 +125,12 @@ class Vehicle:
     @property
     def cameras(self) -> tuple[Mount[OmniCamera], ...]:
         """Omnidirectional cameras of the vehicle."""
-        return tuple(one for one in self.sensors if carries(one, OmniCamera))
+        return tuple(mount for mount in self.sensors if carries(mount, OmniCamera))
 
     @property
     def scanners(self) -> tuple[Mount[LaserScanner], ...]:
         """Planar laser scanners of the vehicle."""
-        return tuple(one for one in self.sensors if carries(one, LaserScanner))
+        return tuple(mount for mount in self.sensors if carries(mount, LaserScanner))
 
     def camera(self, name: str | None = None) -> Mount[OmniCamera]:
         """Camera of the given name; without a name, the first.
@@ -248,11 +247,11 @@ def _moved(body: Scene, offset_m: tuple[float, float, float]) -> Scene:
     base_from_file = pose_from_rotation(np.eye(3), offset_m)
     instances = tuple(
         dataclasses.replace(
-            one,
-            world_from_mesh=base_from_file @ one.world_from_mesh,
-            world_from_node=base_from_file @ one.world_from_node,
+            instance,
+            world_from_mesh=base_from_file @ instance.world_from_mesh,
+            world_from_node=base_from_file @ instance.world_from_node,
         )
-        for one in body.instances
+        for instance in body.instances
     )
     return body.altered(f"offset {offset_m}", instances=instances)
 

@@ -238,7 +238,7 @@ class PlannedDrive:
                     write.result()
                 if done > finished:
                     yield done
-                writes = [*following, *(_write(writer, *one) for one in begun)]
+                writes = [*following, *(_write(writer, *measurement) for measurement in begun)]
             run_folder.write_boxes(run, labels)
 
     @cached_property
@@ -316,7 +316,7 @@ class PlannedDrive:
                 "length_m": round(self.truth.path_length_m, 6),
                 "duration_s": round(self.truth.duration_s, 6),
                 "follows_floor": self.follows_floor,
-                "contacts": self.contacts and [dataclasses.asdict(one) for one in self.contacts],
+                "contacts": self.contacts and list(map(dataclasses.asdict, self.contacts)),
             },
             "steps": len(self.truth),
             "seed": drive.seed,

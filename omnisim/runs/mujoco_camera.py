@@ -174,7 +174,7 @@ class Camera(Closeable):
         if "instance" not in frame.channels or frame.labels is None:
             raise OmnisimError("geom_ids: expected a frame with also=('instance',), got without")
         if frame.labels is not self._labels:
-            names = (one.name for one in frame.labels.instances)
+            names = (instance.name for instance in frame.labels.instances)
             ids = [self._moving.geom_of_instance.get(name, NO_GEOM) for name in names]
             self._labels, self._geoms = frame.labels, np.array([NO_GEOM, *ids], dtype=np.int32)
         return self._geoms[frame.channels["instance"]]

@@ -221,7 +221,10 @@ def _class_of_instance(run: RunData, colors: Sequence[str]) -> Bytes:
     except (KeyError, TypeError, ValueError, RecursionError):
         raise RunError(f"{path}: is damaged: not a table of labels") from None
     # objects that move with the vehicle are no landmarks, whatever their names
-    fixed = (0 if one.object_name else classes.get(one.name, 0) for one in labels.instances)
+    fixed = (
+        0 if instance.object_name else classes.get(instance.name, 0)
+        for instance in labels.instances
+    )
     return np.array([0, *fixed], dtype=np.uint8)
 
 

@@ -133,7 +133,7 @@ class Recording:
         known_s, states = self._states
         index = np.clip(np.searchsorted(known_s, times_s - STAMP_S), 0, len(known_s) - 1)
         if np.all(np.abs(known_s[index] - times_s) <= STAMP_S):
-            return MotionStates(*(one[index] for one in states))
+            return MotionStates(*(state[index] for state in states))
         return SplineMotion(Trajectory(known_s, states.world_from_base)).at(times_s)
 
     def in_frames(self, names: Sequence[str], print_note: Callable[[str], None]) -> Recording:
@@ -185,7 +185,9 @@ class Recording:
             values = np.column_stack(list(table.values()))
             return ImuReadings(values[:, 0], values[:, 1:], walks)
         files = [self.run.file(name, step, ".csv") for step in range(self.run.manifest.steps)]
-        parts = [np.column_stack(list(read_table(one, *columns).columns.values())) for one in files]
+        parts = [
+            np.column_stack(list(read_table(file, *columns).columns.values())) for file in files
+        ]
         values = np.concatenate(parts)
         return ImuReadings(values[:, 0], values[:, 1:], None)
 

@@ -144,7 +144,7 @@ def _parse(value: Any) -> Distribution:
 
 def _checked(kind: Kind, numbers: Any, count: int | None) -> Distribution:
     is_list = isinstance(numbers, list | tuple) and len(numbers) > 0
-    if not is_list or not all(_is_number(one) for one in numbers):
+    if not is_list or not all(_is_number(number) for number in numbers):
         raise ValueError(f"expected {EXPECTED}, got {numbers!r}")
     if count is not None and len(numbers) != count:
         raise ValueError(f"{kind}: expected {count} numbers, got {len(numbers)}")

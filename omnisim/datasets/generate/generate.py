@@ -128,7 +128,7 @@ class Generation:
             OutputError: a file cannot be written.
         """
         finished = [self._found(number) for number in range(self.prepared.plan.shards)]
-        summaries = tuple(one for one in finished if one is not None)
+        summaries = tuple(summary for summary in finished if summary is not None)
         if len(summaries) < len(finished):
             return None
         manifest = Manifest(
@@ -173,7 +173,7 @@ class Generation:
         self._is_new_folder, self._has_taken_folder = not folder.exists(), False
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            names = sorted(one.name for one in folder.iterdir() if not one.name.startswith("."))
+            names = sorted(file.name for file in folder.iterdir() if not file.name.startswith("."))
             before = (folder / PLAN).read_text(encoding="utf-8") if PLAN in names else None
         except OSError as reason:
             raise OutputError(f"{folder}: cannot be written: {reason.strerror}") from None
@@ -217,7 +217,7 @@ def estimate(path: Path, workers: int = 1, device: int | None = None) -> Estimat
                     times_s[0].append(time.perf_counter() - begin_s)
             finally:
                 maker.close()
-        sizes = sum(one.stat().st_size for one in folder.glob("*.tar"))
+        sizes = sum(file.stat().st_size for file in folder.glob("*.tar"))
     rate = sum((len(own) - 1) / (own[-1] - own[0]) for own in times_s.values() if len(own) > 1)
     start_s = max(own[0] for own in times_s.values())
     count = samples * workers

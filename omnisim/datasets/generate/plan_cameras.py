@@ -115,7 +115,7 @@ class RigFile:
                     f"{self._place(f'parameters.{key}')}: of model {model.model_name!r}: "
                     f"{did_you_mean(key, existing, 'expected one of')}"
                 )
-            known[key] = [one + distribution.draw(stream) for one in numbers]
+            known[key] = [number + distribution.draw(stream) for number in numbers]
             wanted[key] = known[key] if isinstance(wanted[key], list) else known[key][0]
         try:
             camera = camera_of_parameters(wanted)
@@ -242,7 +242,7 @@ def _draw_sky(table: VarySkyTable, stream: Shares, plan: Path) -> dict[str, Any]
 
 def _under_sky(scene: Scene, sky: dict[str, Any], plan: Path) -> Scene:
     """Scene with a drawn sky instead of its own sky and directional lamps."""
-    lamps = (one for one in scene.lighting.lights if one.kind is not LightKind.DIRECTIONAL)
+    lamps = (lamp for lamp in scene.lighting.lights if lamp.kind is not LightKind.DIRECTIONAL)
     lighting = dataclasses.replace(scene.lighting, lights=tuple(lamps), environment=None)
     scene = dataclasses.replace(scene, lighting=lighting)
     table = parse_table(sky, SkyTable, PlanError, f"{plan}: vary", "sky")

@@ -127,7 +127,7 @@ class SampleRenderer:
             )
             if judges and (reason := rejected(pending[name].result(), plan.reject)):
                 return reason
-        frames = {name: one.result() for name, one in pending.items()}
+        frames = {name: reading.result() for name, reading in pending.items()}
         shares: dict[str, dict[int, float]] = {}
         if plan.min_visible is not None:
             rays = self._rays.of(stage)
@@ -167,7 +167,7 @@ class _OpenRig:
     @cached_property
     def visible_shares(self) -> dict[str, VisibleShares]:
         """Calculators of visible shares in the cameras' images."""
-        return {name: VisibleShares(one.camera) for name, one in self.renderers.items()}
+        return {name: VisibleShares(renderer.camera) for name, renderer in self.renderers.items()}
 
     @cached_property
     def probe(self) -> Renderer:
@@ -270,7 +270,8 @@ class VisibleShares:
         """
         assert frame.labels is not None
         instances = np.asarray(frame.channels["instance"])
-        surfaces = [(one.object_index, one.name) for one in rays.caster.geometry.surfaces]
+        drawn = rays.caster.geometry.surfaces
+        surfaces = [(surface.object_index, surface.name) for surface in drawn]
         ids = instances_of_draws(frame.labels, surfaces, list(stage.objects))
         whole_px = whole_areas_px(
             rays,

@@ -66,7 +66,7 @@ def import_model(
         sensors = _sensors(whole, omissions)
         about_drive: list[str] = []
         elements = (placed.model.element for placed in placed_models(model))
-        plugins = (plugin for one in elements for plugin in one.children("plugin"))
+        plugins = (plugin for element in elements for plugin in element.children("plugin"))
         plugin, kinematics = next(filter(is_wheel_drive, plugins), None), None
         if plugin is None:
             about_drive.append("kinematics: left out: no plugin of a differential drive")
@@ -74,7 +74,7 @@ def import_model(
             kinematics = drive_table(plugin, about_drive)
     except (SceneError, RobotFileError) as reason:
         raise RobotFileError(f"{path}: {reason}") from None
-    notices = [*library.notices, *(notice for one in sensors for notice in one.notices)]
+    notices = [*library.notices, *(notice for sensor in sensors for notice in sensor.notices)]
     notices += omissions.notices
     body = load_body(path, resources, notices) if whole is tree else None
     if body is not None:
@@ -125,9 +125,9 @@ def _elements(model: Model) -> Iterator[tuple[PlacedModel, XmlElement, XmlElemen
 def _sensors(model: Model, omissions: Omissions) -> list[ImportedSensor]:
     used_names: set[str] = set()
     return [
-        one._replace(name=unique_name(folder_name(one.name), used_names))
+        found._replace(name=unique_name(folder_name(found.name), used_names))
         for placed, link, sensor in _elements(model)
-        for one in read_sensors(sensor, placed.pose_of(sensor, link.name), omissions)
+        for found in read_sensors(sensor, placed.pose_of(sensor, link.name), omissions)
     ]
 
 

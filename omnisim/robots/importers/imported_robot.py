@@ -68,7 +68,7 @@ class ImportedRobot:
     @property
     def cameras(self) -> dict[str, OmniCamera]:
         """Cameras with lenses of their own, by sensor name."""
-        return {one.name: one.camera for one in self.sensors if one.camera is not None}
+        return {sensor.name: sensor.camera for sensor in self.sensors if sensor.camera is not None}
 
     def robot(self, file: Path) -> Robot:
         """Robot as read from a robot file; its cameras are in `cameras`, not in sensor files."""
@@ -88,8 +88,8 @@ class ImportedRobot:
         """Text of the robot file at `output`; its paths are relative to the folder of `output`."""
         table = self._table(output.parent, self._sensor_files(output))
         table["sensors"] = [
-            _commented(one.comments) | keys
-            for one, keys in zip(self.sensors, table["sensors"], strict=True)
+            _commented(sensor.comments) | keys
+            for sensor, keys in zip(self.sensors, table["sensors"], strict=True)
         ]
         head = _commented((f"{self.section} of {self.source.name}.", *self.comments))
         return toml_text(head | table)
@@ -110,18 +110,18 @@ class ImportedRobot:
             "footprint": self.footprint,
             "kinematics": self.kinematics,
             "physics": self.physics,
-            "sensors": [self._sensor_table(one, files.get(one.name)) for one in self.sensors],
+            "sensors": [self._sensor_table(sensor, files) for sensor in self.sensors],
         }
         return {key: value for key, value in table.items() if value is not None}
 
-    def _sensor_table(self, sensor: ImportedSensor, file: str | None) -> dict[str, Any]:
+    def _sensor_table(self, sensor: ImportedSensor, files: Mapping[str, str]) -> dict[str, Any]:
         table: dict[str, Any] = {"name": sensor.name, "type": sensor.type}
         place = [round(float(value), 9) + 0.0 for value in sensor.position_m - self.base_m]
         roll, pitch, yaw = (round(float(angle), 9) + 0.0 for angle in sensor.angles_deg)
         table |= {"position_m": place, "roll_deg": roll, "pitch_deg": pitch, "yaw_deg": yaw}
         table |= sensor.values
-        if file is not None:
-            table["file"] = file
+        if sensor.name in files:
+            table["file"] = files[sensor.name]
         origin_m = np.array(sensor.position_m)
         # positions beyond the limit are rejected when the robot file is parsed
         if self.body is not None and sensor.type != "imu" and np.abs(origin_m).max() < _MAX_M:
@@ -201,7 +201,7 @@ def imported_robot(
         height_m = round(float(mechanics.center_m[2] - base_m[2]), 6)
         if height_m > 1e-3:
             physics["center_height_m"] = height_m
-    notices += [notice for one in mechanics.sensors for notice in one.notices]
+    notices += [notice for sensor in mechanics.sensors for notice in sensor.notices]
     return ImportedRobot(
         name=mechanics.name,
         source=source,
@@ -253,13 +253,15 @@ def is_across(axis: Floats) -> bool:
 
 def drive_of(wheels: Sequence[Wheel], notices: list[str]) -> WheelDrive | None:
     """Drive of the wheels on the ground; None, with a notice, if they do not form pairs."""
-    ground_m = min((one.lowest_m for one in wheels), default=0.0)
-    standing = [one for one in wheels if one.lowest_m - ground_m < GROUND_SHARE * one.radius_m]
-    middles = np.array([one.middle_m for one in standing]).reshape(-1, 3)
+    ground_m = min((wheel.lowest_m for wheel in wheels), default=0.0)
+    standing = [
+        wheel for wheel in wheels if wheel.lowest_m - ground_m < GROUND_SHARE * wheel.radius_m
+    ]
+    middles = np.array([wheel.middle_m for wheel in standing]).reshape(-1, 3)
     middle_m = 0.5 * (middles.min(axis=0) + middles.max(axis=0)) if standing else np.zeros(3)
     is_left = middles[:, 1] > middle_m[1]
     if not standing or np.ptp(middles[:, 1]) < 1e-3 or 2 * is_left.sum() != len(standing):
-        names = ", ".join(one.name for one in standing) or "none"
+        names = ", ".join(wheel.name for wheel in standing) or "none"
         notices.append(
             "kinematics: left out: expected wheels in pairs, left and right, on joints about y "
             f"without limits, got {names}"
@@ -268,7 +270,7 @@ def drive_of(wheels: Sequence[Wheel], notices: list[str]) -> WheelDrive | None:
     wheelbase_m = float(np.ptp(middles[:, 0]))
     if len(standing) > 4:
         notices.append(f"drives on four wheels: the outermost of its {len(standing)}")
-    radius_m = float(np.mean([one.radius_m for one in standing]))
+    radius_m = float(np.mean([wheel.radius_m for wheel in standing]))
     track_m = float(middles[is_left, 1].mean() - middles[~is_left, 1].mean())
     table = {
         "type": "differential" if len(standing) == 2 else "skid_steer",
@@ -277,7 +279,7 @@ def drive_of(wheels: Sequence[Wheel], notices: list[str]) -> WheelDrive | None:
         "wheel_diameter_m": round(2.0 * radius_m, 6),
     }
     base_m = np.array((middle_m[0], middle_m[1], ground_m))
-    return WheelDrive(base_m, table, min(one.speed_radps for one in standing) * radius_m)
+    return WheelDrive(base_m, table, min(wheel.speed_radps for wheel in standing) * radius_m)
 
 
 # Gazebo's drive plugins for wheeled robots, as tables of a robot file.

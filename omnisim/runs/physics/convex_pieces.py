@@ -85,9 +85,10 @@ def convex_pieces(scene: Scene, region: Region) -> list[ConvexPiece]:
 def hull_of(scene: Scene) -> Shape | None:
     """Hull of all instances; None: the scene is flat."""
     points = [
-        scene.meshes[one.mesh].positions.astype(np.float64) @ one.world_from_mesh[:3, :3].T
-        + one.world_from_mesh[:3, 3]
-        for one in scene.instances
+        scene.meshes[instance.mesh].positions.astype(np.float64)
+        @ instance.world_from_mesh[:3, :3].T
+        + instance.world_from_mesh[:3, 3]
+        for instance in scene.instances
     ]
     return Shape.of(np.concatenate(points))
 
