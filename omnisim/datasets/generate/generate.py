@@ -47,20 +47,7 @@ class Estimate:
 
 
 class Generation:
-    """Generation of a data set in a folder.
-
-    Args:
-        path: path of the plan.
-        folder: folder of the data set; may exist.
-        shards: numbers of the shards to generate; None: all.
-        workers: number of processes; 1: this one.
-        device: EGL index of the GPU; None: the first.
-
-    Attributes:
-        prepared: plan with its files read.
-        job: job description for the workers.
-        shards: numbers of the shards to generate.
-        missing: numbers of the missing shards.
+    """Generation of all shards of a plan, or of some, in a folder, by this or other processes.
 
     Raises:
         OmnisimError: a faulty plan, a faulty file that the plan names, shards that the plan does
@@ -76,7 +63,7 @@ class Generation:
         device: int | None = None,
     ):
         self.prepared = PreparedPlan.read(path, folder)
-        self.job, self._workers = Job(path, folder, device), workers
+        self.job, self._workers = Job(path, folder, device), workers  # 1: this process
         count = self.prepared.plan.shards
         self.shards = range(count) if shards is None else shards
         if not self.shards or self.shards[0] < 0 or self.shards[-1] >= count:

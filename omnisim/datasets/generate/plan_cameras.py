@@ -45,22 +45,15 @@ class PlanRig:
 
 
 class RigFile:
-    """Cameras of one [[cameras]] table of a plan; their file is read once.
-
-    Args:
-        table: table of the plan.
-        plan: path of the plan's file.
-        is_exposed: True: the exposure varies between images.
-
-    Attributes:
-        sources: the files that were read.
+    """Cameras of one [[cameras]] table of a plan; their file, one of `sources`, is read once.
 
     Raises:
         OmnisimError: a faulty file.
     """
 
     def __init__(self, table: PlanCameraTable, plan: Path, is_exposed: bool):
-        self.table, self._plan, self._is_exposed = table, plan, is_exposed
+        self.table, self._plan = table, plan
+        self._is_exposed = is_exposed  # True: the exposure varies between images
         with recorded_sources() as self.sources:
             self._read = _read_cameras(table, plan.parent)
             if table.preset is not None:

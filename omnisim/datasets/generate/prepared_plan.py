@@ -52,10 +52,7 @@ class PlanObject:
 class PreparedPlan:
     """Plan with its files; each file is read once, when it is first needed.
 
-    Args:
-        plan: plan.
-        path: path of the plan's file, base of relative paths.
-        folder: folder of the data set, for files of free floors; None: no such files.
+    Files of free floors are in the folder of the data set; None: there are none.
     """
 
     def __init__(self, plan: Plan, path: Path, folder: Path | None = None):
