@@ -427,7 +427,8 @@ def _floor_heights(columns: Floats, last_m: Floats, reach_m: float) -> Floats | 
     wheels = np.flatnonzero(hanging[:_MIDDLE]).tolist()
     if len(wheels) == 1:  # the wheel is in the plane of the other three
         (wheel,) = wheels
-        heights[wheel] = heights[wheel - 1] + heights[wheel - 3] - heights[wheel - 2]
+        beside, opposite, behind = heights[[(wheel + k) % 4 for k in (1, 2, 3)]]
+        heights[wheel] = beside + behind - opposite
     elif wheels:
         if hanging[_MIDDLE]:
             return None

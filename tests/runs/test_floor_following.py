@@ -180,6 +180,20 @@ def test_joints_gaps_and_a_hole_at_one_side_are_bridged(vehicle, wide_m):
         np.testing.assert_allclose(found.positions_m[:, 2], 0.0, atol=ROUNDING_M)
 
 
+def test_a_wheel_over_a_hole_is_on_the_slope_of_the_others(vehicle):
+    around = [
+        _slab(-3, 0, 0),
+        _slab(0.2, 3, 0),
+        _slab(0, 0.2, 0, -0.1),
+        _slab(0, 0.2, 0, y1_m=-0.4),
+    ]
+    uphill = [pose(pitch_deg=-np.degrees(np.arctan(0.2)))] * len(around)
+    found = _drive(vehicle, around, poses=uphill, step_m=0.05)
+    edge_m = 0.2 * 0.05 / 4  # a tire half over the hole, 0.05 m in size, is one wheel of four
+    x_m, _, z_m = found.positions_m.T
+    np.testing.assert_allclose(z_m, 0.2 * x_m, atol=edge_m + ROUNDING_M)
+
+
 def test_ledges_and_ends_of_the_floor_are_refused(vehicle):
     """At the step before the robot's middle is beyond."""
     ends = [_slab(-3, 0.5, 0.0), _slab(2.9, 3.0, 0.0)]
