@@ -135,7 +135,8 @@ def _add(
         }
         if settings.with_polygons:
             runs = annotation["segmentation"]
-            own["segmentation"] = polygons_of_mask(mask_from_runs(*runs["size"], runs["counts"]))
+            height, width = runs["size"]
+            own["segmentation"] = polygons_of_mask(mask_from_runs(height, width, runs["counts"]))
         split.annotations.append(annotation | own)
 
 
