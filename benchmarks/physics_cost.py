@@ -17,8 +17,7 @@ from omnisim import load_scene
 from omnisim.robots import load_robot
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.drive import Drive
-from omnisim.runs.physics.simulation import SimulatedWorld
-from omnisim.runs.physics.world_model import STEP_S
+from omnisim.runs.physics.simulation import STEP_S, SimulatedWorld
 from omnisim.runs.route import Route
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import mujoco
 
 from omnisim.cameras import EquidistantCamera
-from omnisim.runs.mujoco_camera.simulated_camera import Camera
+from omnisim.runs.mujoco_camera import Camera
 
 MODEL = Path(__file__).with_name("mujoco_room.xml")
 

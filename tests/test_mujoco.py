@@ -7,7 +7,7 @@ from omnisim import OmniCamera, pose
 from omnisim.cameras import EquidistantCamera, PerspectiveCamera
 from omnisim.cameras.camera import pixel_grid
 from omnisim.core.errors import OmnisimError, SceneError
-from omnisim.runs.mujoco_camera.simulated_camera import NO_GEOM, Camera
+from omnisim.runs.mujoco_camera import NO_GEOM, Camera
 from omnisim.scene.formats.mjcf.reader import lens_of
 from tests.scene.formats.mjcf.models import SHAPES
 

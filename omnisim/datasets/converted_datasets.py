@@ -27,7 +27,7 @@ from omnisim.ground_truth.boxes import VISIBLE_SHARE, BoxLimits, mask_from_runs,
 from omnisim.runs.run_folder import RunFolder
 from omnisim.runs.run_manifest import MANIFEST_FORMAT, parse_manifest
 from omnisim.sensors.calibration_file import parse_mount
-from omnisim.sensors.sensor_names import folder_name
+from omnisim.sensors.sensor_table import folder_name
 
 IMAGES, LABELS, ANNOTATIONS = "images", "labels", "annotations.json"
 GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
@@ -105,7 +105,7 @@ def write_coco(shards: Shards, folder: Path, settings: CocoSettings | None = Non
 
 def _check_shares(boxes: dict[str, Any], limits: BoxLimits) -> None:
     if limits.min_visible is not None and not all(
-        VISIBLE_SHARE in one for one in boxes["annotations"]
+        VISIBLE_SHARE in annotation for annotation in boxes["annotations"]
     ):
         raise PlanError(
             "--min-visible: expected a data set with the visible shares of its objects, which "
@@ -123,10 +123,10 @@ def _add(
     """Add an image and the annotations of its objects within the limits."""
     (image,) = boxes["images"]
     split.images.append(image | {"id": image_id})
-    names = {one["id"]: one["name"] for one in boxes["categories"]}
-    for one in boxes["annotations"]:
-        number = classes.setdefault(names[one["category_id"]], len(classes) + 1)
-        if not settings.limits.keeps(one):
+    names = {category["id"]: category["name"] for category in boxes["categories"]}
+    for annotation in boxes["annotations"]:
+        number = classes.setdefault(names[annotation["category_id"]], len(classes) + 1)
+        if not settings.limits.keeps(annotation):
             continue
         own: dict[str, Any] = {
             "id": len(split.annotations) + 1,
@@ -134,9 +134,10 @@ def _add(
             "category_id": number,
         }
         if settings.with_polygons:
-            (height, width), counts = one["segmentation"]["size"], one["segmentation"]["counts"]
-            own["segmentation"] = polygons_of_mask(mask_from_runs(height, width, counts))
-        split.annotations.append(one | own)
+            runs = annotation["segmentation"]
+            height, width = runs["size"]
+            own["segmentation"] = polygons_of_mask(mask_from_runs(height, width, runs["counts"]))
+        split.annotations.append(annotation | own)
 
 
 def _write_yolo(folder: Path, splits: Mapping[str, _Split], classes: list[str]) -> None:
@@ -145,11 +146,11 @@ def _write_yolo(folder: Path, splits: Mapping[str, _Split], classes: list[str]) 
     for name, split in splits.items():
         lines: dict[int, str] = {image["id"]: "" for image in split.images}
         sizes = {image["id"]: (image["width"], image["height"]) for image in split.images}
-        for one in split.annotations:
-            (x, y, w, h), (width, height) = one["bbox"], sizes[one["image_id"]]
+        for annotation in split.annotations:
+            (x, y, w, h), (width, height) = annotation["bbox"], sizes[annotation["image_id"]]
             box = (x + 0.5 * w) / width, (y + 0.5 * h) / height, w / width, h / height
             numbers = " ".join(f"{share:.6f}" for share in box)
-            lines[one["image_id"]] += f"{one['category_id'] - 1} {numbers}\n"
+            lines[annotation["image_id"]] += f"{annotation['category_id'] - 1} {numbers}\n"
         for image in split.images:
             label = Path(image["file_name"]).with_suffix(".txt").name
             write_text(folder / LABELS / label, lines[image["id"]])

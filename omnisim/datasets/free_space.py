@@ -104,8 +104,10 @@ def find_free_space(
     """
     start = np.array(scene.start.position_m[:2])
     grid = _Grid.of_scene(scene, radius_m / CELLS_PER_RADIUS)
-    if floor_m is None:
-        floor_m = _floor_at_start(scene)
+    if floor_m is None:  # the highest surface below the scene's start, or its lowest point
+        heights = HeightField(scene, start, start).heights_m(start[None, None])
+        below = heights[np.isfinite(heights) & (heights <= scene.start.position_m[2])]
+        floor_m = float(below.max(initial=scene.bounds_m()[0][2]))
     reach_m = radius_m + MARGIN_CELLS * grid.cell_m
     windows = grid.windows(start) if from_start else ()
     for window in (*windows, grid):
@@ -124,15 +126,6 @@ def find_free_space(
         f"{scene.name}: no free floor at {floor_m:.3g} m for a radius of {radius_m:g} m and a "
         f"height of {height_m:g} m: expected a smaller radius_m, or another floor_m"
     )
-
-
-def _floor_at_start(scene: Scene) -> float:
-    """Height of the highest surface below the scene's start; default: the scene's lowest point."""
-    *start, z = scene.start.position_m
-    point = np.array(start)
-    heights = HeightField(scene, point, point).heights_m(point[None, None])
-    below = heights[np.isfinite(heights) & (heights <= z)]
-    return float(below.max(initial=scene.bounds_m()[0][2]))
 
 
 def _region(free: Bools, start: Indices, or_largest: bool) -> Bools:
@@ -341,12 +334,8 @@ def surface_points(
     """Points (n, 3) on triangles (m, 3, 3) within a band of heights, in batches.
 
     Triangles are halved across their longest edge until it is at most `spacing_m` long. Each point
-    of a triangle is then within `spacing_m` of a returned point.
-
-    Args:
-        corners_m: (m, 3, 3) corners of the triangles.
-        spacing_m: maximum edge length of a part.
-        band_m: lowest and highest height; triangles beyond it are skipped.
+    of a triangle is then within `spacing_m` of a returned point. Triangles beyond the band, lowest
+    and highest height, are skipped.
     """
     while len(corners_m):
         low, high = triangle_bounds(corners_m[..., 2])
@@ -358,14 +347,9 @@ def surface_points(
 def columns_of(
     corners_m: Floats, spacing_m: float, low_m: Floats, high_m: Floats
 ) -> Iterator[Floats]:
-    """Parts (n, 3, 3) of triangles in a box, in batches; each is small on the floor plan.
+    """Parts (n, 3, 3) of triangles (m, 3, 3) in a box, in batches; each is small on the floor plan.
 
     The height of a part is not limited.
-
-    Args:
-        corners_m: (m, 3, 3) corners of the triangles.
-        spacing_m: maximum edge length of a part on the floor plan.
-        low_m, high_m: (3,) opposite corners of the box; parts outside are excluded.
     """
     while len(corners_m):
         low, high = triangle_bounds(corners_m)

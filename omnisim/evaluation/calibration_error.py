@@ -24,8 +24,7 @@ from omnisim.core.files.parameters import Number, Point, Table
 from omnisim.core.poses import inverse, pose
 from omnisim.datasets.export.recording import START, Recording
 from omnisim.rendering.camera.omnicamera import CALIBRATION
-from omnisim.runs.run_folder import TIMES
-from omnisim.runs.true_states import write_state
+from omnisim.runs.run_folder import TIMES, write_state
 from omnisim.sensors.imu.imu import BIASES, PARAMETERS, READINGS
 from omnisim.sensors.lidar.point_files import write_points
 from omnisim.sensors.lidar.spinning_lidar import SpinningLidar

@@ -27,7 +27,7 @@ from omnisim.core.files.toml_file import (
 from omnisim.core.package_files import SWEEPS, sweep_names
 from omnisim.evaluation.calibration_error import CalibrationError
 from omnisim.evaluation.estimator_registry import estimator_named
-from omnisim.robots.robot_lookup import find_robot
+from omnisim.robots.robot_file import find_robot
 from omnisim.sensors.sensor_registry import SENSOR_TYPES
 
 Value = bool | int | float | str | list[Any] | dict[str, Any]

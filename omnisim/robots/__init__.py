@@ -14,8 +14,16 @@ from omnisim.core.trajectories.odometry import (
 )
 from omnisim.robots.kinematics import Kinematics, check_drivable, find_violation
 from omnisim.robots.motion_profile import plan_in_steps, plan_with_period, time_poses
-from omnisim.robots.robot_file import Chassis, Footprint, Robot, load_robot, parse_robot, read_robot
-from omnisim.robots.robot_lookup import builtin_robots, find_robot
+from omnisim.robots.robot_file import (
+    Chassis,
+    Footprint,
+    Robot,
+    builtin_robots,
+    find_robot,
+    load_robot,
+    parse_robot,
+    read_robot,
+)
 
 __all__ = [
     "Chassis",

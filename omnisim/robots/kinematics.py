@@ -60,15 +60,10 @@ class Kinematics(Parameters, name="kinematics", error=TrajectoryError):
 
 @dataclass(frozen=True, eq=False)
 class Steps:
-    """Steps between successive poses.
+    """Steps between successive poses."""
 
-    Attributes:
-        distances_m: (n,) straight-line distances, negative for reverse motion.
-        turns_rad: (n,) turn angles in [−π, π].
-    """
-
-    distances_m: Floats
-    turns_rad: Floats
+    distances_m: Floats  # (n,) straight-line distances, negative for reverse motion
+    turns_rad: Floats  # (n,) turn angles in [−π, π]
 
 
 def steps_between(world_from_base: Floats) -> Steps:
@@ -84,20 +79,13 @@ def steps_between(world_from_base: Floats) -> Steps:
 
 @dataclass(frozen=True)
 class LimitViolation:
-    """Step of a trajectory that exceeds a limit of the robot.
+    """Step of a trajectory that exceeds a limit of the robot."""
 
-    Attributes:
-        quantity: name of the limited quantity, such as "turn rate".
-        unit: unit of `value` and `limit`.
-        step: index k of the step from pose k to pose k + 1.
-        time_s: time of pose k.
-        value, limit: the trajectory's value and the limit, in `unit`.
-    """
-
-    quantity: str
-    unit: str
-    step: int
-    time_s: float
+    quantity: str  # name of the limited quantity, such as "turn rate"
+    unit: str  # unit of `value` and `limit`
+    step: int  # index k of the step from pose k to pose k + 1
+    time_s: float  # time of pose k
+    # value, limit: the trajectory's value and the limit, in `unit`
     value: float
     limit: float
 
@@ -176,11 +164,7 @@ def check_drivable(
 ) -> None:
     """Raise an error if a trajectory exceeds the limits.
 
-    Args:
-        trajectory: poses with times.
-        kinematics: limits of the robot.
-        source: name of the trajectory in the message, such as its file.
-        lines: (n,) line of each pose in its file; None: no line is named.
+    The message names the trajectory's `source`, and the line of the pose if `lines` (n,) are given.
 
     Raises:
         TrajectoryError: a limit is exceeded; names the first violation, its value and the limit.

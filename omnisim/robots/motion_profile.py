@@ -35,18 +35,12 @@ CONVERGED = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """Planned drive along waypoints.
+    """Planned drive along waypoints."""
 
-    Attributes:
-        trajectory: poses at the start and after each step.
-        motion: continuous motion, defined at all times.
-        counts: number of steps per segment of the motion.
-        period_s: duration of every step; None: the steps of a segment have equal lengths instead.
-    """
-
-    trajectory: Trajectory
-    motion: PlannedMotion
-    counts: tuple[int, ...]
+    trajectory: Trajectory  # poses at the start and after each step
+    motion: PlannedMotion  # continuous motion, defined at all times
+    counts: tuple[int, ...]  # number of steps per segment of the motion
+    # duration of every step; None: the steps of a segment have equal lengths instead
     period_s: float | None = None
 
 
@@ -92,13 +86,8 @@ def plan_with_period(
     """Plan a drive along waypoints with a pose every `period_s`.
 
     Each leg and turn is slowed down to last a whole number of periods. There is a pose at each
-    waypoint before its turn and another after it, and no step mixes a leg with a turn.
-
-    Args:
-        waypoints_m: (n, 2) positions in the world.
-        kinematics: limits of the robot.
-        period_s: time between poses.
-        start_yaw_rad: heading at the first waypoint; None: toward the second one.
+    waypoint before its turn and another after it, and no step mixes a leg with a turn. Further
+    arguments are those of `plan_in_steps`.
 
     Raises:
         TrajectoryError: invalid waypoints or period, or too many poses.
@@ -218,10 +207,8 @@ def _from_rest_or_to_it(amounts: Floats, acceleration: float) -> Floats:
 def _lengthen(durations: Floats, amounts: Floats, accelerations: list[float]) -> None:
     """Lengthen durations (n,) in place until neighbors' mean rates satisfy the accelerations.
 
-    Args:
-        durations: (n,) durations that already satisfy the speeds and the steps next to rest.
-        amounts: (quantities, n) distances and turn angles.
-        accelerations: limit per quantity.
+    The durations already satisfy the speeds and the steps next to rest; `amounts` (quantities, n)
+    are distances and turn angles, with a limit each.
     """
     waiting = deque(range(len(durations) - 1))
     while waiting:
@@ -299,17 +286,11 @@ FloatOrArray = TypeVar("FloatOrArray", float, Floats)
 
 @dataclass(frozen=True)
 class Trapezoid(Generic[FloatOrArray]):
-    """Trapezoidal speed profile from rest to rest, of one motion or of (n,) motions.
+    """Trapezoidal speed profile from rest to rest, of one motion or of (n,) motions."""
 
-    Attributes:
-        amount: distance in meters or angle in radians, above 0.
-        top_rate: maximum rate, reached if the amount suffices.
-        acceleration: magnitude while accelerating and braking.
-    """
-
-    amount: FloatOrArray
-    top_rate: FloatOrArray
-    acceleration: FloatOrArray
+    amount: FloatOrArray  # distance in meters or angle in radians, above 0
+    top_rate: FloatOrArray  # maximum rate, reached if the amount suffices
+    acceleration: FloatOrArray  # magnitude while accelerating and braking
 
     @property
     def ramp_s(self) -> FloatOrArray:
@@ -359,25 +340,17 @@ class Trapezoid(Generic[FloatOrArray]):
 
 @dataclass(frozen=True)
 class Segment:
-    """Leg or turn on the spot, from rest to rest.
+    """Leg or turn on the spot, from rest to rest."""
 
-    Attributes:
-        start: x and y in meters, yaw in radians.
-        move_m: displacement of a leg; (0, 0) for a turn.
-        turn_rad: angle of a turn; 0 for a leg.
-        top_rate, acceleration: limits of its speed or turn rate.
-        start_s: start time.
-        stretch: duration relative to the time-optimal one.
-        way: poses over meters or radians on an uneven floor; None: straight, or about z.
-    """
-
-    start: tuple[float, float, float]
-    move_m: tuple[float, float]
-    turn_rad: float
+    start: tuple[float, float, float]  # x and y in meters, yaw in radians
+    move_m: tuple[float, float]  # displacement of a leg; (0, 0) for a turn
+    turn_rad: float  # angle of a turn; 0 for a leg
+    # top_rate, acceleration: limits of its speed or turn rate
     top_rate: float
     acceleration: float
-    start_s: float = 0.0
-    stretch: float = 1.0
+    start_s: float = 0.0  # start time
+    stretch: float = 1.0  # duration relative to the time-optimal one
+    # poses over meters or radians on an uneven floor; None: straight, or about z
     way: SplineMotion | None = None
 
     @property
@@ -407,21 +380,18 @@ class Segment:
 
 
 class PlannedMotion(BodyMotion):
-    """Motion along consecutive segments.
-
-    Args:
-        segments: segments; each starts at the end pose and end time of the previous one.
-        height_m: height of the base in segments without a `way`.
-    """
+    """Motion along consecutive segments, at one height where they have no `way`."""
 
     def __init__(self, segments: Sequence[Segment], height_m: float = 0.0):
         self.segments, self._height_m = tuple(segments), height_m
-        self._starts_s = np.array([one.start_s for one in segments])
-        self._stretch = np.array([one.stretch for one in segments])
-        columns = [(one.amount, one.top_rate, one.acceleration) for one in segments]
+        self._starts_s = np.array([segment.start_s for segment in segments])
+        self._stretch = np.array([segment.stretch for segment in segments])
+        columns = [(segment.amount, segment.top_rate, segment.acceleration) for segment in segments]
         self._trapezoids = np.array(columns).T
-        self._planar = np.array([(*one.start, *one.move_m, one.turn_rad) for one in segments])
-        self._is_uneven = np.array([one.way is not None for one in segments])
+        self._planar = np.array(
+            [(*segment.start, *segment.move_m, segment.turn_rad) for segment in segments]
+        )
+        self._is_uneven = np.array([segment.way is not None for segment in segments])
         self.start_s = segments[0].start_s
         self.end_s = segments[-1].start_s + segments[-1].duration_s
 
@@ -480,7 +450,7 @@ def in_sequence(segments: Sequence[Segment]) -> list[Segment]:
     """Chain segments in time: each starts when the previous one ends, the first at 0 s."""
     timed: list[Segment] = []
     start_s = 0.0
-    for one in segments:
-        timed.append(dataclasses.replace(one, start_s=start_s))
-        start_s += one.duration_s
+    for segment in segments:
+        timed.append(dataclasses.replace(segment, start_s=start_s))
+        start_s += segment.duration_s
     return timed

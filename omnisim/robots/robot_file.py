@@ -11,7 +11,7 @@ from typing import Annotated, Any, TypeVar
 
 from pydantic import Field
 
-from omnisim.core.errors import RobotFileError, TrajectoryError
+from omnisim.core.errors import RobotFileError, TrajectoryError, did_you_mean
 from omnisim.core.files.parameters import (
     Coordinate,
     Length,
@@ -22,10 +22,10 @@ from omnisim.core.files.parameters import (
     parse_table,
 )
 from omnisim.core.files.toml_file import extended, read_tables
+from omnisim.core.package_files import SCENES, built_in
 from omnisim.core.short_repr import short_repr
 from omnisim.core.trajectories.odometry import OdometryErrors
 from omnisim.robots.kinematics import Kinematics
-from omnisim.robots.robot_lookup import find_robot
 
 # Default for robots without a stated clearance: a wheel of 0.2 m drives over a door sill.
 DEFAULT_CLEARANCE_M = 0.05
@@ -123,19 +123,13 @@ class RobotFile(Table):
 
 
 class Robot(RobotFile):
-    """Contents of a robot file.
+    """Contents of a robot file."""
 
-    Attributes:
-        source: path of the file, or the name of the table in messages.
-        folder: base folder of relative paths.
-        chassis: masses, wheels and friction for physics.
-    """
-
-    source: str
-    folder: Path
+    source: str  # path of the file, or the name of the table in messages
+    folder: Path  # base folder of relative paths
     title: str
     kinematics: Kinematics | None  # type: ignore[assignment]  # without its wheels
-    chassis: Chassis
+    chassis: Chassis  # masses, wheels and friction for physics
 
     def __repr__(self) -> str:
         return short_repr(self, repr(self.name), *self.sensor_names)
@@ -196,3 +190,42 @@ def _part(kind: type[PartT], *sources: Parameters) -> PartT:
     """Settings of a class with values of others."""
     given = {name: value for source in sources for name, value in vars(source).items()}
     return kind(**{field.name: given[field.name] for field in fields(kind)})
+
+
+# Lookup of robot files by path, folder or built-in name.
+
+
+ROBOT_FILE = "robot.toml"
+
+
+def builtin_robots() -> list[str]:
+    """Names of the built-in robots, sorted."""
+    return built_in(ROBOT_FILE)
+
+
+def find_robot(source: str | Path) -> Path:
+    """Find a robot file by its path, a folder with a `robot.toml`, or a built-in name.
+
+    Raises:
+        RobotFileError: no such robot file, or it cannot be read.
+    """
+    try:
+        return _find(Path(source), str(source))
+    except OSError as reason:  # such as a folder without permission or an overlong name
+        raise RobotFileError(f"{source}: cannot be read: {reason.strerror}") from None
+
+
+def _find(path: Path, name: str) -> Path:
+    if path.is_dir() and (path / ROBOT_FILE).is_file():
+        return path / ROBOT_FILE
+    if path.is_file():
+        return path
+    names = builtin_robots()
+    if name in names:
+        return SCENES / name / ROBOT_FILE
+    if path.is_dir():
+        raise RobotFileError(f"{path}: is a folder without a {ROBOT_FILE}: expected a robot file")
+    if path.exists():
+        raise RobotFileError(f"{path}: is not a regular file")
+    hint = did_you_mean(name, names, "built-in:")
+    raise RobotFileError(f"{name}: no such robot file, and no built-in robot; {hint}")

@@ -11,28 +11,30 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import numpy as np
 
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import CalibrationError, RobotFileError, SceneError, did_you_mean
 from omnisim.core.files.sources import SourceReader, fingerprint, recorded_sources, source_digest
 from omnisim.core.files.toml_file import find_beside
 from omnisim.core.poses import inverse, pose_from_rotation
-from omnisim.core.short_repr import point_text, short_repr
+from omnisim.core.short_repr import counted, point_text, short_repr
 from omnisim.core.trajectories.odometry import OdometryErrors
 from omnisim.rendering.camera.degradations import Degradation
 from omnisim.rendering.camera.omnicamera import ExposureOption, OmniCamera, Polygons
 from omnisim.rendering.sensor import Mount, SensorSettings, carries
 from omnisim.robots.kinematics import Kinematics
-from omnisim.robots.robot_file import Footprint, Robot, load_robot
+from omnisim.robots.robot_file import Footprint, Robot, default_clearance_m, load_robot
 from omnisim.scene import Scene, read_scene
 from omnisim.scene.files.readers import is_mjcf
 from omnisim.scene.space.enclosure import enclosing_nodes
+from omnisim.scene.space.floor import triangles_within
 from omnisim.scene.space.start_pose import default_start
 from omnisim.sensors.laser_scanner.laser_scanner import LaserScanner
-from omnisim.sensors.sensor_names import folder_name
 from omnisim.sensors.sensor_registry import parse_sensors, sensor_source
-from omnisim.sensors.sensor_table import SensorTable, sensor_rates
+from omnisim.sensors.sensor_table import SensorTable, folder_name, sensor_rates
 
-if TYPE_CHECKING:  # formats of calibrations are slow to import
+if TYPE_CHECKING:
     from omnisim.cameras.calibration.calibration import Rig
+
 
 SensorT = TypeVar("SensorT", bound=SensorSettings)
 # Keys that identify a robot, in this order; not the location of its file on this machine.
@@ -44,32 +46,21 @@ _IDENTITY = (
 
 @dataclass(frozen=True, eq=False)
 class Vehicle:
-    """Robot with its body and sensors.
+    """Robot with its body and sensors."""
 
-    Attributes:
-        name: short name for file names.
-        title: display name.
-        body: geometry in the base frame; None: invisible.
-        kinematics: limits of the robot; None: unknown.
-        odometry: errors of the wheel odometry.
-        footprint: footprint around the base; None: unknown.
-        sensors: mounted sensors in the order of the robot file.
-        given: digest of the source files; None: identified by its own content.
-    """
-
-    name: str
-    title: str
-    body: Scene | None
-    kinematics: Kinematics | None
-    odometry: OdometryErrors
-    footprint: Footprint | None
-    sensors: tuple[Mount[SensorSettings], ...]
+    name: str  # short name for file names
+    title: str  # display name
+    body: Scene | None  # geometry in the base frame; None: invisible
+    kinematics: Kinematics | None  # limits of the robot; None: unknown
+    odometry: OdometryErrors  # errors of the wheel odometry
+    footprint: Footprint | None  # footprint around the base; None: unknown
+    sensors: tuple[Mount[SensorSettings], ...]  # mounted sensors in the order of the robot file
+    # digest of the source files; None: identified by its own content
     given: str | None = field(default=None, init=False)
 
     def __repr__(self) -> str:
-        return short_repr(
-            self, repr(self.name), *(f"{one.name}: {one.summary()}" for one in self.sensors)
-        )
+        sensors = (f"{mount.name}: {mount.summary()}" for mount in self.sensors)
+        return short_repr(self, repr(self.name), *sensors)
 
     @classmethod
     def load(cls, source: str | Path) -> Vehicle:
@@ -85,9 +76,7 @@ class Vehicle:
     def from_robot(cls, robot: Robot, cameras: Mapping[str, OmniCamera] = {}) -> Vehicle:
         """Build the vehicle that a robot file describes.
 
-        Args:
-            robot: contents of a robot file, or an imported robot.
-            cameras: cameras by sensor name, which replace those of sensor files.
+        `cameras`, by sensor name, replace those of sensor files.
 
         Raises:
             RobotFileError: a file is missing or is not a body, a sensor is invalid or inside the
@@ -136,12 +125,12 @@ class Vehicle:
     @property
     def cameras(self) -> tuple[Mount[OmniCamera], ...]:
         """Omnidirectional cameras of the vehicle."""
-        return tuple(one for one in self.sensors if carries(one, OmniCamera))
+        return tuple(mount for mount in self.sensors if carries(mount, OmniCamera))
 
     @property
     def scanners(self) -> tuple[Mount[LaserScanner], ...]:
         """Planar laser scanners of the vehicle."""
-        return tuple(one for one in self.sensors if carries(one, LaserScanner))
+        return tuple(mount for mount in self.sensors if carries(mount, LaserScanner))
 
     def camera(self, name: str | None = None) -> Mount[OmniCamera]:
         """Camera of the given name; without a name, the first.
@@ -258,11 +247,11 @@ def _moved(body: Scene, offset_m: tuple[float, float, float]) -> Scene:
     base_from_file = pose_from_rotation(np.eye(3), offset_m)
     instances = tuple(
         dataclasses.replace(
-            one,
-            world_from_mesh=base_from_file @ one.world_from_mesh,
-            world_from_node=base_from_file @ one.world_from_node,
+            instance,
+            world_from_mesh=base_from_file @ instance.world_from_mesh,
+            world_from_node=base_from_file @ instance.world_from_node,
         )
-        for one in body.instances
+        for instance in body.instances
     )
     return body.altered(f"offset {offset_m}", instances=instances)
 
@@ -294,10 +283,7 @@ def _check_outside(body: Scene | None, mount: Mount[SensorSettings], where: str)
 def rig_vehicle(name: str, rig: Rig, sensors: Sequence[OmniCamera] | None = None) -> Vehicle:
     """Build the vehicle of a rig: invisible, without wheels; its base is the rig's body.
 
-    Args:
-        name: name of the vehicle.
-        rig: cameras and their poses on the body.
-        sensors: sensor per camera; None: the rig's camera models with default settings.
+    `sensors` has one per camera; None: the rig's camera models with default settings.
 
     Raises:
         CalibrationError: two cameras have the same folder name.
@@ -325,3 +311,59 @@ def rig_vehicle(name: str, rig: Rig, sensors: Sequence[OmniCamera] | None = None
         footprint=None,
         sensors=tuple(cameras),
     )
+
+
+# Bounding boxes of a vehicle's body: one for the floor below it, several for contacts.
+
+
+@dataclass(frozen=True, eq=False)
+class BodyBoxes:
+    """Bounding boxes of a vehicle in the base frame."""
+
+    # low_m, high_m: (3,) corners of the box around the whole robot; its lower side is the ground
+    low_m: Floats
+    high_m: Floats
+    clearance_m: float  # ground clearance; the wheels drive over lower obstacles
+    # (n, 2, 3) corners of the boxes around the body's nodes, cut off below the clearance; without a
+    # body, the footprint's box
+    parts_m: Floats
+
+    def __repr__(self) -> str:
+        return short_repr(self, counted(len(self.parts_m), "part"))
+
+    @classmethod
+    def of(cls, vehicle: Vehicle) -> BodyBoxes | None:
+        """Boxes of the footprint and the body; None if the vehicle has neither."""
+        parts = np.zeros((0, 2, 3)) if vehicle.body is None else _node_bounds(vehicle.body)
+        size = vehicle.footprint
+        if size is not None:
+            half = 0.5 * np.array((size.length_m, size.width_m))
+            low, high = np.array((*-half, 0.0)), np.array((*half, size.height_m))
+            clearance_m = size.clearance_m
+        elif len(parts) and parts[:, 1, 2].max() > 0.0:
+            low, high = parts[:, 0].min(axis=0), parts[:, 1].max(axis=0)
+            low[2] = 0.0
+            clearance_m = default_clearance_m(float(high[2]))
+        else:
+            return None
+        if not len(parts):
+            parts = np.stack((low, high))[None]
+        parts = parts[parts[:, 1, 2] > clearance_m]
+        parts[:, 0, 2] = np.maximum(parts[:, 0, 2], clearance_m)
+        return cls(low, high, clearance_m, parts)
+
+    @property
+    def reach_m(self) -> float:
+        """Distance from the base's origin to its farthest corner on the ground."""
+        ends = np.maximum(np.abs(self.low_m[:2]), np.abs(self.high_m[:2]))
+        return float(np.hypot(*ends))
+
+
+def _node_bounds(body: Scene) -> Floats:
+    """Corners (n, 2, 3) of the bounding boxes of a body's nodes that have triangles."""
+    everywhere = np.full(3, np.inf)
+    triangles = triangles_within(body, -everywhere, everywhere)
+    names = np.array([instance.name for instance in body.instances])[triangles.instances]
+    nodes = (triangles.corners_m[names == name].reshape(-1, 3) for name in np.unique(names))
+    bounds = [(corners.min(axis=0), corners.max(axis=0)) for corners in nodes]
+    return np.array(bounds).reshape(-1, 2, 3)

@@ -13,8 +13,8 @@ from omnisim.core.errors import TrajectoryError
 from omnisim.core.poses import pose_from_rotation
 from omnisim.core.short_repr import counted, short_repr
 from omnisim.core.trajectories import Trajectory
-from omnisim.robots.body_boxes import BodyBoxes
 from omnisim.robots.kinematics import steps_between
+from omnisim.robots.vehicle import BodyBoxes
 from omnisim.scene import Scene
 from omnisim.scene.space.floor import TriangleBvh, triangles_within
 
@@ -26,19 +26,12 @@ POSES_AT_ONCE = 64  # batch size, which bounds the memory
 
 @dataclass(frozen=True, eq=False)
 class Sweep:
-    """Poses along a trajectory.
+    """Poses along a trajectory."""
 
-    Attributes:
-        world_from_base: (m, 4, 4) poses of the base.
-        steps: (m,) index of the trajectory's pose at or before each pose.
-        is_step: (m,) true for the trajectory's own poses, which stay unchanged.
-        times_s: (m,) times of the poses.
-    """
-
-    world_from_base: Floats
-    steps: Indices
-    is_step: Bools
-    times_s: Floats
+    world_from_base: Floats  # (m, 4, 4) poses of the base
+    steps: Indices  # (m,) index of the trajectory's pose at or before each pose
+    is_step: Bools  # (m,) true for the trajectory's own poses, which stay unchanged
+    times_s: Floats  # (m,) times of the poses
 
     def __repr__(self) -> str:
         return short_repr(self, counted(len(self.steps), "pose"))
@@ -50,12 +43,7 @@ class Sweep:
 
     @classmethod
     def along(cls, trajectory: Trajectory, reach_m: float) -> Sweep:
-        """Interpolate poses within the steps: positions linearly, rotations by slerp.
-
-        Args:
-            trajectory: trajectory to interpolate.
-            reach_m: distance from the base to its outermost corner.
-        """
+        """Interpolate poses, for a body that reaches `reach_m` from its base: turns by slerp."""
         poses, times = trajectory.world_from_base, trajectory.times_s
         if len(trajectory) == 1:
             return cls(poses, np.zeros(1, dtype=np.intp), np.ones(1, dtype=bool), times)
@@ -80,21 +68,13 @@ class Sweep:
 
 @dataclass(frozen=True)
 class Contact:
-    """Contact of the body with an object.
+    """Contact of the body with an object."""
 
-    Attributes:
-        object: name of the object's node.
-        step: step at or before the first contact.
-        time_s: time of the first contact.
-        position_m: x, y of the base at the first contact.
-        steps: number of steps with contact, at their pose or on the way to the next.
-    """
-
-    object: str
-    step: int
-    time_s: float
-    position_m: tuple[float, float]
-    steps: int
+    object: str  # name of the object's node
+    step: int  # step at or before the first contact
+    time_s: float  # time of the first contact
+    position_m: tuple[float, float]  # x, y of the base at the first contact
+    steps: int  # number of steps with contact, at their pose or on the way to the next
 
     def __str__(self) -> str:
         x, y = self.position_m

@@ -34,33 +34,19 @@ from omnisim.ground_truth.channel_files import ChannelFormat
 from omnisim.rendering.camera.omnicamera import CAMERA_POSES
 from omnisim.rendering.missed_surfaces import viewpoint_notes
 from omnisim.rendering.reflection_kinds import specular_notes
-from omnisim.rendering.sensor import Moment, Mount, Reading, SensorSettings
+from omnisim.rendering.sensor import Moment, Reading
 from omnisim.rendering.shared_scene import BackendName
 from omnisim.rendering.stage import Sensor, Stage
 from omnisim.robots import Chassis, simulate_odometry, with_errors, write_odometry
-from omnisim.robots.body_boxes import BodyBoxes
-from omnisim.robots.vehicle import Vehicle
+from omnisim.robots.vehicle import BodyBoxes, Vehicle
+from omnisim.runs import run_folder
 from omnisim.runs.contacts import Contact, find_contacts
-from omnisim.runs.physics.rover import Rover
-from omnisim.runs.physics.simulated_motion import SimulatedMotion
+from omnisim.runs.physics.rover import Driver, Rover, SimulatedMotion
 from omnisim.runs.route import PlannedRoute, Route, plan_route, route_digest
-from omnisim.runs.run_folder import (
-    GROUND_TRUTH,
-    OBJECTS,
-    ODOMETRY,
-    STATES,
-    TIME,
-    TIMES,
-    RunFolder,
-    open_run,
-    write_boxes,
-    write_labels,
-)
 from omnisim.runs.run_manifest import MANIFEST_FORMAT
-from omnisim.runs.true_states import write_states
 from omnisim.scene import Scene
 from omnisim.scene.labels import BODY, find_labels
-from omnisim.sensors.sensor_names import folder_name
+from omnisim.sensors.sensor_table import folder_name
 
 MAX_SEED = 2**63 - 1
 MAX_BEGUN = 8  # measurements of a step in progress; more of them are written at once
@@ -69,38 +55,26 @@ SAME_MOTION_M = 1e-3  # far below a pixel; contacts that amplify rounding exceed
 
 @dataclass(frozen=True, eq=False)
 class Drive:
-    """Settings of a drive; they determine the run's files.
-
-    Attributes:
-        scene: scene to drive in.
-        vehicle: vehicle with its sensors.
-        route: path through the scene.
-        seed: seed of the odometry's and the cameras' noise; a scanner's noise has its own seed in
-            the robot file.
-        unlit: show plain base colors.
-        device: EGL's number of the GPU; None: the default GPU.
-        backend: back end that renders images and casts rays.
-        up_axis, meters_per_unit: loading options of the scene, for the manifest; None: default.
-        resources: search folders of the scene's models and packages, for the manifest.
-        channels: ground-truth channels, as `check_channels` returns them.
-        channel_format: file format of the channels.
-        boxes_3d: also record the oriented boxes of the visible instances.
-        physics: chassis of the vehicle, simulated in MuJoCo; None: it drives exactly as planned.
-    """
+    """Settings of a drive; they determine the run's files."""
 
     scene: Scene
     vehicle: Vehicle
     route: Route
+    # seed of the odometry's and the cameras' noise; a scanner's noise has its own seed in the robot
+    # file
     seed: int = 0
-    unlit: bool = False
-    device: int | None = None
-    backend: BackendName = "cube"
+    unlit: bool = False  # show plain base colors
+    device: int | None = None  # EGL's number of the GPU; None: the default GPU
+    backend: BackendName = "cube"  # back end that renders images and casts rays
+    # up_axis, meters_per_unit: loading options of the scene, for the manifest; None: default
     up_axis: str | None = None
     meters_per_unit: float | None = None
+    # search folders of the scene's models and packages, for the manifest
     resources: tuple[Path, ...] = ()
-    channels: tuple[str, ...] = ()
-    channel_format: ChannelFormat = ChannelFormat.AUTO
-    boxes_3d: bool = False
+    channels: tuple[str, ...] = ()  # ground-truth channels, as `check_channels` returns them
+    channel_format: ChannelFormat = ChannelFormat.AUTO  # file format of the channels
+    boxes_3d: bool = False  # also record the oriented boxes of the visible instances
+    # chassis of the vehicle, simulated in MuJoCo; None: it drives exactly as planned
     physics: Chassis | None = None
 
     def __repr__(self) -> str:
@@ -122,33 +96,28 @@ class Drive:
             raise TrajectoryError("--ground: expected wheels on the scene's floor with --physics")
         return plan_route(self.scene, self.vehicle, self.route, print_note)
 
-    def _as_planned(self, planned: PlannedRoute) -> PlannedDrive:
-        """Drive exactly along a planned route."""
-        truth, box = planned.trajectory, BodyBoxes.of(self.vehicle)
-        self._check_sensors(truth)
-        odometry = simulate_odometry(truth, self.vehicle.odometry, self.seed)
-        contacts = None if box is None else find_contacts(self.scene, planned.sweep, box)
-        return PlannedDrive(self, truth, planned.motion, odometry, planned.follows_floor, contacts)
-
-    def _as_simulated(self, planned: PlannedRoute, motion: SimulatedMotion) -> PlannedDrive:
-        """Drive along the motion that physics simulated."""
-        times_s = planned.trajectory.times_s
-        truth = motion.at(times_s)
-        self._check_sensors(planned.trajectory)  # before contacts widen turns between steps
+    def _planned(self, route: PlannedRoute, simulated: SimulatedMotion | None) -> PlannedDrive:
+        """Drive along the motion that physics simulated, or exactly along a planned route."""
+        self._check_sensors(route.trajectory)  # before contacts widen turns between steps
+        if simulated is None:
+            truth, motion, box = route.trajectory, route.motion, BodyBoxes.of(self.vehicle)
+            odometry = simulate_odometry(truth, self.vehicle.odometry, self.seed)
+            contacts = None if box is None else find_contacts(self.scene, route.sweep, box)
+            return PlannedDrive(self, truth, motion, odometry, route.follows_floor, contacts)
+        times_s = route.trajectory.times_s
+        truth, motion = simulated.at(times_s), simulated.smooth
         # skidding wheels slip in the simulation already
         errors = dataclasses.replace(self.vehicle.odometry, turn_scale=1.0)
-        odometry = with_errors(motion.readings_at(times_s), errors, self.seed)
-        contacts = motion.contacts_at(truth)
+        odometry = with_errors(simulated.readings_at(times_s), errors, self.seed)
+        contacts = simulated.contacts_at(truth)
         return PlannedDrive(
-            self, truth, motion.smooth, odometry, planned.follows_floor, contacts, simulated=motion
+            self, truth, motion, odometry, route.follows_floor, contacts, simulated=simulated
         )
 
     def along(self, truth: Trajectory, given: str | None = None) -> PlannedDrive:
-        """Move the vehicle exactly along given poses, without wheels or odometry.
+        """Move the vehicle's base exactly along given poses, without wheels or odometry.
 
-        Args:
-            truth: poses of the vehicle's base.
-            given: digest of the poses' inputs; None: the poses identify themselves.
+        `given` is the digest of the poses' inputs; None: the poses identify themselves.
 
         Raises:
             RunError: an invalid seed, or an exposure longer than a step.
@@ -169,31 +138,21 @@ class Drive:
 
 @dataclass(frozen=True, eq=False)
 class PlannedDrive:
-    """Drive with its trajectory, ready to be rendered.
-
-    Attributes:
-        drive: settings of the drive.
-        truth: poses of the base at the steps.
-        motion: continuous motion of the base, also between the steps.
-        odometry: readings of the wheels; None: no odometry.
-        follows_floor: see `PlannedRoute`.
-        contacts: contacts of the body with the scene, in the order in which they begin; None: not
-            checked.
-        name: name of the vehicle in the world.
-        others: other vehicles in the world, by name.
-        simulated: motion of the robot and of the objects around it in physics, or None.
-        route_given: digest of the poses' inputs; None: the digest of the drive's route.
-    """
+    """Drive with its trajectory, ready to be rendered."""
 
     drive: Drive
-    truth: Trajectory
-    motion: BodyMotion
-    odometry: Odometry | None = None
-    follows_floor: bool = False
+    truth: Trajectory  # poses of the base at the steps
+    motion: BodyMotion  # continuous motion of the base, also between the steps
+    odometry: Odometry | None = None  # readings of the wheels; None: no odometry
+    follows_floor: bool = False  # see `PlannedRoute`
+    # contacts of the body with the scene, in the order in which they begin; None: not checked
     contacts: tuple[Contact, ...] | None = None
-    name: str = BODY
+    name: str = BODY  # name of the vehicle in the world
+    # other vehicles in the world, by name
     others: Mapping[str, MovingVehicle] = field(default_factory=dict)
+    # motion of the robot and of the objects around it in physics, or None
     simulated: SimulatedMotion | None = None
+    # digest of the poses' inputs; None: the digest of the drive's route
     route_given: str | None = None
 
     def __repr__(self) -> str:
@@ -218,11 +177,7 @@ class PlannedDrive:
 
         The first number counts the steps finished before the call. Measurements between two steps
         are recorded with the second. An interrupted run resumes, and its bytes equal those of an
-        uninterrupted one.
-
-        Args:
-            folder: folder of the run.
-            force: overwrite another run in the folder.
+        uninterrupted one. `force` overwrites another run in the folder.
 
         Raises:
             RunError: the folder holds another run, or another command is writing to it.
@@ -231,23 +186,29 @@ class PlannedDrive:
         drive, vehicle = self.drive, self.drive.vehicle
         with ExitStack() as stack:
             world = self.world
-            stage = stack.enter_context(
-                Stage(
-                    world.scene, vehicles=world.bodies, device=drive.device, backend=drive.backend
-                )
+            stage = Stage(
+                world.scene, vehicles=world.bodies, device=drive.device, backend=drive.backend
             )
+            stack.enter_context(stage)
             stack.enter_context(stage.current())  # throughout, not image by image
-            instruments = {
-                mount.name: stack.enter_context(sensor.open(stage, self._placed(mount)))
-                for mount in vehicle.sensors
-                if isinstance(sensor := mount.sensor, Sensor)
-            }
+            instruments = {}
+            for mount in vehicle.sensors:
+                placed = dataclasses.replace(
+                    mount,
+                    vehicle=self.name,
+                    seed=f"{drive.seed} {mount.name}",  # the noise seeds of all sensors differ
+                    unlit=drive.unlit,
+                    channel_format=drive.channel_format,
+                    boxes_3d=drive.boxes_3d,
+                )
+                if isinstance(mount.sensor, Sensor):
+                    instruments[mount.name] = stack.enter_context(mount.sensor.open(stage, placed))
             content = self._manifest(stage.backend.renderer)
-            run = stack.enter_context(open_run(folder, content, force))
-            is_new = not run.has(STATES)
+            run = stack.enter_context(run_folder.open_run(folder, content, force))
+            is_new = not run.has(run_folder.STATES)
             self._write_records(run)
             labels = find_labels(drive.scene, stage.objects, tuple(world.bodies))
-            write_labels(run, labels)
+            run_folder.write_labels(run, labels)
             missing = [step for step in range(len(self.truth)) if not run.is_done(step)]
             finished = len(self.truth) - len(missing)
             if is_new:  # steps without a file, and files of the whole run, were not there before
@@ -277,43 +238,31 @@ class PlannedDrive:
                     write.result()
                 if done > finished:
                     yield done
-                writes = [*following, *(_write(writer, *one) for one in begun)]
-            write_boxes(run, labels)
-
-    def _placed(self, mount: Mount[SensorSettings]) -> Mount[SensorSettings]:
-        """Mount in this drive; the noise seeds of a vehicle's sensors all differ."""
-        drive = self.drive
-        return dataclasses.replace(
-            mount,
-            vehicle=self.name,
-            seed=f"{drive.seed} {mount.name}",
-            unlit=drive.unlit,
-            channel_format=drive.channel_format,
-            boxes_3d=drive.boxes_3d,
-        )
+                writes = [*following, *(_write(writer, *measurement) for measurement in begun)]
+            run_folder.write_boxes(run, labels)
 
     @cached_property
     def sensor_times_s(self) -> dict[str, Floats]:
         """Times (n,) of each sensor's measurements, by the sensor's name."""
         steps_s, seed = self.truth.times_s, self.drive.seed
-        return {one.name: one.times_s(steps_s, seed) for one in self.drive.vehicle.sensors}
+        return {mount.name: mount.times_s(steps_s, seed) for mount in self.drive.vehicle.sensors}
 
     @property
     def notes(self) -> list[str]:
         """Notices on omissions of sensors, and on surfaces too near to the cameras at the start."""
         drive, start = self.drive, self.truth.world_from_base[0]
         sensors, times_s = drive.vehicle.sensors, self.sensor_times_s
-        notes = [one.sensor.note(one, times_s[one.name]) for one in sensors]
-        for one in drive.vehicle.cameras:
-            unusual = viewpoint_notes(drive.scene, one.sensor, start)
-            notes += [f"{one.name}: {note}" for note in unusual]
-        if any(one.sensor.specular for one in sensors):
-            objects = [one.shape for one in drive.scene.objects]
+        notes = [mount.sensor.note(mount, times_s[mount.name]) for mount in sensors]
+        for camera in drive.vehicle.cameras:
+            unusual = viewpoint_notes(drive.scene, camera.sensor, start)
+            notes += [f"{camera.name}: {note}" for note in unusual]
+        if any(mount.sensor.specular for mount in sensors):
+            objects = [moving.shape for moving in drive.scene.objects]
             notes += specular_notes(drive.scene, objects, drive.backend)
         return [note for note in notes if note is not None]
 
     def _moment(
-        self, run: RunFolder, sensor: str, index: int, previous: Pending[Reading] | None
+        self, run: run_folder.RunFolder, sensor: str, index: int, previous: Pending[Reading] | None
     ) -> Moment:
         """Moment of a measurement; the folder has all earlier measurements."""
         times_s = self.sensor_times_s[sensor]
@@ -329,40 +278,36 @@ class PlannedDrive:
         )
 
     def _manifest(self, renderer: str) -> dict[str, Any]:
-        """Manifest of the run, in JSON types.
-
-        Args:
-            renderer: name of the renderer; renderers round differently.
-        """
+        """Manifest of the run, in JSON types; it names the renderer, since they round apart."""
         drive, vehicle = self.drive, self.drive.vehicle
         unit = {} if drive.meters_per_unit is None else {"meters_per_unit": drive.meters_per_unit}
         folders = [str(folder.absolute()) for folder in drive.resources]
+        scene = Path(drive.scene.name)
+        is_file = scene.is_file() or (scene / "scene.toml").is_file()
         physics: dict[str, Any] = {}
         if self.simulated is not None and drive.physics is not None:
             chassis = dataclasses.asdict(drive.physics)
             physics = {"physics": {**self.simulated.manifest(), "chassis": chassis}}
-
-        def timing(mount: Mount[SensorSettings]) -> dict[str, Any]:
-            if mount.rate is None:  # a measurement at each step
-                return {}
-            count = len(self.sensor_times_s[mount.name])
-            return {"rate_hz": mount.rate.rate_hz, "measurements": count}
-
+        sensors: dict[str, dict[str, Any]] = {}
+        for mount in vehicle.sensors:
+            table = sensors[mount.name] = {"type": mount.type}
+            if mount.rate is not None:
+                table["rate_hz"] = mount.rate.rate_hz
+                table["measurements"] = len(self.sensor_times_s[mount.name])
+            table |= mount.sensor.manifest(mount)
         content = {
             "format": MANIFEST_FORMAT,
             "omnisim": __version__,
             "scene": {
                 "name": _with_short_name(drive.scene).name,
-                "file": _file_or_name(drive.scene.name),
+                # valid in any working folder
+                "file": str(scene.resolve()) if is_file else drive.scene.name,
                 "up_axis": drive.up_axis,
                 **unit,
                 **({"resources": folders} if folders else {}),
                 "contents": scene_contents(drive.scene),
             },
-            "sensors": {
-                one.name: {"type": one.type, **timing(one), **one.sensor.manifest(one)}
-                for one in vehicle.sensors
-            },
+            "sensors": sensors,
             "robot": {"name": vehicle.name, "contents": fingerprint(vehicle)},
             **physics,
             "path": {
@@ -371,7 +316,7 @@ class PlannedDrive:
                 "length_m": round(self.truth.path_length_m, 6),
                 "duration_s": round(self.truth.duration_s, 6),
                 "follows_floor": self.follows_floor,
-                "contacts": self.contacts and [dataclasses.asdict(one) for one in self.contacts],
+                "contacts": self.contacts and list(map(dataclasses.asdict, self.contacts)),
             },
             "steps": len(self.truth),
             "seed": drive.seed,
@@ -395,25 +340,35 @@ class PlannedDrive:
             content["boxes_3d"] = True
         return json.loads(json.dumps(content))
 
-    def _write_records(self, run: RunFolder) -> None:
+    def _write_records(self, run: run_folder.RunFolder) -> None:
         """Write the files that need no rendering."""
-        if not run.has(GROUND_TRUTH):
-            write_trajectory(run.path / GROUND_TRUTH, self.truth)
-        elif self.simulated is not None:
-            _check_motion(run, self.truth)
-        if self.odometry is not None and not run.has(ODOMETRY):
-            write_odometry(run.path / ODOMETRY, self.odometry)
-        self.world.write_poses(run.path / OBJECTS)
+        if not run.has(run_folder.GROUND_TRUTH):
+            write_trajectory(run.path / run_folder.GROUND_TRUTH, self.truth)
+        elif self.simulated is not None:  # another processor may round differently
+            file = run.path / run_folder.GROUND_TRUTH
+            recorded = read_trajectory(file)
+            run.check_steps(file.name, len(recorded))
+            apart_m = np.linalg.norm(recorded.positions_m - self.truth.positions_m, axis=1).max()
+            if apart_m > SAME_MOTION_M:
+                raise RunError(
+                    f"{file}: physics leads {apart_m:.2g} m elsewhere on this machine: resume the "
+                    "run where it began, or record it anew with --force"
+                )
+        if self.odometry is not None and not run.has(run_folder.ODOMETRY):
+            write_odometry(run.path / run_folder.ODOMETRY, self.odometry)
+        self.world.write_poses(run.path / run_folder.OBJECTS)
         times_s = self.sensor_times_s
-        if not run.has(STATES):
+        if not run.has(run_folder.STATES):
             sensors = self.drive.vehicle.sensors
-            needed_s = (one.sensor.state_times_s(times_s[one.name]) for one in sensors)
-            write_states(run.path / STATES, self.motion, (self.truth.times_s, *needed_s))
+            needed_s = (mount.sensor.state_times_s(times_s[mount.name]) for mount in sensors)
+            run_folder.write_states(
+                run.path / run_folder.STATES, self.motion, (self.truth.times_s, *needed_s)
+            )
         for mount in self.drive.vehicle.sensors:
             own_s, folder = times_s[mount.name], run.path / mount.name
             mount.sensor.write_readings(folder, mount, self.motion, self.drive.seed, own_s)
-            if run.has_own_rate(mount.name) and not is_written(folder / TIMES):
-                write_table(folder / TIMES, TIME, (own_s[:, None],))
+            if run.has_own_rate(mount.name) and not is_written(folder / run_folder.TIMES):
+                write_table(folder / run_folder.TIMES, run_folder.TIME, (own_s[:, None],))
             for name, text in mount.sensor.documents(mount).items():
                 if not is_written(folder / name):
                     write_text(folder / name, text)
@@ -432,22 +387,6 @@ def _write(writer: Executor, stem: Path, reading: Pending[Reading]) -> Future[No
     return writer.submit(reading.result().save, stem)
 
 
-def _check_motion(run: RunFolder, truth: Trajectory) -> None:
-    """Reject a simulated motion that differs because another processor rounds differently.
-
-    Raises:
-        RunError: the recorded poses differ from the motion.
-    """
-    recorded = read_trajectory(run.path / GROUND_TRUTH)
-    run.check_steps(GROUND_TRUTH, len(recorded))
-    distance_m = np.linalg.norm(recorded.positions_m - truth.positions_m, axis=1).max()
-    if distance_m > SAME_MOTION_M:
-        raise RunError(
-            f"{run.path / GROUND_TRUTH}: physics leads {distance_m:.2g} m elsewhere on this "
-            "machine: resume the run where it began, or record it anew with --force"
-        )
-
-
 def plan_together(
     drives: Mapping[str, Drive], print_note: Callable[[str], None] | None = None
 ) -> dict[str, PlannedDrive]:
@@ -458,34 +397,30 @@ def plan_together(
         OmnisimError: physics is set, but its extra is not installed.
         RunError: an invalid seed, or an exposure longer than a step.
     """
-    if any(drive.physics for drive in drives.values()):
-        require_extra("mujoco", "--physics")
-        return _plan_in_physics(drives, print_note)
-    return {name: one._as_planned(one._plan_route(print_note)) for name, one in drives.items()}
+    if not any(drive.physics for drive in drives.values()):
+        return {
+            name: drive._planned(drive._plan_route(print_note), None)
+            for name, drive in drives.items()
+        }
+    require_extra("mujoco", "--physics")
+    from omnisim.runs.physics.simulation import simulate  # needs the extra
 
-
-def _plan_in_physics(
-    drives: Mapping[str, Drive], print_note: Callable[[str], None] | None
-) -> dict[str, PlannedDrive]:
-    """Drive in MuJoCo along the planned trajectories."""
-    from omnisim.runs.physics.rover import Driver
-    from omnisim.runs.physics.simulation import simulate  # needs an extra
-
-    rovers = {name: Rover.of(one.vehicle, one.physics or Chassis()) for name, one in drives.items()}
-    planned = {name: one._plan_route(print_note) for name, one in drives.items()}
+    rovers = {
+        name: Rover.of(drive.vehicle, drive.physics or Chassis()) for name, drive in drives.items()
+    }
+    routes = {name: drive._plan_route(print_note) for name, drive in drives.items()}
     drivers = {
         name: Driver(
             rovers[name],
-            planned[name].trajectory,
-            planned[name].motion,
-            one.route.path,
-            one.route.ignore_limits,
+            routes[name].trajectory,
+            routes[name].motion,
+            drive.route.path,
+            drive.route.ignore_limits,
         )
-        for name, one in drives.items()
+        for name, drive in drives.items()
     }
-    scene = next(iter(drives.values())).scene
-    motions = simulate(scene, drivers)
-    return {name: one._as_simulated(planned[name], motions[name]) for name, one in drives.items()}
+    motions = simulate(next(iter(drives.values())).scene, drivers)
+    return {name: drive._planned(routes[name], motions[name]) for name, drive in drives.items()}
 
 
 def drive_together(plans: Mapping[str, PlannedDrive]) -> dict[str, PlannedDrive]:
@@ -511,29 +446,16 @@ def _with_short_name(scene: Scene) -> Scene:
     return scene.altered(name=Path(scene.name).name or scene.name)
 
 
-def _file_or_name(name: str) -> str:
-    """Absolute path of a scene's file, or its built-in name: valid in any working folder."""
-    path = Path(name)
-    is_there = path.is_file() or (path / "scene.toml").is_file()
-    return str(path.resolve()) if is_there else name
-
-
 # World of a drive: the vehicle on its trajectory, other vehicles, and the scene's objects.
 
 
 @dataclass(frozen=True, eq=False)
 class MovingVehicle:
-    """Vehicle in motion through the world.
+    """Vehicle in motion through the world."""
 
-    Attributes:
-        body: body in the base frame, or None: invisible.
-        truth: poses of the base at the steps.
-        motion: continuous motion of the base, also between the steps.
-    """
-
-    body: Scene | None
-    truth: Trajectory
-    motion: BodyMotion
+    body: Scene | None  # body in the base frame, or None: invisible
+    truth: Trajectory  # poses of the base at the steps
+    motion: BodyMotion  # continuous motion of the base, also between the steps
 
     def pose_at(self, time_s: float) -> Pose:
         """Pose (4, 4) of the base; at a step, bit for bit the step's pose."""
@@ -545,35 +467,24 @@ class MovingVehicle:
 
 @dataclass(frozen=True, eq=False)
 class DriveWorld:
-    """Motion of the world in which a vehicle drives.
+    """Motion of the world in which a vehicle drives."""
 
-    Attributes:
-        scene: scene with its dynamic objects.
-        ego: the vehicle and its motion.
-        vehicle: name of the vehicle in the world.
-        others: other vehicles by name.
-    """
-
-    scene: Scene
-    ego: MovingVehicle
-    vehicle: str = BODY
-    others: Mapping[str, MovingVehicle] = field(default_factory=dict)
+    scene: Scene  # scene with its dynamic objects
+    ego: MovingVehicle  # the vehicle and its motion
+    vehicle: str = BODY  # name of the vehicle in the world
+    others: Mapping[str, MovingVehicle] = field(default_factory=dict)  # other vehicles by name
 
     @property
     def bodies(self) -> dict[str, Scene]:
         """Bodies of the visible vehicles, by name."""
-        bodies = {name: one.body for name, one in self._vehicles.items()}
-        return {name: body for name, body in bodies.items() if body is not None}
+        bodies = ((name, moving.body) for name, moving in self._vehicles.items())
+        return {name: body for name, body in bodies if body is not None}
 
     def state_at(self, time_s: float) -> WorldState:
         """State of the world; vehicles rest before and after their trajectories."""
-        return WorldState(
-            {
-                **{name: one.pose_at(time_s) for name, one in self._vehicles.items()},
-                **{one.name: one.motion.pose_at(time_s) for one in self.scene.objects},
-            },
-            time_s,
-        )
+        poses = {name: moving.pose_at(time_s) for name, moving in self._vehicles.items()}
+        poses |= {moving.name: moving.motion.pose_at(time_s) for moving in self.scene.objects}
+        return WorldState(poses, time_s)
 
     @property
     def _vehicles(self) -> dict[str, MovingVehicle]:
@@ -587,9 +498,7 @@ class DriveWorld:
         return {"world": {"vehicle": self.vehicle, "others": others}}
 
     def write_poses(self, folder: Path) -> None:
-        """Write the missing files with poses of the other vehicles and of dynamic objects.
-
-        The poses are at the vehicle's times.
+        """Write missing files with poses of the others and of dynamic objects, at the steps' times.
 
         Raises:
             OutputError: a file cannot be written.

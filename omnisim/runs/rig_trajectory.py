@@ -39,46 +39,30 @@ UNTIMED_HZ = 1.0  # poses per second of a file without times, by default
 
 
 class RigPoses(NamedTuple):
-    """Poses of a rig's body in the scene.
+    """Poses of a rig's body in the scene."""
 
-    Attributes:
-        world_from_body: (n, 4, 4) poses.
-        names: (n,) image file of each pose, or None if the file has no names.
-        times_s: (n,) times, or None if the file has none.
-    """
-
-    world_from_body: Floats
-    names: tuple[str, ...] | None
-    times_s: Floats | None
+    world_from_body: Floats  # (n, 4, 4) poses
+    names: tuple[str, ...] | None  # (n,) image file of each pose, or None if the file has no names
+    times_s: Floats | None  # (n,) times, or None if the file has none
 
 
 @dataclass(frozen=True, eq=False)
 class RigRoute:
-    """Poses for moving a rig.
+    """Poses for moving a rig."""
 
-    Attributes:
-        path: file of the poses.
-        frame: posed frame: "body", "camera" (the first), a camera's name, or None: by the file's
-            format.
-        axes: axes of the file's world, or None: KITTI's in a KITTI file, else the world's.
-        rate_hz: poses per second of a file without times, or None: 1.
-        world_from_file: (4, 4) pose of the file's origin in the scene, with z up.
-    """
-
-    path: Path
+    path: Path  # file of the poses
+    # posed frame: "body", "camera" (the first), a camera's name, or None: by the file's format
     frame: str | None = None
+    # axes of the file's world, or None: KITTI's in a KITTI file, else the world's
     axes: Axes | None = None
-    rate_hz: float | None = None
+    rate_hz: float | None = None  # poses per second of a file without times, or None: 1
+    # (4, 4) pose of the file's origin in the scene, with z up
     world_from_file: Floats = field(default_factory=lambda: np.eye(4))
 
     def read(self, rig: Rig, print_note: Callable[[str], None]) -> tuple[Trajectory, bool]:
         """Trajectory of the rig's body in the scene, and True if its times are known.
 
         Known times are the file's, or follow from the rate.
-
-        Args:
-            rig: rig with the posed frame.
-            print_note: callback for notes on assumed conventions.
 
         Raises:
             OmnisimError: the file cannot be read, or the rig lacks the frame.
@@ -103,10 +87,6 @@ class RigRoute:
 
     def read_poses(self, rig: Rig, print_note: Callable[[str], None]) -> RigPoses:
         """Poses of the rig's body in the scene, with the names and times that the file has.
-
-        Args:
-            rig: rig with the posed frame.
-            print_note: callback for a note on the assumed frame.
 
         Raises:
             OmnisimError: the file cannot be read, or the rig lacks the frame.
@@ -144,21 +124,13 @@ class RigRoute:
 
 @dataclass(frozen=True, eq=False)
 class _FilePoses:
-    """Poses in their file's own axes.
+    """Poses in their file's own axes."""
 
-    Attributes:
-        format: format of the file.
-        times_s: (n,) times, or None.
-        file_from_posed: (n, 4, 4) poses of the posed frame.
-        axes: axes of the file's world.
-        names: (n,) image file of each pose, or None.
-    """
-
-    format: str
-    times_s: Floats | None
-    file_from_posed: Floats
-    axes: Axes
-    names: tuple[str, ...] | None
+    format: str  # format of the file
+    times_s: Floats | None  # (n,) times, or None
+    file_from_posed: Floats  # (n, 4, 4) poses of the posed frame
+    axes: Axes  # axes of the file's world
+    names: tuple[str, ...] | None  # (n,) image file of each pose, or None
 
     def upright(self) -> Floats:
         """Poses (n, 4, 4) in a world with z up."""

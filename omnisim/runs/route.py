@@ -24,7 +24,6 @@ from omnisim.core.trajectories.formats.parsed_trajectory import (
 )
 from omnisim.core.trajectories.trajectory import step_lengths_m
 from omnisim.robots import Kinematics, check_drivable, time_poses
-from omnisim.robots.body_boxes import BodyBoxes
 from omnisim.robots.motion_profile import (
     Plan,
     PlannedMotion,
@@ -34,7 +33,7 @@ from omnisim.robots.motion_profile import (
     read_waypoints,
 )
 from omnisim.robots.robot_file import DEFAULT_CLEARANCE_M
-from omnisim.robots.vehicle import Vehicle
+from omnisim.robots.vehicle import BodyBoxes, Vehicle
 from omnisim.runs.contacts import SPACING_M, Sweep
 from omnisim.scene import Scene
 from omnisim.scene.space.floor import HeightField
@@ -50,24 +49,18 @@ NOTED_M = 0.005  # heights closer to 0 cause no note
 
 @dataclass(frozen=True)
 class Route:
-    """Path to drive, and the size of its steps.
+    """Path to drive, and the size of its steps."""
 
-    Attributes:
-        path: name of one of the scene's paths, or a file with poses or waypoints.
-        step_m, step_deg: maximum step along waypoints and on the spot.
-        rate_hz: steps per second along waypoints, in place of `step_m` and `step_deg`; or poses per
-            second of a file without times.
-        ignore_limits: allow jumps and motion beyond the robot's limits.
-        ground_m: height of the waypoints, or None: on the scene's floor.
-        axes: axes of a file's poses, or None: by the convention of the file's format.
-    """
-
-    path: str
+    path: str  # name of one of the scene's paths, or a file with poses or waypoints
+    # step_m, step_deg: maximum step along waypoints and on the spot
     step_m: float = DEFAULT_STEP_M
     step_deg: float = DEFAULT_STEP_DEG
+    # steps per second along waypoints, in place of `step_m` and `step_deg`; or poses per second of
+    # a file without times
     rate_hz: float | None = None
-    ignore_limits: bool = False
-    ground_m: float | None = None
+    ignore_limits: bool = False  # allow jumps and motion beyond the robot's limits
+    ground_m: float | None = None  # height of the waypoints, or None: on the scene's floor
+    # axes of a file's poses, or None: by the convention of the file's format
     axes: Axes | None = None
 
 
@@ -86,19 +79,14 @@ def route_digest(route: Route) -> str:
 
 @dataclass(frozen=True, eq=False)
 class PlannedRoute:
-    """Route with its trajectory.
+    """Route with its trajectory."""
 
-    Attributes:
-        trajectory: poses of the vehicle's base.
-        sweep: closely spaced poses along the trajectory, for contacts.
-        follows_floor: true on the scene's floor; false at a fixed height, or at heights of a file.
-        motion: continuous motion of the vehicle's base: the plan's, or smooth through the poses of
-            a file, from rest to rest if the file has no times.
-    """
-
-    trajectory: Trajectory
-    sweep: Sweep
+    trajectory: Trajectory  # poses of the vehicle's base
+    sweep: Sweep  # closely spaced poses along the trajectory, for contacts
+    # true on the scene's floor; false at a fixed height, or at heights of a file
     follows_floor: bool
+    # continuous motion of the vehicle's base: the plan's, or smooth through the poses of a file,
+    # from rest to rest if the file has no times
     motion: BodyMotion
 
     def __repr__(self) -> str:
@@ -113,14 +101,9 @@ def plan_route(
     Waypoints, and poses of a file without heights, are on the scene's floor (`follow_floor`), or at
     `ground_m`; poses with heights stay unchanged.
 
-    A route without a suffix names a path of the scene, if there is one, before a file.
-
-    Args:
-        scene: scene to drive in.
-        vehicle: vehicle that drives.
-        route: path, and size of its steps.
-        print_note: callback for notes on the assumed axes, if they differ from the world's, and on
-            the floor's heights, if they differ from 0.
+    A route without a suffix names a path of the scene, if there is one, before a file. `print_note`
+    takes notes on assumed axes, if they differ from the world's, and on the floor's heights, if
+    they differ from 0.
 
     Raises:
         TrajectoryError: an invalid step, rate or ground height; an unknown path; a file that is
@@ -149,15 +132,19 @@ def plan_route(
         raise TrajectoryError(f"{route.path}: {reason}") from None
     box = BodyBoxes.of(vehicle)
     sweep = Sweep.along(trajectory, 0.0 if box is None else box.reach_m)
-    if not follows_floor:
-        motion = _motion(plan, trajectory)
-        return PlannedRoute(trajectory, sweep, follows_floor=False, motion=motion)
-    sweep = follow_floor(scene, sweep, box, route.path)
-    if isinstance(plan, Plan):
+    motion: BodyMotion
+    if follows_floor:
+        sweep = follow_floor(scene, sweep, box, route.path)
+    if isinstance(plan, _RecordedPath):
+        if follows_floor and not plan.has_times:
+            sweep = slow_on_slopes(sweep)
+        motion = SplineMotion(sweep.trajectory, from_rest=not plan.has_times)
+    elif follows_floor:
         sweep, motion = on_floor(plan, sweep)
     else:
-        sweep = sweep if plan.has_times else slow_on_slopes(sweep)
-        motion = _motion(plan, sweep.trajectory)
+        motion = plan.motion.at_height(float(trajectory.positions_m[0, 2]))
+    if not follows_floor:
+        return PlannedRoute(trajectory, sweep, follows_floor=False, motion=motion)
     trajectory = sweep.trajectory
     if print_note is not None:
         low, high = trajectory.positions_m[:, 2].min(), trajectory.positions_m[:, 2].max()
@@ -169,24 +156,11 @@ def plan_route(
 
 @dataclass(frozen=True, eq=False)
 class _RecordedPath:
-    """Trajectory from a file with poses.
+    """Trajectory from a file with poses."""
 
-    Attributes:
-        trajectory: trajectory with the file's own times, or timed by a rate.
-        has_heights: true if the heights are the file's.
-        has_times: true if the times are the file's, or follow from a rate.
-    """
-
-    trajectory: Trajectory
-    has_heights: bool
-    has_times: bool
-
-
-def _motion(plan: Plan | _RecordedPath, trajectory: Trajectory) -> BodyMotion:
-    """Motion through poses from a file, or poses off the floor."""
-    if isinstance(plan, Plan):
-        return plan.motion.at_height(float(trajectory.positions_m[0, 2]))
-    return SplineMotion(trajectory, from_rest=not plan.has_times)
+    trajectory: Trajectory  # trajectory with the file's own times, or timed by a rate
+    has_heights: bool  # true if the heights are the file's
+    has_times: bool  # true if the times are the file's, or follow from a rate
 
 
 def _check_numbers(route: Route) -> None:
@@ -340,14 +314,9 @@ def follow_floor(scene: Scene, sweep: Sweep, box: BodyBoxes | None, where: str) 
     The floor at the start is the surface nearest to a height of 0. From there on each wheel takes
     the highest surface seen from above that is at most the robot's clearance above its last one.
     The base is on the plane through the wheels: level floors leave it level. If one wheel has no
-    floor within the clearance, the other three bear the robot. Fewer suffice as long as the
-    robot's middle is above the floor.
-
-    Args:
-        scene: scene with the floor.
-        sweep: level path at z = 0.
-        box: boxes of the robot's body; None: all wheels are at one point.
-        where: name of the path in messages.
+    floor within the clearance, the other three bear the robot. Fewer suffice as long as the robot's
+    middle is above the floor. Without `box`, the boxes of the robot's body, all wheels are at one
+    point. Messages name the path `where`.
 
     Raises:
         TrajectoryError: the floor ends or drops, at a step.
@@ -432,10 +401,7 @@ class _Track:
 def _points_under(track: _Track, positions_m: Floats, yaw_rad: Floats, spread: Floats) -> Floats:
     """Points (n, 5, 5, 2) under the wheels and the middle at positions (n, 2) and headings (n,).
 
-    Args:
-        track: positions of the wheels.
-        positions_m, yaw_rad: positions and headings of the base.
-        spread: (n,) fractions of the wheels' distances from the middle.
+    `spread` (n,) are fractions of the wheels' distances from the middle.
     """
     places = track.middle_m + spread[:, None, None] * track.half_m * _PLACES
     local = places[:, :, None] + track.tire_m * _POINTS
@@ -461,7 +427,8 @@ def _floor_heights(columns: Floats, last_m: Floats, reach_m: float) -> Floats | 
     wheels = np.flatnonzero(hanging[:_MIDDLE]).tolist()
     if len(wheels) == 1:  # the wheel is in the plane of the other three
         (wheel,) = wheels
-        heights[wheel] = heights[wheel - 1] + heights[wheel - 3] - heights[wheel - 2]
+        beside, opposite, behind = heights[[(wheel + k) % 4 for k in (1, 2, 3)]]
+        heights[wheel] = beside + behind - opposite
     elif wheels:
         if hanging[_MIDDLE]:
             return None
@@ -506,10 +473,6 @@ def on_floor(plan: Plan, sweep: Sweep) -> tuple[Sweep, PlannedMotion]:
 
     Steps of equal length keep the limits along the floor, and so last longer on slopes; steps of
     equal duration keep their times. Between the sweep's poses the motion is a spline.
-
-    Args:
-        plan: plan on a level floor.
-        sweep: closely spaced poses along the plan, on the scene's floor.
     """
     poses = sweep.world_from_base
     heights_m = poses[:, 2, 3]

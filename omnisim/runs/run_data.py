@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from omnisim.cameras import summary
 from omnisim.core.arrays import Bytes, Floats
 from omnisim.core.errors import OpticsError, OutputError, RunError
-from omnisim.core.files.image_files import read_image
 from omnisim.core.short_repr import counted, short_repr
 from omnisim.core.trajectories import Trajectory, read_trajectory
 from omnisim.core.trajectories.odometry import Odometry
@@ -35,31 +34,22 @@ from omnisim.robots import read_odometry
 from omnisim.runs.run_folder import GROUND_TRUTH, LABELS, ODOMETRY, RunFolder
 from omnisim.scene import Scene
 from omnisim.scene.model import Landmark
-from omnisim.sensors.calibration_file import read_mount
+from omnisim.sensors.calibration_file import read_colors, read_mount
 
 
 @dataclass(frozen=True, eq=False)
 class RunData:
-    """Run with one of its cameras.
+    """Run with one of its cameras."""
 
-    Attributes:
-        folder: folder of the run.
-        camera: name of the camera.
-        mount: camera on the vehicle, from its calibration file, independent of the vehicle's pose.
-            An optical system gets an assumed viewpoint.
-        scene: scene of the drive.
-        odometry: readings of the wheels, from the known start on.
-        truth: poses of the base, or None: unknown.
-        steps: number of steps with an image.
-    """
-
-    folder: RunFolder
-    camera: str
+    folder: RunFolder  # folder of the run
+    camera: str  # name of the camera
+    # camera on the vehicle, from its calibration file, independent of the vehicle's pose. An
+    # optical system gets an assumed viewpoint.
     mount: CameraMount
-    scene: Scene
-    odometry: Odometry
-    truth: Trajectory | None
-    steps: int
+    scene: Scene  # scene of the drive
+    odometry: Odometry  # readings of the wheels, from the known start on
+    truth: Trajectory | None  # poses of the base, or None: unknown
+    steps: int  # number of steps with an image
 
     def __repr__(self) -> str:
         return short_repr(self, self.name, self.camera, counted(self.steps, "step"))
@@ -80,24 +70,8 @@ class RunData:
         return None if self.truth is None else planar_poses(self.truth)[: self.steps]
 
     def image(self, step: int) -> Bytes:
-        """Read the image (height, width, 3) of a step, sRGB.
-
-        Raises:
-            OutputError: the image is damaged.
-            RunError: the image is not this camera's: of another size, or without 8 bits and 3
-                colors.
-        """
-        path = self.folder.file(self.camera, step, ".png")
-        pixels, _ = read_image(path)
-        height, width, channels = pixels.shape
-        camera = self.mount.camera
-        expected = (camera.height_px, camera.width_px)
-        if (height, width) != expected or channels < 3 or pixels.dtype != np.uint8:
-            raise RunError(
-                f"{path}: has {width} × {height} px of {channels} × {pixels.dtype}: expected this "
-                f"camera's {camera.width_px} × {camera.height_px} px of 3 × uint8"
-            )
-        return np.ascontiguousarray(pixels[..., :3])
+        """Image (height, width, 3) of a step, sRGB; see `read_colors`."""
+        return read_colors(self.folder.file(self.camera, step, IMAGE_SUFFIX), self.mount.camera)
 
     @property
     def notices(self) -> list[str]:
@@ -116,12 +90,9 @@ def planar_poses(trajectory: Trajectory) -> Floats:
 
 
 def read_run(folder: Path, scene: str | None = None, camera: str | None = None) -> RunData:
-    """Read a run, complete or not.
+    """Read a run, complete or not, with a camera; by default the first.
 
-    Args:
-        folder: folder of the run.
-        scene: file or name of the run's scene, if it has moved.
-        camera: name of a camera; by default the first.
+    `scene` is the file or name of the run's scene, if it has moved.
 
     Raises:
         OmnisimError: no run, no camera, no image yet, no landmarks, or a damaged file.
@@ -178,11 +149,7 @@ def landmark_colors(landmarks: Sequence[Landmark]) -> tuple[str, ...]:
 
 
 class RunLabels:
-    """Classes of the pixels of a run's images.
-
-    Args:
-        run: run with the channel `instance`.
-        colors: names of the landmark colors; their classes are 1, 2, ...
+    """Classes of the pixels of a run's images: 1, 2, ... for the names of landmark colors.
 
     Raises:
         RunError: the run lacks the channel, or its table of labels is damaged.
@@ -213,11 +180,7 @@ class RunLabels:
         return self._class_of_instance[ids]
 
     def pixels(self, track: Track = iter) -> Iterator[LabeledPixels]:
-        """Pixels (n, 3) that show the scene, and their classes (n,), image by image.
-
-        Args:
-            track: wrapper of the steps, for progress.
-        """
+        """Pixels (n, 3) that show the scene, and their classes (n,), image by image."""
         covered = self._run.mount.covered
         selected = slice(None) if covered is None else covered.ravel()
         for step in track(range(self._run.steps)):
@@ -225,12 +188,7 @@ class RunLabels:
 
 
 def train_on_run(run: RunData, costs: Costs, track: Track = iter) -> Training:
-    """Train a color model on a run's landmarks.
-
-    Args:
-        run: run with the channel `instance`.
-        costs: costs of misclassification.
-        track: wrapper of the steps, for progress.
+    """Train a color model on a run's landmarks; `track` wraps the steps, for progress.
 
     Raises:
         RunError: a run without labels, or with too few images.
@@ -263,7 +221,10 @@ def _class_of_instance(run: RunData, colors: Sequence[str]) -> Bytes:
     except (KeyError, TypeError, ValueError, RecursionError):
         raise RunError(f"{path}: is damaged: not a table of labels") from None
     # objects that move with the vehicle are no landmarks, whatever their names
-    fixed = (0 if one.object_name else classes.get(one.name, 0) for one in labels.instances)
+    fixed = (
+        0 if instance.object_name else classes.get(instance.name, 0)
+        for instance in labels.instances
+    )
     return np.array([0, *fixed], dtype=np.uint8)
 
 
@@ -272,15 +233,10 @@ def _class_of_instance(run: RunData, colors: Sequence[str]) -> Bytes:
 
 @dataclass(frozen=True, eq=False)
 class SingleImage:
-    """Image of a camera, as a run of one step.
+    """Image of a camera, as a run of one step."""
 
-    Attributes:
-        mount: camera on its vehicle.
-        pixels: (height, width, 3), sRGB.
-    """
-
-    mount: CameraMount
-    pixels: Bytes
+    mount: CameraMount  # camera on its vehicle
+    pixels: Bytes  # (height, width, 3), sRGB
     steps: ClassVar[int] = 1
 
     def __repr__(self) -> str:
@@ -301,12 +257,9 @@ def read_single_image(
 ) -> SingleImage:
     """Read an image whose metadata names its camera.
 
-    The metadata gives the camera's mount on its vehicle; the vehicle's pose is ignored.
-
-    Args:
-        path: path of the image.
-        height_m: height of the effective viewpoint above the ground, or None: the mount's z.
-        sensor: camera of the image, on the vehicle, or None: the one in the image's metadata.
+    The metadata gives the camera's mount on its vehicle; the vehicle's pose is ignored. `height_m`
+    is the effective viewpoint's above the ground; None: the mount's z. `sensor` is the camera on
+    its vehicle; None: that of the metadata.
 
     Raises:
         OutputError: not an image, an image of floats, or an image without its camera.

@@ -38,7 +38,7 @@ from __future__ import annotations
 import fcntl
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from fnmatch import fnmatch
@@ -51,8 +51,16 @@ import numpy as np
 from omnisim.core.arrays import Floats
 from omnisim.core.errors import RunError, did_you_mean
 from omnisim.core.files.atomic_file import is_written, write_text
+from omnisim.core.files.number_files import BLOCK, write_table
+from omnisim.core.poses import (
+    pose_from_rotation,
+    quaternion_from_rotation,
+    rotation_from_quaternion,
+)
+from omnisim.core.rate import printed_s
 from omnisim.core.short_repr import counted, short_repr
 from omnisim.core.trajectories import read_trajectory
+from omnisim.core.trajectories.body_motion import BodyMotion, MotionStates
 from omnisim.core.trajectories.trajectory import MAX_S
 from omnisim.ground_truth import CHANNELS, Labels
 from omnisim.ground_truth.boxes import merged, write_json
@@ -73,15 +81,10 @@ PARTIAL = ".omnisim-*.partial"
 
 @dataclass(frozen=True)
 class RunFolder:
-    """Folder of one run.
+    """Folder of one run."""
 
-    Attributes:
-        path: path of the folder.
-        manifest: provenance of the run.
-    """
-
-    path: Path
-    manifest: Manifest
+    path: Path  # path of the folder
+    manifest: Manifest  # provenance of the run
 
     def __repr__(self) -> str:
         manifest = self.manifest
@@ -294,12 +297,9 @@ def read_times(path: Path, count: int) -> Floats:
 
 @contextmanager
 def open_run(path: Path, content: dict[str, Any], force: bool = False) -> Iterator[RunFolder]:
-    """Begin or resume a run; other drives are locked out meanwhile.
+    """Begin or resume a run by its manifest; other drives are locked out meanwhile.
 
-    Args:
-        path: folder of the run; it is created if its parent exists.
-        content: manifest of the run.
-        force: overwrite another run in the folder.
+    `force` overwrites another run in the folder.
 
     Raises:
         RunError: the folder holds another run or foreign files, another command is writing to it,
@@ -440,3 +440,66 @@ def write_boxes(run: RunFolder, labels: Labels) -> None:
                         f"{path}: cannot be read: remove it, and record the run again"
                     ) from None
             write_json(run.path / camera / BOXES, merged(parts, labels))
+
+
+# True states of a run's base at the times of all measurements, in one file.
+
+
+COLUMNS = (
+    "t_s,x_m,y_m,z_m,qx,qy,qz,qw,vx_mps,vy_mps,vz_mps,ax_mps2,ay_mps2,az_mps2,"
+    "wx_radps,wy_radps,wz_radps"
+)
+
+
+def write_states(path: Path, motion: BodyMotion, times_s: Iterable[Floats]) -> None:
+    """Write the base's states at times of steps and measurements, but for those before the motion.
+
+    A state is position, orientation, velocity and acceleration in the world, and the angular rate
+    in the base's frame.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    times = np.unique(np.concatenate([printed_s(one) for one in times_s]))
+    times = times[times >= printed_s(np.array([motion.start_s]))]
+    parts = (times[first : first + BLOCK] for first in range(0, len(times), BLOCK))
+    write_table(path, COLUMNS, (_rows(part, motion.at(part)) for part in parts))
+
+
+def _rows(times_s: Floats, states: MotionStates) -> Floats:
+    quaternions = quaternion_from_rotation(states.world_from_base[:, :3, :3])
+    return np.column_stack((times_s, states.world_from_base[:, :3, 3], quaternions, *states[1:]))
+
+
+def write_state(path: Path, time_s: float, state: MotionStates) -> None:
+    """Write one state, whose arrays have one row, at the time of a sensor's own clock.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    write_table(path, COLUMNS, iter((_rows(np.array([time_s]), state),)))
+
+
+def read_states(path: Path) -> tuple[Floats, MotionStates]:
+    """Read times (n,) and states.
+
+    Raises:
+        RunError: the file cannot be read, or is damaged.
+    """
+    try:
+        with path.open(encoding="utf-8") as file:
+            head = file.readline().rstrip("\n")
+            table = np.array([line.split(",") for line in file], dtype=np.float64)
+    except OSError as reason:
+        raise RunError(f"{path}: cannot be read: {reason.strerror}") from None
+    except ValueError:
+        raise RunError(f"{path}: is damaged: expected numbers between commas") from None
+    width = len(COLUMNS.split(","))
+    is_known = table.shape == (len(table), width) and np.all(np.abs(table) < MAX_S)
+    if head != COLUMNS or not len(table) or not is_known:  # also false for NaN
+        raise RunError(f"{path}: expected the columns {COLUMNS} and finite numbers")
+    norms = np.linalg.norm(table[:, 4:8], axis=1)
+    if not np.all(np.diff(table[:, 0]) > 0.0) or np.any(np.abs(norms - 1.0) > 1e-6):
+        raise RunError(f"{path}: expected times that increase, and unit quaternions")
+    poses = pose_from_rotation(rotation_from_quaternion(table[:, 4:8]), table[:, 1:4])
+    return table[:, 0], MotionStates(poses, table[:, 8:11], table[:, 11:14], table[:, 14:17])

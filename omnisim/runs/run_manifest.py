@@ -14,8 +14,8 @@ from omnisim.core.files.parameters import Table, parse_table
 from omnisim.ground_truth.channel_files import ChannelFormat
 from omnisim.rendering.sensor import SensorSettings
 from omnisim.scene import Scene, read_scene
-from omnisim.sensors.sensor_names import SensorName
 from omnisim.sensors.sensor_registry import SENSOR_TYPES
+from omnisim.sensors.sensor_table import SensorName
 
 MANIFEST_FORMAT = 2
 RAYS = "embreex "  # prefix of the ray-casting back end's name
@@ -141,12 +141,9 @@ def read_manifest(path: Path) -> dict[str, Any] | None:
 def first_difference(old: dict[str, Any], new: dict[str, Any], at: str = "") -> str:
     """Describe the first key with different values; empty if all are equal.
 
-    A missing table counts as empty, so that the message names a key in it instead of the table.
-    It also names the values of long lists by their indices.
-
-    Args:
-        old, new: contents of two manifests.
-        at: path of their table in the manifest, with a final dot; empty: the manifest itself.
+    A missing table counts as empty, so that the message names a key in it instead of the table. It
+    also names the values of long lists by their indices. `at` is the path of the table in the
+    manifest, with a final dot.
     """
     for key in dict.fromkeys((*new, *old)):
         if f"{at}{key}" in FOR_THE_RECORD:

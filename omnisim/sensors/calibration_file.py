@@ -1,4 +1,4 @@
-"""Calibration file of a camera in a run's folder: its parameters and its mount on the base."""
+"""Calibration file and images of a camera in the folder of a run."""
 
 from __future__ import annotations
 
@@ -6,7 +6,12 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from omnisim.cameras import CentralCamera
+from omnisim.core.arrays import Bytes
 from omnisim.core.errors import OmnisimError, RunError
+from omnisim.core.files.image_files import read_image
 from omnisim.core.poses import check_pose
 from omnisim.perception.unwarping import CameraMount
 from omnisim.rendering.camera.captured_image import camera_of_parameters, valid_mask
@@ -45,3 +50,21 @@ def parse_mount(content: Any, place: str | Path) -> CameraMount:
         raise RunError(f"{place}: {reason}") from None
     except (KeyError, TypeError, ValueError, RecursionError):
         raise RunError(f"{place}: is damaged: not a camera's calibration") from None
+
+
+def read_colors(path: Path, camera: CentralCamera) -> Bytes:
+    """Read an image (height, width, 3) of a camera, sRGB.
+
+    Raises:
+        OutputError: the image is damaged.
+        RunError: the image is of another size, or without 8 bits and 3 colors.
+    """
+    pixels, _ = read_image(path)
+    height, width, channels = pixels.shape
+    expected = (camera.height_px, camera.width_px)
+    if (height, width) != expected or channels < 3 or pixels.dtype != np.uint8:
+        raise RunError(
+            f"{path}: has {width} × {height} px of {channels} × {pixels.dtype}: expected this "
+            f"camera's {camera.width_px} × {camera.height_px} px of 3 × uint8"
+        )
+    return np.ascontiguousarray(pixels[..., :3])

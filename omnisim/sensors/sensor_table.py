@@ -1,4 +1,4 @@
-"""Tables of sensors in a robot file: the keys that all share, and their triggers."""
+"""Tables of sensors in a robot file: their names, the keys that all share, and their triggers."""
 
 from __future__ import annotations
 
@@ -8,22 +8,39 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar, TypeVar
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from omnisim.core.errors import OpticsError, RobotFileError
-from omnisim.core.files.parameters import Coordinate, Level, Number
+from omnisim.core.files.parameters import Coordinate, Level, Name, Number
 from omnisim.core.rate import SensorRate
 from omnisim.rendering.sensor import Mount, MountingTable, SensorSettings
-from omnisim.sensors.sensor_names import Name, SensorName
-
-Rate = Annotated[Number, Field(ge=1e-3, le=1e5)]
-MAX_JITTER = 0.08  # share of the period: normal numbers reach 5.77, and stamps keep their order
-TIMING = ("rate_hz", "phase_s", "jitter_s")
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
     DeviceT = TypeVar("DeviceT", bound=DataclassInstance)
+
+
+Rate = Annotated[Number, Field(ge=1e-3, le=1e5)]
+MAX_JITTER = 0.08  # share of the period: normal numbers reach 5.77, and stamps keep their order
+TIMING = ("rate_hz", "phase_s", "jitter_s")
+
+# Names of sensors are those of their folders in a run: no dots, as in the names of its own files.
+FOLDER_NAME = re.compile(r"\w[\w -]{0,58}\w|\w")
+
+
+def folder_name(name: str) -> str:
+    """Replace a sensor name's invalid characters with `_`, to make it a valid folder name."""
+    return re.sub(r"[^\w -]", "_", name)[:60].strip(" -") or "_"
+
+
+def _check_folder_name(name: str) -> str:
+    if not FOLDER_NAME.fullmatch(name):
+        raise ValueError("expected letters, digits, _, and - or blanks between them, at most 60")
+    return name
+
+
+SensorName = Annotated[Name, AfterValidator(_check_folder_name)]
 
 
 class SensorTable(MountingTable):
@@ -51,9 +68,7 @@ class SensorTable(MountingTable):
     def mounts(self, folder: Path, source: str) -> tuple[Mount[SensorSettings], ...]:
         """Build the mounts of the table, usually one, without their rate.
 
-        Args:
-            folder: folder of the robot file, the base of relative paths.
-            source: name of file and sensor in messages.
+        Paths are relative to `folder`, that of the robot file; messages name `source`.
 
         Raises:
             RobotFileError: the sensor is invalid, or a file is missing.
@@ -84,11 +99,9 @@ class SensorTable(MountingTable):
 def sensor_rates(
     mounts: Sequence[SensorTable], sources: Sequence[str]
 ) -> list[tuple[SensorTable, SensorRate | None]]:
-    """Pair sensors with their rates; None: once per step. Sensors of a trigger share a rate.
+    """Pair a robot's sensors with their rates; None: once per step. A trigger's sensors share one.
 
-    Args:
-        mounts: sensors of one robot.
-        sources: names of the sensors in messages.
+    `sources` are the names of the sensors in messages.
 
     Raises:
         RobotFileError: the rates on a trigger differ, or a phase, jitter or trigger has no rate;
@@ -106,29 +119,26 @@ def sensor_rates(
                     f"{source}: {key} = {value:g}: expected {expected:g}, that of {first.name!r} "
                     f"on trigger {mount.trigger!r}"
                 )
-    return [_timed(*one, triggers) for one in zip(mounts, sources, strict=True)]
-
-
-def _timed(
-    mount: SensorTable, source: str, triggers: dict[str, SensorTable]
-) -> tuple[SensorTable, SensorRate | None]:
-    first = mount if mount.trigger is None else triggers.get(mount.trigger, mount)
-    if mount.rate_hz is None:
-        for key in ("phase_s", "jitter_s"):
-            if getattr(mount, key) > 0.0:
-                raise RobotFileError(f"{source}: {key}: expected with rate_hz")
-        if mount.trigger is not None and first.rate_hz is None:
+    rates: list[tuple[SensorTable, SensorRate | None]] = []
+    for mount, source in zip(mounts, sources, strict=True):
+        first = mount if mount.trigger is None else triggers.get(mount.trigger, mount)
+        if mount.rate_hz is None:
+            for key in ("phase_s", "jitter_s"):
+                if getattr(mount, key) > 0.0:
+                    raise RobotFileError(f"{source}: {key}: expected with rate_hz")
+            if mount.trigger is not None and first.rate_hz is None:
+                raise RobotFileError(
+                    f"{source}: trigger = {mount.trigger!r}: expected a sensor of it with rate_hz"
+                )
+        if first.rate_hz is None:
+            rates.append((mount, None))
+            continue
+        if first.jitter_s > MAX_JITTER / first.rate_hz:
             raise RobotFileError(
-                f"{source}: trigger = {mount.trigger!r}: expected a sensor of it with rate_hz"
+                f"{source}: jitter_s = {first.jitter_s:g}: expected at most {MAX_JITTER:g} of the "
+                f"period, {MAX_JITTER / first.rate_hz:g} s"
             )
-    if first.rate_hz is None:
-        return mount, None
-    if first.jitter_s > MAX_JITTER / first.rate_hz:
-        raise RobotFileError(
-            f"{source}: jitter_s = {first.jitter_s:g}: expected at most {MAX_JITTER:g} of the "
-            f"period, {MAX_JITTER / first.rate_hz:g} s"
-        )
-    rate = SensorRate(
-        first.rate_hz, first.phase_s, first.jitter_s, mount.trigger or f"sensor {mount.name}"
-    )
-    return mount.model_copy(update={"rate_hz": first.rate_hz}), rate
+        clock = mount.trigger or f"sensor {mount.name}"
+        rate = SensorRate(first.rate_hz, first.phase_s, first.jitter_s, clock)
+        rates.append((mount.model_copy(update={"rate_hz": first.rate_hz}), rate))
+    return rates

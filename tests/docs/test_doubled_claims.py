@@ -11,8 +11,13 @@ from omnisim.rendering.camera.omnicamera import DEFAULT_NEAR_M
 from omnisim.rendering.camera.quality import QUALITIES
 from omnisim.rendering.opengl.gl.buffers import MAX_SLICE_BYTES
 from omnisim.runs.physics.convex_pieces import SLAB_M, SMALL_M
-from omnisim.runs.physics.simulation import LOST_M, OBJECT_REACH_M, PATH_REACH_M, TIPPED_COSINE
-from omnisim.runs.physics.world_model import STEP_S
+from omnisim.runs.physics.simulation import (
+    LOST_M,
+    OBJECT_REACH_M,
+    PATH_REACH_M,
+    STEP_S,
+    TIPPED_COSINE,
+)
 from omnisim.scene.formats.gltf.reader import FEATURES
 from tests.docs.pages import HOW_TO, README, ROOT, WHY, half_unit, numbers_of, text_of, words_of
 

@@ -23,7 +23,7 @@ from omnisim.rendering.opengl.culling.cluster_culling import MAX_COMMAND_BYTES
 from omnisim.rendering.shared_scene import BackendName
 from omnisim.robots.robot_file import DEFAULT_CLEARANCE_M, Chassis
 from omnisim.runs.physics.rover import CASTER, CASTER_LOAD
-from omnisim.runs.physics.world_model import FRICTION, ROLLING_RESISTANCE
+from omnisim.runs.physics.simulation import FRICTION, ROLLING_RESISTANCE
 from omnisim.scene.files.scene_file import ObjectTable
 from omnisim.scene.parts import BLENDED_CUTOFF
 from omnisim.sensors import DepthCamera, LaserScanner

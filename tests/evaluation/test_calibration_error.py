@@ -8,8 +8,7 @@ import pytest
 from omnisim.core.errors import EstimatorError, PlanError
 from omnisim.core.files.parameters import parse_table
 from omnisim.core.poses import inverse, pose
-from omnisim.datasets.export.recording import Recording
-from omnisim.datasets.export.stored_clouds import read_cloud
+from omnisim.datasets.export.recording import Recording, read_cloud
 from omnisim.evaluation.calibration_error import CalibrationError, write_given_run
 from omnisim.evaluation.run_evaluation import evaluate_estimator
 from omnisim.sensors.lidar.point_files import write_points

@@ -28,7 +28,7 @@ from omnisim.core.trajectories import write_trajectory
 from omnisim.core.trajectories.body_motion import SplineMotion
 from omnisim.core.trajectories.trajectory_files import FORMATS
 from omnisim.datasets.export.export import export_run
-from omnisim.datasets.export.stored_clouds import read_cloud, read_table
+from omnisim.datasets.export.recording import read_cloud, read_table
 from omnisim.ground_truth import ClassLabel, InstanceLabel, Labels
 from omnisim.ground_truth.channel_files import StoredChannels, write_exr
 from omnisim.ground_truth.channels import CHANNELS
@@ -48,9 +48,8 @@ from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.drive import Drive
 from omnisim.runs.route import Route, plan_route
 from omnisim.runs.run_data import RunLabels, landmark_colors, read_run
-from omnisim.runs.run_folder import open_run, read_times
+from omnisim.runs.run_folder import open_run, read_states, read_times, write_states
 from omnisim.runs.run_manifest import read_manifest
-from omnisim.runs.true_states import read_states, write_states
 from omnisim.scene import read_scene
 from omnisim.scene.formats.usd import reader as usd_reader
 from omnisim.scene.labels import find_labels, read_label_file

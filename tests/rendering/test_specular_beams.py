@@ -8,7 +8,7 @@ import pytest
 
 from omnisim.core.poses import pose
 from omnisim.core.world import WorldState
-from omnisim.datasets.export.stored_clouds import read_cloud
+from omnisim.datasets.export.recording import read_cloud
 from omnisim.rendering.stage import Stage, open_sensor
 from omnisim.scene import load_scene
 from omnisim.scene.model import Material

@@ -1,3 +1,5 @@
+"""Limits of a robot, and motion beyond them."""
+
 import math
 
 import numpy as np
@@ -60,6 +62,9 @@ def test_excess(trajectory, quantity, step, asked, allowed):
     violation = find_violation(trajectory, ROBOT)
     assert (violation.quantity, violation.step, violation.limit) == (quantity, step, allowed)
     assert violation.value == pytest.approx(asked)
+    words = rf"{quantity} {asked:g} \S+: expected at most {allowed:g} "
+    with pytest.raises(TrajectoryError, match=f"^a: step {step} → {step + 1} at .* s: {words}"):
+        check_drivable(trajectory, ROBOT, "a")
 
 
 @pytest.mark.parametrize(
@@ -108,23 +113,11 @@ def test_drift_within_what_wheels_do(trajectory):
     assert find_drift(trajectory) is None
 
 
-def test_message():
-    words = r"^a\.tum: step 1 → 2 at 1 s: speed 2 m/s: expected at most 1 m/s$"
-    with pytest.raises(TrajectoryError, match=words):
-        check_drivable(_line([0, 1, 3], [0, 1, 2]), ROBOT, "a.tum")
-
-
-@pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf, 1e-300])
-@pytest.mark.parametrize("position", range(4))
-def test_limits_must_be_positive(position, value):
-    limits = [1.0, 1.0, 1.0, 1.0]
-    limits[position] = value
-    with pytest.raises(TrajectoryError, match=r"max_.*: expected a (finite )?number"):
-        Kinematics("differential", *limits)
-
-
-def test_drive_must_be_known():
-    with pytest.raises(
-        TrajectoryError, match="drive: expected 'differential' or 'skid_steer', got 'mecanum'"
-    ):
+def test_limits_must_be_positive_and_the_drive_known():
+    for position, value in enumerate((0.0, -1.0, math.nan, math.inf)):
+        limits = [1.0] * 4
+        limits[position] = value
+        with pytest.raises(TrajectoryError, match=r"max_.*: expected a (finite )?number"):
+            Kinematics("differential", *limits)
+    with pytest.raises(TrajectoryError, match="drive: expected 'differential' or 'skid_steer'"):
         Kinematics("mecanum", 1.0, 1.0, 1.0, 1.0)

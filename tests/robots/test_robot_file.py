@@ -5,17 +5,9 @@ from dataclasses import fields
 
 import pytest
 
+from omnisim import robots
 from omnisim.core.errors import RobotFileError
 from omnisim.core.package_files import SCENES
-from omnisim.robots import (
-    Footprint,
-    OdometryErrors,
-    builtin_robots,
-    find_robot,
-    load_robot,
-    parse_robot,
-    read_robot,
-)
 from omnisim.sensors.sensor_registry import parse_sensors
 
 DRIVE = """
@@ -26,58 +18,46 @@ max_turn_rate_degps = 90.0
 max_acceleration_mps2 = 0.5
 max_turn_acceleration_degps2 = 180
 """
-SCANNER = '[[sensors]]\nname = "scan"\ntype = "lms200"\nposition_m = [0.1, 0, 0.3]\n'
 CAMERA = '[[sensors]]\nname = "omni"\ntype = "omnicamera"\nposition_m = [0, 0, 0.6]\n'
 USARSIM = '[[sensors]]\nname = "a"\ntype = "usarsim_range_scanner"\nposition_m = [0, 0, 0]\n'
+
+
+def scan(more="", name='"scan"', kind='"lms200"', z="0.3"):
+    return f"[[sensors]]\nname = {name}\ntype = {kind}\nposition_m = [0.1, 0, {z}]\n{more}\n"
 
 
 def read(tmp_path, text):
     path = tmp_path / "robot.toml"
     path.write_text(text)
-    return read_robot(path)
+    return robots.read_robot(path)
 
 
 def test_the_least_robot():
-    robot = parse_robot({"name": "cart"}, "a")
+    robot = robots.parse_robot({"name": "cart"}, "a")
     assert (robot.name, robot.title, robot.body, robot.sensors) == ("cart", "cart", None, ())
     assert robot.kinematics is robot.footprint is None
-    assert robot.odometry == OdometryErrors()
+    assert robot.odometry == robots.OdometryErrors()
 
 
-def test_angles_become_radians(tmp_path):
-    odometry = "[odometry]\ndrift_deg_per_m = 2\nturn_noise_deg_per_sqrt_rad = 3\n"
-    robot = read(tmp_path, 'name = "a"\n' + DRIVE + odometry)
+def test_angles_become_radians_and_every_error_of_the_wheels_has_a_key(tmp_path):
+    robot = read(tmp_path, 'name = "a"\n' + DRIVE)
     assert robot.folder == tmp_path
     assert robot.kinematics.max_turn_rate_radps == math.radians(90.0)
     assert robot.kinematics.max_turn_acceleration_radps2 == math.radians(180.0)
-    assert robot.odometry.drift_radpm == math.radians(2.0)
-    assert robot.odometry.turn_noise_rad_per_sqrt_rad == math.radians(3.0)
-
-
-def test_every_error_of_the_wheels_has_a_key():
     keys = {
-        "distance_scale": 1.1,
-        "turn_scale": 1.2,
-        "drift_deg_per_m": -0.3,
-        "distance_noise_m_per_sqrt_m": 0.4,
-        "turn_noise_deg_per_sqrt_m": 0.5,
-        "turn_noise_deg_per_sqrt_rad": 0.6,
-        "distance_tick_m": 0.7,
-        "turn_tick_deg": 0.8,
-    }
-    errors = parse_robot({"name": "a", "odometry": keys}, "a").odometry
+        "distance_scale": 1.1, "turn_scale": 1.2, "drift_deg_per_m": -0.3,
+        "distance_noise_m_per_sqrt_m": 0.4, "turn_noise_deg_per_sqrt_m": 0.5,
+        "turn_noise_deg_per_sqrt_rad": 0.6, "distance_tick_m": 0.7, "turn_tick_deg": 0.8,
+    }  # fmt: skip
+    errors = robots.parse_robot({"name": "a", "odometry": keys}, "a").odometry
     for field, (key, value) in zip(fields(errors), keys.items(), strict=True):
         wanted = math.radians(value) if "deg" in key else value
         assert getattr(errors, field.name) == pytest.approx(wanted), key
 
 
 def test_sensors_and_where_they_are(tmp_path):
-    robot = read(
-        tmp_path,
-        'name = "a"\n' + CAMERA + "yaw_deg = 90\n" + SCANNER + "resolution_deg = 1\n"
-        'hides = ["case"]\n' + USARSIM + "noise_share = 0\n",
-    )
-    mounts = parse_sensors(robot)
+    text = 'name = "a"\n' + CAMERA + "yaw_deg = 90\n" + scan('resolution_deg = 1\nhides = ["case"]')
+    mounts = parse_sensors(read(tmp_path, text + USARSIM + "noise_share = 0\n"))
     assert [mount.name for mount in mounts] == ["omni", "scan", "a"]
     assert mounts[0].file is None
     assert mounts[0].base_from_mount[:2, 0] == pytest.approx((0, 1))
@@ -90,22 +70,16 @@ def test_sensors_and_where_they_are(tmp_path):
 def test_the_built_in_robots():
     """The paper's two. Speed and turn rate of the Pioneer and the Scout's counters are published;
     that its odometry has any error at all, and which, is tested in test_odometry."""
-    assert builtin_robots() == ["p2at", "superscout"]
-    pioneer, scout = load_robot("p2at"), load_robot("superscout")
+    assert robots.builtin_robots() == ["p2at", "superscout"]
+    pioneer, scout = robots.load_robot("p2at"), robots.load_robot("superscout")
     assert (pioneer.title, scout.title) == ("Pioneer 2 AT", "Nomad Super Scout II")
     assert (pioneer.kinematics.drive, scout.kinematics.drive) == ("skid_steer", "differential")
     assert pioneer.kinematics.max_speed_mps == 1.2
     assert pioneer.kinematics.max_turn_rate_radps == math.radians(300.0)
     assert scout.odometry.distance_tick_m == 2.54e-3
     assert scout.odometry.turn_tick_rad == math.radians(0.1)
-    assert pioneer.footprint == Footprint(0.626, 0.505, 0.670)
+    assert pioneer.footprint == robots.Footprint(0.626, 0.505, 0.670)
     assert pioneer.odometry.turn_scale > 1.0  # it skids
-
-
-def test_found_by_name_folder_and_path(tmp_path):
-    assert find_robot("p2at") == find_robot(SCENES / "p2at") == SCENES / "p2at" / "robot.toml"
-    (tmp_path / "a.toml").write_text("")
-    assert find_robot(str(tmp_path / "a.toml")) == tmp_path / "a.toml"
 
 
 @pytest.mark.parametrize(
@@ -118,11 +92,17 @@ def test_found_by_name_folder_and_path(tmp_path):
         ("/dev/null", "^/dev/null: is not a regular file$"),
     ],
 )
-def test_not_found(name, words, tmp_path, monkeypatch):
+def test_found_by_name_folder_and_path_or_not(name, words, tmp_path, monkeypatch):
+    robot = SCENES / "p2at" / "robot.toml"
+    assert robots.find_robot("p2at") == robots.find_robot(robot.parent) == robot
+    assert robots.find_robot(str(robot)) == robot
     monkeypatch.chdir(tmp_path)
     (tmp_path / "folder").mkdir()
     with pytest.raises(RobotFileError, match=words):
-        find_robot(name)
+        robots.find_robot(name)
+
+
+FOOTPRINT = "[footprint]\nlength_m = 1\nwidth_m = 1\nheight_m = "
 
 
 @pytest.mark.parametrize(
@@ -133,75 +113,41 @@ def test_not_found(name, words, tmp_path, monkeypatch):
         ("name = ", "not TOML: "),
         ('name = "a"\nbdy = "b"', "bdy: unknown key; did you mean 'body'?"),
         (DRIVE.replace("1.0", "-1.0"), "kinematics.max_speed_mps: expected a number.*, got -1.0"),
-        (
-            DRIVE.replace("1.0", "nan"),
-            "kinematics.max_speed_mps: expected a finite number.*, got nan",
-        ),
-        (
-            DRIVE.replace("90.0", '"fast"'),
-            "kinematics.max_turn_rate_degps: expected a number, got 'fast'",
-        ),
-        (
-            DRIVE.replace("diff", "def"),
-            "kinematics.type: expected 'differential' or.*, got 'deferential'",
-        ),
+        (DRIVE.replace("1.0", "nan"), "max_speed_mps: expected a finite number.*, got nan"),
+        (DRIVE.replace("90.0", '"fast"'), "max_turn_rate_degps: expected a number, got 'fast'"),
+        (DRIVE.replace("diff", "def"), "type: expected 'differential' or.*, got 'deferential'"),
         (DRIVE + "tipe = 1", "kinematics.tipe: unknown key; did you mean 'type'?"),
-        (
-            "[odometry]\ndistance_scale = 0",
-            "odometry.distance_scale: expected a number > 0.*, got 0",
-        ),
+        ("[odometry]\ndistance_scale = 0", "distance_scale: expected a number > 0.*, got 0"),
         ("[odometry]\nturn_tick_deg = 1e-12", "expected 0, or at least 1e-09"),
-        (
-            "[footprint]\nlength_m = 1\nwidth_m = 1\nheight_m = inf",
-            "footprint.height_m: expected.*, got inf",
-        ),
+        (FOOTPRINT + "inf", "footprint.height_m: expected.*, got inf"),
         ("sensors = 3", r"sensors: expected tables, \[\[sensors\]\], got 3$"),
         ("sensors = [3]", r"sensors.0: expected a table, \[\[sensors\]\], got 3$"),
-        (
-            '[[sensors]]\nname = "a"',
-            "sensor 'a': type: missing; expected one of omnicamera, lms200",
-        ),
-        (SCANNER.replace("lms200", "lms2oo"), "type = 'lms2oo': unknown sensor type; did you mean"),
-        (
-            SCANNER.replace("lms200", "sonar"),
-            "type = 'sonar': unknown sensor type; expected one of",
-        ),
-        (SCANNER.replace('"lms200"', "[]"), r"type = \[\]: unknown sensor type; expected one of"),
-        (SCANNER + SCANNER, "sensor 'scan': a second sensor of this name: expected each name once"),
-        (
-            SCANNER.replace("0.3", "nan"),
-            "sensor 'scan': position_m.2: expected a finite number.*, got nan",
-        ),
-        (SCANNER.replace("0.3", "361"), None),
-        (SCANNER.replace("0.3", "3610"), "position_m.2: expected a number ≤ 1000.*, got 3610"),
-        (
-            SCANNER.replace('"scan"', '""'),
-            "sensor '': name: expected at least 1 character.*, got ''",
-        ),
-        (SCANNER.replace('"scan"', '"../x"'), r"name: expected letters, digits.*, got '\.\./x'"),
-        (SCANNER.replace('"scan"', '"a/b"'), "name: expected letters, digits.*, got 'a/b'"),
-        (
-            SCANNER.replace('"scan"', '"manifest.json"'),
-            "name: expected letters.*, got 'manifest.json'",
-        ),
-        (SCANNER.replace('"scan"', '".."'), r"name: expected letters.*, got '\.\.'"),
-        (SCANNER.replace('"scan"', '"-o"'), "name: expected letters.*, got '-o'"),
-        (SCANNER.replace('"scan"', r'"a\u0000"'), "name: expected letters.*, got 'a.x00'"),
-        (
-            SCANNER.replace('"scan"', f'"{61 * "x"}"'),
-            "name: expected letters.* at most 60.*, got 'x*'",
-        ),
-        (SCANNER.replace('"scan"', '"vorne links_2-ü"'), None),
-        (SCANNER.replace('"scan"', "7"), r"sensors\.0: name: expected text.*, got 7"),
-        (SCANNER + "resolution_deg = 0.3", "resolution_deg: expected 1, 0.5 or 0.25, got 0.3"),
-        (SCANNER + 'mode = "km"', "sensor 'scan': mode: expected 'mm' or 'cm'.*, got 'km'"),
-        (SCANNER + "seed = -1", "sensor 'scan': seed: expected a number ≥ 0.*, got -1"),
-        (SCANNER + "noise = 1", "sensor 'scan': noise: expected true or false.*, got 1"),
-        (SCANNER + 'hide = ["a"]', "sensor 'scan': hide: unknown key; did you mean 'hides'?"),
+        ('[[sensors]]\nname = "a"', "sensor 'a': type: missing; expected one of omnicamera"),
+        (scan(kind='"lms2oo"'), "type = 'lms2oo': unknown sensor type; did you mean"),
+        (scan(kind='"sonar"'), "type = 'sonar': unknown sensor type; expected one of"),
+        (scan(kind="[]"), r"type = \[\]: unknown sensor type; expected one of"),
+        (scan() + scan(), "sensor 'scan': a second sensor of this name: expected each name once"),
+        (scan(z="nan"), "sensor 'scan': position_m.2: expected a finite number.*, got nan"),
+        (scan(z="361"), None),
+        (scan(z="3610"), "position_m.2: expected a number ≤ 1000.*, got 3610"),
+        (scan(name='""'), "sensor '': name: expected at least 1 character.*, got ''"),
+        (scan(name='"a/b"'), "name: expected letters, digits.*, got 'a/b'"),
+        (scan(name='"manifest.json"'), "name: expected letters.*, got 'manifest.json'"),
+        (scan(name='".."'), r"name: expected letters.*, got '\.\.'"),
+        (scan(name='"-o"'), "name: expected letters.*, got '-o'"),
+        (scan(name=r'"a\u0000"'), "name: expected letters.*, got 'a.x00'"),
+        (scan(name=f'"{61 * "x"}"'), "name: expected letters.* at most 60.*, got 'x*'"),
+        (scan(name='"vorne links_2-ü"'), None),
+        (scan(name="7"), r"sensors\.0: name: expected text.*, got 7"),
+        (scan("resolution_deg = 0.3"), "resolution_deg: expected 1, 0.5 or 0.25, got 0.3"),
+        (scan('mode = "km"'), "sensor 'scan': mode: expected 'mm' or 'cm'.*, got 'km'"),
+        (scan("seed = -1"), "sensor 'scan': seed: expected a number ≥ 0.*, got -1"),
+        (scan("noise = 1"), "sensor 'scan': noise: expected true or false.*, got 1"),
+        (scan('hide = ["a"]'), "sensor 'scan': hide: unknown key; did you mean 'hides'?"),
         (CAMERA + "yaw_deg = inf", "sensor 'omni': yaw_deg: expected a finite number.*, got inf"),
         (USARSIM + "scan_fov_rad = 32768", "scan_fov_rad: expected a number ≤ 6.2.*, got 32768"),
     ],
-)
+)  # fmt: skip
 def test_bad_files(tmp_path, text, words):
     text = text if "name" in text.partition("[")[0] or not text else 'name = "a"\n' + text
     if words is None:
@@ -215,7 +161,7 @@ def test_bad_files(tmp_path, text, words):
 
 def test_missing_and_binary_files(tmp_path):
     with pytest.raises(RobotFileError, match="cannot be read: No such file"):
-        read_robot(tmp_path / "none.toml")
+        robots.read_robot(tmp_path / "none.toml")
     (tmp_path / "b.toml").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(RobotFileError, match="not a text file"):
-        read_robot(tmp_path / "b.toml")
+        robots.read_robot(tmp_path / "b.toml")

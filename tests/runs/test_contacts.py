@@ -9,8 +9,7 @@ from scipy.optimize import linprog
 from omnisim.core.errors import TrajectoryError
 from omnisim.core.poses import pose
 from omnisim.core.trajectories import Trajectory, write_trajectory
-from omnisim.robots.body_boxes import BodyBoxes
-from omnisim.robots.vehicle import Vehicle
+from omnisim.robots.vehicle import BodyBoxes, Vehicle
 from omnisim.runs.contacts import SPACING_M, Sweep, check_no_contact, meet_box
 from omnisim.runs.drive import Drive
 from omnisim.runs.route import Route
@@ -38,11 +37,11 @@ def _has_common_point(corners):
 
 def test_boxes_and_triangles_meet_where_a_linear_program_finds_a_point():
     random = np.random.default_rng(11)
-    middles = random.uniform(-2.0, 2.0, (600, 1, 3)) * HALF_M
-    corners = middles + random.normal(0.0, 0.25, (600, 3, 3))
+    middles = random.uniform(-2.0, 2.0, (200, 1, 3)) * HALF_M
+    corners = middles + random.normal(0.0, 0.25, (200, 3, 3))
     found = meet_box(corners, HALF_M)
     np.testing.assert_array_equal(found, [_has_common_point(one) for one in corners])
-    assert 150 < found.sum() < 450
+    assert 50 < found.sum() < 150
 
 
 def test_box_inside_a_large_triangle_and_triangle_inside_the_box():
@@ -141,8 +140,7 @@ def test_flying_poses_of_a_file(vehicle, tmp_path):
         assert bool(Drive(scene, vehicle, route).plan().contacts) == touches
 
 
-@pytest.mark.parametrize("name", ["lap", "lap_clockwise"])
-@pytest.mark.parametrize("robot", ["p2at", "superscout"])
+@pytest.mark.parametrize(("name", "robot"), [("lap", "p2at"), ("lap_clockwise", "superscout")])
 def test_the_paper_s_laps_touch_nothing(name, robot):
     assert Drive(load_scene("soccer"), Vehicle.load(robot), Route(name)).plan().contacts == ()
 

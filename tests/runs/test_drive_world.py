@@ -38,9 +38,9 @@ def plans(scene):
     """Two robots that meet in the middle of the field."""
 
     def plan(robot, waypoints):
-        vehicle = Vehicle.load(robot).with_cameras(size_px=60)
-        drive = Drive(scene, vehicle, Route(waypoints, step_m=1.5), channels=("instance", "flow"))
-        return drive.plan()
+        vehicle = Vehicle.load(robot).with_cameras(size_px=48, quality="fast")
+        route = Route(waypoints, step_m=2.0, step_deg=90.0)
+        return Drive(scene, vehicle, route, channels=("instance",)).plan()
 
     return drive_together({"a": plan("p2at", "lap"), "b": plan("superscout", "lap_clockwise")})
 

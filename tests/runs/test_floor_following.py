@@ -37,25 +37,22 @@ def _drive(vehicle, meshes, waypoints=((-1.5, 0.0), (1.5, 0.0)), poses=None, **o
     return plan_route(scene, vehicle, Route("way", **options)).trajectory
 
 
-@pytest.mark.parametrize("robot", ["p2at", "superscout"])
-def test_floors_at_0_change_no_byte(robot):
-    soccer, vehicle = load_scene("soccer"), Vehicle.load(robot)
-    for path in ("lap", "lap_clockwise"):
-        found, level = (
-            plan_route(soccer, vehicle, Route(path, ground_m=ground_m)) for ground_m in (None, 0.0)
-        )
-        assert found.follows_floor
-        assert not level.follows_floor
-        ours, theirs = found.trajectory, level.trajectory
-        assert ours.world_from_base.tobytes() == theirs.world_from_base.tobytes()
-        assert ours.times_s.tobytes() == theirs.times_s.tobytes()
+def test_floors_at_0_change_no_byte(vehicle):
+    found, level = (
+        plan_route(load_scene("soccer"), vehicle, Route("lap", ground_m=ground_m))
+        for ground_m in (None, 0.0)
+    )
+    assert (found.follows_floor, level.follows_floor) == (True, False)
+    ours, theirs = found.trajectory, level.trajectory
+    assert ours.world_from_base.tobytes() == theirs.world_from_base.tobytes()
+    assert ours.times_s.tobytes() == theirs.times_s.tobytes()
 
 
-@pytest.mark.parametrize("z_m", [-0.09, 0.4, 120.0])
-def test_level_floors_lift_the_poses_alone(vehicle, z_m):
-    found = _drive(vehicle, [_slab(-3, 3, z_m)])
-    level = _drive(vehicle, [_slab(-3, 3, z_m)], ground_m=z_m)
-    np.testing.assert_array_equal(found.world_from_base, level.world_from_base)
+def test_level_floors_lift_the_poses_alone(vehicle):
+    for z_m in (-0.09, 120.0):
+        found = _drive(vehicle, [_slab(-3, 3, z_m)])
+        level = _drive(vehicle, [_slab(-3, 3, z_m)], ground_m=z_m)
+        np.testing.assert_array_equal(found.world_from_base, level.world_from_base)
 
 
 def test_the_floor_nearest_to_0_is_the_first(vehicle):
@@ -111,10 +108,9 @@ def test_uneven_ground_is_embree_s(vehicle):
         (along, across, z_m), *_ = np.linalg.lstsq(np.array(system).T, heights)
         assert world_from_base[2, 3] == pytest.approx(z_m, abs=2 * ROUNDING_M)
         up = np.array((*(turn @ (-along, -across)), 1.0))
+        up /= np.linalg.norm(up)
         # the wheels' heights are rounded, and half a meter apart
-        np.testing.assert_allclose(
-            world_from_base[:3, 2], up / np.linalg.norm(up), atol=4 * ROUNDING_M / 0.4
-        )
+        np.testing.assert_allclose(world_from_base[:3, 2], up, atol=4 * ROUNDING_M / 0.4)
 
 
 def test_low_steps_are_climbed_and_high_ones_are_not(vehicle):
@@ -124,7 +120,7 @@ def test_low_steps_are_climbed_and_high_ones_are_not(vehicle):
         assert found.positions_m[0, 2] == 0.0
 
 
-@pytest.mark.parametrize("rate_hz", [None, 1.0, 10.0, 30.0])
+@pytest.mark.parametrize("rate_hz", [None, 1.0, 30.0])
 def test_slopes_and_steps_are_no_slides(vehicle, rate_hz):
     """Stairs of steps that can be climbed and the steepest slope, as limits of drift see them."""
     stairs = [_slab(-3, 3, 0.0), *(_slab(0.35 * k, 3, 0.04 * (k + 1)) for k in range(4))]
@@ -135,8 +131,7 @@ def test_slopes_and_steps_are_no_slides(vehicle, rate_hz):
     assert find_drift(climbed) is find_drift(slope) is None
 
 
-@pytest.mark.parametrize("robot", ["p2at", "superscout"])
-@pytest.mark.parametrize("grade", [0.1, 0.4])
+@pytest.mark.parametrize(("robot", "grade"), [("p2at", 0.1), ("superscout", 0.4)])
 def test_speeds_along_slopes_are_within_the_limits(robot, grade):
     """From a level floor up a ramp: from rest to rest along the floor, as along a level one."""
     vehicle = Vehicle.load(robot)
@@ -159,6 +154,8 @@ def test_speeds_along_slopes_are_within_the_limits(robot, grade):
 
 def test_door_sills_are_within_the_limits(vehicle):
     found = plan_route(load_scene("mapping"), vehicle, Route("round")).trajectory
+    assert found.path_length_m > 30.0
+    np.testing.assert_allclose(found.positions_m[0], found.positions_m[-1], atol=1e-9)
     assert found.positions_m[:, 2].max() == pytest.approx(0.003, abs=ROUNDING_M)  # two of 6 mm
     assert find_violation(found, vehicle.kinematics) is None
 
@@ -174,39 +171,42 @@ def test_a_robot_on_a_step_leans_back(vehicle):
     )
 
 
-@pytest.mark.parametrize("wide_m", [0.02, 0.06, 0.2])
-def test_joints_and_gaps_are_bridged(vehicle, wide_m):
+@pytest.mark.parametrize("wide_m", [0.02, 0.2])
+def test_joints_gaps_and_a_hole_at_one_side_are_bridged(vehicle, wide_m):
     """Gaps of less than half its length: its middle or three wheels are then on the floor."""
     floor = [_slab(-3, 0, 0.0), _slab(wide_m, 3, 0.0)]
-    below = [_slab(-3, 3, -0.5)]
-    for meshes in (floor, floor + below):
+    for meshes in (floor, [*floor, _slab(-3, 3, -0.5)], [_slab(-3, 3, 0.0, -0.2, 3.0)]):
         found = _drive(vehicle, meshes)
         np.testing.assert_allclose(found.positions_m[:, 2], 0.0, atol=ROUNDING_M)
 
 
-def test_a_hole_under_the_wheels_of_one_side(vehicle):
-    found = _drive(vehicle, [_slab(-3, 3, 0.0, -0.2, 3.0)])
-    np.testing.assert_array_equal(found.positions_m[:, 2], 0.0)
+def test_a_wheel_over_a_hole_is_on_the_slope_of_the_others(vehicle):
+    around = [
+        _slab(-3, 0, 0),
+        _slab(0.2, 3, 0),
+        _slab(0, 0.2, 0, -0.1),
+        _slab(0, 0.2, 0, y1_m=-0.4),
+    ]
+    uphill = [pose(pitch_deg=-np.degrees(np.arctan(0.2)))] * len(around)
+    found = _drive(vehicle, around, poses=uphill, step_m=0.05)
+    edge_m = 0.2 * 0.05 / 4  # a tire half over the hole, 0.05 m in size, is one wheel of four
+    x_m, _, z_m = found.positions_m.T
+    np.testing.assert_allclose(z_m, 0.2 * x_m, atol=edge_m + ROUNDING_M)
 
 
-@pytest.mark.parametrize("below", [[], [_slab(-3, 3, -0.2)]])
-def test_ledges_and_ends_of_the_floor_are_refused(vehicle, below):
+def test_ledges_and_ends_of_the_floor_are_refused(vehicle):
     """At the step before the robot's middle is beyond."""
-    with pytest.raises(TrajectoryError) as reason:
-        _drive(vehicle, [_slab(-3, 0.5, 0.0), _slab(2.9, 3.0, 0.0), *below])
-    assert str(reason.value) == (
-        "way: leaves the floor at step 5, (0.52, 0.00) m: expected floor within 0.05 m of 0.00 m: "
-        "--ground M drives at one height"
-    )
-    level = _drive(vehicle, [_slab(-3, 0.5, 0.0), _slab(2.9, 3, 0), *below], ground_m=0.0)
-    assert len(level) == 9
-
-
-def test_no_floor_at_all(vehicle):
+    ends = [_slab(-3, 0.5, 0.0), _slab(2.9, 3.0, 0.0)]
+    for floor in (ends, [*ends, _slab(-3, 3, -0.2)]):
+        with pytest.raises(TrajectoryError) as reason:
+            _drive(vehicle, floor)
+        assert str(reason.value) == (
+            "way: leaves the floor at step 5, (0.52, 0.00) m: expected floor within 0.05 m of "
+            "0.00 m: --ground M drives at one height"
+        )
+        assert len(_drive(vehicle, floor, ground_m=0.0)) == 9
     ceiling = dataclasses.replace(_slab(-3, 3, 2.0), triangles=_slab(-3, 3, 2.0).triangles[:, ::-1])
-    with pytest.raises(
-        TrajectoryError, match=r"way: leaves the floor at step 0, \(-1\.50, 0\.00\)"
-    ):
+    with pytest.raises(TrajectoryError, match=r"leaves the floor at step 0, \(-1\.50, 0\.00\)"):
         _drive(vehicle, [ceiling])
 
 

@@ -14,6 +14,7 @@ from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.drive import Drive
 from omnisim.runs.route import Route
 from omnisim.scene import load_scene
+from tests.conftest import open_context_or_skip
 
 ROUTE = Route("lap", step_m=2.5, step_deg=60.0)
 
@@ -34,17 +35,11 @@ def vehicle():
 
 
 @pytest.fixture(scope="module")
-def whole(needs_opengl_once, scene, vehicle, tmp_path_factory):
+def whole(scene, vehicle, tmp_path_factory):
+    open_context_or_skip().release()
     folder = tmp_path_factory.mktemp("runs") / "whole"
     list(Drive(scene, vehicle, ROUTE, seed=7).plan().record(folder))
     return folder
-
-
-@pytest.fixture(scope="module")
-def needs_opengl_once():
-    from tests.conftest import open_context_or_skip
-
-    open_context_or_skip().release()
 
 
 def _images(folder):
@@ -70,7 +65,7 @@ def test_exposure_lags_by_what_the_images_tell(whole, scene, vehicle):
     assert any(_told(whole, step)["sub_frames"] > 1 for step in range(len(truth)))
 
 
-@pytest.mark.parametrize("lost", [(3,), (0, 4), (1, 2, 3, 4, 5, 6, 7, 8)])
+@pytest.mark.parametrize("lost", [(0, 4), (1, 2, 3, 4, 5, 6, 7, 8)])
 def test_what_is_missing_comes_back_with_the_same_bytes(whole, scene, vehicle, tmp_path, lost):
     folder = tmp_path / "run"
     shutil.copytree(whole, folder)
@@ -93,15 +88,13 @@ def test_another_seed_is_other_noise(whole, scene, vehicle, tmp_path):
 
 def test_another_preset_is_another_run(whole, scene, vehicle):
     other = vehicle.with_cameras(degradation=preset("webcam"))
-    with pytest.raises(RunError, match=r"another run is in this folder") as info:
-        next(Drive(scene, other, ROUTE, seed=7).plan().record(whole))
     # by the key that differs, not by a fingerprint
-    assert "manifest.json: sensors.omnicam.degradation.defocus.center_defocus_px was" in str(
-        info.value
-    )
+    words = r"sensors\.omnicam\.degradation\.defocus\.center_defocus_px was .*another run is in"
+    with pytest.raises(RunError, match=words):
+        next(Drive(scene, other, ROUTE, seed=7).plan().record(whole))
 
 
-def test_a_image_without_exposure_is_named(whole, scene, vehicle, tmp_path):
+def test_an_image_without_exposure_is_named(whole, scene, vehicle, tmp_path):
     folder = tmp_path / "run"
     shutil.copytree(whole, folder)
     (folder / "omnicam" / "000003.png").write_bytes(b"no image")
@@ -113,9 +106,8 @@ def test_a_image_without_exposure_is_named(whole, scene, vehicle, tmp_path):
 def test_an_exposure_longer_than_a_step_is_refused(scene, vehicle):
     long = dataclasses.replace(preset("webcam"), shutter=Shutter(exposure_s=5.0))
     drive = Drive(scene, vehicle.with_cameras(degradation=long), ROUTE)
-    with pytest.raises(
-        RunError, match=r"camera 'omnicam': .*exposure_s: expected at most .* to .*, got 5"
-    ):
+    words = r"camera 'omnicam': .*exposure_s: expected at most .* to .*, got 5"
+    with pytest.raises(RunError, match=words):
         drive.plan()
 
 

@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from omnisim.core.poses import pose
 from omnisim.core.trajectories import Trajectory, write_trajectory
+from omnisim.core.trajectories.body_motion import SplineMotion
 from omnisim.robots import load_robot
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.drive import Drive
@@ -17,7 +18,7 @@ from omnisim.sensors.imu.imu import true_readings
 
 G = 9.80665
 PATHS = [("soccer", "lap"), ("soccer", "lap_clockwise"), ("mapping", "round")]
-STEPS = [{}, {"step_m": 0.35}, {"rate_hz": 10.0}]
+STEPS = [{}, {"rate_hz": 10.0}]
 MOUNTS = [np.eye(4), pose((0.2, 0.1, 0.15), roll_deg=10.0, pitch_deg=20.0, yaw_deg=30.0)]
 
 
@@ -131,11 +132,8 @@ def test_on_a_slope_speed_and_acceleration_hold_along_the_floor(monkeypatch):
 
 
 def test_a_motion_that_begins_on_the_move_is_not_stopped_first():
-    from omnisim.core.trajectories.body_motion import SplineMotion
-
     times = np.linspace(0.0, 2.0, 21)
-    motion = SplineMotion(
-        Trajectory.on_ground(times, np.column_stack((times, 0.0 * times)), 0.0 * times)
-    )
+    ahead = np.column_stack((times, 0.0 * times))
+    motion = SplineMotion(Trajectory.on_ground(times, ahead, 0.0 * times))
     readings = true_readings(motion, np.eye(4), G, np.linspace(0.0, 2.0, 401), 0.005)
     np.testing.assert_allclose(readings[:, 3:], [(0.0, 0.0, G)] * 401, atol=1e-9)

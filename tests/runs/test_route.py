@@ -1,4 +1,4 @@
-"""Routes: paths of a scene and of files, and those that cannot be driven."""
+"""Routes: paths of a scene and of files, their identity, and those that cannot be driven."""
 
 import dataclasses
 import math
@@ -10,7 +10,7 @@ from omnisim.core.errors import TrajectoryError
 from omnisim.core.trajectories import Trajectory, write_trajectory
 from omnisim.robots.kinematics import find_drift
 from omnisim.robots.vehicle import Vehicle
-from omnisim.runs.route import Route, plan_route
+from omnisim.runs.route import Route, plan_route, route_digest
 from omnisim.scene import load_scene
 from omnisim.scene.model import ScenePath
 from tests.scenes import room, scene_of
@@ -39,29 +39,17 @@ def test_path_of_the_scene(scene, vehicle):
     np.testing.assert_allclose(poses.positions_m[-1], (1.0, 1.0, -1.5), atol=1e-12)
     assert len(poses) == 1 + 3 + 4 + 3 + 4  # turn, leg, turn, leg
     assert poses.path_length_m == pytest.approx(2.0)
-
-
-def test_rate_instead_of_steps(scene, vehicle):
-    poses = _drive(scene, vehicle, "corner", rate_hz=10.0)
-    np.testing.assert_allclose(np.diff(poses.times_s), 0.1, atol=1e-9)
+    at_rate = _drive(scene, vehicle, "corner", rate_hz=10.0)
+    np.testing.assert_allclose(np.diff(at_rate.times_s), 0.1, atol=1e-9)
 
 
 @pytest.mark.parametrize(("path", "turn"), [("lap", 1.0), ("lap_clockwise", -1.0)])
 def test_the_paper_s_lap(vehicle, path, turn):
-    soccer = load_scene("soccer")
-    poses = _drive(soccer, vehicle, path)
+    poses = _drive(load_scene("soccer"), vehicle, path)
     assert 80 <= len(poses) <= 120
-    area = 0.5 * np.sum(
-        poses.positions_m[:-1, 0] * poses.positions_m[1:, 1]
-        - poses.positions_m[1:, 0] * poses.positions_m[:-1, 1]
-    )
+    x, y, _ = poses.positions_m.T
+    area = 0.5 * np.sum(x[:-1] * y[1:] - x[1:] * y[:-1])
     assert area * turn > 6.0  # m²: the way around the field, then a diagonal that encloses none
-
-
-def test_round_of_the_mapping_scene(vehicle):
-    poses = _drive(load_scene("mapping"), vehicle, "round")
-    assert poses.path_length_m > 30.0
-    np.testing.assert_allclose(poses.positions_m[0], poses.positions_m[-1], atol=1e-9)
 
 
 def test_waypoints_from_a_file(scene, vehicle, tmp_path):
@@ -74,9 +62,7 @@ def test_waypoints_from_a_file(scene, vehicle, tmp_path):
 def test_ground_of_waypoints(scene, vehicle):
     poses = _drive(scene, vehicle, "corner", ground_m=-0.09)
     np.testing.assert_allclose(poses.positions_m[:, 2], -0.09)
-    with pytest.raises(
-        TrajectoryError, match=r"corner: leaves the map at step 0, at a height of 9"
-    ):
+    with pytest.raises(TrajectoryError, match="corner: leaves the map at step 0, at a height of 9"):
         _drive(scene, vehicle, "corner", ground_m=9.0)
 
 
@@ -91,13 +77,12 @@ def test_ground_of_waypoints(scene, vehicle):
         ({"ground_m": math.nan}, r"ground nan m: expected a finite number below 1e\+15"),
     ],
 )
-@pytest.mark.parametrize("path", ["corner", "a.tum"])
-def test_numbers_that_cannot_be(scene, vehicle, tmp_path, monkeypatch, path, options, words):
+def test_numbers_that_cannot_be(scene, vehicle, tmp_path, options, words):
     """Also where the path has no use for them."""
-    monkeypatch.chdir(tmp_path)
     (tmp_path / "a.tum").write_text("0 0 0 0 0 0 0 1\n")
-    with pytest.raises(TrajectoryError, match=f"^{words}$"):
-        _drive(scene, vehicle, path, **options)
+    for path in ("corner", tmp_path / "a.tum"):
+        with pytest.raises(TrajectoryError, match=f"^{words}$"):
+            _drive(scene, vehicle, path, **options)
 
 
 def test_a_file_without_a_suffix(scene, vehicle, tmp_path, monkeypatch):
@@ -111,9 +96,7 @@ def test_a_file_without_a_suffix(scene, vehicle, tmp_path, monkeypatch):
 
 def test_poses_have_heights_of_their_own(scene, vehicle, tmp_path):
     (tmp_path / "my.csv").write_text("x_m,y_m,z_m\n0,0,0\n0.1,0,0\n")
-    with pytest.raises(
-        TrajectoryError, match=r"my\.csv: expected waypoints with --ground, got poses"
-    ):
+    with pytest.raises(TrajectoryError, match=r"csv: expected waypoints with --ground, got pos"):
         _drive(scene, vehicle, tmp_path / "my.csv", ground_m=0.2)
 
 
@@ -130,6 +113,8 @@ def test_recorded_poses_keep_their_times(scene, vehicle, tmp_path):
     poses = Trajectory.on_ground(times, np.stack((0.3 * times, 0 * times), axis=1), 0 * times)
     write_trajectory(tmp_path / "a.tum", poses)
     np.testing.assert_allclose(_drive(scene, vehicle, tmp_path / "a.tum").times_s, times)
+    with pytest.raises(TrajectoryError, match=r"a\.tum: has times of its own: expected no rate"):
+        _drive(scene, vehicle, tmp_path / "a.tum", rate_hz=2.0)
 
 
 def test_kitti_file_drives_ahead_and_says_its_axes(scene, vehicle, tmp_path):
@@ -148,14 +133,11 @@ def test_kitti_file_drives_ahead_and_says_its_axes(scene, vehicle, tmp_path):
     assert len(notes) == 1
 
 
-@pytest.mark.parametrize("text", [None, "x_m,y_m\n0,0\n1,0\n"])
-def test_waypoints_have_no_axes(scene, vehicle, tmp_path, text):
-    path = "corner"
-    if text is not None:
-        path = tmp_path / "my.csv"
-        path.write_text(text)
-    with pytest.raises(TrajectoryError, match="expected poses with --axes, got waypoints"):
-        _drive(scene, vehicle, path, axes="world")
+def test_waypoints_have_no_axes(scene, vehicle, tmp_path):
+    (tmp_path / "my.csv").write_text("x_m,y_m\n0,0\n1,0\n")
+    for path in ("corner", tmp_path / "my.csv"):
+        with pytest.raises(TrajectoryError, match="expected poses with --axes, got waypoints"):
+            _drive(scene, vehicle, path, axes="world")
 
 
 @pytest.mark.parametrize(
@@ -180,12 +162,6 @@ def test_bad_files_are_named(scene, vehicle, tmp_path, text, words):
     assert "\n" not in str(info.value)
 
 
-def test_times_and_a_rate_are_one_too_many(scene, vehicle, tmp_path):
-    (tmp_path / "my.csv").write_text("t_s,x_m,y_m\n0,0,0\n1,0.5,0\n")
-    with pytest.raises(TrajectoryError, match=r"my\.csv: has times of its own: expected no rate"):
-        _drive(scene, vehicle, tmp_path / "my.csv", rate_hz=2.0)
-
-
 def test_slides_are_refused_by_name(scene, vehicle, tmp_path):
     lines = [f"{k},0,{0.1 * k},0" for k in range(11)]
     (tmp_path / "my.csv").write_text("\n".join(["t_s,x_m,y_m,yaw_deg", *lines]) + "\n")
@@ -195,14 +171,13 @@ def test_slides_are_refused_by_name(scene, vehicle, tmp_path):
     assert len(_drive(scene, vehicle, tmp_path / "my.csv", ignore_limits=True)) == 11
 
 
-@pytest.mark.parametrize("rate_hz", [10.0, 1.0, 0.1])
-def test_planned_drives_do_not_drift(vehicle, rate_hz):
+def test_planned_drives_do_not_drift(vehicle):
     """However much of a turn and a leg is within one step."""
-    assert find_drift(_drive(load_scene("soccer"), vehicle, "lap", rate_hz=rate_hz)) is None
+    for rate_hz in (10.0, 0.1):
+        assert find_drift(_drive(load_scene("soccer"), vehicle, "lap", rate_hz=rate_hz)) is None
 
 
-@pytest.mark.parametrize("rate_hz", [30.0, 1000.0])
-@pytest.mark.parametrize("suffix", [".tum", ".csv"])
+@pytest.mark.parametrize(("rate_hz", "suffix"), [(30.0, ".csv"), (1000.0, ".tum")])
 def test_a_drive_s_own_poses_can_be_driven(scene, vehicle, tmp_path, rate_hz, suffix):
     """Though files print nine digits, of which accelerations between close poses are made."""
     file = tmp_path / f"poses{suffix}"
@@ -236,19 +211,22 @@ def test_jumps_without_times_have_a_way_out(scene, vehicle, tmp_path):
         assert len(_drive(scene, vehicle, tmp_path / "my.csv", **options)) == 2
 
 
-def test_limits_may_be_ignored(scene, vehicle, tmp_path):
-    (tmp_path / "my.csv").write_text("t_s,x_m,y_m\n0,0,0\n0.1,0.9,0\n0.2,1.8,0\n")
-    assert len(_drive(scene, vehicle, tmp_path / "my.csv", ignore_limits=True)) == 3
-
-
 def test_unknown_paths_get_a_hint(scene, vehicle):
     with pytest.raises(TrajectoryError, match="did you mean 'corner'"):
         _drive(scene, vehicle, "corners")
     with pytest.raises(TrajectoryError, match="it has none"):
         _drive(dataclasses.replace(scene, paths=()), vehicle, "corner")
-
-
-def test_a_robot_that_cannot_plan(scene, vehicle, tmp_path):
-    lame = dataclasses.replace(vehicle, kinematics=None)
     with pytest.raises(TrajectoryError, match=r"has no \[kinematics\]"):
-        _drive(scene, lame, "corner")
+        _drive(scene, dataclasses.replace(vehicle, kinematics=None), "corner")
+
+
+def test_a_route_is_of_its_files_content_and_its_options(tmp_path):
+    for name in ("a", "b"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "way.csv").write_text("x_m,y_m\n0,0\n1,0\n")
+    here, there = (Route(str(tmp_path / name / "way.csv")) for name in ("a", "b"))
+    assert route_digest(here) == route_digest(there)
+    assert route_digest(Route(here.path, step_m=0.1)) != route_digest(here)
+    (tmp_path / "a" / "way.csv").write_text("x_m,y_m\n0,0\n2,0\n")
+    assert route_digest(here) != route_digest(there)
+    assert route_digest(Route("lap")) == route_digest(Route("lap", ground_m=None))

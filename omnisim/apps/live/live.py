@@ -34,7 +34,7 @@ from omnisim.apps.live.viewpoint_motion import FreeFlight, Ground, Pilot, Place,
 from omnisim.core.errors import OmnisimError, OutputError
 from omnisim.core.version import __version__
 from omnisim.ground_truth import CHANNELS
-from omnisim.robots.body_boxes import BodyBoxes
+from omnisim.robots.vehicle import BodyBoxes
 
 PAGE = Path(__file__).with_name("page")
 STREAM = "/stream"

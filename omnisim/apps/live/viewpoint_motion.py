@@ -16,8 +16,8 @@ from numpy.typing import ArrayLike
 
 from omnisim.core.arrays import Floats
 from omnisim.core.poses import pose, wrap_angle
-from omnisim.robots.body_boxes import BodyBoxes
 from omnisim.robots.kinematics import Kinematics
+from omnisim.robots.vehicle import BodyBoxes
 from omnisim.runs.contacts import meet_box
 from omnisim.scene import Scene
 from omnisim.scene.space.floor import HeightField, TriangleBvh, Triangles, triangles_within

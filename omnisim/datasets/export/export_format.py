@@ -49,28 +49,20 @@ class ExportSettings:
 
 
 class ExportFormat(ABC):
-    """Export format.
+    """Export format."""
 
-    Attributes:
-        name: name on the command line.
-        sensors, lone_sensors: classes of supported sensors besides cameras, and of sensors that are
-            supported only in runs without a camera.
-        holds_motion: True: stores the base's motion, and so supports runs without any sensor.
-        channels: supported channels of ground truth.
-        dates_stamps: True: stamps count from 1970.
-        has_clocks: True: each sensor has its own stamps; False: a frame has one measurement of
-            each sensor.
-        has_messages: True: stores images as pixels or PNG, and point clouds.
-    """
-
-    name: ClassVar[str]
+    name: ClassVar[str]  # name on the command line
+    # sensors, lone_sensors: classes of supported sensors besides cameras, and of sensors that are
+    # supported only in runs without a camera
     sensors: ClassVar[tuple[type[SensorSettings], ...]] = ()
     lone_sensors: ClassVar[tuple[type[SensorSettings], ...]] = ()
+    # True: stores the base's motion, and so supports runs without any sensor
     holds_motion: ClassVar[bool] = False
-    channels: ClassVar[tuple[str, ...]] = ()
-    dates_stamps: ClassVar[bool] = True
+    channels: ClassVar[tuple[str, ...]] = ()  # supported channels of ground truth
+    dates_stamps: ClassVar[bool] = True  # True: stamps count from 1970
+    # True: each sensor has its own stamps; False: a frame has one measurement of each sensor
     has_clocks: ClassVar[bool] = False
-    has_messages: ClassVar[bool] = False
+    has_messages: ClassVar[bool] = False  # True: stores images as pixels or PNG, and point clouds
 
     def supported_cameras(
         self, cameras: Sequence[RecordedCamera], print_note: PrintNote

@@ -9,6 +9,7 @@ are flipped, too; the points in space are the same. A file that cannot be read o
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 import shutil
 from collections.abc import Iterator
@@ -261,11 +262,10 @@ AGREEMENT = 0.01  # share of the range
 
 
 class Observations(NamedTuple):
-    """Points visible in an image."""
+    """Points visible in an image: ascending indices (n,), and projections (n, 2) into it, px."""
 
-    points: Indices  # (n,) indices of the points, ascending
-    # (n, 2) projections into the exported image, px from the center of the first pixel
-    pixels: Floats
+    points: Indices
+    pixels: Floats  # from the center of the first pixel, in the exported image
 
 
 @dataclass(frozen=True, eq=False)
@@ -309,33 +309,27 @@ def observations(
 
     `front_only` leaves out points at and past 90° from a lens's axis, except in panoramas.
     """
-    for step in range(recording.steps):
-        for camera in cameras:
-            yield _observations(recording, camera, step, points, front_only)
-
-
-def _observations(
-    recording: Recording, camera: LensCamera, step: int, points: ScenePoints, front_only: bool
-) -> Observations:
-    if not camera.recorded.has("range"):
-        return Observations(np.zeros(0, dtype=np.intp), np.zeros((0, 2)))
-    pose = recording.truth.world_from_base[step] @ camera.recorded.mount.base_from_optical
-    optical_from_world = inverse(pose)
-    local_m = points.positions_m @ optical_from_world[:3, :3].T + optical_from_world[:3, 3]
-    distances_m = np.linalg.norm(local_m, axis=-1)
-    projected = camera.model.pixel_from_ray(local_m)
-    width, height = camera.recorded.size_px
-    nearest = np.rint(np.where(projected.valid[:, None], projected.positions_px, -1.0))
-    inside = projected.valid & np.all((nearest >= 0) & (nearest < (width, height)), axis=-1)
-    if front_only and not camera.is_panorama:
-        inside &= local_m @ camera.axis > 0.0
-    seen = np.flatnonzero(inside)
-    u, v = nearest[seen].astype(np.intp).T
-    ranges_m = camera.recorded.channel(step, "range")[v, u]
-    with np.errstate(invalid="ignore"):  # of missing hits
-        agrees = np.abs(ranges_m - distances_m[seen]) <= AGREEMENT * distances_m[seen]
-    seen = seen[agrees]
-    pixels = projected.positions_px[seen]
-    if camera.is_flipped:
-        pixels = np.stack((width - 1 - pixels[:, 0], pixels[:, 1]), axis=-1)
-    return Observations(seen, pixels)
+    for step, camera in itertools.product(range(recording.steps), cameras):
+        if not camera.recorded.has("range"):
+            yield Observations(np.zeros(0, dtype=np.intp), np.zeros((0, 2)))
+            continue
+        pose = recording.truth.world_from_base[step] @ camera.recorded.mount.base_from_optical
+        optical_from_world = inverse(pose)
+        local_m = points.positions_m @ optical_from_world[:3, :3].T + optical_from_world[:3, 3]
+        distances_m = np.linalg.norm(local_m, axis=-1)
+        projected = camera.model.pixel_from_ray(local_m)
+        width, height = camera.recorded.size_px
+        nearest = np.rint(np.where(projected.valid[:, None], projected.positions_px, -1.0))
+        inside = projected.valid & np.all((nearest >= 0) & (nearest < (width, height)), axis=-1)
+        if front_only and not camera.is_panorama:
+            inside &= local_m @ camera.axis > 0.0
+        seen = np.flatnonzero(inside)
+        u, v = nearest[seen].astype(np.intp).T
+        ranges_m = camera.recorded.channel(step, "range")[v, u]
+        with np.errstate(invalid="ignore"):  # of missing hits
+            agrees = np.abs(ranges_m - distances_m[seen]) <= AGREEMENT * distances_m[seen]
+        seen = seen[agrees]
+        pixels = projected.positions_px[seen]
+        if camera.is_flipped:
+            pixels = np.stack((width - 1 - pixels[:, 0], pixels[:, 1]), axis=-1)
+        yield Observations(seen, pixels)

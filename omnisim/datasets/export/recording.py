@@ -6,7 +6,8 @@ A file that is missing or damaged, or has another size than its camera, raises a
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -25,19 +26,18 @@ from omnisim.core.poses import check_pose, inverse
 from omnisim.core.trajectories import Trajectory, read_trajectory
 from omnisim.core.trajectories.body_motion import MotionStates, SplineMotion
 from omnisim.core.trajectories.odometry import Odometry
-from omnisim.datasets.export.stored_clouds import StoredCloud, read_cloud, read_table
 from omnisim.ground_truth.channel_files import StoredChannels
 from omnisim.ground_truth.label_names import Labels
 from omnisim.perception.unwarping import CameraMount
 from omnisim.rendering.camera.omnicamera import CALIBRATION
 from omnisim.rendering.sensor import SensorSettings
 from omnisim.robots import read_odometry
-from omnisim.runs.run_folder import GROUND_TRUTH, OBJECTS, ODOMETRY, STATES, RunFolder
-from omnisim.runs.true_states import read_states
-from omnisim.sensors.calibration_file import read_mount
+from omnisim.runs.run_folder import GROUND_TRUTH, OBJECTS, ODOMETRY, STATES, RunFolder, read_states
+from omnisim.sensors.calibration_file import read_colors, read_mount
 from omnisim.sensors.depth_camera.depth_camera import STEPS_PER_M
 from omnisim.sensors.imu.imu import BIAS_COLUMNS, BIASES, PARAMETERS, READINGS
 from omnisim.sensors.imu.imu import COLUMNS as IMU_COLUMNS
+from omnisim.sensors.lidar.point_files import PLAIN_POINT, POINT
 
 START = "start.csv"  # of a sensor: true state at its first measurement, by its own clock
 STAMP_S = 2e-9  # rounding of two times with nine digits
@@ -133,7 +133,7 @@ class Recording:
         known_s, states = self._states
         index = np.clip(np.searchsorted(known_s, times_s - STAMP_S), 0, len(known_s) - 1)
         if np.all(np.abs(known_s[index] - times_s) <= STAMP_S):
-            return MotionStates(*(one[index] for one in states))
+            return MotionStates(*(state[index] for state in states))
         return SplineMotion(Trajectory(known_s, states.world_from_base)).at(times_s)
 
     def in_frames(self, names: Sequence[str], print_note: Callable[[str], None]) -> Recording:
@@ -185,7 +185,9 @@ class Recording:
             values = np.column_stack(list(table.values()))
             return ImuReadings(values[:, 0], values[:, 1:], walks)
         files = [self.run.file(name, step, ".csv") for step in range(self.run.manifest.steps)]
-        parts = [np.column_stack(list(read_table(one, *columns).columns.values())) for one in files]
+        parts = [
+            np.column_stack(list(read_table(file, *columns).columns.values())) for file in files
+        ]
         values = np.concatenate(parts)
         return ImuReadings(values[:, 0], values[:, 1:], None)
 
@@ -305,15 +307,7 @@ class RecordedCamera:
 
     def image(self, step: int) -> Bytes:
         """Image (height, width, 3) of a step, sRGB."""
-        path = self.image_file(step)
-        pixels, _ = read_image(path)
-        width, height = self.size_px
-        if pixels.shape[:2] != (height, width) or pixels.shape[2] < 3 or pixels.dtype != np.uint8:
-            raise RunError(
-                f"{path}: expected {width} × {height} px of 3 × uint8, got {pixels.shape[1]} × "
-                f"{pixels.shape[0]} px of {pixels.shape[2]} × {pixels.dtype}"
-            )
-        return np.ascontiguousarray(pixels[..., :3])
+        return read_colors(self.image_file(step), self.mount.camera)
 
     def depths_m(self, step: int) -> Floats32:
         """Depths (height, width) of a depth camera along its axis; +inf: none."""
@@ -365,3 +359,127 @@ class RecordedCamera:
         hit = np.isfinite(ranges_m) & valid
         points: Floats = directions[hit] * ranges_m[hit, None]
         return points if origins_m is None else points + origins_m[hit], hit
+
+
+# Stored clouds and scans of a run; a missing or damaged file or value raises `RunError`.
+
+
+class FileHeader:
+    """Header of a file of a run: lines `key: value`, and its path for messages."""
+
+    def __init__(self, path: Path, lines: Iterable[str]):
+        self._path = path
+        self._texts = {key: text for key, _, text in (line.partition(": ") for line in lines)}
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """Values by key, in the order of the file; lines without a value are left out."""
+        return {key: self.value(key) for key, text in self._texts.items() if text}
+
+    def value(self, key: str) -> Any:
+        """Value of a key."""
+        try:
+            return json.loads(self._texts[key])
+        except (KeyError, ValueError, RecursionError):
+            raise RunError(f"{self._path}: {key}: is missing or damaged: expected JSON") from None
+
+    def number(self, key: str) -> float:
+        """Number of a key."""
+        value = self.value(key)
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise RunError(f"{self._path}: {key}: expected a number, got {value!r}")
+        return float(value)
+
+    def pose(self, key: str) -> Floats:
+        """Pose (4, 4) of a key."""
+        try:
+            return check_pose(self.value(key))
+        except OmnisimError as reason:
+            if isinstance(reason, RunError):
+                raise
+            raise RunError(f"{self._path}: {key}: {reason}") from None
+
+
+# Point clouds of a run's lidars, read from PLY and PCD files.
+
+
+_ENDS = {".ply": b"end_header\n", ".pcd": b"DATA binary\n"}
+_COMMENTS = {".ply": "comment ", ".pcd": "# "}
+_COUNTS = {".ply": "element vertex ", ".pcd": "POINTS "}
+
+
+@dataclass(frozen=True, eq=False)
+class StoredCloud:
+    """Point cloud of a revolution, with parameters and poses of the lidar in its header.
+
+    Points (n,) are of type `POINT`, or `PLAIN_POINT` in older runs, of
+    `omnisim.sensors.lidar.point_files`.
+    """
+
+    header: FileHeader
+    points: NDArray[np.void]
+
+    @property
+    def points_m(self) -> Floats:
+        """Points (n, 3) in the lidar's frame at each point's own time."""
+        return np.stack([self.points[axis] for axis in "xyz"], axis=-1).astype(np.float64)
+
+    @property
+    def reflectances(self) -> Floats32:
+        """Intensities (n,), at most 1; 0 without intensities."""
+        if self.points.dtype != POINT:
+            return np.zeros(len(self.points), dtype=np.float32)
+        return np.minimum(self.points["intensity"], np.float32(1.0))
+
+
+def read_cloud(path: Path) -> StoredCloud:
+    """Read a point cloud written by `PointCloud.save`."""
+    try:
+        content = path.read_bytes()
+    except OSError as reason:
+        raise RunError(f"{path}: cannot be read: {reason.strerror}") from None
+    head, end, data = content.partition(_ENDS[path.suffix])
+    lines = head.decode("utf-8", errors="replace").splitlines()
+    counts = [line.removeprefix(_COUNTS[path.suffix]) for line in lines if
+              line.startswith(_COUNTS[path.suffix])]  # fmt: skip
+    count = int(counts[0]) if counts and counts[0].isdecimal() else -1
+    kind = POINT if any("intensity" in line.split() for line in lines) else PLAIN_POINT
+    if not end or len(data) != count * kind.itemsize:
+        raise RunError(f"{path}: is damaged: expected a point cloud as a drive writes it")
+    comment = _COMMENTS[path.suffix]
+    comments = [line.removeprefix(comment) for line in lines if line.startswith(comment)]
+    return StoredCloud(FileHeader(path, comments), np.frombuffer(data, dtype=kind))
+
+
+# Tables of a run's sensors, read back: laser scans, ranges, IMU readings.
+
+
+MAX_NUMBER = 1e30  # within the range of the formats' floats
+
+
+@dataclass(frozen=True, eq=False)
+class StoredTable:
+    """Table of a sensor: parameters and pose of the sensor, and values (n,) by column."""
+
+    header: FileHeader
+    columns: dict[str, Floats]
+
+
+def read_table(path: Path, *names: str) -> StoredTable:
+    """Read a table with the given columns."""
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except (OSError, ValueError) as reason:
+        raise RunError(f"{path}: cannot be read: {reason}") from None
+    comments = [line.removeprefix("# ") for line in lines if line.startswith("#")]
+    rows = [line.split(",") for line in lines if not line.startswith("#")]
+    if not rows or rows[0] != list(names):
+        raise RunError(f"{path}: expected the columns {','.join(names)}")
+    try:
+        values = np.array(rows[1:], dtype=np.float64).reshape(-1, len(names))
+    except ValueError:
+        raise RunError(f"{path}: expected {len(names)} numbers a line") from None
+    if np.any(np.isfinite(values) & (np.abs(values) > MAX_NUMBER)):
+        raise RunError(f"{path}: expected numbers below {MAX_NUMBER:g}")
+    columns = {name: values[:, index] for index, name in enumerate(names)}
+    return StoredTable(FileHeader(path, comments), columns)

@@ -97,12 +97,7 @@ class ConstantShares:
 
 
 class Stream:
-    """Random numbers as a function of integers: seed, image, attempt, purpose.
-
-    Args:
-        seed: seed of the plan.
-        keys: up to three further integers, each at least 0.
-    """
+    """Random numbers as a function of integers: seed, and up to three keys of at least 0."""
 
     def __init__(self, seed: int, *keys: int):
         # the lowest word counts blocks of numbers
@@ -149,7 +144,7 @@ def _parse(value: Any) -> Distribution:
 
 def _checked(kind: Kind, numbers: Any, count: int | None) -> Distribution:
     is_list = isinstance(numbers, list | tuple) and len(numbers) > 0
-    if not is_list or not all(_is_number(one) for one in numbers):
+    if not is_list or not all(_is_number(number) for number in numbers):
         raise ValueError(f"expected {EXPECTED}, got {numbers!r}")
     if count is not None and len(numbers) != count:
         raise ValueError(f"{kind}: expected {count} numbers, got {len(numbers)}")

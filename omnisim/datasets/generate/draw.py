@@ -67,7 +67,7 @@ def draw_indices(plan: Plan, number: int) -> SampleIndices:
     """Draw the scene and the rig of a sample, and find its setups."""
     stream = Stream(plan.seed, number, 0, _INDICES)
     scene = stream.choose(range(len(plan.scenes)), [one.weight for one in plan.scenes])
-    rig = stream.choose(range(len(plan.cameras)), [one.weight for one in plan.cameras])
+    rig = stream.choose(range(len(plan.cameras)), [camera.weight for camera in plan.cameras])
     setup = number // plan.vary.images_per_setup
     varies = plan.cameras[rig].varies
     return SampleIndices(scene, rig, setup if plan.vary.lights else 0, setup if varies else 0)

@@ -47,20 +47,7 @@ class Estimate:
 
 
 class Generation:
-    """Generation of a data set in a folder.
-
-    Args:
-        path: path of the plan.
-        folder: folder of the data set; may exist.
-        shards: numbers of the shards to generate; None: all.
-        workers: number of processes; 1: this one.
-        device: EGL index of the GPU; None: the first.
-
-    Attributes:
-        prepared: plan with its files read.
-        job: job description for the workers.
-        shards: numbers of the shards to generate.
-        missing: numbers of the missing shards.
+    """Generation of all shards of a plan, or of some, in a folder, by this or other processes.
 
     Raises:
         OmnisimError: a faulty plan, a faulty file that the plan names, shards that the plan does
@@ -76,7 +63,7 @@ class Generation:
         device: int | None = None,
     ):
         self.prepared = PreparedPlan.read(path, folder)
-        self.job, self._workers = Job(path, folder, device), workers
+        self.job, self._workers = Job(path, folder, device), workers  # 1: this process
         count = self.prepared.plan.shards
         self.shards = range(count) if shards is None else shards
         if not self.shards or self.shards[0] < 0 or self.shards[-1] >= count:
@@ -128,7 +115,7 @@ class Generation:
             OutputError: a file cannot be written.
         """
         finished = [self._found(number) for number in range(self.prepared.plan.shards)]
-        summaries = tuple(one for one in finished if one is not None)
+        summaries = tuple(summary for summary in finished if summary is not None)
         if len(summaries) < len(finished):
             return None
         manifest = Manifest(
@@ -173,7 +160,7 @@ class Generation:
         self._is_new_folder, self._has_taken_folder = not folder.exists(), False
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            names = sorted(one.name for one in folder.iterdir() if not one.name.startswith("."))
+            names = sorted(file.name for file in folder.iterdir() if not file.name.startswith("."))
             before = (folder / PLAN).read_text(encoding="utf-8") if PLAN in names else None
         except OSError as reason:
             raise OutputError(f"{folder}: cannot be written: {reason.strerror}") from None
@@ -217,7 +204,7 @@ def estimate(path: Path, workers: int = 1, device: int | None = None) -> Estimat
                     times_s[0].append(time.perf_counter() - begin_s)
             finally:
                 maker.close()
-        sizes = sum(one.stat().st_size for one in folder.glob("*.tar"))
+        sizes = sum(file.stat().st_size for file in folder.glob("*.tar"))
     rate = sum((len(own) - 1) / (own[-1] - own[0]) for own in times_s.values() if len(own) > 1)
     start_s = max(own[0] for own in times_s.values())
     count = samples * workers

@@ -25,7 +25,7 @@ from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.scene import Scene
 from omnisim.scene.light.light_tables import LightTable, SkyTable
 from omnisim.scene.light.sky import sun_position, with_sky
-from omnisim.scene.parts import Light, LightKind
+from omnisim.scene.parts import LightKind
 
 WHOLE_RIG = "all"
 ROUNDING = 1e-9  # of a parameter that is computed from others
@@ -45,32 +45,22 @@ class PlanRig:
 
 
 class RigFile:
-    """Cameras of one [[cameras]] table of a plan; their file is read once.
-
-    Args:
-        table: table of the plan.
-        plan: path of the plan's file.
-        is_exposed: True: the exposure varies between images.
-
-    Attributes:
-        sources: the files that were read.
+    """Cameras of one [[cameras]] table of a plan; their file, one of `sources`, is read once.
 
     Raises:
         OmnisimError: a faulty file.
     """
 
     def __init__(self, table: PlanCameraTable, plan: Path, is_exposed: bool):
-        self.table, self._plan, self._is_exposed = table, plan, is_exposed
+        self.table, self._plan = table, plan
+        self._is_exposed = is_exposed  # True: the exposure varies between images
         with recorded_sources() as self.sources:
             self._read = _read_cameras(table, plan.parent)
             if table.preset is not None:
                 preset(table.preset, plan.parent)
 
     def rig(self, stream: Shares | None = None) -> PlanRig:
-        """Rig with its size, quality and degradations.
-
-        Args:
-            stream: stream for varying values; None: nothing varies.
+        """Rig with its size, quality and degradations, and what varies drawn from a stream.
 
         Raises:
             OmnisimError: invalid parameters of the camera.
@@ -118,7 +108,7 @@ class RigFile:
                     f"{self._place(f'parameters.{key}')}: of model {model.model_name!r}: "
                     f"{did_you_mean(key, existing, 'expected one of')}"
                 )
-            known[key] = [one + distribution.draw(stream) for one in numbers]
+            known[key] = [number + distribution.draw(stream) for number in numbers]
             wanted[key] = known[key] if isinstance(wanted[key], list) else known[key][0]
         try:
             camera = camera_of_parameters(wanted)
@@ -136,8 +126,12 @@ class RigFile:
         """Degradation with drawn parameters."""
         tables: dict[str, dict[str, Any]] = dict(before.tables())
         for name, keys in self.table.degradation.items():
-            drawn = {key: _number(name, key, one.draw(stream)) for key, one in keys.items()}
-            tables[name] = {**tables.get(name, {}), **drawn}
+            fields = getattr(EFFECTS.get(name), "__dataclass_fields__", {})
+            table = tables[name] = dict(tables.get(name, {}))
+            for key, distribution in keys.items():
+                value, field = distribution.draw(stream), fields.get(key)
+                is_whole = field is not None and isinstance(field.default, int)
+                table[key] = round(value) if is_whole else value
         return parse_degradation(tables, self._place("").removesuffix(": "), self._plan.parent)
 
     def _exposed(self, camera: OmniCamera) -> OmniCamera:
@@ -181,12 +175,6 @@ def _numbers(value: Any) -> list[float]:
     return values if all(isinstance(one, float) for one in values) else []
 
 
-def _number(effect: str, key: str, value: float) -> float | int:
-    """Drawn value for a key of a degradation, rounded if the key's default is an integer."""
-    field = getattr(EFFECTS.get(effect), "__dataclass_fields__", {}).get(key)
-    return round(value) if field is not None and isinstance(field.default, int) else value
-
-
 # Light of a setup: drawn lamps and sky of a scene.
 
 
@@ -206,13 +194,7 @@ class DrawnLight:
 
 
 def draw_light(scene: Scene, vary: VaryTable, stream: Shares, plan: Path) -> DrawnLight:
-    """Draw the light of a scene.
-
-    Args:
-        scene: scene with its own light.
-        vary: table [vary] of the plan.
-        stream: stream of random numbers.
-        plan: path of the plan's file; maps are relative to it.
+    """Draw the light of a scene by the table [vary]; maps are relative to the file of the plan.
 
     Raises:
         OmnisimError: the sun is below the horizon, or a map cannot be read.
@@ -253,7 +235,7 @@ def _draw_sky(table: VarySkyTable, stream: Shares, plan: Path) -> dict[str, Any]
 
 def _under_sky(scene: Scene, sky: dict[str, Any], plan: Path) -> Scene:
     """Scene with a drawn sky instead of its own sky and directional lamps."""
-    lamps = (one for one in scene.lighting.lights if one.kind is not LightKind.DIRECTIONAL)
+    lamps = (lamp for lamp in scene.lighting.lights if lamp.kind is not LightKind.DIRECTIONAL)
     lighting = dataclasses.replace(scene.lighting, lights=tuple(lamps), environment=None)
     scene = dataclasses.replace(scene, lighting=lighting)
     table = parse_table(sky, SkyTable, PlanError, f"{plan}: vary", "sky")
@@ -276,19 +258,13 @@ def _lit(scene: Scene, values: dict[str, Any]) -> Scene:
         dataclasses.replace(lamp, intensity=factor * lamp.intensity)
         for lamp, factor in zip(lighting.lights, values["lamp_factors"], strict=True)
     ]
-    if "lamp_temperatures_k" in values:
-        kelvins = values["lamp_temperatures_k"]
-        lamps = [_of_temperature(*pair) for pair in zip(lamps, kelvins, strict=True)]
-    red, green, blue = (values["ambient_factor"] * one for one in lighting.ambient)
+    for index, kelvin in enumerate(values.get("lamp_temperatures_k", ())):
+        level = float(_LUMINANCE @ lamps[index].color)  # the luminance stays
+        red, green, blue = (level * value for value in black_body_rgb(kelvin))
+        lamps[index] = dataclasses.replace(lamps[index], color=(red, green, blue))
+    red, green, blue = (values["ambient_factor"] * value for value in lighting.ambient)
     lit = dataclasses.replace(lighting, lights=tuple(lamps), ambient=(red, green, blue), baked=None)
     return dataclasses.replace(scene, lighting=lit)
-
-
-def _of_temperature(lamp: Light, kelvin: float) -> Light:
-    """Lamp with the color of a black body, at unchanged luminance."""
-    level = float(_LUMINANCE @ lamp.color)
-    red, green, blue = (level * one for one in black_body_rgb(kelvin))
-    return dataclasses.replace(lamp, color=(red, green, blue))
 
 
 def black_body_rgb(kelvin: float) -> tuple[float, float, float]:

@@ -52,10 +52,7 @@ class PlanObject:
 class PreparedPlan:
     """Plan with its files; each file is read once, when it is first needed.
 
-    Args:
-        plan: plan.
-        path: path of the plan's file, base of relative paths.
-        folder: folder of the data set, for files of free floors; None: no such files.
+    Files of free floors are in the folder of the data set; None: there are none.
     """
 
     def __init__(self, plan: Plan, path: Path, folder: Path | None = None):
@@ -118,8 +115,7 @@ class PreparedPlan:
             table = self.plan.scenes[number]
             source = self._scene_file(table)
             scene = read_scene(source, table.up_axis, table.meters_per_unit)
-            # its own name would be the plan's path
-            scene = scene.altered(name=table.title)
+            scene = scene.altered(name=table.title)  # its own would be the plan's path
             if table.labels is not None:
                 rules = read_label_file(self.path.parent / table.labels)
                 scene = scene.altered(f"labels {rules}", labels=rules)
@@ -242,22 +238,16 @@ class PreparedPlan:
     @cached_property
     def objects(self) -> tuple[PlanObject, ...]:
         """Objects to place."""
-        return tuple(map(self._object, self.plan.objects))
-
-    def _object(self, table: PlanObjectTable) -> PlanObject:
-        scene = read_scene(
-            self._scene_file(table), table.up_axis, table.meters_per_unit, animation="none"
-        )
-        scene = scene.altered(name=table.title)
-        low, high = scene.bounds_m()
-        return PlanObject(
-            table.title,
-            scene,
-            low,
-            0.5 * float(np.hypot(*(high - low)[:2])),
-            0.5 * (low + high)[:2],
-            float(high[2] - low[2]),
-        )
+        objects = []
+        for table in self.plan.objects:
+            scene = read_scene(
+                self._scene_file(table), table.up_axis, table.meters_per_unit, animation="none"
+            ).altered(name=table.title)
+            low, high = scene.bounds_m()
+            radius_m, middle_m = 0.5 * float(np.hypot(*(high - low)[:2])), 0.5 * (low + high)[:2]
+            height_m = float(high[2] - low[2])
+            objects.append(PlanObject(table.title, scene, low, radius_m, middle_m, height_m))
+        return tuple(objects)
 
     @cached_property
     def poses(self) -> Floats:

@@ -22,10 +22,7 @@ RESTARTS = 3  # of a task or an actor whose process or machine dies
 
 @contextmanager
 def ray_cluster(address: str | None = None) -> Iterator[None]:
-    """Connect to a cluster, and disconnect at the end.
-
-    Args:
-        address: address of the cluster; None: start one on this machine.
+    """Connect to a cluster, or to one started on this machine, and disconnect at the end.
 
     Raises:
         PlanError: the cluster is unreachable, or a task fails.
@@ -74,11 +71,6 @@ def make_shards_on_ray(
     job: Job, shards: Sequence[int], address: str | None = None
 ) -> Iterator[ShardProgress]:
     """Generate shards on a cluster whose machines share the plan and the folder; yield after each.
-
-    Args:
-        job: arguments of the workers.
-        shards: numbers of the shards.
-        address: address of the cluster; None: a cluster on this machine.
 
     Raises:
         OmnisimError: the first fault of a shard, or an unreachable cluster.

@@ -43,12 +43,7 @@ class RenderedSample:
 
 
 class SampleRenderer:
-    """Renderer of samples; fast for consecutive samples of one scene and rig.
-
-    Args:
-        prepared: prepared plan.
-        device: EGL index of the GPU; None: the first.
-    """
+    """Renderer of samples; fast for consecutive samples of one scene and rig."""
 
     def __init__(self, prepared: PreparedPlan, device: int | None = None):
         self._prepared, self._device = prepared, device
@@ -132,12 +127,12 @@ class SampleRenderer:
             )
             if judges and (reason := rejected(pending[name].result(), plan.reject)):
                 return reason
-        frames = {name: one.result() for name, one in pending.items()}
+        frames = {name: reading.result() for name, reading in pending.items()}
         shares: dict[str, dict[int, float]] = {}
         if plan.min_visible is not None:
             rays = self._rays.of(stage)
             shares = {
-                name: rig.visible_shares(name).find(stage, rays, frame, state, vehicle)
+                name: rig.visible_shares[name].find(stage, rays, frame, state, vehicle)
                 for name, frame in frames.items()
             }
         return RenderedSample(drawn, frames, self._light.values, shares)
@@ -168,13 +163,11 @@ class _OpenRig:
             name: stage.open(camera, seed=f"{seed} {name}")
             for name, camera in cameras.cameras.items()
         }
-        self._shares: dict[str, VisibleShares] = {}
 
-    def visible_shares(self, name: str) -> VisibleShares:
-        """Calculator of visible shares in a camera's images, created on first use."""
-        if name not in self._shares:
-            self._shares[name] = VisibleShares(self.renderers[name].camera)
-        return self._shares[name]
+    @cached_property
+    def visible_shares(self) -> dict[str, VisibleShares]:
+        """Calculators of visible shares in the cameras' images."""
+        return {name: VisibleShares(renderer.camera) for name, renderer in self.renderers.items()}
 
     @cached_property
     def probe(self) -> Renderer:
@@ -261,11 +254,7 @@ def _draw(prepared: PreparedPlan, setup: int, purpose: int, make: Callable[[Stre
 
 
 class VisibleShares:
-    """Calculator of visible shares in a camera's images, by casting rays through all surfaces.
-
-    Args:
-        camera: camera, as in its renderer.
-    """
+    """Calculator of visible shares in a camera's images, by casting rays through all surfaces."""
 
     def __init__(self, camera: OmniCamera):
         self._camera = camera
@@ -275,18 +264,14 @@ class VisibleShares:
     def find(
         self, stage: Stage, rays: RayScene, frame: Frame, state: WorldState, vehicle: str
     ) -> dict[int, float]:
-        """Shares of the visible instances, above 0 and at most 1, by ID.
+        """Shares of the instances visible in a vehicle's frame, above 0 and at most 1, by ID.
 
-        Args:
-            stage: stage of the frame.
-            rays: ray scene with the stage's scene and objects.
-            frame: frame with the channel `instance`.
-            state: world state of the frame.
-            vehicle: vehicle of the camera.
+        The ray scene has the stage's scene and objects; the frame has the channel `instance`.
         """
         assert frame.labels is not None
         instances = np.asarray(frame.channels["instance"])
-        surfaces = [(one.object_index, one.name) for one in rays.caster.geometry.surfaces]
+        drawn = rays.caster.geometry.surfaces
+        surfaces = [(surface.object_index, surface.name) for surface in drawn]
         ids = instances_of_draws(frame.labels, surfaces, list(stage.objects))
         whole_px = whole_areas_px(
             rays,

@@ -128,11 +128,8 @@ _PREFIX = "omnisim-"  # of temporary folders
 class Shards:
     """Samples of a data set, in order: `len(shards)`, `shards[0]["rgb"]`.
 
-    A map-style data set for `torch.utils.data.DataLoader`, without torch; it can be pickled.
-
-    Args:
-        folder: folder of the data set.
-        manifest: manifest of the data set; None: read from the folder.
+    A map-style data set for `torch.utils.data.DataLoader`, without torch; it can be pickled. The
+    manifest is read from the folder unless it is given.
 
     Raises:
         PlanError: the data set is missing, unfinished or damaged.
@@ -232,12 +229,7 @@ class Shards:
         return [path for path in paths if path.is_file()]
 
     def extract(self, row: int, folder: Path, only: str = "") -> Path:
-        """Write a sample's files into a folder; return the folder.
-
-        Args:
-            row: index of the sample.
-            folder: existing folder.
-            only: suffix of the only file to write, after the sample's number; empty: all files.
+        """Write a sample's files into a folder, or the `only` one of a suffix; return the folder.
 
         Raises:
             IndexError: beyond the last sample.

@@ -87,13 +87,7 @@ def find_shard(folder: Path, number: int) -> ShardSummary | None:
 
 
 class ShardMaker:
-    """Generator of a plan's shards.
-
-    Args:
-        prepared: prepared plan.
-        folder: folder of the data set.
-        device: EGL index of the GPU; None: the first.
-    """
+    """Generator of a plan's shards in the folder of a data set."""
 
     def __init__(self, prepared: PreparedPlan, folder: Path, device: int | None = None):
         self._prepared, self._folder = prepared, folder
@@ -111,11 +105,7 @@ class ShardMaker:
             count()
 
     def steps(self, number: int, samples: int | None = None) -> Iterator[int]:
-        """Generate a shard, atomically; yield after each sample.
-
-        Args:
-            number: number of the shard.
-            samples: reduced number of samples, for an estimate; None: the plan's.
+        """Generate a shard, atomically; yield after each sample. An estimate takes fewer `samples`.
 
         Raises:
             OmnisimError: a sample that cannot be drawn, or a file that cannot be written.

@@ -52,7 +52,7 @@ def make_shards(job: Job, shards: Sequence[int], workers: int) -> Iterator[Shard
     running: dict[Connection, _Worker] = {}
     try:
         while todo or any(worker.shard is not None for worker in running.values()):
-            for worker in [one for one in running.values() if one.shard is None]:
+            for worker in [candidate for candidate in running.values() if candidate.shard is None]:
                 worker.take(todo)
             while len(running) < min(workers, len(todo) + len(running)):
                 started = _Worker(job)

@@ -24,10 +24,11 @@ from omnisim.rendering.camera.quality import DEFAULT_NEAR_M
 from omnisim.robots.importers.imported_robot import (
     ImportedRobot,
     ImportedSensor,
+    drive_table,
     footprint,
+    is_wheel_drive,
     load_body,
 )
-from omnisim.robots.importers.mechanics import drive_table, is_wheel_drive
 from omnisim.scene.formats.features import part_notices, xml_parts
 from omnisim.scene.formats.imported_scene import Omissions, unique_name
 from omnisim.scene.formats.resources import ResourcePath
@@ -40,7 +41,7 @@ from omnisim.scene.formats.sdf.models import (
 )
 from omnisim.scene.formats.xml.element import XmlElement
 from omnisim.sensors.depth_camera.depth_camera import MAX_RANGE_M
-from omnisim.sensors.sensor_names import folder_name
+from omnisim.sensors.sensor_table import folder_name
 
 _GROUND_M = 0.02  # maximum height of the body's lowest point above or below the ground
 
@@ -48,12 +49,7 @@ _GROUND_M = 0.02  # maximum height of the body's lowest point above or below the
 def import_model(
     path: Path, name: str | None = None, resources: Sequence[str | Path] = ()
 ) -> ImportedRobot:
-    """Import a model from a file.
-
-    Args:
-        path: file of a world or a model.
-        name: name of the model; None: the only model with sensors.
-        resources: folders of included models.
+    """Import a model from a file of a world or a model; without a name, the only one with sensors.
 
     Raises:
         RobotFileError: the model is missing, or a value is invalid.
@@ -70,7 +66,7 @@ def import_model(
         sensors = _sensors(whole, omissions)
         about_drive: list[str] = []
         elements = (placed.model.element for placed in placed_models(model))
-        plugins = (plugin for one in elements for plugin in one.children("plugin"))
+        plugins = (plugin for element in elements for plugin in element.children("plugin"))
         plugin, kinematics = next(filter(is_wheel_drive, plugins), None), None
         if plugin is None:
             about_drive.append("kinematics: left out: no plugin of a differential drive")
@@ -78,7 +74,7 @@ def import_model(
             kinematics = drive_table(plugin, about_drive)
     except (SceneError, RobotFileError) as reason:
         raise RobotFileError(f"{path}: {reason}") from None
-    notices = [*library.notices, *(notice for one in sensors for notice in one.notices)]
+    notices = [*library.notices, *(notice for sensor in sensors for notice in sensor.notices)]
     notices += omissions.notices
     body = load_body(path, resources, notices) if whole is tree else None
     if body is not None:
@@ -129,9 +125,9 @@ def _elements(model: Model) -> Iterator[tuple[PlacedModel, XmlElement, XmlElemen
 def _sensors(model: Model, omissions: Omissions) -> list[ImportedSensor]:
     used_names: set[str] = set()
     return [
-        one._replace(name=unique_name(folder_name(one.name), used_names))
+        found._replace(name=unique_name(folder_name(found.name), used_names))
         for placed, link, sensor in _elements(model)
-        for one in read_sensors(sensor, placed.pose_of(sensor, link.name), omissions)
+        for found in read_sensors(sensor, placed.pose_of(sensor, link.name), omissions)
     ]
 
 

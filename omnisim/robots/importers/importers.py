@@ -21,10 +21,8 @@ SUFFIXES = (".sdf", ".world", ".urdf", ".xml", ".mjcf")
 def import_model(path: Path, name: str | None = None, resources: Resources = ()) -> ImportedRobot:
     """Import the robot of a model file.
 
-    Args:
-        path: model file with one of the `SUFFIXES`; any other suffix is read as MJCF.
-        name: name of the model, for a file with several.
-        resources: folders of referenced models and packages.
+    Suffixes but the `SUFFIXES` are read as MJCF. `name` is that of a model in a file with several;
+    `resources` are folders of referenced models and packages.
 
     Raises:
         RobotFileError: the file or the model is missing, or a value is invalid.

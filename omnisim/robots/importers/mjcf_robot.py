@@ -11,19 +11,18 @@ import numpy as np
 from omnisim.core.arrays import Floats
 from omnisim.core.errors import OmnisimError, RobotFileError
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.robots.importers.imported_robot import ImportedRobot, ImportedSensor, load_body
-from omnisim.robots.importers.mechanics import Mechanics, Wheel, imported_robot, is_across
-from omnisim.scene.formats.imported_scene import unique_name
-from omnisim.scene.formats.mjcf.reader import (
-    VISIBLE_GROUPS,
-    Mount,
-    body_name,
-    geom_names,
-    lens_of,
-    load_model,
-    without_world,
+from omnisim.robots.importers.imported_robot import (
+    ImportedRobot,
+    ImportedSensor,
+    Mechanics,
+    Wheel,
+    imported_robot,
+    is_across,
+    load_body,
 )
-from omnisim.sensors.sensor_names import folder_name
+from omnisim.scene.formats.imported_scene import unique_name
+from omnisim.scene.formats.mjcf import reader
+from omnisim.sensors.sensor_table import folder_name
 
 _SHOWN = 4  # maximum number of names in a message
 _INERTIAL = (mujoco.mjtSensor.mjSENS_GYRO, mujoco.mjtSensor.mjSENS_ACCELEROMETER)
@@ -37,7 +36,7 @@ def import_mjcf(path: Path, resources: Sequence[str | Path] = ()) -> ImportedRob
     """
     notices: list[str] = []
     try:
-        model, data, _ = load_model(path)
+        model, data, _ = reader.load_model(path)
         mechanics = _mechanics(model, data, path, notices)
     except RobotFileError:
         raise
@@ -49,7 +48,7 @@ def import_mjcf(path: Path, resources: Sequence[str | Path] = ()) -> ImportedRob
         ) from None
     body = load_body(path, resources, notices)
     if body is not None:
-        body = without_world(body, path)
+        body = reader.without_world(body, path)
     return imported_robot(mechanics, path, body, (), notices)
 
 
@@ -66,7 +65,7 @@ def _mechanics(
         kinds = sorted({mujoco.mjtSensor(one).name[len("mjSENS_") :].lower() for one in others})
         notices.append(f"left out, as omnisim has no such sensor: {_listed(kinds)}")
     mass_kg, center_m = float(model.body_subtreemass[root]), np.array(data.subtree_com[root])
-    return Mechanics(body_name(model, root), wheels, mass_kg, center_m, sensors, {})
+    return Mechanics(reader.body_name(model, root), wheels, mass_kg, center_m, sensors, {})
 
 
 def _root(model: mujoco.MjModel, path: Path, notices: list[str]) -> int:
@@ -74,11 +73,11 @@ def _root(model: mujoco.MjModel, path: Path, notices: list[str]) -> int:
     roots = [body for body in range(1, model.nbody) if model.body_parentid[body] == 0]
     others = [
         name
-        for geom, name in enumerate(geom_names(model))
-        if model.geom_bodyid[geom] == 0 and int(model.geom_group[geom]) in VISIBLE_GROUPS
+        for geom, name in enumerate(reader.geom_names(model))
+        if model.geom_bodyid[geom] == 0 and int(model.geom_group[geom]) in reader.VISIBLE_GROUPS
     ]
     if len(roots) != 1:
-        shown = _listed([body_name(model, body) for body in roots])
+        shown = _listed([reader.body_name(model, body) for body in roots])
         raise RobotFileError(f"{path}: expected the model of one robot, got {shown or 'no body'}")
     if others:
         notices.append(f"left out, as it is the world's: {_listed(others)}")
@@ -106,7 +105,7 @@ def _wheels(model: mujoco.MjModel, data: mujoco.MjData, root: int) -> Iterator[W
         tires = [tire for geom in geoms if (tire := _tire(model, data, geom))]
         if tires:
             middle_m, radius_m = max(tires, key=lambda tire: tire[1])
-            name = _name(model, _OBJECTS.mjOBJ_JOINT, joint) or body_name(model, body)
+            name = _name(model, _OBJECTS.mjOBJ_JOINT, joint) or reader.body_name(model, body)
             yield Wheel(name, middle_m, radius_m)
 
 
@@ -139,11 +138,11 @@ def _cameras(
             notices.append(f"left out: camera {name or number} {why}")
             continue
         try:
-            camera = OmniCamera(lens_of(model, name), polygons=None)
+            camera = OmniCamera(reader.lens_of(model, name), polygons=None)
         except OmnisimError as reason:
             notices.append(f"left out: {reason}")
             continue
-        pose = Mount("camera", number).pose(data)
+        pose = reader.Mount("camera", number).pose(data)
         unique = unique_name(folder_name(name), used_names)
         yield ImportedSensor.at(unique, "omnicamera", pose, {}, camera)
 
@@ -156,5 +155,5 @@ def _imus(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[ImportedSensor
     }
     for number, site in enumerate(sorted(sites)):
         name = folder_name(_name(model, _OBJECTS.mjOBJ_SITE, site) or f"imu_{number}")
-        pose = Mount("site", site).pose(data)
+        pose = reader.Mount("site", site).pose(data)
         yield ImportedSensor.at(name, "imu", pose, {"device": "ideal"})

@@ -10,13 +10,15 @@ import numpy as np
 from omnisim.core.arrays import Floats
 from omnisim.core.errors import RobotFileError, SceneError
 from omnisim.robots.importers.gazebo_robot import read_sensors
-from omnisim.robots.importers.imported_robot import ImportedRobot, ImportedSensor, load_body
-from omnisim.robots.importers.mechanics import (
+from omnisim.robots.importers.imported_robot import (
+    ImportedRobot,
+    ImportedSensor,
     Mechanics,
     Wheel,
     imported_robot,
     is_across,
     is_wheel_drive,
+    load_body,
     stated_limits,
 )
 from omnisim.scene import Scene
@@ -25,7 +27,7 @@ from omnisim.scene.formats.imported_scene import Omissions, unique_name
 from omnisim.scene.formats.resources import ResourcePath
 from omnisim.scene.formats.urdf.reader import link_poses
 from omnisim.scene.formats.xml.element import XmlElement, parse_xml
-from omnisim.sensors.sensor_names import folder_name
+from omnisim.sensors.sensor_table import folder_name
 
 Poses = Mapping[str, Floats]  # poses (4, 4) by link name
 
@@ -42,7 +44,7 @@ def import_urdf(path: Path, resources: Sequence[str | Path] = ()) -> ImportedRob
         mass_kg, center_m = _mass(robot, poses)
         sensors = list(_sensors(robot, poses, notices))
         extensions = robot.children("gazebo")
-        plugins = (plugin for one in extensions for plugin in one.children("plugin"))
+        plugins = (plugin for extension in extensions for plugin in extension.children("plugin"))
         plugin, limits = next(filter(is_wheel_drive, plugins), None), dict[str, float]()
         if plugin is not None:
             notices += part_notices("drive", xml_parts(plugin.element, "drive"))
@@ -53,7 +55,7 @@ def import_urdf(path: Path, resources: Sequence[str | Path] = ()) -> ImportedRob
         raise RobotFileError(f"{path}: {reason}") from None
     mechanics = Mechanics(robot.name or path.stem, wheels, mass_kg, center_m, sensors, limits)
     texts = {value for element in root.iter() for value in element.attrib.values()}
-    folders = ResourcePath(path, resources).used(sorted(one for one in texts if "://" in one))
+    folders = ResourcePath(path, resources).used(sorted(text for text in texts if "://" in text))
     return imported_robot(mechanics, path, body, folders, notices)
 
 
@@ -101,9 +103,10 @@ def _tire(link: XmlElement, pose: Floats, body: Scene | None) -> tuple[Floats, f
     if body is None:
         return None
     corners = [
-        body.meshes[one.mesh].positions @ one.world_from_mesh[:3, :3].T + one.world_from_mesh[:3, 3]
-        for one in body.instances
-        if one.name.startswith(f"{link.name}/")
+        body.meshes[instance.mesh].positions @ instance.world_from_mesh[:3, :3].T
+        + instance.world_from_mesh[:3, 3]
+        for instance in body.instances
+        if instance.name.startswith(f"{link.name}/")
     ]
     if not corners:
         return None
@@ -132,6 +135,6 @@ def _sensors(robot: XmlElement, poses: Poses, notices: list[str]) -> Iterator[Im
     for extension in robot.children("gazebo"):
         link = extension.attribute("reference")
         for sensor in extension.children("sensor") if link in poses else ():
-            for one in read_sensors(sensor, poses[link] @ sensor.pose(), omissions):
-                yield one._replace(name=unique_name(folder_name(one.name), used_names))
+            for found in read_sensors(sensor, poses[link] @ sensor.pose(), omissions):
+                yield found._replace(name=unique_name(folder_name(found.name), used_names))
     notices += omissions.notices

@@ -31,15 +31,10 @@ NARROWEST_M = 1e-4  # minimum height of a triangle; flatter ones are slivers
 
 @dataclass(frozen=True, eq=False)
 class ConvexPiece:
-    """Convex piece of an instance.
+    """Convex piece of an instance."""
 
-    Attributes:
-        name: name of the instance.
-        shape: shape in the scene's frame.
-    """
-
-    name: str
-    shape: Shape
+    name: str  # of the instance
+    shape: Shape  # shape in the scene's frame
 
     def __repr__(self) -> str:
         return short_repr(self, repr(self.name), self.shape.kind)
@@ -47,16 +42,12 @@ class ConvexPiece:
 
 @dataclass(frozen=True, eq=False)
 class Region:
-    """Box within which a scene collides.
+    """Box within which a scene collides."""
 
-    Attributes:
-        low_m, high_m: (3,) corners.
-        free_points_m: (n, 3) points in free space: a part of the scene around one is hollow.
-    """
-
+    # low_m, high_m: (3,) corners
     low_m: Floats
     high_m: Floats
-    free_points_m: Floats
+    free_points_m: Floats  # (n, 3) points in free space: a part of the scene around one is hollow
 
     @classmethod
     def everywhere(cls) -> Region:
@@ -94,9 +85,10 @@ def convex_pieces(scene: Scene, region: Region) -> list[ConvexPiece]:
 def hull_of(scene: Scene) -> Shape | None:
     """Hull of all instances; None: the scene is flat."""
     points = [
-        scene.meshes[one.mesh].positions.astype(np.float64) @ one.world_from_mesh[:3, :3].T
-        + one.world_from_mesh[:3, 3]
-        for one in scene.instances
+        scene.meshes[instance.mesh].positions.astype(np.float64)
+        @ instance.world_from_mesh[:3, :3].T
+        + instance.world_from_mesh[:3, 3]
+        for instance in scene.instances
     ]
     return Shape.of(np.concatenate(points))
 
@@ -148,12 +140,7 @@ def _is_solid(hull: scipy.spatial.ConvexHull, corners_m: Floats, two_sided: bool
 
 
 def _slab(corners_m: Floats, two_sided: bool) -> Floats:
-    """Vertices (k, 3) of a facet's slab: behind it, below a floor, or about a two-sided wall.
-
-    Args:
-        corners_m: (n, 3, 3) corners of the facet's triangles.
-        two_sided: True if the facet is visible from both sides.
-    """
+    """Vertices (k, 3) of a facet's slab: behind it, below a floor, or about a two-sided wall."""
     normal = area_vectors(corners_m).sum(axis=0)
     normal /= np.linalg.norm(normal)
     points = corners_m.reshape(-1, 3)
@@ -274,21 +261,13 @@ FULL = 0.999  # minimum share of its bounding box that a box's hull fills
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """Shape of a piece in the frame of its vertices.
-
-    Attributes:
-        kind: "ball", "box" or "hull".
-        center_m: (3,) center.
-        axes: (3, 3) axes of a box, in columns; identity for other kinds.
-        half_m: (3,) half sides of a box, or radius of a ball.
-        vertices_m: (n, 3) corners of the hull, relative to the center.
-    """
+    """Shape of a piece in the frame of its vertices."""
 
     kind: Literal["ball", "box", "hull"]
-    center_m: Floats
-    axes: Floats
-    half_m: Floats
-    vertices_m: Floats
+    center_m: Floats  # (3,) center
+    axes: Floats  # (3, 3) axes of a box, in columns; identity for other kinds
+    half_m: Floats  # (3,) half sides of a box, or radius of a ball
+    vertices_m: Floats  # (n, 3) corners of the hull, relative to the center
 
     @classmethod
     def of(cls, vertices_m: Floats) -> Shape | None:

@@ -1,60 +1,53 @@
-"""Robots on wheels in physics: masses, wheels and boxes from the robot file."""
+"""Robots on wheels in physics: from the robot file, on their paths, and their simulated motion."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from omnisim.core.arrays import Floats
 from omnisim.core.errors import TrajectoryError
-from omnisim.core.poses import wrap_angle, yaw_from_rotation
-from omnisim.core.short_repr import short_repr
+from omnisim.core.poses import wrap_angle, wrap_angles, yaw_from_rotation
+from omnisim.core.short_repr import counted, short_repr
 from omnisim.core.trajectories import Trajectory
-from omnisim.core.trajectories.body_motion import BodyMotion
-from omnisim.robots.body_boxes import BodyBoxes
+from omnisim.core.trajectories.body_motion import BodyMotion, SplineMotion
+from omnisim.core.trajectories.odometry import Odometry
 from omnisim.robots.kinematics import Kinematics
 from omnisim.robots.robot_file import Chassis
-from omnisim.robots.vehicle import Vehicle
+from omnisim.robots.vehicle import BodyBoxes, Vehicle
+from omnisim.runs.contacts import Contact
+from omnisim.scene import Scene
+from omnisim.scene.motion.object_motion import Along
 
 # Defaults for robot files without these values.
 DENSITY_KGPM3 = 100.0  # density of the footprint's box
 TRACK, WHEELBASE, CENTER_HEIGHT = 0.8, 0.5, 0.25  # shares of the footprint's width, length, height
 WHEEL_PER_CLEARANCE = 4.0
-# Assumptions about all robots.
-WHEEL_WIDTH = 0.4  # share of the diameter
-WHEEL_MASS = 0.03  # share of the robot's mass
-CASTER, CASTER_LOAD = 0.35, 0.4  # share of the length behind the axle; share of the weight on it
+# Assumed caster: share of the length behind the axle; share of the weight on it.
+CASTER, CASTER_LOAD = 0.35, 0.4
 
 
 @dataclass(frozen=True, eq=False)
 class Rover:
-    """Robot on wheels driven in two groups, left and right.
+    """Robot on wheels driven in two groups, left and right."""
 
-    Attributes:
-        name: name of the vehicle.
-        kinematics: limits of the motion.
-        mass_kg: total mass.
-        center_m: (3,) center of mass in the base frame.
-        size_m: (3,) size of the bounding box.
-        friction: friction coefficient of the tires.
-        wheels_m: (n, 3) centers of the driven wheels in the base frame: left ones, then right ones.
-        wheel_radius_m: radius of the driven wheels.
-        caster_m: (3,) center of the caster, at the height of its radius; None: no caster.
-        parts_m: (n, 2, 3) corners of the body's boxes.
-    """
-
-    name: str
-    kinematics: Kinematics
-    mass_kg: float
-    center_m: Floats
-    size_m: Floats
-    friction: float
+    name: str  # name of the vehicle
+    kinematics: Kinematics  # limits of the motion
+    mass_kg: float  # total mass
+    center_m: Floats  # (3,) center of mass in the base frame
+    size_m: Floats  # (3,) size of the bounding box
+    friction: float  # friction coefficient of the tires
+    # (n, 3) centers of the driven wheels in the base frame: left ones, then right ones
     wheels_m: Floats
-    wheel_radius_m: float
+    wheel_radius_m: float  # radius of the driven wheels
+    # (3,) center of the caster, at the height of its radius; None: no caster
     caster_m: Floats | None
-    parts_m: Floats
+    parts_m: Floats  # (n, 2, 3) corners of the body's boxes
 
     def __repr__(self) -> str:
         return short_repr(self, repr(self.name), f"{self.mass_kg:g} kg")
@@ -122,21 +115,13 @@ class Rover:
 
 @dataclass(frozen=True, eq=False)
 class Driver:
-    """Robot that follows a planned motion.
+    """Robot that follows a planned motion."""
 
-    Attributes:
-        rover: robot on wheels.
-        planned: planned trajectory; the robot begins at its first pose.
-        motion: planned motion; the robot rests before and after it.
-        where: name of the path in messages.
-        ignores_limits: True to continue after the robot leaves the path or tips over.
-    """
-
-    rover: Rover
-    planned: Trajectory
-    motion: BodyMotion
-    where: str
-    ignores_limits: bool = False
+    rover: Rover  # robot on wheels
+    planned: Trajectory  # planned trajectory; the robot begins at its first pose
+    motion: BodyMotion  # planned motion; the robot rests before and after it
+    where: str  # name of the path in messages
+    ignores_limits: bool = False  # True to continue after the robot leaves the path or tips over
 
     def __repr__(self) -> str:
         return short_repr(self, repr(self.rover), repr(self.where))
@@ -151,15 +136,10 @@ RESERVE = 1.25  # factor on the limits, which allows the robot to catch up
 
 
 class PathFollower:
-    """Tracking controller that knows the robot's true pose.
+    """Tracking controller that knows the robot's true pose, for commands at times (n,).
 
     Source: Kanayama et al., "A stable tracking control method for an autonomous mobile robot", ICRA
     1990, with a correction of the heading that does not vanish at rest.
-
-    Args:
-        motion: planned motion; its x, y and yaw are tracked.
-        rover: robot on wheels.
-        times_s: (n,) times of the commands.
     """
 
     def __init__(self, motion: BodyMotion, rover: Rover, times_s: Floats):
@@ -178,9 +158,7 @@ class PathFollower:
     def wheel_rates(self, command: int, base: Floats) -> tuple[float, float]:
         """Rates of the left and the right wheels in rad/s at a command.
 
-        Args:
-            command: index of the command.
-            base: (7,) true position and quaternion wxyz of the robot's base.
+        `base` (7,) is the true position and quaternion wxyz of the robot's base.
         """
         x_m, y_m, _, w, i, j, k = base.tolist()
         yaw = math.atan2(2.0 * (w * k + i * j), 1.0 - 2.0 * (j * j + k * k))
@@ -202,3 +180,97 @@ class PathFollower:
 
 def _limited(rate: float, limit: float) -> float:
     return max(-RESERVE * limit, min(RESERVE * limit, rate))
+
+
+# Motion of a robot and of the objects around it, simulated in physics.
+
+
+@dataclass(frozen=True)
+class Slip:
+    """Slip of the wheels: their readings against the robot's true motion."""
+
+    distance: float  # extra meters that the wheels report per meter driven
+    turn: float  # extra radians that the wheels report per radian turned
+    end_m: float  # distance between the ends of the motion and of dead reckoning
+
+    def __str__(self) -> str:
+        return (
+            f"slip of {100.0 * self.distance:.2g} % ahead and {100.0 * self.turn:.2g} % in turns; "
+            f"dead reckoning by the wheels ends {self.end_m:.2f} m off"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedMotion:
+    """Motion in small steps over a whole drive."""
+
+    base: Trajectory  # poses of the robot's base
+    # (n, 2) distances that the left and the right tires have rolled by the base's times
+    wheels_m: Floats
+    effective_track_m: float  # track that converts differences of the wheels' distances into turns
+    objects: Mapping[str, Trajectory]  # poses of the free objects, by name, at the same times
+    # contact times by the touched object's name, ordered by first contact
+    contact_times_s: Mapping[str, Floats]
+    engine: str  # name and version of the physics engine
+    step_s: float  # time step of the engine
+
+    def __repr__(self) -> str:
+        return short_repr(self, repr(self.base), counted(len(self.objects), "free object"))
+
+    @cached_property
+    def smooth(self) -> SplineMotion:
+        """Continuous motion of the base, also between the engine's states."""
+        return SplineMotion(self.base)
+
+    def at(self, times_s: Floats) -> Trajectory:
+        """Trajectory of the base at times (n,)."""
+        return Trajectory(times_s, self.smooth.at(times_s).world_from_base)
+
+    def readings_at(self, times_s: Floats) -> Odometry:
+        """Error-free readings of the wheels at times (n,)."""
+        start = self.smooth.pose_at(float(times_s[0]))
+        yaw = float(np.arctan2(start[1, 0], start[0, 0]))
+        ways = [np.interp(times_s, self.base.times_s, way) for way in self.wheels_m.T]
+        left, right = (np.diff(way) for way in ways)
+        turns = (right - left) / self.effective_track_m
+        return Odometry(times_s, 0.5 * (left + right), turns, (*start[:2, 3].tolist(), yaw))
+
+    def contacts_at(self, truth: Trajectory) -> tuple[Contact, ...]:
+        """Contacts by object, at the steps of a trajectory, in the order in which they begin."""
+        contacts = []
+        for name, contact_times_s in self.contact_times_s.items():
+            steps = np.searchsorted(truth.times_s, contact_times_s, side="right") - 1
+            first_s = float(contact_times_s[0])
+            x, y = self.base.pose_at(first_s)[:2, 3].tolist()
+            contacts.append(Contact(name, int(steps[0]), first_s, (x, y), len(np.unique(steps))))
+        return tuple(contacts)
+
+    @property
+    def slip(self) -> Slip:
+        """Slip over the whole motion."""
+        readings = self.readings_at(self.base.times_s)
+        driven_m = self.base.path_length_m
+        turned = float(np.abs(wrap_angles(np.diff(self.base.yaw_rad))).sum())
+        reported_m = float(np.abs(readings.distances_m).sum())
+        reported_rad = float(np.abs(readings.turns_rad).sum())
+        return Slip(
+            reported_m / driven_m - 1.0 if driven_m > 0.0 else 0.0,
+            reported_rad / turned - 1.0 if turned > 0.0 else 0.0,
+            math.dist(readings.planar_poses[-1, :2], self.base.positions_m[-1, :2]),
+        )
+
+    def manifest(self) -> dict[str, Any]:
+        """Engine and slip, for a run's manifest."""
+        return {
+            "engine": self.engine,
+            "step_s": self.step_s,
+            "slip": {key: round(value, 6) for key, value in asdict(self.slip).items()},
+        }
+
+    def scene_with_motions(self, scene: Scene) -> Scene:
+        """Scene whose free objects follow their simulated motion."""
+        objects = tuple(
+            replace(one, motion=Along(self.objects[one.name])) if one.name in self.objects else one
+            for one in scene.objects
+        )
+        return replace(scene, objects=objects)

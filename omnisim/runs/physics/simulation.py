@@ -9,33 +9,44 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core import poses
 from omnisim.core.arrays import Floats
 from omnisim.core.errors import TrajectoryError
-from omnisim.core.poses import (
-    pose_from_rotation,
-    quaternion_from_rotation,
-    rotation_from_quaternion,
-)
+from omnisim.core.short_repr import counted, short_repr
 from omnisim.core.trajectories import Trajectory
-from omnisim.runs.physics.convex_pieces import ConvexPiece, Region, convex_pieces, hull_of
-from omnisim.runs.physics.rover import Driver, PathFollower, Rover
-from omnisim.runs.physics.simulated_motion import SimulatedMotion
-from omnisim.runs.physics.world_model import (
-    ROBOT,
-    SERVO_RADPS,
-    STEP_S,
-    WHEEL,
-    SolidObject,
-    WorldModel,
-)
+from omnisim.core.world import Pose
+from omnisim.runs.physics.convex_pieces import ConvexPiece, Region, Shape, convex_pieces, hull_of
+from omnisim.runs.physics.rover import Driver, PathFollower, Rover, SimulatedMotion
 from omnisim.scene import Scene
-from omnisim.scene.model import DynamicObject
 from omnisim.scene.motion.object_motion import FreeBody, ObjectMotion
+from omnisim.sensors.imu.imu import STANDARD_GRAVITY_MPS2
+
+STEP_S = 1e-3
+# Names of a robot, then of its parts.
+ROBOT, PART, WHEEL, CASTER = "robot {}", "robot {} part {}", "robot {} wheel {}", "robot {} caster"
+MAX_HULL = 64  # maximum number of a hull's vertices
+# Contacts yield by less than 0.2 mm under a robot's weight, and do not bounce.
+CONTACT_S, IMPEDANCE = 0.005, 0.3
+FRICTION_IMPEDANCE = 100.0  # ratio of friction's impedance to that of contacts: 0.1 mm/s of creep
+SERVO_RADPS = 100.0  # natural frequency of the wheels' servos, which are critically damped
+FRICTION = (0.5, 5e-3, 1e-4)  # everything but tires: sliding; torsional and rolling, in meters
+ROLLING_RESISTANCE = 0.02  # for balls
+CASTER_FRICTION = 1e-3
+WHEEL_WIDTH = 0.4  # share of the diameter
+WHEEL_MASS = 0.03  # share of the robot's mass
+TIRE_PRIORITY, CASTER_PRIORITY = 1, 2  # the higher one's friction applies
+
+GEOMS = {
+    "ball": mujoco.mjtGeom.mjGEOM_SPHERE,
+    "box": mujoco.mjtGeom.mjGEOM_BOX,
+    "hull": mujoco.mjtGeom.mjGEOM_MESH,
+}
 
 STEPS_AT_ONCE = 5
 PERIOD_S = STEPS_AT_ONCE * STEP_S
@@ -56,13 +67,7 @@ DIVERGED = (
 
 
 class SimulatedWorld:
-    """World of robots driven by their wheels.
-
-    Args:
-        model: model to compile.
-        rovers: robots by name.
-        motions: scripted motions of the scene's objects, by name.
-        free: names of the free objects, which physics moves.
+    """World of robots driven by their wheels, of scripted objects, and of free ones.
 
     Raises:
         ValueError: MuJoCo cannot compile the model.
@@ -110,18 +115,13 @@ class SimulatedWorld:
         return np.array([angles[numbers].mean(axis=1) for numbers in self._wheels])
 
     def advance(self, time_s: float, rates_radps: Sequence[tuple[float, float]]) -> None:
-        """Advance the simulation by one period.
-
-        Args:
-            time_s: time at the end of the period, for the scripted objects.
-            rates_radps: rates of the left and the right wheels, per robot.
-        """
+        """Advance by one period, to `time_s`, at rates of each robot's left and right wheels."""
         sides = zip(rates_radps, self._wheels, strict=True)
         rates = np.concatenate([np.repeat(rate, wheels.shape[1]) for rate, wheels in sides])
         for number, motion in self._motions:
             pose = motion.pose_at(time_s)
             self._data.mocap_pos[number] = pose[:3, 3]
-            quaternion = quaternion_from_rotation(pose[None, :3, :3])[0]
+            quaternion = poses.quaternion_from_rotation(pose[None, :3, :3])[0]
             self._data.mocap_quat[number] = np.roll(quaternion, 1)
         for _ in range(STEPS_AT_ONCE):
             self._turned_rad += STEP_S * rates
@@ -186,32 +186,30 @@ def without_log() -> Iterator[None]:
 
 
 def simulate(scene: Scene, drivers: Mapping[str, Driver]) -> dict[str, SimulatedMotion]:
-    """Simulate robots that follow planned trajectories through a scene.
+    """Simulate robots that follow planned trajectories through a scene, by name.
 
-    Args:
-        scene: scene to drive in; its dynamic objects move, and objects with a mass can be pushed.
-        drivers: robots by name, which can collide with each other.
-
-    Returns:
-        Motion of each robot, from the first start to the last end.
+    They can collide with each other, with dynamic objects, and push objects that have a mass. The
+    motion of each is from the first start to the last end.
 
     Raises:
         TrajectoryError: a robot cannot follow its path or tips over, a path is too long, or the
             scene is too large.
     """
-    start_s = min(one.motion.start_s for one in drivers.values())
-    for one in drivers.values():
-        if (duration_s := one.motion.end_s - start_s) > MAX_S:
+    start_s = min(driver.motion.start_s for driver in drivers.values())
+    for driver in drivers.values():
+        if (duration_s := driver.motion.end_s - start_s) > MAX_S:
             raise TrajectoryError(
-                f"{one.where}: expected at most {MAX_S:g} s with --physics, got {duration_s:g} s"
+                f"{driver.where}: expected at most {MAX_S:g} s with --physics, got {duration_s:g} s"
             )
     objects = solid_objects(scene)
     pieces = static_pieces(scene, drivers.values(), objects)
-    rovers = {name: one.rover for name, one in drivers.items()}
-    starts = {name: (one.rover, one.planned.world_from_base[0]) for name, one in drivers.items()}
+    rovers = {name: driver.rover for name, driver in drivers.items()}
+    starts = {
+        name: (driver.rover, driver.planned.world_from_base[0]) for name, driver in drivers.items()
+    }
     model = WorldModel.of(pieces, objects, starts)
-    free = [name for name, one in objects.items() if one.mass_kg is not None]
-    motions = {one.name: one.motion for one in scene.objects if one.name not in free}
+    free = [name for name, solid in objects.items() if solid.mass_kg is not None]
+    motions = {moving.name: moving.motion for moving in scene.objects if moving.name not in free}
     with without_log():
         try:
             world = SimulatedWorld(model, rovers, motions, free)
@@ -224,10 +222,10 @@ def _drive(
     world: SimulatedWorld, drivers: Mapping[str, Driver], start_s: float, free: list[str]
 ) -> dict[str, SimulatedMotion]:
     """Drive all robots until the last has reached the end of its trajectory."""
-    duration_s = max(one.motion.end_s for one in drivers.values()) - start_s
+    duration_s = max(driver.motion.end_s for driver in drivers.values()) - start_s
     count = math.ceil(duration_s / PERIOD_S) + 1
     times_s = start_s + PERIOD_S * np.arange(count, dtype=np.float64)
-    robots = [_Robot(name, one, times_s) for name, one in drivers.items()]
+    robots = [_Robot(name, driver, times_s) for name, driver in drivers.items()]
     rates = [(0.0, 0.0)] * len(robots)
     for _ in range(SETTLING):
         world.advance(start_s, rates)
@@ -266,28 +264,15 @@ def _drive(
 
 
 class _Robot:
-    """Robot during the simulation.
-
-    Attributes:
-        name: name in the world.
-        rover: robot on wheels.
-        follower: controller that follows the trajectory.
-        contact_times_s: contact times by the touched object's name.
-    """
+    """Robot during the simulation."""
 
     def __init__(self, name: str, driver: Driver, times_s: Floats):
         self.name, self.rover, self._driver = name, driver.rover, driver
         self.follower = PathFollower(driver.motion, driver.rover, times_s)
-        self.contact_times_s: dict[str, list[float]] = {}
+        self.contact_times_s: dict[str, list[float]] = {}  # by the touched object's name
 
     def check(self, world: SimulatedWorld, base: Floats, command: int, time_s: float) -> None:
-        """Reject an invalid state, and a robot that has tipped over or left its path.
-
-        Args:
-            world: simulated world.
-            base: (7,) position and quaternion wxyz of the robot's base.
-            command: index of the current command.
-            time_s: time of the state.
+        """Check the base, position and quaternion wxyz (7,), at a command.
 
         Raises:
             TrajectoryError: the simulation diverges, or the robot has tipped over or left its path.
@@ -316,8 +301,8 @@ class _Robot:
 
 def _trajectory(times_s: Floats, bodies: Floats) -> Trajectory:
     """Trajectory of positions and quaternions wxyz (n, 7)."""
-    rotations = rotation_from_quaternion(np.roll(bodies[:, 3:], -1, axis=1))
-    return Trajectory(times_s, pose_from_rotation(rotations, bodies[:, :3]))
+    rotations = poses.rotation_from_quaternion(np.roll(bodies[:, 3:], -1, axis=1))
+    return Trajectory(times_s, poses.pose_from_rotation(rotations, bodies[:, :3]))
 
 
 # Surroundings of robots' paths in physics: static pieces and objects.
@@ -336,7 +321,17 @@ def solid_objects(scene: Scene) -> dict[str, SolidObject]:
     Raises:
         TrajectoryError: a free object is flat.
     """
-    return {one.name: _solid(one) for one in scene.objects}
+    solids: dict[str, SolidObject] = {}
+    for moving in scene.objects:
+        name, motion, pose = moving.name, moving.motion, moving.motion.pose_at(0.0)
+        if not isinstance(motion, FreeBody):
+            solids[name] = SolidObject(convex_pieces(moving.shape, Region.everywhere()), pose)
+            continue
+        hull = hull_of(moving.shape)
+        if hull is None:
+            raise TrajectoryError(f"object {name!r}: expected a solid with mass_kg, got a flat one")
+        solids[name] = SolidObject([ConvexPiece(name, hull)], pose, motion.mass_kg)
+    return solids
 
 
 def static_pieces(
@@ -354,14 +349,14 @@ def static_pieces(
         top_m = float(size_m[2]) + HEADROOM_M
         low = np.minimum(low, places.min(axis=0) - reach_m)
         high = np.maximum(high, places.max(axis=0) + (reach_m, reach_m, top_m))
-    for one in objects.values():
-        if one.mass_kg is not None:
-            low = np.minimum(low, one.pose[:3, 3] - OBJECT_REACH_M)
-            high = np.maximum(high, one.pose[:3, 3] + OBJECT_REACH_M)
+    for solid in objects.values():
+        if solid.mass_kg is not None:
+            low = np.minimum(low, solid.pose[:3, 3] - OBJECT_REACH_M)
+            high = np.maximum(high, solid.pose[:3, 3] + OBJECT_REACH_M)
     middles = [
-        one.planned.positions_m
-        + one.planned.world_from_base[:, :3, 2] * 2.0 * one.rover.wheel_radius_m
-        for one in drivers
+        driver.planned.positions_m
+        + driver.planned.world_from_base[:, :3, 2] * 2.0 * driver.rover.wheel_radius_m
+        for driver in drivers
     ]
     pieces = convex_pieces(scene, Region(low, high, np.concatenate(middles)))
     if len(pieces) > MAX_PIECES:
@@ -372,11 +367,162 @@ def static_pieces(
     return pieces
 
 
-def _solid(one: DynamicObject) -> SolidObject:
-    pose = one.motion.pose_at(0.0)
-    if not isinstance(one.motion, FreeBody):
-        return SolidObject(convex_pieces(one.shape, Region.everywhere()), pose)
-    hull = hull_of(one.shape)
-    if hull is None:
-        raise TrajectoryError(f"object {one.name!r}: expected a solid with mass_kg, got a flat one")
-    return SolidObject([ConvexPiece(one.name, hull)], pose, one.motion.mass_kg)
+# MuJoCo's model of a scene and its robots.
+
+
+@dataclass(frozen=True, eq=False)
+class SolidObject:
+    """Dynamic object of a scene."""
+
+    pieces: Sequence[ConvexPiece]  # convex pieces in the object's frame
+    pose: Pose  # (4, 4) initial pose
+    # mass of a free object; None: the object follows the scene's motion
+    mass_kg: float | None = None
+
+
+@dataclass(eq=False)
+class WorldModel:
+    """Specification of a model, and the owners of its geoms."""
+
+    spec: mujoco.MjSpec = field(default_factory=mujoco.MjSpec)  # specification to compile
+    # names of the instances, objects and robots, by the names of their geoms
+    owners: dict[str, str] = field(default_factory=dict)
+    # names of the robots, by the names of their geoms
+    robots: dict[str, str] = field(default_factory=dict)
+    wheel_geoms: set[str] = field(default_factory=set)  # names of the wheels' and casters' geoms
+
+    def __repr__(self) -> str:
+        return short_repr(self, counted(len(self.owners), "piece"))
+
+    @classmethod
+    def of(
+        cls,
+        pieces: Sequence[ConvexPiece],
+        objects: Mapping[str, SolidObject],
+        rovers: Mapping[str, tuple[Rover, Pose]],
+    ) -> WorldModel:
+        """Model of static pieces, objects by name, and robots by name at poses of their bases."""
+        model = cls()
+        contacts = model.spec.default.geom
+        contacts.solref = (CONTACT_S, 1.0)
+        contacts.solimp[:2] = IMPEDANCE
+        contacts.friction = FRICTION
+        option = model.spec.option
+        option.timestep = STEP_S
+        option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+        option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+        option.impratio = FRICTION_IMPEDANCE
+        # bodies at rest cost nothing
+        option.enableflags |= mujoco.mjtEnableBit.mjENBL_SLEEP
+        option.gravity = (0.0, 0.0, -STANDARD_GRAVITY_MPS2)
+        for piece in pieces:
+            model._add_piece(model.spec.worldbody, piece.name, piece.shape)
+        for name, solid in objects.items():
+            body = model.spec.worldbody.add_body(
+                name=f"object {name}", pos=solid.pose[:3, 3], quat=_quaternion(solid.pose[:3, :3])
+            )
+            body.mocap = solid.mass_kg is None
+            if solid.mass_kg is not None:
+                body.add_freejoint(name=f"object {name}")
+            for piece in solid.pieces:
+                share_kg = (solid.mass_kg or 0.0) / len(solid.pieces)
+                model._add_piece(body, name, piece.shape, share_kg)
+        for name, (rover, pose) in rovers.items():
+            model._add_rover(name, rover, pose)
+        return model
+
+    def _add_piece(
+        self, body: mujoco.MjsBody, owner: str, shape: Shape, mass_kg: float = 0.0
+    ) -> None:
+        """Add a piece of an owner to a body."""
+        name = f"piece {len(self.owners)}"
+        self.owners[name] = owner
+        geom = body.add_geom(
+            name=name,
+            type=GEOMS[shape.kind],
+            pos=shape.center_m,
+            quat=_quaternion(shape.axes),
+            mass=mass_kg,
+        )
+        if shape.kind == "hull":
+            self.spec.add_mesh(
+                name=name,
+                uservert=shape.vertices_m.ravel(),
+                inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX,
+                maxhullvert=MAX_HULL,
+            )
+            geom.meshname = name
+        else:
+            geom.size = shape.half_m
+        if shape.kind == "ball" and mass_kg > 0.0:
+            geom.condim = 6
+            rolling_m = ROLLING_RESISTANCE * float(shape.half_m[0])
+            geom.friction = (FRICTION[0], FRICTION[1], rolling_m)
+
+    def _add_rover(self, owner: str, rover: Rover, pose: Pose) -> None:
+        robot = ROBOT.format(owner)
+        base = self.spec.worldbody.add_body(
+            name=robot, pos=pose[:3, 3], quat=_quaternion(pose[:3, :3])
+        )
+        base.add_freejoint(name=robot)
+        wheel_kg = WHEEL_MASS * rover.mass_kg
+        base.explicitinertial = True
+        base.mass = rover.mass_kg - wheel_kg * len(rover.wheels_m)
+        base.ipos = rover.center_m
+        squares = rover.size_m**2
+        base.inertia = base.mass / 12.0 * (squares.sum() - squares)
+        for number, (low, high) in enumerate(rover.parts_m):
+            part = PART.format(owner, number)
+            self._own(part, owner)
+            base.add_geom(
+                name=part,
+                type=mujoco.mjtGeom.mjGEOM_BOX,
+                pos=0.5 * (low + high),
+                size=np.maximum(0.5 * (high - low), 1e-4),
+            )
+        if rover.caster_m is not None:
+            caster = CASTER.format(owner)
+            self._own(caster, owner, is_round=True)
+            base.add_geom(
+                name=caster,
+                type=mujoco.mjtGeom.mjGEOM_SPHERE,
+                pos=rover.caster_m,
+                size=np.full(3, rover.caster_m[2]),
+                friction=(CASTER_FRICTION, *FRICTION[1:]),
+                priority=CASTER_PRIORITY,
+            )
+        for number, middle_m in enumerate(rover.wheels_m):
+            wheel = WHEEL.format(owner, number)
+            self._own(wheel, owner, is_round=True)
+            self._add_wheel(base, wheel, rover, middle_m, wheel_kg)
+
+    def _own(self, geom: str, robot: str, is_round: bool = False) -> None:
+        self.owners[geom] = self.robots[geom] = robot
+        if is_round:
+            self.wheel_geoms.add(geom)
+
+    def _add_wheel(
+        self, base: mujoco.MjsBody, name: str, rover: Rover, middle_m: Floats, mass_kg: float
+    ) -> None:
+        """Add a driven wheel: its tire is an ellipsoid, which meets the ground below its center."""
+        radius_m = rover.wheel_radius_m
+        wheel = base.add_body(name=name, pos=middle_m)
+        joint = wheel.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=(0.0, 1.0, 0.0))
+        wheel.add_geom(
+            name=name,
+            type=mujoco.mjtGeom.mjGEOM_ELLIPSOID,
+            size=(radius_m, WHEEL_WIDTH * radius_m, radius_m),
+            mass=mass_kg,
+            friction=(rover.friction, *FRICTION[1:]),
+            priority=TIRE_PRIORITY,
+        )
+        # the motor's inertia equals that of the wheel's share of the robot's mass
+        inertia = rover.mass_kg * radius_m**2 / len(rover.wheels_m)
+        joint.armature = inertia
+        servo = self.spec.add_actuator(name=name, trntype=mujoco.mjtTrn.mjTRN_JOINT, target=name)
+        servo.set_to_position(kp=inertia * SERVO_RADPS**2, kv=2.0 * inertia * SERVO_RADPS)
+
+
+def _quaternion(rotation: Floats) -> Floats:
+    """Quaternion (4,) wxyz of a rotation (3, 3)."""
+    return np.roll(poses.quaternion_from_rotation(rotation[None])[0], 1)

@@ -33,15 +33,8 @@ from pydantic import Field
 
 from omnisim.cameras.models.perspective import PerspectiveCamera
 from omnisim.core.arrays import Bools, Floats32, Indices
+from omnisim.core.files import parameters
 from omnisim.core.files.image_files import write_numbers
-from omnisim.core.files.parameters import (
-    Flag,
-    NotNegative,
-    Number,
-    Parameters,
-    Positive,
-    overriding,
-)
 from omnisim.core.pending import Pending
 from omnisim.core.poses import pose
 from omnisim.core.random_numbers import key_of, normal, pcg4d
@@ -68,31 +61,31 @@ Size = Annotated[int, Field(strict=True, ge=1, le=MAX_IMAGE_PX)]
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class DepthCamera(Parameters, SensorSettings, name="depth_camera"):
+class DepthCamera(parameters.Parameters, SensorSettings, name="depth_camera"):
     """Geometry and errors of a depth camera; the default is a Kinect of the first version."""
 
     width_px: Size = 640
     """Image width in pixels. Default here and for all further keys: the device's value."""
     height_px: Size = 480
     """Image height in pixels."""
-    focal_length_px: Positive = 580.0
+    focal_length_px: parameters.Positive = 580.0
     """Focal length in pixels; the optical axis passes through the image center."""
-    baseline_m: Positive = 0.075
+    baseline_m: parameters.Positive = 0.075
     """Distance in meters to the projector or the second camera, to the right."""
-    is_stereo: Flag = False
+    is_stereo: parameters.Flag = False
     """True: a second camera with the same image size, outside of whose image points are holes;
     false: a projector that lights all of it."""
-    range_min_m: Positive = 0.5
+    range_min_m: parameters.Positive = 0.5
     """Minimum depth along the optical axis in meters; nearer pixels are holes."""
-    range_max_m: Annotated[Number, Field(gt=0.0, le=MAX_RANGE_M)] = 5.0
+    range_max_m: Annotated[parameters.Number, Field(gt=0.0, le=MAX_RANGE_M)] = 5.0
     """Maximum depth along the optical axis in meters; farther pixels are holes."""
-    max_incidence_deg: Annotated[Number, Field(gt=0.0, le=90.0)] = 80.0
+    max_incidence_deg: Annotated[parameters.Number, Field(gt=0.0, le=90.0)] = 80.0
     """Maximum angle between ray and surface normal in degrees; steeper pixels are holes."""
-    disparity_sigma_px: NotNegative = 1.0 / 16.0
+    disparity_sigma_px: parameters.NotNegative = 1.0 / 16.0
     """Standard deviation of the disparity in pixels, including rounding."""
-    disparity_step_px: NotNegative = 1.0 / 8.0
+    disparity_step_px: parameters.NotNegative = 1.0 / 8.0
     """Step of the disparity in pixels; 0: no rounding."""
-    specular: Flag = True
+    specular: parameters.Flag = True
     """True: depths are those behind panes and in mirrors, in scenes with such materials; false:
     those of the first surface."""
 
@@ -255,11 +248,7 @@ class DepthCamera(Parameters, SensorSettings, name="depth_camera"):
 
 
 class _Views:
-    """Render passes of the camera and of the second view.
-
-    Args:
-        backends: back ends of the camera and of the second view.
-    """
+    """Render passes of the camera and of the second view."""
 
     def __init__(self, backends: Iterable[CameraBackend]):
         self.first, self.second = backends
@@ -371,7 +360,7 @@ class DepthRenderer(Instrument[DepthCamera, _Views, DepthImage]):
 DEVICES = {"kinect_v1": DepthCamera.kinect_v1, "d435": DepthCamera.d435}
 
 
-@overriding(DepthCamera)
+@parameters.overriding(DepthCamera)
 class DepthCameraTable(SensorTable):
     """Depth camera, looking along x; the drive's seed determines its errors."""
 
@@ -380,7 +369,7 @@ class DepthCameraTable(SensorTable):
     type: Literal["depth_camera"]
     device: Literal["kinect_v1", "d435"] = "kinect_v1"
     """Device that sets size, field of view, range and errors: "kinect_v1" or Intel's "d435"."""
-    noise: Flag = True
+    noise: parameters.Flag = True
     """True: the device's errors; false: depths exact to the millimeter, with holes."""
 
     def sensor(self) -> DepthCamera:

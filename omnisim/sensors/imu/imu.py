@@ -70,13 +70,7 @@ class ImuErrors(Parameters, name="imu", in_radians=True):
     """Standard deviation of the specific force's initial bias, m/s². Default: 0."""
 
     def biases(self, count: int, rate_hz: float, key: int) -> Floats:
-        """Biases (count, 6) of the first `count` readings: three rates, then three forces.
-
-        Args:
-            count: number of readings.
-            rate_hz: readings per second.
-            key: key of the random numbers.
-        """
+        """Biases (count, 6) of the first `count` readings: three rates, then three forces."""
         walk = self._six(
             self.gyro_bias_walk_radps2_per_sqrt_hz, self.accel_bias_walk_mps3_per_sqrt_hz
         )
@@ -89,13 +83,7 @@ class ImuErrors(Parameters, name="imu", in_radians=True):
         return np.cumsum(biases, axis=0, out=biases)
 
     def noise(self, indices: Ints, rate_hz: float, key: int) -> Floats:
-        """White noise (n, 6) of readings (n,): three rates, then three forces.
-
-        Args:
-            indices: (n,) indices of the readings.
-            rate_hz: readings per second.
-            key: key of the random numbers.
-        """
+        """White noise (n, 6) of readings by their indices (n,): three rates, then three forces."""
         density = self._six(self.gyro_noise_radps_per_sqrt_hz, self.accel_noise_mps2_per_sqrt_hz)
         return density * math.sqrt(rate_hz) * _numbers(indices, _READING, key)[0]
 
@@ -148,17 +136,11 @@ def _numbers(indices: Ints, stream: int, key: int) -> Floats:
 
 @dataclass(frozen=True, repr=False)
 class Imu(SensorSettings):
-    """Inertial measurement unit.
+    """Inertial measurement unit."""
 
-    Attributes:
-        errors: noise and biases.
-        rate_hz: readings per second, which are averages over a period.
-        gravity_mps2: gravity along the world's −z.
-    """
-
-    errors: ImuErrors
-    rate_hz: float = 200.0
-    gravity_mps2: float = STANDARD_GRAVITY_MPS2
+    errors: ImuErrors  # noise and biases
+    rate_hz: float = 200.0  # readings per second, which are averages over a period
+    gravity_mps2: float = STANDARD_GRAVITY_MPS2  # gravity along the world's −z
 
     noun: ClassVar[str] = "IMU"
     suffixes: ClassVar[tuple[str, ...]] = (TABLE_SUFFIX,)

@@ -20,18 +20,7 @@ from pydantic import AfterValidator, Field
 
 from omnisim.core.arrays import Bools, Floats
 from omnisim.core.errors import OpticsError
-from omnisim.core.files.parameters import (
-    AboveZero,
-    Flag,
-    Fraction,
-    Level,
-    NotNegative,
-    Number,
-    Parameters,
-    Positive,
-    Seed,
-    overriding,
-)
+from omnisim.core.files import parameters
 from omnisim.core.pending import Pending
 from omnisim.core.short_repr import short_repr
 from omnisim.core.world import ObjectPart, WorldState
@@ -40,12 +29,7 @@ from omnisim.rendering.contract import RangeFinder
 from omnisim.rendering.instrument import Instrument
 from omnisim.rendering.sensor import TABLE_SUFFIX, Moment, Mount, SensorSettings
 from omnisim.rendering.shared_scene import SharedScene
-from omnisim.sensors.device_data import (
-    check_number,
-    round_ranges,
-    stated_parameters,
-    write_commented_csv,
-)
+from omnisim.sensors import device_data
 from omnisim.sensors.sensor_table import SensorTable
 
 LMS200_MODES = {"mm": (8.19, 0.001), "cm": (81.9, 0.01)}  # range_max_m and step_m: 13 bits
@@ -55,32 +39,32 @@ _DEVICE, _NOISE = 0, 1  # streams of random numbers
 
 
 @dataclass(frozen=True, kw_only=True)
-class LaserScanner(Parameters, SensorSettings, name="scanner"):
+class LaserScanner(parameters.Parameters, SensorSettings, name="scanner"):
     """Range and error model of a scanner; the default is an LMS200 in mm mode."""
 
-    field_of_view_deg: Annotated[Number, Field(gt=0.0, le=360.0)] = 180.0
+    field_of_view_deg: Annotated[parameters.Number, Field(gt=0.0, le=360.0)] = 180.0
     """Angle from the first beam to the last, symmetric about straight ahead."""
-    resolution_deg: Positive = 0.5
+    resolution_deg: parameters.Positive = 0.5
     """Angle between beams; the last beam is the last that fits."""
-    range_min_m: NotNegative = 0.1
+    range_min_m: parameters.NotNegative = 0.1
     """Minimum range; nearer hits are −inf (REP 117). That of the LMS200 is an assumption."""
     range_max_m: Annotated[float, Field(strict=True, gt=0.0, allow_inf_nan=True)] = 8.19
     """Maximum range; farther hits and misses are +inf."""
-    step_m: NotNegative = 0.001
+    step_m: parameters.NotNegative = 0.001
     """Ranges are rounded to multiples of this step; 0: no rounding."""
-    sigma_m: NotNegative = 0.005
+    sigma_m: parameters.NotNegative = 0.005
     """Standard deviation of a range's normally distributed error."""
-    sigma_per_m: NotNegative = 0.0
+    sigma_per_m: parameters.NotNegative = 0.0
     """Relative error, added to `sigma_m` as the root of the sum of squares."""
-    systematic_error_m: NotNegative = 0.015
+    systematic_error_m: parameters.NotNegative = 0.015
     """Bound of the device's constant error, which is drawn once from the seed. Its uniform
     distribution is an assumption."""
-    seed: Seed = 0
+    seed: parameters.Seed = 0
     """Seed of the device, which determines its errors."""
-    specular: Flag = True
+    specular: parameters.Flag = True
     """True: beams pass panes and are reflected by mirrors, in scenes with such materials, and the
     strongest return counts; false: they end at the first surface."""
-    min_intensity: Fraction = 0.1
+    min_intensity: parameters.Fraction = 0.1
     """See `SpinningLidar`; an assumption."""
 
     noun: ClassVar[str] = "scanner"
@@ -230,7 +214,7 @@ class LaserScanner(Parameters, SensorSettings, name="scanner"):
         Raises:
             OpticsError: the scan number is not a whole number of 32 bits.
         """
-        check_number("scanner: scan_number", scan_number)
+        device_data.check_number("scanner: scan_number", scan_number)
         hit = np.isfinite(true_ranges_m)
         ranges = np.asarray(true_ranges_m, dtype=np.float64)[hit]
         if self.sigma_m or self.sigma_per_m:
@@ -238,7 +222,7 @@ class LaserScanner(Parameters, SensorSettings, name="scanner"):
             noise = random.standard_normal(self.beams)[hit]  # independent of which beams hit
             ranges = ranges + noise * np.hypot(self.sigma_m, self.sigma_per_m * ranges)
         ranges = ranges + self.device_error_m
-        ranges = round_ranges(ranges, self.step_m)
+        ranges = device_data.round_ranges(ranges, self.step_m)
         measured = np.full(len(true_ranges_m), np.inf)
         measured[hit] = np.where(ranges > self.range_max_m, np.inf, ranges)
         measured[measured < self.range_min_m] = -np.inf
@@ -301,7 +285,7 @@ class Scan:
         """
         header = {
             **self.metadata,
-            **stated_parameters(self.scanner),
+            **device_data.stated_parameters(self.scanner),
             "world_from_scanner": self.world_from_scanner.tolist(),
         }
         rows = (
@@ -310,7 +294,7 @@ class Scan:
                 zip(np.degrees(self.angles_rad), self.ranges_m, strict=True)
             )
         )
-        write_commented_csv(path, header, "beam,angle_deg,range_m", rows)
+        device_data.write_commented_csv(path, header, "beam,angle_deg,range_m", rows)
 
 
 class LaserRenderer(Instrument[LaserScanner, RangeFinder, Scan]):
@@ -358,18 +342,18 @@ def _check_resolution(resolution_deg: float) -> float:
     return resolution_deg
 
 
-@overriding(LaserScanner, "seed", "specular", defaults={})
+@parameters.overriding(LaserScanner, "seed", "specular", defaults={})
 class Lms200Table(SensorTable):
     """SICK LMS200 with the errors of one individual device."""
 
     sensor_class: ClassVar[type[SensorSettings]] = LaserScanner
 
     type: Literal["lms200"]
-    resolution_deg: Annotated[Number, AfterValidator(_check_resolution)] = 0.5
+    resolution_deg: Annotated[parameters.Number, AfterValidator(_check_resolution)] = 0.5
     """Angle between beams in degrees: 1 or 0.5 over 180°, or 0.25 over 100°."""
     mode: Literal["mm", "cm"] = "mm"
     """Range and step: "mm" up to 8.19 m by 1 mm, "cm" up to 81.9 m by 1 cm."""
-    noise: Flag = True
+    noise: parameters.Flag = True
     """True: the device's errors; false: ranges are exact except for rounding."""
 
     def sensor(self) -> LaserScanner:
@@ -378,22 +362,22 @@ class Lms200Table(SensorTable):
         return scanner if self.noise else scanner.without_noise()
 
 
-@overriding(LaserScanner, "seed", "specular", defaults={})
+@parameters.overriding(LaserScanner, "seed", "specular", defaults={})
 class RangeScannerTable(SensorTable):
     """Range scanner with USARSim's parameters; the default is USARSim's SICK LMS200."""
 
     sensor_class: ClassVar[type[SensorSettings]] = LaserScanner
 
     type: Literal["usarsim_range_scanner"]
-    scan_fov_rad: Annotated[Number, Field(gt=0.0, le=6.2832)] = 3.14159
+    scan_fov_rad: Annotated[parameters.Number, Field(gt=0.0, le=6.2832)] = 3.14159
     """Angle from the first beam to the last in radians: USARSim's ScanFov."""
-    resolution_rad: AboveZero = 0.01745
+    resolution_rad: parameters.AboveZero = 0.01745
     """Angle between beams in radians: USARSim's Resolution."""
-    max_range_m: AboveZero = 20.0
+    max_range_m: parameters.AboveZero = 20.0
     """Maximum range in meters; farther hits are out of range: USARSim's MaxRange."""
-    min_range_m: Level = 0.0
+    min_range_m: parameters.Level = 0.0
     """Minimum range in meters; nearer hits are too near: USARSim's MinRange."""
-    noise_share: Level = 0.001
+    noise_share: parameters.Level = 0.001
     """Standard deviation relative to the range: USARSim's Noise."""
 
     def sensor(self) -> LaserScanner:

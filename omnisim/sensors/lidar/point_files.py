@@ -32,13 +32,9 @@ _PLY_TYPES = {"<f4": "float", "<u2": "ushort", "<u4": "uint"}
 def write_points(
     path: Path, points: NDArray[np.void], world_from_lidar: Pose, metadata: Mapping[str, Any]
 ) -> None:
-    """Atomically write points as .ply or .pcd, depending on the path's suffix.
+    """Atomically write points (n,) of type `POINT` as .ply or .pcd, depending on the path's suffix.
 
-    Args:
-        path: output path.
-        points: (n,) points of type `POINT`, as in `PointCloud`.
-        world_from_lidar: (4, 4) viewpoint.
-        metadata: header comments, written as `key: value` with the value in JSON.
+    The header's comments are `key: value` lines of the metadata, with the values in JSON.
 
     Raises:
         OutputError: the file cannot be written.

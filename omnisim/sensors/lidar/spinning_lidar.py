@@ -25,16 +25,7 @@ from pydantic import Field
 
 from omnisim.core.arrays import Floats, Floats32, Indices
 from omnisim.core.errors import OmnisimError
-from omnisim.core.files.parameters import (
-    Flag,
-    Fraction,
-    NotNegative,
-    Number,
-    Parameters,
-    Positive,
-    Seed,
-    overriding,
-)
+from omnisim.core.files import parameters
 from omnisim.core.pending import Pending
 from omnisim.core.rate import LATE
 from omnisim.core.short_repr import short_repr
@@ -60,11 +51,11 @@ HDL64E_ELEVATIONS_DEG = (
 )
 
 Returns = Annotated[int, Field(strict=True, ge=1, le=2)]
-Elevation = Annotated[Number, Field(ge=-MAX_ELEVATION_DEG, le=MAX_ELEVATION_DEG)]
+Elevation = Annotated[parameters.Number, Field(ge=-MAX_ELEVATION_DEG, le=MAX_ELEVATION_DEG)]
 
 
 @dataclass(frozen=True, kw_only=True)
-class SpinningLidar(Parameters, SensorSettings, name="lidar"):
+class SpinningLidar(parameters.Parameters, SensorSettings, name="lidar"):
     """Rings and range model of a lidar; the default is a VLP-16 at 10 revolutions per second."""
 
     elevations_deg: Annotated[tuple[Elevation, ...], Field(min_length=1, max_length=MAX_RINGS)] = (
@@ -74,25 +65,25 @@ class SpinningLidar(Parameters, SensorSettings, name="lidar"):
     all further keys: the device's value."""
     firings: Annotated[int, Field(strict=True, ge=8, le=MAX_FIRINGS)] = 1800
     """Firings of all rings per revolution, evenly spaced; 1800 are 0.2° apart."""
-    rate_hz: Annotated[Number, Field(ge=0.01, le=1000.0)] = 10.0
+    rate_hz: Annotated[parameters.Number, Field(ge=0.01, le=1000.0)] = 10.0
     """Revolutions per second."""
-    range_min_m: NotNegative = 0.5
+    range_min_m: parameters.NotNegative = 0.5
     """Minimum range in meters; nearer hits give no point."""
-    range_max_m: Positive = 100.0
+    range_max_m: parameters.Positive = 100.0
     """Maximum range in meters; farther hits give no point."""
-    step_m: NotNegative = 0.002
+    step_m: parameters.NotNegative = 0.002
     """Ranges are rounded to multiples of this step in meters; 0: no rounding."""
-    sigma_m: NotNegative = 0.03
+    sigma_m: parameters.NotNegative = 0.03
     """Standard deviation of a range's normally distributed error in meters."""
-    seed: Seed = 0
+    seed: parameters.Seed = 0
     """Seed of the device, which determines its noise."""
-    specular: Flag = True
+    specular: parameters.Flag = True
     """True: beams pass panes and are reflected by mirrors, in scenes with such materials; false:
     they end at the first surface."""
     returns: Returns = 1
     """Returns per beam behind glass and mirrors: 1, the strongest; or 2, the strongest and the
     last, or the second strongest."""
-    min_intensity: Fraction = 0.1
+    min_intensity: parameters.Fraction = 0.1
     """Faintest return at the maximum range from specular surfaces, and from what is behind them; 1
     is a white surface met perpendicularly. Nearer returns may be fainter by the squared range. An
     assumption."""
@@ -251,10 +242,8 @@ class SpinningLidar(Parameters, SensorSettings, name="lidar"):
     ) -> NDArray[np.void]:
         """Points (n,) of beams, in the order of measurement.
 
-        Args:
-            ranges_m: (rings, firings) or (returns, rings, firings), +inf for misses.
-            instances: instance IDs, of the same shape.
-            intensities: intensities, of the same shape.
+        Ranges, +inf for misses, instance IDs and intensities are (rings, firings) or (returns,
+        rings, firings).
         """
         shape = (-1, self.rings, self.firings)
         ranges_m, instances = ranges_m.reshape(shape), instances.reshape(shape)
@@ -390,7 +379,7 @@ class LidarRenderer(Instrument[SpinningLidar, BeamCaster, PointCloud]):
 DEVICES = {"vlp16": SpinningLidar.vlp16, "hdl64e": SpinningLidar.hdl64e}
 
 
-@overriding(SpinningLidar)
+@parameters.overriding(SpinningLidar)
 class LidarTable(SensorTable):
     """Spinning 3-D lidar; missing keys default to the device's values."""
 
@@ -399,7 +388,7 @@ class LidarTable(SensorTable):
     type: Literal["lidar"]
     device: Literal["vlp16", "hdl64e"] = "vlp16"
     """Velodyne's VLP-16 (16 rings, ±15°) or HDL-64E S2 (64 rings, −24.3° to 2°)."""
-    noise: Flag = True
+    noise: parameters.Flag = True
     """True: the device's noise; false: ranges are exact except for rounding."""
     file_format: Literal["ply", "pcd"] = "ply"
     """Binary format of the point clouds: PLY, or PCD of the Point Cloud Library."""
@@ -430,12 +419,7 @@ def plan_revolution(
 ) -> Revolution:
     """Cut a revolution into slices that are short enough; a static one is a single slice.
 
-    Args:
-        firings: number of firings in the revolution.
-        period_s: duration of the revolution.
-        poses_at: function that returns the poses at a time in seconds.
-        start_s: time of the first firing.
-        boxes: bounding boxes of all moving objects.
+    It starts at `start_s`; `boxes` are those of all moving objects.
 
     Raises:
         OmnisimError: the lidar turns too fast.

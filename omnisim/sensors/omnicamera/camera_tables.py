@@ -11,13 +11,12 @@ from pathlib import Path
 from typing import ClassVar, Literal
 
 from omnisim.core.errors import CalibrationError, RobotFileError
-from omnisim.core.files.parameters import Coordinate
+from omnisim.core.files.parameters import Coordinate, Name
 from omnisim.core.files.toml_file import find_beside
 from omnisim.core.poses import inverse, pose_from_rotation
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.sensor import Mount, SensorSettings
-from omnisim.sensors.sensor_names import Name, SensorName, folder_name
-from omnisim.sensors.sensor_table import SensorTable
+from omnisim.sensors.sensor_table import SensorName, SensorTable, folder_name
 
 
 class OmniCameraTable(SensorTable):

@@ -22,14 +22,7 @@ import numpy as np
 from pydantic import Field
 
 from omnisim.core.arrays import Floats
-from omnisim.core.files.parameters import (
-    NotNegative,
-    Number,
-    Parameters,
-    Positive,
-    Seed,
-    overriding,
-)
+from omnisim.core.files import parameters
 from omnisim.core.pending import Pending
 from omnisim.core.poses import pose
 from omnisim.core.short_repr import short_repr
@@ -47,22 +40,22 @@ Count = Annotated[int, Field(strict=True, ge=1, le=360)]
 
 
 @dataclass(frozen=True, kw_only=True)
-class RangeSensor(Parameters, SensorSettings, name="range_sensor"):
+class RangeSensor(parameters.Parameters, SensorSettings, name="range_sensor"):
     """Cone and error model of a range sensor; the default is USARSim's sonar."""
 
-    beam_angle_deg: Annotated[Number, Field(ge=0.0, lt=180.0)] = 20.0
+    beam_angle_deg: Annotated[parameters.Number, Field(ge=0.0, lt=180.0)] = 20.0
     """Full opening angle of the cone; 0: one ray."""
     cones: Count = 10
     """Number of ray cones from the axis to the edge: USARSim's numberOfCones."""
     rays_per_cone: Count = 16
     """Number of rays per cone, evenly spaced about the axis: USARSim's tracesPerCone."""
-    range_min_m: NotNegative = 0.1
+    range_min_m: parameters.NotNegative = 0.1
     """Minimum range in meters; nearer hits are too near, −inf (REP 117): USARSim's MinRange."""
-    range_max_m: Positive = 5.0
+    range_max_m: parameters.Positive = 5.0
     """Maximum range in meters; farther hits are out of range, +inf: USARSim's MaxRange."""
-    noise_share: NotNegative = 0.001
+    noise_share: parameters.NotNegative = 0.001
     """Standard deviation relative to the range: USARSim's Noise."""
-    seed: Seed = 0
+    seed: parameters.Seed = 0
     """Seed of the device, which determines its noise."""
 
     noun: ClassVar[str] = "range"
@@ -186,14 +179,14 @@ _ERRORS = ("range_max_m", "range_min_m", "noise_share", "seed")
 _INFRARED = {"range_min_m": 0.2, "range_max_m": 1.5}
 
 
-@overriding(RangeSensor, "cones", "rays_per_cone", *_ERRORS, defaults={})
+@parameters.overriding(RangeSensor, "cones", "rays_per_cone", *_ERRORS, defaults={})
 class SonarTable(SensorTable):
     """Sonar with USARSim's parameters: the nearest hit of rays in a cone about x."""
 
     sensor_class: ClassVar[type[SensorSettings]] = RangeSensor
 
     type: Literal["usarsim_sonar"]
-    beam_angle_rad: Annotated[Number, Field(gt=0.0, lt=math.pi)] = 0.349
+    beam_angle_rad: Annotated[parameters.Number, Field(gt=0.0, lt=math.pi)] = 0.349
     """Full opening angle of the cone in radians: USARSim's beamAngle."""
 
     def sensor(self) -> RangeSensor:
@@ -201,7 +194,7 @@ class SonarTable(SensorTable):
         return self.overriding(RangeSensor(beam_angle_deg=math.degrees(self.beam_angle_rad)))
 
 
-@overriding(RangeSensor, *_ERRORS, defaults=_INFRARED)
+@parameters.overriding(RangeSensor, *_ERRORS, defaults=_INFRARED)
 class InfraredTable(SensorTable):
     """Infrared sensor with USARSim's parameters: one ray along x."""
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from omnisim.apps.cli import completion
-from omnisim.robots.robot_lookup import builtin_robots
+from omnisim.robots.robot_file import builtin_robots
 from omnisim.scene import builtin_scenes
 
 # What a key press must not wait for.

@@ -13,8 +13,8 @@ from omnisim.apps.live.viewpoint_motion import (
     Place,
     WheelDrive,
 )
-from omnisim.robots.body_boxes import BodyBoxes
 from omnisim.robots.kinematics import Kinematics
+from omnisim.robots.vehicle import BodyBoxes
 from omnisim.scene import Scene
 
 LIMITS = Kinematics("differential", 1.0, 2.0, 0.5, 4.0)

@@ -15,6 +15,7 @@ from omnisim.core.files.image_files import read_image
 from omnisim.core.trajectories import read_trajectory
 from omnisim.datasets.export.export import export_run
 from omnisim.datasets.export.recording import Recording
+from omnisim.robots import parse_robot
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.drive import Drive
 from omnisim.runs.route import Route
@@ -132,20 +133,11 @@ def test_cameras_without_a_place_do_not_set_the_pace(fast_run, tmp_path):
 
 
 KISS_ICP = "from kiss_icp.tools.cmd import run; run()"  # its command kiss_icp_pipeline
-LIDAR = """
-name = "cart"
-[kinematics]
-type = "differential"
-max_speed_mps = 1.0
-max_turn_rate_degps = 30.0
-max_acceleration_mps2 = 0.5
-max_turn_acceleration_degps2 = 30.0
-[[sensors]]
-name = "lidar"
-type = "lidar"
-rate_hz = 10.0
-position_m = [0.0, 0.0, HEIGHT]
-"""
+CART = {
+    "name": "cart",
+    "kinematics": {"type": "differential", "max_speed_mps": 1.0, "max_turn_rate_degps": 30.0,
+                   "max_acceleration_mps2": 0.5, "max_turn_acceleration_degps2": 30.0},
+}  # fmt: skip
 # A lidar's height and waypoints. A flat floor's rings move with the lidar and hold KISS-ICP back:
 # the courtyard's, which is wide, are fewer from higher up.
 WAYS = {
@@ -174,9 +166,9 @@ def test_kiss_icp_finds_the_lidars_way(scene, tmp_path):
     pytest.importorskip("kiss_icp", reason="kiss-icp is not installed")
     pytest.importorskip("rosbags", reason="the extra ros is not installed")
     height_m, waypoints_m = WAYS[scene]
-    (tmp_path / "robot.toml").write_text(LIDAR.replace("HEIGHT", str(height_m)))
+    lidar = {"name": "lidar", "type": "lidar", "rate_hz": 10.0, "position_m": [0, 0, height_m]}
     (tmp_path / "way.csv").write_text(f"x_m,y_m\n{waypoints_m}")
-    vehicle = Vehicle.load(tmp_path / "robot.toml")
+    vehicle = Vehicle.from_robot(parse_robot(CART | {"sensors": [lidar]}, "cart"))
     route = Route(str(tmp_path / "way.csv"), step_m=1.0, step_deg=45.0)
     list(Drive(load_scene(scene), vehicle, route).plan().record(tmp_path / "run"))
     recording = Recording.read(tmp_path / "run")

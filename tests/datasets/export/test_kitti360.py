@@ -1,6 +1,7 @@
 """KITTI-360, read and projected as its development kit documents it."""
 
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -93,6 +94,7 @@ def test_the_imu_looks_ahead_right_and_down(kitti, run):
     np.testing.assert_allclose(poses[:, :3, 3], truth[:, :3, 3], atol=1e-9)
     np.testing.assert_allclose(poses[:, :3, 0], truth[:, :3, 0], atol=1e-9)
     np.testing.assert_allclose(poses[:, :3, 1], -truth[:, :3, 1], atol=1e-9)
+    assert load_calibration(kitti / "calibration").names == ["image_02", "image_03"]
     rows = np.loadtxt(kitti / "data_poses" / DRIVE / "cam0_to_world.txt")
     world_from_cam0 = poses @ _extrinsics(kitti)["image_00"]
     np.testing.assert_allclose(rows[:, 1:].reshape(-1, 4, 4), world_from_cam0, atol=1e-8)
@@ -117,20 +119,12 @@ def test_lidar_points_lie_in_the_world_where_the_lidar_saw_them(kitti, run):
     assert dates[1] == "2026-01-31 12:00:00.623456789"
 
 
-def test_our_reader_takes_the_calibrations_back(kitti):
-    calibration = load_calibration(kitti / "calibration")
-    assert calibration.names == ["image_02", "image_03"]
-
-
 def test_three_fisheyes_are_refused(run, tmp_path):
     """The fixture's run has two; its pinhole as a third."""
-    import shutil
-
     shutil.copytree(run, tmp_path / "run")
     shutil.copy(run / "fisheye" / "calibration.json", tmp_path / "run" / "front")
-    with pytest.raises(
-        OmnisimError, match="at most two fisheyes, as KITTI-360 has, got front, fis"
-    ):
+    words = "at most two fisheyes, as KITTI-360 has, got front, fis"
+    with pytest.raises(OmnisimError, match=words):
         list(export_run(tmp_path / "run", "kitti360", tmp_path / "out"))
     assert not (tmp_path / "out").exists()
 

@@ -4,14 +4,10 @@ import json
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from omnisim.core.files.image_files import read_image
-from omnisim.core.poses import inverse
-from omnisim.core.trajectories import read_trajectory, write_trajectory
 from omnisim.datasets.export.export import export_run
 from omnisim.datasets.export.export_format import ExportSettings
-from omnisim.robots import read_odometry
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")
 START_NS = 1_769_860_800_123_456_789
@@ -80,35 +76,3 @@ def test_a_mirror_has_flipped_images_no_depths_and_says_so(run, tmp_path):
     np.testing.assert_array_equal(flipped, own[:, ::-1])
     calibration = json.loads((tmp_path / "tum" / "calibration.json").read_text())
     assert calibration["cameras"][0]["camera"]["model"] == "unified"
-
-
-def test_errors_of_the_odometry_are_what_evo_finds(run, tmp_path):
-    """ATE without alignment, and RPE from step to step, of evo and by numpy over the same poses."""
-    metrics = pytest.importorskip("evo.core.metrics")
-    file_interface = pytest.importorskip("evo.tools.file_interface")
-    reckoned = read_odometry(run / "odometry.csv").dead_reckoned()
-    write_trajectory(tmp_path / "odometry.tum", reckoned)
-    files = run / "ground_truth.tum", tmp_path / "odometry.tum"
-    data = tuple(file_interface.read_tum_trajectory_file(file) for file in files)
-    true, found = (read_trajectory(file).world_from_base for file in files)
-
-    def evo_rms(metric):
-        metric.process_data(data)
-        return metric.get_statistic(metrics.StatisticsType.rmse)
-
-    def rms(errors):
-        return np.sqrt(np.mean(np.square(errors)))
-
-    translation, angle = (
-        metrics.PoseRelation.translation_part,
-        metrics.PoseRelation.rotation_angle_deg,
-    )
-    offsets_m = np.linalg.norm(found[:, :3, 3] - true[:, :3, 3], axis=-1)
-    assert rms(offsets_m) > 0.0
-    assert evo_rms(metrics.APE(translation)) == pytest.approx(rms(offsets_m), abs=1e-9)
-    steps = [inverse(poses[:-1]) @ poses[1:] for poses in (true, found)]
-    errors = inverse(steps[0]) @ steps[1]
-    lengths_m = np.linalg.norm(errors[:, :3, 3], axis=-1)
-    angles_deg = np.degrees(Rotation.from_matrix(errors[:, :3, :3]).magnitude())
-    assert evo_rms(metrics.RPE(translation)) == pytest.approx(rms(lengths_m), abs=1e-9)
-    assert evo_rms(metrics.RPE(angle)) == pytest.approx(rms(angles_deg), abs=1e-6)

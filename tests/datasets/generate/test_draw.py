@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import trimesh
 
 from omnisim.core.errors import PlanError
 from omnisim.datasets.generate.draw import draw, draw_indices
@@ -14,8 +15,6 @@ BALL = '[[objects]]\nfile = "ball.obj"\ncount = [2, 4]\ndistance_m = [0.5, 2.0]'
 
 
 def _ball(folder, radius_m=0.1):
-    import trimesh
-
     trimesh.creation.icosphere(subdivisions=1, radius=radius_m).export(folder / "ball.obj")
 
 
@@ -102,11 +101,8 @@ def test_colors_are_drawn_for_their_share(tmp_path):
     drawn = [draw(prepared, number, 0).colors for number in range(40)]
     assert {name.startswith("goal_") for one in drawn for name in one} == {True}
     assert {color for one in drawn for color in one.values()} == {(0.0, 1.0, 0.0)}
-    assert (
-        0.3
-        < np.mean([len(one) for one in drawn]) / len(prepared.instances(0, ["goal_*"], ""))
-        < 0.7
-    )
+    share = np.mean([len(one) for one in drawn]) / len(prepared.instances(0, ["goal_*"], ""))
+    assert 0.3 < share < 0.7
 
 
 def test_weights_part_the_samples(tmp_path):

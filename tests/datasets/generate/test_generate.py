@@ -1,8 +1,8 @@
 """Data sets on the command line: the same bytes, whatever happens in between."""
 
-import io
 import json
 import os
+import pickle
 import random
 import shutil
 import signal
@@ -97,7 +97,7 @@ def test_parts_make_the_whole(made, tmp_path):
 
 def test_a_damaged_shard_is_found_and_made_again(made, tmp_path):
     plan, out = made
-    assert _omnisim("generate", plan, "-o", tmp_path / "out").exit_code == 0
+    shutil.copytree(out, tmp_path / "out")
     tar = tmp_path / "out" / "shard-000001.tar"
     data = bytearray(tar.read_bytes())
     data[1000] ^= 1
@@ -115,9 +115,8 @@ def test_info_and_view(made, tmp_path):
     _, out = made
     done = _omnisim("dataset", "info", out)
     assert "samples      6 in 2 shards" in done.output
-    assert json.loads(_omnisim("dataset", "info", out, "--json").output)["channels"] == [
-        "range", "instance",
-    ]  # fmt: skip
+    content = json.loads(_omnisim("dataset", "info", out, "--json").output)
+    assert content["channels"] == ["range", "instance"]
     assert _omnisim("dataset", "view", out, "-o", tmp_path / "view.png").exit_code == 0
     height, width, _ = read_image(tmp_path / "view.png")[0].shape  # three by two, with captions
     assert (height > 2 * 3 * 32, width > 3 * 32) == (True, True)
@@ -127,8 +126,7 @@ def test_info_and_view(made, tmp_path):
 
 
 def test_the_card_counts_all_pixels(made):
-    _, out = made
-    shards = Shards(out)
+    shards = pickle.loads(pickle.dumps(Shards(made[1])))  # as a worker of torch's has it
     finite = sum(np.isfinite(shards[row]["range"]).sum() for row in range(len(shards)))
     assert shards.manifest.statistics.ranges.total() == finite
 
@@ -205,10 +203,9 @@ def test_estimate_and_preview(made, tmp_path):
 
 
 def _started(plan, out, *words):
-    return subprocess.Popen(
-        [sys.executable, "-c", MAIN, "generate", str(plan), "-o", str(out), *words],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
-    )  # fmt: skip
+    command = [sys.executable, "-c", MAIN, "generate", str(plan), "-o", str(out), *words]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    return subprocess.Popen(command, start_new_session=True, **pipes)
 
 
 @pytest.mark.slow
@@ -293,22 +290,13 @@ def test_hugging_face_datasets_reads_every_sample(made, tmp_path, monkeypatch):
 
 
 @pytest.mark.filterwarnings("ignore:__array__:DeprecationWarning")  # of its masks
-def test_pycocotools_takes_the_boxes(made, tmp_path, capsys):
+def test_pycocotools_takes_the_boxes_of_a_sample_and_of_all(made, tmp_path, capsys):
     coco = pytest.importorskip("pycocotools.coco", reason="pycocotools is not installed")
     _, out = made
     with tarfile.open(out / "shard-000000.tar") as tar:
-        content = json.load(io.TextIOWrapper(tar.extractfile("000000000.coco.json")))
-    (tmp_path / "boxes.json").write_text(json.dumps(content))
-    boxes = coco.COCO(str(tmp_path / "boxes.json"))
-    capsys.readouterr()
-    assert len(boxes.getAnnIds()) == len(content["annotations"]) > 0
-    mask = boxes.annToMask(boxes.loadAnns(boxes.getAnnIds()[:1])[0])
-    assert mask.any()
-
-
-def test_one_annotation_file_has_all_boxes(made, tmp_path, capsys):
-    coco = pytest.importorskip("pycocotools.coco", reason="pycocotools is not installed")
-    _, out = made
+        tar.extract("000000000.coco.json", tmp_path, filter="data")
+    boxes = coco.COCO(str(tmp_path / "000000000.coco.json"))
+    assert boxes.annToMask(boxes.loadAnns(boxes.getAnnIds()[:1])[0]).any()
     done = _omnisim("dataset", "convert", out, "-o", tmp_path / "coco")
     assert done.exit_code == 0, done.output
     boxes = coco.COCO(str(tmp_path / "coco" / "annotations.json"))
@@ -317,9 +305,10 @@ def test_one_annotation_file_has_all_boxes(made, tmp_path, capsys):
     assert [one["file_name"] for one in images] == [f"{n:09d}.png" for n in range(6)]
     shards = Shards(out)
     for row, image in enumerate(images):
+        sample = shards[row]
         pixels = read_image(tmp_path / "coco" / "images" / image["file_name"])[0]
-        np.testing.assert_array_equal(pixels, shards[row]["rgb"])
-        instances = shards[row]["instance"]
+        np.testing.assert_array_equal(pixels, sample["rgb"])
+        instances = sample["instance"]
         found = boxes.loadAnns(boxes.getAnnIds(imgIds=[image["id"]]))
         assert sorted(one["instance_id"] for one in found) == sorted(set(instances[instances > 0]))
     again = _omnisim("dataset", "convert", out, "-o", tmp_path / "coco")
@@ -341,18 +330,15 @@ def test_small_objects_are_left_out_of_splits_with_polygons(made, tmp_path, caps
     )  # fmt: skip
     assert done.exit_code == 0, done.output
     names, count = [], 0
+    same = {(one["image_id"], one["instance_id"]): one for one in everything.anns.values()}
     for split in ("train", "val"):
         boxes = coco.COCO(str(tmp_path / "coco" / f"annotations_{split}.json"))
         names += [image["file_name"] for image in boxes.imgs.values()]
         assert boxes.cats == everything.cats
         for one in boxes.anns.values():
             count += 1
-            (same,) = (
-                other
-                for other in everything.imgToAnns[one["image_id"]]
-                if other["instance_id"] == one["instance_id"]
-            )
-            np.testing.assert_array_equal(boxes.annToMask(one), everything.annToMask(same))
+            whole = everything.annToMask(same[one["image_id"], one["instance_id"]])
+            np.testing.assert_array_equal(boxes.annToMask(one), whole)
     capsys.readouterr()
     assert sorted(names) == [f"{n:09d}.png" for n in range(6)]
     assert count == sum(area >= least for area in areas) < len(areas)
@@ -367,53 +353,9 @@ def test_splits_stay_as_they_are_when_a_data_set_grows():
     assert CocoSettings().split_of(7) == ""
 
 
-@pytest.mark.slow
-def test_a_network_learns_depth_better_than_the_mean(tmp_path):
-    torch = pytest.importorskip("torch", reason="torch is not installed")
-    plan = write_plan(
-        tmp_path, "[viewpoints]\nheight_m = [0.4, 1.2]", scene="soccer", shards=2,
-        images_per_shard=100, channel_format="npy",
-    )  # fmt: skip
-    assert _omnisim("generate", plan, "-o", tmp_path / "out", "--workers", "2").exit_code == 0
-    torch.manual_seed(1)
-    loader = torch.utils.data.DataLoader(Shards(tmp_path / "out"), batch_size=None)
-    images, ranges = [], []
-    for sample in loader:
-        images.append(sample["rgb"].permute(2, 0, 1).float() / 255.0)
-        ranges.append(sample["range"].float())
-    images, ranges = torch.stack(images), torch.stack(ranges)
-    hit = torch.isfinite(ranges) & (ranges > 0.0)
-    logs = torch.log(torch.where(hit, ranges, torch.ones(())))
-    train, test = slice(0, 150), slice(150, 200)
-    pixel_sum, pixel_count = (logs * hit)[train].sum(0), hit[train].sum(0).clamp(min=1)
-    mean = pixel_sum / pixel_count  # of each pixel: what the mount alone tells
-    grid = torch.stack(torch.meshgrid(*[torch.linspace(-1, 1, 32)] * 2, indexing="ij"))
-    inputs = torch.cat((images, grid.expand(len(images), -1, -1, -1)), dim=1)
-    layers = torch.nn.Sequential(
-        torch.nn.Conv2d(5, 24, 5, padding=2), torch.nn.ReLU(),
-        torch.nn.Conv2d(24, 24, 5, padding=2), torch.nn.ReLU(),
-        torch.nn.Conv2d(24, 1, 5, padding=2),
-    )  # fmt: skip
-    optimizer = torch.optim.Adam(layers.parameters(), 3e-3)
-    for _ in range(400):
-        rows = torch.randint(0, 150, (16,))
-        found = layers(inputs[rows])[:, 0] + mean
-        loss = ((found - logs[rows]).abs() * hit[rows]).sum() / hit[rows].sum()
-        optimizer.zero_grad()
-        loss.backward()
-        optimizer.step()
-    with torch.no_grad():
-        found = layers(inputs[test])[:, 0] + mean
-    errors = [
-        ((one - logs[test]).abs() * hit[test]).sum() / hit[test].sum() for one in (found, mean)
-    ]
-    assert errors[0] < 0.9 * errors[1]
-
-
-def test_a_damaged_shard_is_named_and_made_again(made, tmp_path):
-    plan, whole = made
+def test_a_shard_with_a_damaged_header_is_named(made, tmp_path):
     out = tmp_path / "out"
-    shutil.copytree(whole, out)
+    shutil.copytree(made[1], out)
     content = bytearray((out / "shard-000001.tar").read_bytes())
     with tarfile.open(out / "shard-000001.tar") as tar:
         second = tar.getmember("000000004.channels.json")
@@ -423,9 +365,6 @@ def test_a_damaged_shard_is_named_and_made_again(made, tmp_path):
         done = _omnisim("dataset", *words)
         assert isinstance(done.exception, OmnisimError)
         assert "shard-000001.tar: is damaged: expected " in str(done.exception)
-    (out / "shard-000001.tar").unlink()
-    assert _omnisim("generate", plan, "-o", out).exit_code == 0
-    assert _tars(out) == _tars(whole)
 
 
 def test_free_floors_are_found_once_for_all_processes(tmp_path, monkeypatch):
@@ -463,3 +402,10 @@ def test_a_process_at_work_keeps_a_folder_that_another_gives_up(tmp_path, needs_
     list(second.run())
     list(Generation(path, folder).run())
     assert Generation(path, folder).finish() is not None
+
+
+def test_a_damaged_summary_is_none(tmp_path):
+    (tmp_path / "shard-000000.tar").write_bytes(b"")
+    for text in ("[" * 100_000, "[]", '{"shard": 1e999}', "\x00"):
+        (tmp_path / "shard-000000.json").write_text(text)
+        assert find_shard(tmp_path, 0) is None

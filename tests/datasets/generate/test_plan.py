@@ -24,10 +24,8 @@ from tests.datasets.plans import write_plan
         ('[[cameras]]\nsensor = "a"\noptics = "b"', "expected one of sensor, calibration"),
         ('[[cameras]]\nmirrored = true', "mirrored: expected a calibration beside it"),
         ("[[cameras]]", "cameras: name = 'paper': expected each name once"),
-        (
-            '[[scenes]]\nfile = "a/room.glb"\n[[scenes]]\nfile = "b/room.glb"',
-            "scenes: name = 'room': expected a name for each file, got 'a/room.glb' and",
-        ),
+        ('[[scenes]]\nfile = "a/room.glb"\n[[scenes]]\nfile = "b/room.glb"',
+         "scenes: name = 'room': expected a name for each file, got 'a/room.glb' and"),
     ],
 )  # fmt: skip
 def test_faults_of_the_plan(tmp_path, text, message):
@@ -62,14 +60,10 @@ def test_faults_of_its_keys(tmp_path, keys, message):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (
-            '[viewpoints]\nwhere = "path"\npaths = ["lapp"]',
-            "viewpoints.paths: 'lapp' in soccer: did you mean",
-        ),
-        (
-            '[viewpoints]\nwhere = "around"\nnodes = ["cow*"]',
-            "viewpoints.nodes = ['cow*']: no such object",
-        ),
+        ('[viewpoints]\nwhere = "path"\npaths = ["lapp"]',
+         "viewpoints.paths: 'lapp' in soccer: did you mean"),
+        ('[viewpoints]\nwhere = "around"\nnodes = ["cow*"]',
+         "viewpoints.nodes = ['cow*']: no such object"),
         ('[viewpoints]\nwhere = "poses"\nfile = "no.tum"', "no.tum: cannot be read"),
         ("[viewpoints]\nradius_m = 50.0", "no free floor"),
         ('[[objects]]\nfile = "no.glb"', "no.glb"),
@@ -77,7 +71,7 @@ def test_faults_of_its_keys(tmp_path, keys, message):
         ('[[cameras]]\nname = "b"\ncalibration = "no.yaml"', "no.yaml: cannot be read"),
         ('[[cameras]]\nname = "b"\npreset = "worst"', "preset 'worst'"),
     ],
-)
+)  # fmt: skip
 def test_faults_of_its_files(tmp_path, text, message):
     prepared = PreparedPlan.read(write_plan(tmp_path, text, scene="soccer"))
     with pytest.raises(OmnisimError) as caught:

@@ -1,7 +1,6 @@
 """Setups: light, sky and cameras that vary, as functions of seed and number."""
 
 import json
-import tarfile
 
 import numpy as np
 import pytest
@@ -61,13 +60,10 @@ def test_shards_are_the_same_whatever_was_made_before(tmp_path):
     noises = [one["parameters"]["noise"]["read_noise_e"] for one in degradations]
     assert len(set(noises)) == 3
     assert 1.0 <= min(noises) < max(noises) <= 50.0
-
-
-def test_without_setups_all_samples_have_the_first(tmp_path):
-    plan = _prepared(tmp_path).plan
-    assert {(one.light, one.camera) for one in (draw_indices(plan, n) for n in range(200))} == {
-        (0, 0)
-    }
+    assert "lamp_factors" in contents[0]["light"]["light"]
+    plain = _prepared(tmp_path).plan  # without setups all samples have the first
+    indices = [draw_indices(plain, number) for number in range(200)]
+    assert {(index.light, index.camera) for index in indices} == {(0, 0)}
 
 
 def test_parameters_are_added_to(tmp_path):
@@ -75,9 +71,8 @@ def test_parameters_are_added_to(tmp_path):
     before = prepared.rigs[0].first.model
     found = [setup_rig(prepared, 0, setup).first for setup in range(60)]
     scale = 32 / 360  # of the image, to the file's
-    added = np.array(
-        [(one.model.focal_length_px - before.focal_length_px) / scale for one in found]
-    )
+    focal_px = np.array([camera.model.focal_length_px for camera in found])
+    added = (focal_px - before.focal_length_px) / scale
     assert -20.0 <= added.min() < -10.0
     assert 10.0 < added.max() <= 20.0
     shifts = np.array([one.model.principal_point_px for one in found]) - before.principal_point_px
@@ -112,10 +107,8 @@ def test_lamps_have_factors_of_their_own(tmp_path):
     prepared = _prepared(tmp_path, text, scene="courtyard")
     before = prepared.scene(0).lighting
     drawn = setup_light(prepared, 0, 1)
-    factors = [
-        new.intensity / old.intensity
-        for old, new in zip(before.lights, drawn.scene.lighting.lights, strict=True)
-    ]
+    lamps = zip(before.lights, drawn.scene.lighting.lights, strict=True)
+    factors = [new.intensity / old.intensity for old, new in lamps]
     assert factors == pytest.approx(drawn.values["light"]["lamp_factors"])
     assert len(set(factors)) == len(factors)
     np.testing.assert_allclose(drawn.scene.lighting.ambient, 0.5 * np.array(before.ambient))
@@ -142,19 +135,14 @@ def test_exposure_is_in_stops(tmp_path):
         ("[vary.sky]\nhour = [0.0, 12.0]", "", "hour = 0.012: expected a sun above the"),
         ('[vary.sky]\nfiles = ["no.hdr"]', "", "sky.file = 'no.hdr': no such file beside it"),
         ('[vary.sky]\nfiles = ["a.hdr"]\nhour = 9.0', "", "hour: expected a clear sky, got files"),
-        ("[vary.sky]\nday = 9", "", "day: expected an hour beside it"),
         ("[vary.sky]\nturbidity = [1.0, 20.0]", "", "sky.turbidity: expected 2 to 10, got"),
-        ("[vary.sky]\nhour = [8, 99]", "", "vary.sky.hour: expected 0 to 24, got [8.0, 99.0]"),
         ("[vary]\nhour = [8, 9]", "", "vary.hour: unknown key; expected in [vary.sky]"),
         ("[vary.light]\nlamp_factor = [-1.0, 1.0]", "", "lamp_factor: expected factors of at"),
         ("[vary.light]\nlamp_temperature_k = 10.0", "", "temperature_k: expected 1667 to 25000"),
-        ("[vary]\nimages_per_setup = 0", "", "images_per_setup: expected a number ≥ 1, got 0"),
         ("", "parameters = { focal = 1.0 }", "focal: of model 'hyperbolic': did you"),
         ("", "parameters = { xi = 0.1 }", "parameters.xi: follows from the other parameters"),
-        ("", "parameters = { focal_length_px = [-9e3, 0] }", "plan.toml: cameras: "),
         ("", "parameters = { focal_length_px = [-9e3, 0] }", "focal_length_px: expected"),
         ("", "degradation = { noise = { read = 1.0 } }", "noise.read: unknown key; did you mean"),
-        ("", "degradation = { noisy = { read = 1.0 } }", "degradation.noisy: unknown key; did you"),
         ("", "degradation = { jpeg = { quality = [50, 200] } }", "jpeg.quality: expected"),
         ("[vary]\nexposure_ev = 1.0", 'preset = "webcam"', "meters its exposure: expected"),
     ],
@@ -172,13 +160,5 @@ def test_values_that_cannot_be_are_drawn_again(tmp_path):
     camera = "degradation = { jpeg = { quality = { normal = [60.0, 13.0] } } }"
     prepared = _prepared(tmp_path, camera=camera)
     prepared.check_setups()  # three deviations are within 1 to 100
-    found = [setup_rig(prepared, 0, setup).first.degradation.jpeg.quality for setup in range(400)]
+    found = [setup_rig(prepared, 0, setup).first.degradation.jpeg.quality for setup in range(100)]
     assert 1 <= min(found) < max(found) <= 100
-
-
-def test_shards_name_their_light(tmp_path):
-    plan = write_plan(tmp_path, "[vary.light]\nlamp_factor = [0.5, 2.0]")
-    assert _omnisim("generate", plan, "-o", tmp_path / "out").exit_code == 0
-    with tarfile.open(tmp_path / "out" / "shard-000000.tar") as tar:
-        member = tar.extractfile("000000000.json")
-        assert "lamp_factors" in json.load(member)["light"]["light"]

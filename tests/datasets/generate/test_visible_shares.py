@@ -20,6 +20,7 @@ pytestmark = pytest.mark.usefixtures("needs_opengl")
 
 CAMERA = OmniCamera().resized(160).with_quality("fast")
 HEIGHT_M = 0.6
+KEYS = {"channels": ["range", "instance"], "shards": 1, "images_per_shard": 2}
 # a row of balls, each before the next one, and a wall behind them
 BALLS = {f"ball_{n}": (1.0 + 0.8 * n, 0.5 * n, 0.3) for n in range(3)}
 
@@ -94,11 +95,10 @@ def _boxes(out):
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
     """Data sets of the same images: without limits, and with all shares recorded."""
-    keys = {"channels": ["range", "instance"], "shards": 1, "images_per_shard": 2}
     made = {}
     for name, limits in (("none", {}), ("shares", {"min_visible": 0.0})):
         folder = tmp_path_factory.mktemp(name)
-        plan = write_plan(folder, scene="courtyard", **keys, **limits)
+        plan = write_plan(folder, scene="courtyard", **KEYS, **limits)
         done = _omnisim("generate", plan, "-o", folder / "out")
         assert done.exit_code == 0, done.output
         made[name] = folder / "out"
@@ -120,10 +120,8 @@ def test_conversion_and_plan_leave_out_the_same_objects(recorded, tmp_path):
         if one["area"] >= least_px and one["visible_share"] >= least
     )
     assert 0 < len(wanted) < sum(one["area"] >= least_px for one in shares.values())
-    plan = write_plan(
-        tmp_path, scene="courtyard", channels=["range", "instance"], shards=1,
-        images_per_shard=2, min_visible=least, min_area_px=least_px,
-    )  # fmt: skip
+    limits = {"min_visible": least, "min_area_px": least_px}
+    plan = write_plan(tmp_path, scene="courtyard", **KEYS, **limits)
     assert _omnisim("generate", plan, "-o", tmp_path / "out").exit_code == 0
     kept = sorted((one["instance_id"], one["area"]) for one in _boxes(tmp_path / "out").values())
     assert kept == wanted
@@ -137,9 +135,8 @@ def test_conversion_and_plan_leave_out_the_same_objects(recorded, tmp_path):
 
 
 def test_unknown_shares_are_refused(recorded, tmp_path):
-    done = _omnisim(
-        "dataset", "convert", recorded["none"], "-o", tmp_path / "coco", "--min-visible", 0.5
-    )
+    words = "dataset", "convert", recorded["none"], "-o", tmp_path / "coco", "--min-visible", 0.5
+    done = _omnisim(*words)
     assert isinstance(done.exception, PlanError)
     assert "--min-visible: expected a data set with the visible shares" in str(done.exception)
     assert list(tmp_path.iterdir()) == []

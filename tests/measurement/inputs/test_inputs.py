@@ -62,7 +62,7 @@ def bag(tmp_path):
     from omnisim.datasets.export.ros2.ros_messages import compressed_image, image
 
     pixels = np.arange(6 * 8 * 3, dtype=np.uint8).reshape(6, 8, 3)
-    with Bag(tmp_path / "drive", "mcap") as written:
+    with Bag.open(tmp_path / "drive", "mcap") as written:
         for number in range(3):
             stamp = STAMP_NS * (number + 1)
             written.write("/front", stamp, image(stamp, "camera", pixels + number))

@@ -31,22 +31,10 @@ AXES = (
 IMU_NOISE = """<noise><type>gaussian</type><mean>0.1</mean><stddev>0.02</stddev><bias_mean>1
 </bias_mean><bias_stddev>2</bias_stddev><dynamic_bias_stddev>3</dynamic_bias_stddev>
 <dynamic_bias_correlation_time>4</dynamic_bias_correlation_time><precision>5</precision></noise>"""
-LIMITS = "".join(
-    f"<{name}>0.5</{name}>"
-    for name in [
-        "wheel_radius",
-        "wheel_separation",
-        "max_linear_velocity",
-        "max_angular_velocity",
-        "max_linear_acceleration",
-        "max_angular_acceleration",
-        "max_velocity",
-        "min_velocity",
-        "max_wheel_torque",
-        "left_joint",
-        "odom_topic",
-    ]
-)
+NAMES = """wheel_radius wheel_separation max_linear_velocity max_angular_velocity
+max_linear_acceleration max_angular_acceleration max_velocity min_velocity max_wheel_torque
+left_joint odom_topic"""
+LIMITS = "".join(f"<{name}>0.5</{name}>" for name in NAMES.split())
 # A sensor or plugin of each table, with all kinds of its parts.
 PARTS = {
     ("camera", "camera"): f'<sensor name="s" type="camera">{HEAD}<camera name="c">{IMAGE}{NOISE}'
@@ -105,6 +93,7 @@ APART = ("save", "plugin")  # within ignored parts
 
 @pytest.mark.parametrize("case", PARTS, ids=lambda case: case[1])
 def test_each_part_of_a_sensor_changes_the_robot_or_is_noted(case, tmp_path):
+    assert {table for table, _ in PARTS} == set(ROBOT_TABLES)
     root = ElementTree.fromstring(PARTS[case])
     whole, known = _outcome(tmp_path, root), {}
     assert not isinstance(whole, str), whole
@@ -121,10 +110,6 @@ def test_each_part_of_a_sensor_changes_the_robot_or_is_noted(case, tmp_path):
     assert wrong == []
 
 
-def test_tables_have_a_sensor_here():
-    assert {table for table, _ in PARTS} == set(ROBOT_TABLES)
-
-
 @pytest.mark.parametrize("case", PARTS, ids=lambda case: case[1])
 def test_unknown_parts_of_a_sensor_are_named(case, tmp_path):
     root = ElementTree.fromstring(PARTS[case])
@@ -132,12 +117,8 @@ def test_unknown_parts_of_a_sensor_are_named(case, tmp_path):
     for number in range(count):
         other = copy.deepcopy(root)
         element = list(other.iter())[number]
-        if (element.text and element.text.strip()) or element.tag in (
-            "plugin",
-            "lens",
-            "type",
-            "save",
-        ):
+        is_text = element.text and element.text.strip()
+        if is_text or element.tag in ("plugin", "lens", "type", "save"):
             continue
         ElementTree.SubElement(element, "halo").text = "1"
         assert any("not read: halo" in one for one in _outcome(tmp_path, other)[1]), element.tag
@@ -145,13 +126,11 @@ def test_unknown_parts_of_a_sensor_are_named(case, tmp_path):
 
 def test_sensors_of_mujoco_without_a_counterpart_are_noted(tmp_path):
     pytest.importorskip("mujoco", reason="MuJoCo, an extra, is not installed")
-    sensors = (
-        '<sensor><gyro site="i"/><rangefinder site="i"/><touch site="i"/><magnetometer site="i"/>'
-        "</sensor>"
-    )
+    kinds = ("gyro", "rangefinder", "touch", "magnetometer")
+    sensors = "".join(f'<{kind} site="i"/>' for kind in kinds)
     inner = PAIR + '<site name="i"/><camera/><camera name="own"/>'
     world = '<camera name="room"/>'
-    (tmp_path / "a.xml").write_text(mujoco_model(inner, sensors, world))
+    (tmp_path / "a.xml").write_text(mujoco_model(inner, f"<sensor>{sensors}</sensor>", world))
     notices = import_model(tmp_path / "a.xml").notices
     assert "left out, as omnisim has no such sensor: magnetometer, rangefinder, touch" in notices
     assert "left out: camera room is the world's" in notices
@@ -171,12 +150,8 @@ def test_unknown_keys_of_usarsim_are_named(robot, tmp_path):
         path.write_text("\n".join([*lines[:at], "Halo=3", *lines[at:]]))
         notices = import_robot(path, robot).notices
         assert any("Halo" in one and "left out" in one for one in notices), section
-    at = next(
-        n
-        for n, one in enumerate(lines)
-        if "SICKLMS'" in one and n > lines.index(f"[{sections[1]}]")
-    )
-    path.write_text(
-        "\n".join([*lines[:at], lines[at].replace("(Item", "(Halo=1,Item", 1), *lines[at + 1 :]])
-    )
+    first = lines.index(f"[{sections[1]}]")
+    at = next(n for n, line in enumerate(lines) if "SICKLMS'" in line and n > first)
+    lines[at] = lines[at].replace("(Item", "(Halo=1,Item", 1)
+    path.write_text("\n".join(lines))
     assert any("Halo: left out" in one for one in import_robot(path, robot).notices)

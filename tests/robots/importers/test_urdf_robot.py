@@ -36,11 +36,7 @@ def load(tmp_path, text):
     imported = import_model(tmp_path / "cart.urdf")
     output = tmp_path / "robot.toml"
     imported.write(output)
-    return (
-        Vehicle.load(output),
-        tomllib.loads(output.read_text()),
-        imported.notices,
-    )
+    return Vehicle.load(output), tomllib.loads(output.read_text()), imported.notices
 
 
 def test_the_example_drives_on_two_wheels(tmp_path):
@@ -150,9 +146,8 @@ def test_sensors_of_gazebos_elements_are_on_their_links(tmp_path):
 
 
 def test_a_model_is_a_robot_without_a_robot_file(tmp_path):
-    (tmp_path / "cart.urdf").write_text(
-        urdf(wheel("left", 0.0, 0.2, 0.0), wheel("right", 0.0, -0.2, 0.0))
-    )
+    pair = wheel("left", 0.0, 0.2, 0.0) + wheel("right", 0.0, -0.2, 0.0)
+    (tmp_path / "cart.urdf").write_text(urdf(pair))
     robot, vehicle, notices = load_robot_model(tmp_path / "cart.urdf")
     assert robot.chassis.wheel_diameter_m == 0.2
     assert vehicle.body.name == "cart.urdf"  # wherever it is
@@ -164,12 +159,10 @@ def test_a_model_is_a_robot_without_a_robot_file(tmp_path):
     [
         ("<robot name='a'/>", r"cart\.urdf: robot: expected a <link>, got none"),
         ("<robot", r"cart\.urdf: not XML"),
-        (
-            urdf(wheel("a", 0, 0.1, 0.1, radius="x")),
-            r"link\[a\]/visual/geometry/cylinder: radius: expected a number, got 'x'",
-        ),
+        (urdf(wheel("a", 0, 0.1, 0.1, radius="x")),
+         r"link\[a\]/visual/geometry/cylinder: radius: expected a number, got 'x'"),
     ],
-)
+)  # fmt: skip
 def test_damaged_files_are_refused_in_one_line(tmp_path, text, message):
     (tmp_path / "cart.urdf").write_text(text)
     with pytest.raises(RobotFileError, match=message) as info:
@@ -177,7 +170,7 @@ def test_damaged_files_are_refused_in_one_line(tmp_path, text, message):
     assert "\n" not in str(info.value)
 
 
-def test_files_that_are_not_there():
+def test_files_that_are_not_there_or_have_no_class():
     with pytest.raises(RobotFileError, match=r"^nowhere\.urdf: no such file$"):
         load_robot_model(Path("nowhere.urdf"))
     with pytest.raises(RobotFileError, match="--class: expected none, as the file has one robot"):

@@ -76,12 +76,8 @@ def test_concave_solids_are_not_their_hulls():
     assert len(pieces) > 10
     along = np.column_stack((np.zeros((9, 2)), np.linspace(-2.5, 2.5, 9)))
     assert not _inside(pieces, along).any()
-
-
-def test_small_parts_are_their_hulls():
-    ring = trimesh.creation.annulus(0.1, 0.15, 0.1)
-    (piece,) = _pieces(solid(ring))
-    assert piece.shape.kind == "hull"
+    (small,) = _pieces(solid(trimesh.creation.annulus(0.1, 0.15, 0.1)))
+    assert small.shape.kind == "hull"  # small parts are their hulls
 
 
 @pytest.mark.parametrize("flipped", [False, True])
@@ -108,26 +104,21 @@ def test_flat_surfaces_are_cut_into_few_convex_polygons_of_the_same_area():
     assert sum(areas) == pytest.approx(len(cells))
     middle = np.array([[3.0, 3.0, 0.0]])
     for facet in facets:
-        hull = trimesh.convex.convex_hull(
-            np.concatenate((grid[facet].reshape(-1, 3), grid[facet].reshape(-1, 3) - (0, 0, 1)))
-        )
+        corners = grid[facet].reshape(-1, 3)
+        hull = trimesh.convex.convex_hull(np.concatenate((corners, corners - (0, 0, 1))))
         assert not hull.contains(middle - (0.0, 0.0, 0.5)).any()
 
 
-def test_flat_things_have_no_hull():
+def test_flat_things_have_no_hull_and_parts_out_of_the_region_are_left_out():
     assert hull_of(Scene.from_arrays("a", np.eye(3), [(0, 1, 2)])) is None
-
-
-def test_parts_out_of_the_region_are_left_out():
     region = Region(np.array([5.0, 5.0, 5.0]), np.full(3, 9.0), np.zeros((0, 3)))
     assert convex_pieces(solid(trimesh.creation.box((1.0, 1.0, 1.0))), region) == []
 
 
-@pytest.mark.parametrize("flatness", [1.0, 1e-2, 1e-5])
-@pytest.mark.parametrize("two_sided", [False, True])
+@pytest.mark.parametrize(("flatness", "two_sided"), [(1.0, True), (1e-2, False), (1e-5, True)])
 def test_any_triangles_are_pieces_that_mujoco_takes_without_a_word(flatness, two_sided, capfd):
     mujoco = pytest.importorskip("mujoco", reason="MuJoCo, an extra, is not installed")
-    from omnisim.runs.physics.world_model import WorldModel
+    from omnisim.runs.physics.simulation import WorldModel
 
     random = np.random.default_rng(7)
     sizes = 10.0 ** random.uniform(-4.0, 2.0, (200, 1, 1))

@@ -74,23 +74,11 @@ def test_first_beam_is_the_rightmost():
     assert scan.points_m.shape == (scan.hit.sum(), 3)
 
 
-@pytest.mark.parametrize("yaw_deg", [0.0, 180.0])
-def test_both_sides_of_a_surface_reflect(yaw_deg):
-    single_sided = Material()
-    at = pose((2.0, 0.0, 0.0), yaw_deg=yaw_deg)
-    scan = scan_of(scene_of([wall(0.0)], [single_sided], [at]))
-    assert scan.ranges_m[AHEAD] == pytest.approx(2.0, abs=ROUNDING_M)
-
-
-def test_beams_pass_through_holes():
-    pixels = np.full((2, 2, 4), 255, dtype=np.uint8)
-    pixels[:, 0, 3] = 0  # the left half, which is y > 0, is a hole
-    fence = Material(texture=Texture(pixels), alpha_mode=AlphaMode.MASK)
-    scan = scan_of(scene_of([wall(2.0), wall(3.0, material=1)], [fence, Material()]))
-    at = scan.ranges_m * np.cos(scan.angles_rad)
-    left, right = AHEAD + 20, AHEAD - 20  # 10 degrees
-    assert at[left] == pytest.approx(3.0, abs=ROUNDING_M)
-    assert at[right] == pytest.approx(2.0, abs=ROUNDING_M)
+def test_both_sides_of_a_single_sided_surface_reflect():
+    for yaw_deg in (0.0, 180.0):
+        at = pose((2.0, 0.0, 0.0), yaw_deg=yaw_deg)
+        scan = scan_of(scene_of([wall(0.0)], [Material()], [at]))
+        assert scan.ranges_m[AHEAD] == pytest.approx(2.0, abs=ROUNDING_M)
 
 
 def test_each_surface_has_its_own_holes():
@@ -163,7 +151,7 @@ def test_many_triangles_take_several_rows_of_work_groups(monkeypatch):
     np.testing.assert_array_equal(scan_of(scene, EXACT, at).ranges_m, expected.ranges_m)
 
 
-@pytest.mark.parametrize("count", [1, 32, 33, 256, 257, 513])
+@pytest.mark.parametrize("count", [1, 33, 256, 513])
 def test_the_last_triangle_counts(count):
     mesh = wall(2.0)
     flat = np.zeros((count - 1, 3), dtype=np.uint32)
@@ -186,13 +174,9 @@ def test_scenes_past_the_limit_of_the_gpu_are_refused(context, monkeypatch):
         RangePass(buffers, np.zeros(1))
 
 
-def test_scanner_of_one_beam():
-    scanner = dataclasses.replace(EXACT, field_of_view_deg=0.5, resolution_deg=1.0)
-    scan = scan_of(scene_of([room()]), scanner)
-    assert scan.ranges_m == pytest.approx([3.0], abs=1e-4)
-
-
 def test_noisy_scan_is_rounded_and_repeatable():
+    single = dataclasses.replace(EXACT, field_of_view_deg=0.5, resolution_deg=1.0)
+    assert scan_of(scene_of([room()]), single).ranges_m == pytest.approx([3.0], abs=1e-4)
     scene, at = scene_of([room()]), pose((0.5, 0.2, 0.0))
     true_m = scan_of(scene, EXACT, at).ranges_m
     with open_sensor(scene, LaserScanner()) as renderer:

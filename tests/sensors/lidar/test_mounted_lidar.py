@@ -73,8 +73,8 @@ def test_a_stopped_drive_goes_on_with_the_same_bytes(tmp_path, suffix):
 
 @pytest.mark.usefixtures("needs_opengl")
 def test_a_cloud_has_its_revolution_its_pose_and_known_instances(tmp_path):
-    drive = Drive(load_scene("soccer"), _vehicle(tmp_path), Route("lap", step_m=1.5))
-    plan = drive.plan()
+    route = Route("lap", step_m=6.0, step_deg=90.0)
+    plan = Drive(load_scene("soccer"), _vehicle(tmp_path), route).plan()
     list(plan.record(tmp_path / "run"))
     truth = read_trajectory(tmp_path / "run" / "ground_truth.tum")
     path = tmp_path / "run" / "lidar" / "000002.ply"
@@ -108,6 +108,8 @@ def test_a_cloud_has_its_revolution_its_pose_and_known_instances(tmp_path):
         ("elevations_deg = [1, 1]", r"elevations_deg: expected rising angles, got \(1.0, 1.0\)"),
         ("elevations_deg = [85]", "elevations_deg.*85"),
         ("range_min_m = 200", "range_min_m: expected less than range_max_m = 100, got 200"),
+        ("returns = 3", "returns: expected .*2, got 3"),
+        ("specular = 1", "specular: expected true or false"),
     ],
 )
 def test_lidars_that_cannot_be_mounted(tmp_path, keys, words):
@@ -117,7 +119,10 @@ def test_lidars_that_cannot_be_mounted(tmp_path, keys, words):
     assert "\n" not in str(caught.value)
 
 
-def test_a_lidar_without_noise(tmp_path):
+def test_a_lidar_by_its_keys(tmp_path):
+    (mount,) = _vehicle(tmp_path, "returns = 2\nmin_intensity = 0.3\nspecular = false").sensors
+    lidar = mount.sensor
+    assert (lidar.returns, lidar.min_intensity, lidar.specular) == (2, 0.3, False)
     (sensor,) = _vehicle(tmp_path, "noise = false\nsigma_m = 0.5").sensors
     assert sensor.sensor.sigma_m == 0.0
     assert sensor.sensor.step_m == 0.002

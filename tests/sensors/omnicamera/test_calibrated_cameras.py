@@ -44,9 +44,8 @@ def test_a_chain_is_on_the_mount_of_its_imu(robot, tmp_path):
     cam0_from_imu = np.array(chain["cam0"]["T_cam_imu"])
     cam1_from_imu = np.array(chain["cam1"]["T_cn_cnm1"]) @ cam0_from_imu
     assert [camera.name for camera in vehicle.cameras] == ["cam0", "cam1"]
-    for camera, camera_from_imu in zip(
-        vehicle.cameras, (cam0_from_imu, cam1_from_imu), strict=True
-    ):
+    extrinsics = cam0_from_imu, cam1_from_imu
+    for camera, camera_from_imu in zip(vehicle.cameras, extrinsics, strict=True):
         expected = base_from_imu @ inverse(camera_from_imu)
         np.testing.assert_allclose(camera.sensor.base_from_optical, expected, atol=1e-12)
     assert [camera.time_shift_s for camera in vehicle.cameras] == [0.0, SHIFT_S]

@@ -21,7 +21,7 @@ from omnisim.datasets.export.export_formats import LAYOUTS
 from omnisim.datasets.generate.samples import MANIFEST, Shards, check_hashes, read_manifest
 from omnisim.ground_truth.boxes import BoxLimits
 from omnisim.plots.sample_sheet import SampleTiles, channel_tile, sample_sheet
-from omnisim.sensors.sensor_names import FOLDER_NAME
+from omnisim.sensors.sensor_table import FOLDER_NAME
 
 
 def info(request: DatasetInfoRequest) -> None:

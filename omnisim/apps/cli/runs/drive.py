@@ -25,7 +25,7 @@ from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.contacts import NO_SIZE, check_no_contact
 from omnisim.runs.drive import Drive, PlannedDrive, drive_together, plan_together
 from omnisim.runs.route import Route, route_digest
-from omnisim.sensors.sensor_names import FOLDER_NAME, folder_name
+from omnisim.sensors.sensor_table import FOLDER_NAME, folder_name
 
 if TYPE_CHECKING:  # needed by rigs only
     from omnisim.cameras.calibration.calibration import Rig

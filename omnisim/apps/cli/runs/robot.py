@@ -22,11 +22,10 @@ from omnisim.robots import (
     load_robot,
     read_robot,
 )
-from omnisim.robots.body_boxes import BodyBoxes
 from omnisim.robots.importers import usarsim
 from omnisim.robots.importers.importers import SUFFIXES, import_model
 from omnisim.robots.robot_file import robot_tables
-from omnisim.robots.vehicle import Vehicle
+from omnisim.robots.vehicle import BodyBoxes, Vehicle
 
 
 def list_robots() -> None:

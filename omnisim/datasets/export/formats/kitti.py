@@ -30,8 +30,7 @@ from omnisim.datasets.export.export_format import ExportFormat, ExportSettings, 
 from omnisim.datasets.export.formats.kitti360 import LIDAR_FROM_CAMERA
 from omnisim.datasets.export.formats.tum import write_lines
 from omnisim.datasets.export.lens_camera import LensCamera
-from omnisim.datasets.export.recording import RecordedCamera, Recording
-from omnisim.datasets.export.stored_clouds import StoredCloud
+from omnisim.datasets.export.recording import RecordedCamera, Recording, StoredCloud
 from omnisim.sensors.lidar.spinning_lidar import SpinningLidar
 
 SEQUENCE = "00"

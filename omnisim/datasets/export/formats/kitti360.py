@@ -270,8 +270,8 @@ def _instances(labels: Labels) -> Ints:
     Beyond 999 instances of a class, the number is 65536, which fits in no image.
     """
     numbers, counts = [0], dict[int, int]()
-    for one in labels.instances:
-        counts[one.class_id] = number = counts.get(one.class_id, 0) + 1
+    for instance in labels.instances:
+        counts[instance.class_id] = number = counts.get(instance.class_id, 0) + 1
         # further instances have no valid number
-        numbers.append(one.class_id * MAX_N + number if number < MAX_N else 1 << 16)
+        numbers.append(instance.class_id * MAX_N + number if number < MAX_N else 1 << 16)
     return np.array(numbers, dtype=np.int64)

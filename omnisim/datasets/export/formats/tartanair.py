@@ -27,7 +27,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.core.arrays import Bytes, Floats
+from omnisim.core.arrays import Bytes
 from omnisim.core.files.image_files import write_numbers
 from omnisim.core.poses import quaternion_from_rotation
 from omnisim.datasets.export.export_format import ExportSettings, OneCameraFormat, PrintNote
@@ -58,7 +58,9 @@ class Tartanair(OneCameraFormat):
     ) -> Iterator[int]:
         """Write the trajectory, image by image."""
         camera = LensCamera.of(recording.cameras[0], print_note)
-        name = tartanair_name(camera)
+        name = "lcam_equirect" if camera.is_panorama else "lcam_fish"
+        if camera.is_pinhole:
+            name = "lcam_front"
         root = folder / "P000"
         kinds = [kind for kind, channel in (("depth", "range"), ("seg", "semantic"))
                  if camera.recorded.has(channel)]  # fmt: skip
@@ -66,7 +68,10 @@ class Tartanair(OneCameraFormat):
         for kind in ("image", *kinds, *(["flow"] if has_flow else [])):
             (root / f"{kind}_{name}").mkdir(parents=True)
         poses = NED_FROM_WORLD @ recording.truth.world_from_base @ camera.base_from_lens
-        write_lines(root / f"pose_{name}.txt", _pose_lines(poses @ LENS_FROM_NED))
+        poses = poses @ LENS_FROM_NED
+        rows = np.column_stack((poses[:, :3, 3], quaternion_from_rotation(poses[:, :3, :3])))
+        lines = (" ".join(f"{value:.9f}" for value in row) for row in rows)
+        write_lines(root / f"pose_{name}.txt", lines)
         camera.save_calibration(root / "calibration.json")
         if "seg" in kinds:
             shutil.copyfile(recording.run.path / LABELS, root / LABELS)
@@ -74,19 +79,16 @@ class Tartanair(OneCameraFormat):
             camera.copy_image(step, root / f"image_{name}" / f"{step:06d}_{name}.png")
             for kind in kinds:
                 path = root / f"{kind}_{name}" / f"{step:06d}_{name}_{kind}.png"
-                write_numbers(path, _depths(camera, step) if kind == "depth" else
-                              _classes(camera, step))  # fmt: skip
+                if kind == "depth":
+                    write_numbers(path, _depths(camera, step))
+                else:  # in 8 bits as in the data set, or in 16 if an ID exceeds 255
+                    classes = camera.flip(camera.recorded.channel(step, "semantic"))
+                    fits = classes.max(initial=0) < 256
+                    write_numbers(path, classes.astype(np.uint8 if fits else np.uint16))
             if has_flow and step + 1 < recording.steps:
                 path = root / f"flow_{name}" / f"{step:06d}_{step + 1:06d}_flow.png"
                 write_numbers(path, _flow(camera, step))
             yield step + 1
-
-
-def tartanair_name(camera: LensCamera) -> str:
-    """Name of a camera in the data set."""
-    if camera.is_pinhole:
-        return "lcam_front"
-    return "lcam_equirect" if camera.is_panorama else "lcam_fish"
 
 
 def _depths(camera: LensCamera, step: int) -> Bytes:
@@ -97,12 +99,6 @@ def _depths(camera: LensCamera, step: int) -> Bytes:
         depths_m = camera.flip(camera.recorded.channel(step, "range"))
     depths_m = np.where(np.isfinite(depths_m), depths_m, FAR_M).astype("<f4")
     return depths_m.view(np.uint8).reshape(*depths_m.shape, 4)[..., (2, 1, 0, 3)]
-
-
-def _classes(camera: LensCamera, step: int) -> NDArray[np.uint8 | np.uint16]:
-    """Class IDs (height, width), in 8 bits as in the data set, or in 16 if an ID exceeds 255."""
-    classes = camera.flip(camera.recorded.channel(step, "semantic"))
-    return classes.astype(np.uint8) if classes.max(initial=0) < 256 else classes.astype(np.uint16)
 
 
 def _flow(camera: LensCamera, step: int) -> NDArray[np.uint16]:
@@ -118,9 +114,3 @@ def _flow(camera: LensCamera, step: int) -> NDArray[np.uint16]:
     mask[((steps < levels.min) | (steps > levels.max)).any(axis=-1)] = TOO_LONG
     u, v = np.moveaxis(np.clip(steps, levels.min, levels.max), -1, 0)
     return np.stack((mask, v, u), axis=-1).astype(np.uint16)
-
-
-def _pose_lines(poses: Floats) -> Iterator[str]:
-    quaternions = quaternion_from_rotation(poses[:, :3, :3])
-    for row in np.column_stack((poses[:, :3, 3], quaternions)):
-        yield " ".join(f"{value:.9f}" for value in row)

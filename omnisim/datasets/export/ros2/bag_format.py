@@ -30,9 +30,9 @@ import math
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
-from types import TracebackType
 from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
@@ -62,9 +62,8 @@ from omnisim.datasets.export.export_format import (
     ExportSettings,
     PrintNote,
 )
-from omnisim.datasets.export.recording import ImuReadings, RecordedCamera, Recording
+from omnisim.datasets.export.recording import ImuReadings, RecordedCamera, Recording, read_table
 from omnisim.datasets.export.ros2 import ros_messages as messages
-from omnisim.datasets.export.stored_clouds import read_table
 from omnisim.rendering.camera.omnicamera import CALIBRATION
 from omnisim.rendering.sensor import SensorSettings
 from omnisim.runs.run_folder import LABELS
@@ -79,6 +78,7 @@ from omnisim.sensors.range_sensor.range_sensor import RangeSensor
 
 BASE = "base_link"
 CLOUD_COLORS = "rgb"
+SCAN_COLUMNS = ("beam", "angle_deg", "range_m")
 LABELED = ("semantic", "instance")  # channels with numbers of the run's labels
 
 
@@ -121,12 +121,13 @@ class Stream(ABC):
         first_s = float(self.recording.times_s(self.name)[0])
         return self.recording.mount(world_from_sensor, first_s)
 
-    def _first_file(self, suffix: str) -> Path:
-        return self.recording.run.file(self.name, 0, suffix)
+    def _file(self, step: int) -> Path:
+        """Table of a measurement."""
+        return self.recording.run.file(self.name, step, ".csv")
 
 
-class CameraStream(Stream):
-    """Images, ranges and points of a camera."""
+class OpticalStream(Stream):
+    """Base of the streams of cameras, in their optical frames."""
 
     def __init__(self, recording: Recording, camera: RecordedCamera, settings: ExportSettings):
         super().__init__(recording, camera.name, settings)
@@ -134,14 +135,32 @@ class CameraStream(Stream):
         self.frame = f"{self.topic}_optical_frame"
         self.lens = true_lens(camera)
 
-    @property
-    def calibration(self) -> str:
-        """Text of the calibration, omnisim's JSON."""
-        return (self.camera.run.path / self.name / CALIBRATION).read_text(encoding="utf-8")
-
     def base_from_frame(self) -> Floats:
         """Pose (4, 4) of the optical frame on the base."""
         return self.camera.mount.base_from_optical
+
+    def _info(self, topic: str, stamp_ns: int) -> Iterator[StampedMessage]:
+        """The calibration, if ROS has the model."""
+        if self.lens is not None:
+            info = messages.camera_info_message(stamp_ns, self.frame, self.lens)
+            yield StampedMessage(f"/{self.topic}/{topic}", stamp_ns, info)
+
+    def _points(
+        self, topic: str, stamp_ns: int, points_m: Floats, colors: Bytes | None
+    ) -> StampedMessage:
+        """Point cloud with x, y, z; and with colors, rgb as ROS viewers expect."""
+        xyz = points_m.astype(np.float32)
+        columns: list[tuple[str, NDArray[Any]]] = list(zip("xyz", xyz.T, strict=True))
+        if colors is not None:
+            bgra = np.zeros((len(colors), 4), dtype=np.uint8)
+            bgra[:, :3] = colors[:, ::-1]
+            columns.append((CLOUD_COLORS, bgra.view(np.float32)[:, 0]))
+        cloud = messages.point_cloud(stamp_ns, self.frame, messages.point_fields(columns))
+        return StampedMessage(f"/{self.topic}/{topic}", stamp_ns, cloud)
+
+
+class CameraStream(OpticalStream):
+    """Images, ranges and points of a camera."""
 
     def messages_at(self, step: int, stamp_ns: int) -> Iterator[StampedMessage]:
         """Image, calibration if ROS has the model, labels, ranges, and points if requested."""
@@ -153,9 +172,7 @@ class CameraStream(Stream):
             yield StampedMessage(f"/{self.topic}/image_raw/compressed", stamp_ns, compressed)
         else:
             yield self._image("image_raw", stamp_ns, image)
-        if self.lens is not None:
-            info = messages.camera_info_message(stamp_ns, self.frame, self.lens)
-            yield StampedMessage(f"/{self.topic}/camera_info", stamp_ns, info)
+        yield from self._info("camera_info", stamp_ns)
         for name in LABELED:
             if self.camera.has(name):
                 yield self._image(name, stamp_ns, self.camera.channel(step, name))
@@ -165,42 +182,31 @@ class CameraStream(Stream):
         yield self._image("range", stamp_ns, ranges_m)
         if self.settings.with_points:
             points_m, hit = self.camera.points_m(ranges_m)
-            cloud = colored_points(points_m, None if image is None else image[hit])
-            message = messages.point_cloud(stamp_ns, self.frame, cloud)
-            yield StampedMessage(f"/{self.topic}/points", stamp_ns, message)
+            colors = None if image is None else image[hit]
+            yield self._points("points", stamp_ns, points_m, colors)
 
     def _image(self, topic: str, stamp_ns: int, pixels: Any) -> StampedMessage:
         message = messages.image(stamp_ns, self.frame, pixels)
         return StampedMessage(f"/{self.topic}/{topic}", stamp_ns, message)
 
 
-class DepthStream(Stream):
+class DepthStream(OpticalStream):
     """Depths of a depth camera."""
 
     def __init__(self, recording: Recording, name: str, settings: ExportSettings):
-        super().__init__(recording, name, settings)
-        self.camera = recording.depth_camera(name)
-        self.frame = f"{self.topic}_optical_frame"
-        self.lens = true_lens(self.camera)
-
-    def base_from_frame(self) -> Floats:
-        """Pose (4, 4) of the optical frame on the base."""
-        return self.camera.mount.base_from_optical
+        super().__init__(recording, recording.depth_camera(name), settings)
 
     def messages_at(self, step: int, stamp_ns: int) -> Iterator[StampedMessage]:
         """Depths in millimeters, the calibration, and points if requested."""
         depths = read_image(self.camera.image_file(step))[0][..., 0].astype(np.uint16)
         image = messages.image(stamp_ns, self.frame, depths)
         yield StampedMessage(f"/{self.topic}/depth/image_rect", stamp_ns, image)
-        if self.lens is not None:
-            info = messages.camera_info_message(stamp_ns, self.frame, self.lens)
-            yield StampedMessage(f"/{self.topic}/depth/camera_info", stamp_ns, info)
+        yield from self._info("depth/camera_info", stamp_ns)
         if self.settings.with_points:
             with np.errstate(divide="ignore"):
                 ranges_m = 1e-3 * np.where(depths, depths, np.inf) / self.camera.directions[..., 2]
             points_m, _ = self.camera.points_m(ranges_m)
-            message = messages.point_cloud(stamp_ns, self.frame, colored_points(points_m, None))
-            yield StampedMessage(f"/{self.topic}/depth/points", stamp_ns, message)
+            yield self._points("depth/points", stamp_ns, points_m, None)
 
 
 class ScanStream(Stream):
@@ -208,13 +214,12 @@ class ScanStream(Stream):
 
     def base_from_frame(self) -> Floats:
         """Pose (4, 4) of the scanner on the base."""
-        scan = read_table(self._first_file(".csv"), "beam", "angle_deg", "range_m").header
+        scan = read_table(self._file(0), *SCAN_COLUMNS).header
         return self._mount(scan.pose("world_from_scanner"))
 
     def messages_at(self, step: int, stamp_ns: int) -> Iterator[StampedMessage]:
         """Message of one scan."""
-        path = self.recording.run.file(self.name, step, ".csv")
-        scan = read_table(path, "beam", "angle_deg", "range_m")
+        scan = read_table(self._file(step), *SCAN_COLUMNS)
         limits_m = scan.header.number("range_min_m"), scan.header.number("range_max_m")
         angles_rad = np.radians(scan.columns["angle_deg"])
         message = messages.laser_scan(
@@ -228,12 +233,12 @@ class RangeStream(Stream):
 
     def base_from_frame(self) -> Floats:
         """Pose (4, 4) of the sensor on the base."""
-        header = read_table(self._first_file(".csv"), "range_m").header
+        header = read_table(self._file(0), "range_m").header
         return self._mount(header.pose("world_from_sensor"))
 
     def messages_at(self, step: int, stamp_ns: int) -> Iterator[StampedMessage]:
         """Message of one range."""
-        table = read_table(self.recording.run.file(self.name, step, ".csv"), "range_m")
+        table = read_table(self._file(step), "range_m")
         header = table.header
         message = messages.range_message(
             stamp_ns,
@@ -316,17 +321,6 @@ def true_lens(camera: RecordedCamera) -> CameraInfoLens | None:
     return None if encoded is None or encoded.metadata.mirrored else encoded.lens
 
 
-def colored_points(points_m: Floats, colors: Bytes | None) -> NDArray[np.void]:
-    """Records (n,) of points with x, y, z; and with colors, rgb as ROS viewers expect."""
-    xyz = points_m.astype(np.float32)
-    columns: list[tuple[str, NDArray[Any]]] = list(zip("xyz", xyz.T, strict=True))
-    if colors is not None:
-        bgra = np.zeros((len(colors), 4), dtype=np.uint8)
-        bgra[:, :3] = colors[:, ::-1]
-        columns.append((CLOUD_COLORS, bgra.view(np.float32)[:, 0]))
-    return messages.point_fields(columns)
-
-
 OpenStream = Callable[[Recording, str, ExportSettings], Stream]
 MAP, ODOM = "map", "odom"
 STREAMS: tuple[tuple[type[SensorSettings], OpenStream], ...] = (
@@ -362,7 +356,7 @@ class Ros2Bag(ExportFormat):
                     f"/{stream.topic}/calibration"
                 )
         folder.rmdir()  # rosbags creates it
-        with Bag(folder, self.storage) as bag:
+        with Bag.open(folder, self.storage) as bag:
             first_ns = stamps_ns[0]
             mounts = {(BASE, stream.frame): stream.base_from_frame() for stream in streams}
             if mounts:
@@ -370,16 +364,17 @@ class Ros2Bag(ExportFormat):
                 bag.write("/tf_static", first_ns, frames, is_latched=True)
             for stream in streams:
                 if isinstance(stream, CameraStream):
-                    content = messages.text(stream.calibration)
+                    file = recording.run.path / stream.name / CALIBRATION
+                    content = messages.text(file.read_text(encoding="utf-8"))
                     bag.write(f"/{stream.topic}/calibration", first_ns, content, is_latched=True)
             if recording.run.has(LABELS):
                 text = (recording.run.path / LABELS).read_text(encoding="utf-8")
                 bag.write("/labels", first_ns, messages.text(text), is_latched=True)
             for step, stamp_ns in enumerate(stamps_ns):
-                stamped = [one for stream in streams for one in stream.messages_of(step)]
+                stamped = [message for stream in streams for message in stream.messages_of(step)]
                 stamped += motion.between(step)
-                for one in sorted(stamped, key=lambda one: one.stamp_ns):
-                    bag.write(one.topic, one.stamp_ns, one.message)
+                for message in sorted(stamped, key=lambda message: message.stamp_ns):
+                    bag.write(*message)
                 motion.write(bag, step, stamp_ns)
                 yield step + 1
 
@@ -480,27 +475,24 @@ _UNLIMITED = QosTime(0, 0)
 
 
 class Bag:
-    """Bag open for writing to a new folder in a storage of `STORAGE`; a context manager."""
+    """Bag open for writing."""
 
-    def __init__(self, folder: Path, storage: str):
-        self._store = get_typestore(Stores.ROS2_HUMBLE)
-        self._writer = Writer(folder, version=VERSION, storage_plugin=STORAGE[storage])
+    def __init__(self, writer: Writer):
+        self._store, self._writer = get_typestore(Stores.ROS2_HUMBLE), writer
         self._connections: dict[str, Connection] = {}
 
-    def __enter__(self) -> Bag:
-        self._writer.open()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        reason: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        if kind is None:
-            self._writer.close()
-        else:
-            self._writer.abort()
+    @classmethod
+    @contextmanager
+    def open(cls, folder: Path, storage: str) -> Iterator[Bag]:
+        """Bag in a new folder, in a storage of `STORAGE`; for a `with` block."""
+        writer = Writer(folder, version=VERSION, storage_plugin=STORAGE[storage])
+        writer.open()
+        try:
+            yield cls(writer)
+        except BaseException:
+            writer.abort()
+            raise
+        writer.close()
 
     def write(self, topic: str, stamp_ns: int, message: object, is_latched: bool = False) -> None:
         """Write a message of a type in `omnisim.datasets.export.ros2.ros_messages`.

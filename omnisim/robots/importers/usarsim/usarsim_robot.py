@@ -17,25 +17,10 @@ import numpy as np
 from omnisim.core.errors import RobotFileError, did_you_mean
 from omnisim.core.trajectories.formats.parsed_trajectory import quote
 from omnisim.robots.importers.imported_robot import ImportedRobot, ImportedSensor
-from omnisim.robots.importers.usarsim.usarsim_parts import (
-    SI_UNITS,
-    UNREAL_UNITS,
-    Entry,
-    Notice,
-    Part,
-    Section,
-    Units,
-    angle_rad,
-    check,
-    length_m,
-    number,
-    parse_struct,
-    printable,
-    read_ini,
-    read_part,
-)
-from omnisim.sensors.sensor_names import folder_name
+from omnisim.robots.importers.usarsim import usarsim_parts as ini
+from omnisim.sensors.sensor_table import folder_name
 
+Sections = dict[str, ini.Section]
 SENSOR_KEYS = ("sensors", "cameras")
 _NAME = re.compile(r"(?:Part|Pkg|Item)Name\s*=\s*[\"']?([^\"',()]*)", re.IGNORECASE)
 
@@ -65,10 +50,10 @@ def import_robot(
     """
     if origin_height_m is not None and not abs(origin_height_m) <= 10.0:
         raise RobotFileError(f"origin height {origin_height_m:g} m: expected a number up to 10")
-    sections = read_ini(path)
+    sections = ini.read_ini(path)
     section = _robot_section(path, sections, robot_class)
-    units = UNREAL_UNITS if unreal_units else SI_UNITS
-    notices: list[Notice] = []
+    units = ini.UNREAL_UNITS if unreal_units else ini.SI_UNITS
+    notices: list[ini.Notice] = []
     parts = _parts(section, units, notices)
     sensors = _named(_sensors(parts, sections, units, notices), notices)
     if not sensors:
@@ -81,15 +66,15 @@ def import_robot(
                 "--origin-height sets its height",
             )
         )
-    unique = dict.fromkeys((line, printable(text)) for line, text in notices)
+    unique = dict.fromkeys((line, ini.printable(text)) for line, text in notices)
     unique_notices = sorted(unique, key=lambda notice: notice[0])
     raised_m = origin_height_m or 0.0
     heights = (f"Heights are {raised_m!r} m more than there.",) if raised_m else ()
     rest = [f"line {line}: {text}" for line, text in unique_notices]
     return ImportedRobot(
-        name=printable(section.name).rpartition(".")[2],
+        name=ini.printable(section.name).rpartition(".")[2],
         source=path,
-        section=f"[{printable(section.name)}]",
+        section=f"[{ini.printable(section.name)}]",
         sensors=sensors,
         notices=tuple(f"{path}:{line}: {text}" for line, text in unique_notices),
         comments=(*_HEAD, *heights, *(("Notices:", *rest) if rest else ())),
@@ -97,7 +82,7 @@ def import_robot(
     )
 
 
-def _robot_section(path: Path, sections: dict[str, Section], robot_class: str | None) -> Section:
+def _robot_section(path: Path, sections: Sections, robot_class: str | None) -> ini.Section:
     robots = {
         key: section
         for key, section in sections.items()
@@ -124,19 +109,20 @@ def _robot_section(path: Path, sections: dict[str, Section], robot_class: str | 
     return next(iter(robots.values()))
 
 
-def _parts(section: Section, units: Units, notices: list[Notice]) -> list[Part]:
+def _parts(section: ini.Section, units: ini.Units, notices: list[ini.Notice]) -> list[ini.Part]:
     """Read all parts with a class and a position; the other entries become notices."""
     parts, plain = [], []
     for entry in section.entries:
         if entry.key.lower() in SENSOR_KEYS:
-            parts.append(read_part(entry, units))
+            parts.append(ini.read_part(entry, units))
         elif not entry.value.startswith("("):
             plain.append(entry)
         else:
-            is_part = "itemclass" in parse_struct(entry) and not entry.key.startswith(("-", "!"))
+            is_removed = entry.key.startswith(("-", "!"))
+            is_part = "itemclass" in ini.parse_struct(entry) and not is_removed
             with suppress(RobotFileError):  # lamps and grippers, whose values do not matter
                 if is_part:
-                    parts.append(read_part(entry, units))
+                    parts.append(ini.read_part(entry, units))
                     continue
             named = _NAME.search(entry.value)
             name = f" {named[1]!r}" if named else ""
@@ -148,8 +134,8 @@ def _parts(section: Section, units: Units, notices: list[Notice]) -> list[Part]:
 
 
 def _sensors(
-    parts: list[Part], sections: dict[str, Section], units: Units, notices: list[Notice]
-) -> list[tuple[Entry, ImportedSensor]]:
+    parts: list[ini.Part], sections: Sections, units: ini.Units, notices: list[ini.Notice]
+) -> list[tuple[ini.Entry, ImportedSensor]]:
     """Sensors and the entries that describe them, in the order of the file."""
     cameras = find_cameras(parts)
     camera_parts = {id(part) for _, members in cameras for part in members}
@@ -171,7 +157,7 @@ def _sensors(
 
 
 def _named(
-    sensors: list[tuple[Entry, ImportedSensor]], notices: list[Notice]
+    sensors: list[tuple[ini.Entry, ImportedSensor]], notices: list[ini.Notice]
 ) -> list[ImportedSensor]:
     """Rename sensors to names that are valid in a robot file."""
     named: dict[str, ImportedSensor] = {}
@@ -205,9 +191,9 @@ _FILE = 'file = "omnicam.toml"  # a sensor file; without one: the paper\'s camer
 LOOKS_UP = 0.9998  # cosine of 1°
 
 
-def find_cameras(parts: list[Part]) -> list[tuple[ImportedSensor, list[Part]]]:
+def find_cameras(parts: list[ini.Part]) -> list[tuple[ImportedSensor, list[ini.Part]]]:
     """Find the omnidirectional cameras of a robot, and the parts of each camera."""
-    groups: list[list[Part]] = []
+    groups: list[list[ini.Part]] = []
     for part in parts:
         if _rank(part) is None:
             continue
@@ -234,13 +220,13 @@ def find_cameras(parts: list[Part]) -> list[tuple[ImportedSensor, list[Part]]]:
     return cameras
 
 
-def _rank(part: Part) -> int | None:
+def _rank(part: ini.Part) -> int | None:
     """Rank of a part: 0 whole camera, 1 mirror, 2 virtual camera, None any other part."""
     ranks = ((1, _MIRROR), (2, _VIRTUAL), (0, _OMNI))
     return next((rank for rank, pattern in ranks if pattern.search(part.short_class)), None)
 
 
-def _find_lens(lead: Part, parts: list[Part]) -> Part | None:
+def _find_lens(lead: ini.Part, parts: list[ini.Part]) -> ini.Part | None:
     """Camera that looks up at the lead part, a mirror, from below."""
     x, y, z = lead.position_m
     for part in parts:
@@ -261,12 +247,13 @@ def _find_lens(lead: Part, parts: list[Part]) -> Part | None:
 
 _SONAR, _INFRARED = re.compile(r"sonar(?!array)"), re.compile(r"^ir\d*(sensor)?$|infrared")
 _LENGTHS = {"maxrange": "range_max_m", "minrange": "range_min_m"}
+_LIMITS = ("range_min_m", "range_max_m")
 _COUNTS = {"numberofcones": "cones", "tracespercone": "rays_per_cone"}
 MAX_COUNT = 360
 
 
 def find_range_sensor(
-    part: Part, section: Section | None, units: Units, notices: list[Notice]
+    part: ini.Part, section: ini.Section | None, units: ini.Units, notices: list[ini.Notice]
 ) -> ImportedSensor | None:
     """Read a sonar or an infrared sensor, with the section of its class; None: another part."""
     is_sonar = _SONAR.search(part.short_class)
@@ -277,57 +264,39 @@ def find_range_sensor(
     for key, name in _LENGTHS.items():
         if key in entries:
             entry = entries[key]
-            values[name] = length_m(entry, entry.key, entry.value, units)
-            check(entry, values[name] >= 0.0, "0 or more")
+            values[name] = ini.length_m(entry, entry.key, entry.value, units)
+            ini.check(entry, values[name] >= 0.0, "0 or more")
     if "noise" in entries:
         values["noise_share"] = _noise_share(entries["noise"])
-    if is_sonar:
-        values |= _cone(entries, units)
-    _check_limits(entries, values, (0.1, 5.0) if is_sonar else (0.2, 1.5))
-    used = {*_LENGTHS, "noise", *({"beamangle", *_COUNTS} if is_sonar else ())}
-    unread = [entry.key for key, entry in entries.items() if key not in used]
-    kind = "sonar" if is_sonar else "infrared sensor"
-    if section is None:
-        notice = f"{part}: no [{part.class_name}]: assumed to be USARSim's {kind}"
-        notices.append((part.entry.line, notice))
-    elif unread:
-        notices.append((section.line, f"[{section.name}] {', '.join(unread)}: left out"))
-    return part.sensor("usarsim_sonar" if is_sonar else "usarsim_ir_sensor", values)
-
-
-def _cone(entries: dict[str, Entry], units: Units) -> dict[str, float]:
-    values: dict[str, float] = {}
-    if "beamangle" in entries:
+    if is_sonar and "beamangle" in entries:
         entry = entries["beamangle"]
-        values["beam_angle_rad"] = angle_rad(entry, entry.key, entry.value, units)
+        values["beam_angle_rad"] = ini.angle_rad(entry, entry.key, entry.value, units)
         is_cone = 0.0 < values["beam_angle_rad"] < math.pi
-        check(entry, is_cone, "more than 0 and less than half a turn")
-    for key, name in _COUNTS.items():
+        ini.check(entry, is_cone, "more than 0 and less than half a turn")
+    for key, name in _COUNTS.items() if is_sonar else ():
         if key in entries:
-            count = number(entries[key], entries[key].key, entries[key].value)
+            entry = entries[key]
+            count = ini.number(entry, entry.key, entry.value)
             is_count = count == round(count) and 1.0 <= count <= MAX_COUNT
-            check(entries[key], is_count, f"a whole number from 1 to {MAX_COUNT}")
+            ini.check(entry, is_count, f"a whole number from 1 to {MAX_COUNT}")
             values[name] = round(count)
-    return values
-
-
-def _noise_share(entry: Entry) -> float:
-    share = number(entry, entry.key, entry.value)
-    check(entry, share >= 0.0, "0 or more")
-    return share
-
-
-def _check_limits(
-    entries: dict[str, Entry], values: dict[str, float], defaults: tuple[float, float]
-) -> None:
-    """Raise an error that names the line if the minimum range is not below the maximum."""
-    least, most = values.get("range_min_m", defaults[0]), values.get("range_max_m", defaults[1])
+    defaults_m = (0.1, 5.0) if is_sonar else (0.2, 1.5)
+    least, most = (values.get(key, m) for key, m in zip(_LIMITS, defaults_m, strict=True))
     if not least < most:
         entry = entries.get("minrange") or entries["maxrange"]
         raise entry.fault(
             f"{entry.key} = {quote(entry.value)}: expected MinRange, {least:g} m, less than "
             f"MaxRange, {most:g} m"
         )
+    used = {*_LENGTHS, "noise", *({"beamangle", *_COUNTS} if is_sonar else ())}
+    _note_section(part, section, used, "sonar" if is_sonar else "infrared sensor", notices)
+    return part.sensor("usarsim_sonar" if is_sonar else "usarsim_ir_sensor", values)
+
+
+def _noise_share(entry: ini.Entry) -> float:
+    share = ini.number(entry, entry.key, entry.value)
+    ini.check(entry, share >= 0.0, "0 or more")
+    return share
 
 
 # Laser scanners in USARBot.ini: a part, with settings in its class's section.
@@ -339,7 +308,7 @@ TURN_RAD = 6.2832  # full turn as USARBot.ini rounds it
 
 
 def find_scanner(
-    part: Part, section: Section | None, units: Units, notices: list[Notice]
+    part: ini.Part, section: ini.Section | None, units: ini.Units, notices: list[ini.Notice]
 ) -> ImportedSensor | None:
     """Read a laser scanner, with the section of its class; None, with a notice: another part."""
     settings = {} if section is None else {entry.key.lower(): entry for entry in section.entries}
@@ -352,18 +321,18 @@ def find_scanner(
         return None
     values: dict[str, float] = {}
     for key, name, read in (
-        ("scanfov", "scan_fov_rad", angle_rad),
-        ("resolution", "resolution_rad", angle_rad),
-        ("maxrange", "max_range_m", length_m),
-        ("minrange", "min_range_m", length_m),
+        ("scanfov", "scan_fov_rad", ini.angle_rad),
+        ("resolution", "resolution_rad", ini.angle_rad),
+        ("maxrange", "max_range_m", ini.length_m),
+        ("minrange", "min_range_m", ini.length_m),
     ):
         if key in settings:
             entry = settings[key]
             values[name] = read(entry, entry.key, entry.value, units)
             if key == "minrange":
-                check(entry, values[name] >= 0.0, "0 or more")
+                ini.check(entry, values[name] >= 0.0, "0 or more")
             else:
-                check(entry, values[name] > 0.0, "more than 0")
+                ini.check(entry, values[name] > 0.0, "more than 0")
     if "noise" in settings:
         values["noise_share"] = _noise_share(settings["noise"])
     elif not is_sick:
@@ -371,16 +340,28 @@ def find_scanner(
     fov, resolution = values.get("scan_fov_rad", math.pi), values.get("resolution_rad", 0.01745)
     if fov > TURN_RAD or fov / resolution >= 100_000.0:
         entry = settings["scanfov" if fov > TURN_RAD else "resolution"]
-        check(entry, False, "at most a turn and fewer than 100000 beams")
+        ini.check(entry, False, "at most a turn and fewer than 100000 beams")
     least, most = values.get("min_range_m", 0.0), values.get("max_range_m", 20.0)
     if not least < most:
         entry = settings["minrange"]
         raise entry.fault(f"{entry.key} = {least:g} m: expected less than MaxRange, {most:g} m")
-    if section is None:
-        notice = f"{part}: no [{part.class_name}]: assumed to be USARSim's SICK LMS200"
-        notices.append((part.entry.line, notice))
-    else:
-        unread = [entry.key for key, entry in settings.items() if key not in _USED]
-        if unread:
-            notices.append((section.line, f"[{section.name}] {', '.join(unread)}: left out"))
+    _note_section(part, section, _USED, "SICK LMS200", notices)
     return part.sensor("usarsim_range_scanner", values)
+
+
+def _note_section(
+    part: ini.Part,
+    section: ini.Section | None,
+    used: set[str],
+    assumed: str,
+    notices: list[ini.Notice],
+) -> None:
+    """Note the keys of a class's section that are not used, or what a part without one is."""
+    if section is None:
+        notice = f"{part}: no [{part.class_name}]: assumed to be USARSim's {assumed}"
+        notices.append((part.entry.line, notice))
+        return
+    settings = {entry.key.lower(): entry.key for entry in section.entries}
+    unread = [written for key, written in settings.items() if key not in used]
+    if unread:
+        notices.append((section.line, f"[{section.name}] {', '.join(unread)}: left out"))

@@ -20,20 +20,18 @@ def struct_of(read, value):
     return parse_struct(read(f"[a]\nSensors={value}\n")["a"].entries[0])
 
 
-@pytest.mark.parametrize("ending", ["\n", "\r\n", "\r"])
-def test_sections_and_lines(read, ending):
+@pytest.mark.parametrize(
+    ("ending", "coding"),
+    [("\n", "utf-8"), ("\r\n", "utf-8-sig"), ("\r", "utf-16"), ("\n", "cp1252")],
+)
+def test_sections_and_lines(read, ending, coding):
     lines = ["; one", "", "[Bot.A] ; first", "x = 1", "// two", "[Bot.B]", "+Y(0)=(Z=1)", "[bot.a]"]
-    sections = read(ending.join([*lines, "X=2"]))
+    sections = read(ending.join([*lines, "X=Müller"]).encode(coding))
     assert list(sections) == ["bot.a", "bot.b"]
     assert (sections["bot.a"].name, sections["bot.a"].line) == ("Bot.A", 3)
     found = [(e.key, e.value, e.line) for e in sections["bot.a"].values_of("X")]
-    assert found == [("x", "1", 4), ("X", "2", 9)]
+    assert found == [("x", "1", 4), ("X", "Müller", 9)]
     assert [(e.key, e.value) for e in sections["bot.b"].entries] == [("Y", "(Z=1)")]
-
-
-@pytest.mark.parametrize("coding", ["utf-8", "utf-8-sig", "utf-16", "cp1252"])
-def test_codings(read, coding):
-    assert read("[a]\nx=Müller\n".encode(coding))["a"].entries[0].value == "Müller"
 
 
 def test_structs(read):
@@ -51,15 +49,12 @@ def test_structs(read):
     ("text", "words"),
     [
         ("", r":1: nothing in it: expected a USARBot\.ini with \[sections\]$"),
-        ("\n ; only words\n", r":1: nothing in it"),
         ("hello\n", r":1: 'hello': expected \[section\]$"),
         ("\nx=1\n[a]\n", r":2: 'x=1': expected \[section\]$"),
         ("[a]\n\nhello\n", r":3: 'hello': expected \[section\] or key=value$"),
         ("[a\n", r":1: '\[a': expected \[section\]$"),
-        ("[a] b\n", r":1: '\[a\] b': expected \[section\]$"),
         ("x" * 1000, r":1: 'x{40}…': expected"),
         (b"[a]\nx=1\n\x89PNG\x00\x01", r":3: not a text file: expected a USARBot\.ini$"),
-        (b"\x00\x00\x00", r":1: not a text file"),
     ],
 )
 def test_what_is_no_ini(read, tmp_path, text, words):
@@ -73,11 +68,9 @@ def test_what_is_no_ini(read, tmp_path, text, words):
     ("value", "words"),
     [
         ("(A=1", "Sensors: a parenthesis is not closed"),
-        ("(A=(X=1)", "Sensors: a parenthesis is not closed"),
         ("(A=1))", r"Sensors: '\)' after the last parenthesis: unbalanced parentheses"),
         ("(A=1) b", "Sensors: 'b' after the last parenthesis"),
         ("1", r"Sensors=1: expected \(\.\.\.\)"),
-        ("", r"Sensors=: expected \(\.\.\.\)"),
         ('(A="x)', "Sensors: A: a quote is not closed"),
         ("(A=b(c))", "Sensors: A: a parenthesis within a word"),
         ("(1,2)", r"Sensors: '1,2\)': expected name=value"),
@@ -91,7 +84,5 @@ def test_what_is_no_struct(read, value, words):
 
 
 def test_no_file(tmp_path):
-    with pytest.raises(RobotFileError, match="none: cannot be read: No such file"):
-        read_ini(tmp_path / "none")
     with pytest.raises(RobotFileError, match="cannot be read: Is a directory"):
         read_ini(tmp_path)

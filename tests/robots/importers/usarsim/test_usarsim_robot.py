@@ -44,11 +44,8 @@ def test_the_sample():
     robot = robot_of(imported)
     assert (robot.name, robot.title, robot.kinematics) == ("omnip2at", "OmniP2AT", None)
     omni, scanner, sonar = parse_sensors(robot)
-    assert (sonar.name, sonar.type, sonar.position_m) == (
-        "F1",
-        "usarsim_sonar",
-        (0.145, 0.13, 0.12),
-    )
+    assert (sonar.name, sonar.type) == ("F1", "usarsim_sonar")
+    assert sonar.position_m == (0.145, 0.13, 0.12)
     assert (omni.name, omni.type, omni.position_m) == ("Omni", "omnicamera", (-0.08, -0.02, 0.65))
     assert omni.yaw_deg == pytest.approx(-90.0, abs=1e-5)  # the mirror's: to the right
     assert (omni.roll_deg, omni.pitch_deg) == (0.0, 0.0)
@@ -86,19 +83,15 @@ def test_nothing_is_dropped_silently():
         assert f"# line {notice}" in imported.text(Path("robot.toml"))
 
 
-@pytest.mark.parametrize("turn", [(0.3, 0, 0), (0, 0.4, 0), (0, 0, 0.5), (0.3, -0.4, 2.5)])
-def test_axes(of, turn):
+def test_axes(of):
     """The rotation between the frames is half a turn about x, on both sides of the mount's."""
-    roll, pitch, yaw = turn
+    roll, pitch, yaw = 0.3, -0.4, 2.5
     text = part(place="X=1,Y=2,Z=3", turn=f"X={roll},Y={pitch},Z={yaw}")
     (mount,) = parse_sensors(robot_of(of(text)))
     assert mount.position_m == (1.0, -2.0, -3.0)
     rotation = rotation_from_roll_pitch_yaw(roll, pitch, yaw)  # in the frame with z down
     expected = OURS_FROM_USARSIM @ rotation @ OURS_FROM_USARSIM
     np.testing.assert_allclose(mount.base_from_mount[:3, :3], expected, atol=1e-9)
-
-
-def test_no_negative_zeros(of):
     assert "-0.0" not in of(part()).text(Path("robot.toml"))
 
 
@@ -122,20 +115,18 @@ def test_origin_height(of):
     assert any("--origin-height" in notice for notice in imported.notices)
 
 
-def test_a_whole_omnidirectional_camera_is_one(of):
+def test_whole_cameras_are_one_each_and_virtual_ones_a_level_camera(of):
     imported = of(part("OmniCam", "Eye", "X=0.1,Y=0,Z=-0.5", "X=0,Y=0,Z=0.5"), origin_height_m=0)
     (mount,) = parse_sensors(robot_of(imported))
-    assert (mount.name, mount.type) == ("Eye", "omnicamera")
-    assert mount.position_m == (0.1, 0.0, 0.5)
+    assert (mount.name, mount.type, mount.position_m) == ("Eye", "omnicamera", (0.1, 0.0, 0.5))
     assert mount.yaw_deg == pytest.approx(-math.degrees(0.5))
     assert imported.notices == ()
-
-
-def test_virtual_cameras_alone_are_a_level_camera(of):
     views = [part("CameraTextureClient", f"V{k}", "Z=-0.5", f"Z={k}") for k in range(4)]
     (mount,) = parse_sensors(robot_of(of(*views)))
     assert (mount.name, mount.position_m) == ("V0", (0.0, 0.0, 0.5))
     assert (mount.roll_deg, mount.pitch_deg, mount.yaw_deg) == (0.0, 0.0, 0.0)
+    two = of(part("OmniCam", "A", "Z=-0.5"), part("OmniCam", "B", "Z=-0.7"))
+    assert [mount.name for mount in parse_sensors(robot_of(two))] == ["A", "B"]
 
 
 @pytest.mark.parametrize(
@@ -155,26 +146,14 @@ def test_the_lens_is_below_the_mirror_and_looks_up(of, place, turn, is_lens):
     assert left_out != is_lens
 
 
-def test_two_cameras_are_two(of):
-    one, two = part("OmniCam", "A", "Z=-0.5"), part("OmniCam", "B", "Z=-0.7")
-    assert [mount.name for mount in parse_sensors(robot_of(of(one, two)))] == ["A", "B"]
-
-
-def test_scanner_without_its_section_is_the_usual_one(of):
+def test_scanners_with_and_without_their_section(of):
     imported = of(part(), origin_height_m=0)
     assert "scan_fov_rad" not in imported.text(Path("robot.toml"))
-    assert imported.notices[0].endswith(
-        ":2: Sensors 'n' (USARBot.SICKLMS): no [USARBot.SICKLMS]: assumed to be USARSim's "
-        "SICK LMS200"
-    )
+    assert imported.notices[0].endswith("no [USARBot.SICKLMS]: assumed to be USARSim's SICK LMS200")
     others = of(part("Hokuyo"))
     assert parse_sensors(robot_of(others)) == ()
-    assert (
-        "no [USARBot.Hokuyo] with ScanFov, Resolution and MaxRange: left out" in others.notices[-1]
-    )
-
-
-def test_any_class_with_a_scanners_section_is_one(of):
+    words = "no [USARBot.Hokuyo] with ScanFov, Resolution and MaxRange: left out"
+    assert words in others.notices[-1]
     section = "[usarbot.myscanner]\nscanfov=4.0\nresolution=0.1\nmaxrange=4\n"
     (mount,) = parse_sensors(robot_of(of(part("MyScanner"), after=section)))
     assert (mount.scan_fov_rad, mount.max_range_m, mount.noise_share) == (4.0, 4.0, 0.0)
@@ -182,7 +161,6 @@ def test_any_class_with_a_scanners_section_is_one(of):
 
 def test_what_is_not_understood_of_a_sensor_is_said(of):
     imported = of(part(more=',Parent="Tilt",Postion=(X=1)'), origin_height_m=0)
-    assert [notice.partition(") ")[2] or notice for notice in imported.notices]
     words = "\n".join(imported.notices)
     assert "Sensors 'n' (USARBot.SICKLMS): Postion: left out" in words
     assert "is mounted on 'Tilt': placed on the chassis" in words
@@ -236,13 +214,10 @@ def test_a_sonar_that_cannot_be_is_refused_at_its_line(of, line, message):
         of(part("SonarSensor"), after=f"\n[USARBot.SonarSensor]\n{line}")
 
 
-def test_a_robot_of_other_sensors_says_so(of):
+def test_what_is_no_sensor_may_be_anything_but_unbalanced(of):
     imported = of(part("TouchSensor"))
     assert parse_sensors(robot_of(imported)) == ()
     assert "[USARBot.P2AT] has no sensor that omnisim knows" in imported.notices[0]
-
-
-def test_what_is_no_sensor_may_be_anything_but_unbalanced(of):
     lamp = part("USARHeadLight", "Lamp", "X=bright", key="HeadLight")
     removed = part("SICKLMS", "Old", key="-Sensors")
     imported = of(lamp, removed, part(), origin_height_m=0)
@@ -259,11 +234,6 @@ def test_odd_names_become_names_of_folders(of):
     assert any("becomes '___a_ __é_x b'" in notice for notice in imported.notices)
 
 
-def test_class_is_found_whatever_its_case():
-    for wanted in ("p2dx", "P2DX", "usarbot.P2DX"):
-        assert import_robot(SAMPLE, wanted).section == "[USARBot.P2DX]"
-
-
 @pytest.mark.parametrize(
     ("wanted", "words"),
     [
@@ -274,65 +244,57 @@ def test_class_is_found_whatever_its_case():
     ],
 )
 def test_which_robot(wanted, words):
+    for name in ("p2dx", "P2DX", "usarbot.P2DX"):
+        assert import_robot(SAMPLE, name).section == "[USARBot.P2DX]"
     with pytest.raises(RobotFileError, match=words):
         import_robot(SAMPLE, wanted)
 
 
-SECTION = "[USARBot.SICKLMS]\n"
-
-
 @pytest.mark.parametrize(
-    ("lines", "after", "words"),
+    ("lines", "words"),
     [
-        (["Weight=1"], "", r":1: no section of it has a Sensors= line$"),
-        ([part().rstrip(")")], "", r":2: Sensors: a parenthesis is not closed$"),
-        (["JointParts=(A=1", part()], "", r":2: JointParts: a parenthesis is not closed$"),
-        (["Sensors=1"], "", r":2: Sensors=1: expected \(\.\.\.\)$"),
-        (['Sensors=(ItemName="a")'], "", r":2: Sensors: no ItemClass: expected ItemClass=\.\.\.$"),
-        (["Sensors=(ItemClass=class'a.b')"], "", r":2: Sensors: no ItemName: expected ItemName="),
-        ([part(), part()], "", r":3: ItemName 'n' again, as in line 2: expected each name once$"),
-        ([part(place="X=a")], "", r":2: Position X = a: expected a finite number$"),
-        ([part(place="X=nan")], "", r":2: Position X = nan: expected a finite number$"),
-        ([part(place="X=(Y=1)")], "", r":2: Position X = \(\.\.\.\): expected a finite number$"),
-        ([part(place="W=1")], "", r":2: Position: W: expected X, Y and Z$"),
-        (
-            [part(more=",Parent=1").replace("(X=0,Y=0,Z=0)", "0")],
-            "",
-            r":2: Position=0: expected Posi",
-        ),
-        (
-            [part(place="X=40")],
-            "",
-            r"Position X = 40 m: expected at most 10 m; 250 .* --unreal-units$",
-        ),
-        ([part(turn="Z=16384")], "", r"Direction Z = 16384: expected radians, .* --unreal-units$"),
-        ([part()], SECTION + "ScanFov=32768", r":4: ScanFov = 32768: expected radians, at most"),
-        ([part()], SECTION + "ScanFov=-1", r":4: ScanFov = -1: expected more than 0$"),
-        ([part()], SECTION + "Noise=-1", r":4: Noise = -1: expected 0 or more$"),
-        (
-            [part()],
-            SECTION + "Resolution=1e-9",
-            r":4: Resolution = 1e-9: expected at most a turn and",
-        ),
-        (
-            [part()],
-            SECTION + "MinRange=30",
-            r":4: MinRange = 30 m: expected less than MaxRange, 20 m$",
-        ),
-        ([part()], SECTION + "MaxRange=far", r":4: MaxRange = far: expected a finite number$"),
+        (["Weight=1"], r":1: no section of it has a Sensors= line$"),
+        ([part().rstrip(")")], r":2: Sensors: a parenthesis is not closed$"),
+        (["JointParts=(A=1", part()], r":2: JointParts: a parenthesis is not closed$"),
+        (["Sensors=1"], r":2: Sensors=1: expected \(\.\.\.\)$"),
+        (['Sensors=(ItemName="a")'], r":2: Sensors: no ItemClass: expected ItemClass=\.\.\.$"),
+        (["Sensors=(ItemClass=class'a.b')"], r":2: Sensors: no ItemName: expected ItemName="),
+        ([part(), part()], r":3: ItemName 'n' again, as in line 2: expected each name once$"),
+        ([part(place="X=a")], r":2: Position X = a: expected a finite number$"),
+        ([part(place="X=nan")], r":2: Position X = nan: expected a finite number$"),
+        ([part(place="X=(Y=1)")], r":2: Position X = \(\.\.\.\): expected a finite number$"),
+        ([part(place="W=1")], r":2: Position: W: expected X, Y and Z$"),
+        ([part().replace("(X=0,Y=0,Z=0)", "0")], r":2: Position=0: expected Posi"),
+        ([part(place="X=40")], r"X = 40 m: expected at most 10 m; 250 .* --unreal-units$"),
+        ([part(turn="Z=16384")], r"Direction Z = 16384: expected radians, .* --unreal-units$"),
     ],
 )
-def test_broken_input(of, tmp_path, lines, after, words):
+def test_broken_input(of, tmp_path, lines, words):
     with pytest.raises(RobotFileError, match=words) as caught:
-        of(*lines, after=after)
+        of(*lines)
     assert str(caught.value).startswith(f"{tmp_path / 'a.ini'}:")
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("ScanFov=32768", r":4: ScanFov = 32768: expected radians, at most"),
+        ("ScanFov=-1", r":4: ScanFov = -1: expected more than 0$"),
+        ("Noise=-1", r":4: Noise = -1: expected 0 or more$"),
+        ("Resolution=1e-9", r":4: Resolution = 1e-9: expected at most a turn and"),
+        ("MinRange=30", r":4: MinRange = 30 m: expected less than MaxRange, 20 m$"),
+        ("MaxRange=far", r":4: MaxRange = far: expected a finite number$"),
+    ],
+)
+def test_a_scanner_that_cannot_be_is_refused_at_its_line(of, line, words):
+    with pytest.raises(RobotFileError, match=words):
+        of(part(), after=f"[USARBot.SICKLMS]\n{line}")
+
+
 def test_units_that_cannot_be_the_engines(of):
-    with pytest.raises(
-        RobotFileError, match=r"Direction Z = 1\.57: expected whole numbers, 65536 to"
-    ):
+    words = r"Direction Z = 1\.57: expected whole numbers, 65536 to"
+    with pytest.raises(RobotFileError, match=words):
         of(part(turn="Z=1.57"), unreal_units=True)
     with pytest.raises(RobotFileError, match="origin height nan m: expected a number up to 10"):
         of(part(), origin_height_m=math.nan)

@@ -6,7 +6,7 @@ from scipy.ndimage import maximum_filter, minimum_filter
 
 from omnisim import OmniCamera
 from omnisim.cameras import PerspectiveCamera
-from omnisim.runs.mujoco_camera.simulated_camera import Camera
+from omnisim.runs.mujoco_camera import Camera
 from tests.scene.formats.mjcf.models import SHAPES
 
 mujoco = pytest.importorskip("mujoco")

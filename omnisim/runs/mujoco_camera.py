@@ -1,4 +1,10 @@
-"""Camera in a MuJoCo simulation."""
+"""Cameras of omnisim in your own MuJoCo simulation loop; needs the extra `mujoco`.
+
+with omnisim.runs.mujoco_camera.Camera(model, data, "fisheye.toml", body="head") as camera:
+    while data.time < 1.0:
+        mujoco.mj_step(model, data)
+        frame = camera.render(also=("range", "instance"))
+"""
 
 from __future__ import annotations
 
@@ -22,8 +28,18 @@ from omnisim.rendering.stage import Stage
 if TYPE_CHECKING:
     import mujoco
 
+    from omnisim.scene.formats.mjcf.reader import lens_of as lens_of
+
 VISIBLE_GROUPS = (0, 1, 2)  # shown by MuJoCo's own renderer
 NO_GEOM = -1
+
+
+def __getattr__(name: str) -> object:
+    if name == "lens_of":
+        from omnisim.scene.formats.mjcf import reader  # needs the extra
+
+        return reader.lens_of
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 class Camera(Closeable):
@@ -125,12 +141,9 @@ class Camera(Closeable):
         previous_state: WorldState | None = None,
         frame_number: int = 0,
     ) -> Frame:
-        """Render one frame.
+        """Render one frame of a state, or of the data's current one.
 
-        Args:
-            state: state of the world; None: the data's current state.
-            also, linear, next_state, previous_state, frame_number: as for
-                `omnisim.Renderer.render`.
+        Further arguments are those of `omnisim.Renderer.render`.
 
         Raises:
             OmnisimError: as `omnisim.Renderer.render`.
@@ -161,7 +174,7 @@ class Camera(Closeable):
         if "instance" not in frame.channels or frame.labels is None:
             raise OmnisimError("geom_ids: expected a frame with also=('instance',), got without")
         if frame.labels is not self._labels:
-            names = (one.name for one in frame.labels.instances)
+            names = (instance.name for instance in frame.labels.instances)
             ids = [self._moving.geom_of_instance.get(name, NO_GEOM) for name in names]
             self._labels, self._geoms = frame.labels, np.array([NO_GEOM, *ids], dtype=np.int32)
         return self._geoms[frame.channels["instance"]]

@@ -15,7 +15,7 @@ from omnisim.robots.importers.importers import load_robot_model
 from omnisim.robots.vehicle import Vehicle
 from tests.scene.formats.sdf.worlds import BOX, model, sdf, visual, world
 
-ROVER = Path(__file__).parents[4] / "examples" / "gazebo" / "models" / "rover" / "model.sdf"
+ROVER = Path(__file__).parents[3] / "examples" / "gazebo" / "models" / "rover" / "model.sdf"
 
 
 def load(path, folder, **options):
@@ -78,19 +78,14 @@ def test_poses_are_those_of_links_and_frames(tmp_path):
 CAMERA = "<horizontal_fov>1.0</horizontal_fov><image><width>64</width><height>48</height></image>"
 
 
-def test_a_camera_is_a_pinhole(tmp_path):
-    vehicle, _ = load_sensors(tmp_path, sensor("camera", f"<camera>{CAMERA}</camera>"))
-    lens = vehicle.sensors[0].sensor.model
-    assert isinstance(lens, PerspectiveCamera)
-    assert lens.focal_length_px == pytest.approx(32.0 / math.tan(0.5))
-    assert vehicle.sensors[0].sensor.base_from_optical[:3, 2] == pytest.approx((1.0, 0.0, 0.0))
-
-
-def test_a_camera_with_depth_is_two_sensors(tmp_path):
+def test_a_camera_is_a_pinhole_and_with_depth_two_sensors(tmp_path):
     clip = "<clip><near>0.2</near><far>9</far></clip>"
     vehicle, _ = load_sensors(tmp_path, sensor("rgbd", f"<camera>{CAMERA}{clip}</camera>"))
     camera, depth = vehicle.sensors
     assert (camera.name, depth.name) == ("s", "s_depth")
+    assert isinstance(camera.sensor.model, PerspectiveCamera)
+    assert camera.sensor.model.focal_length_px == pytest.approx(32.0 / math.tan(0.5))
+    assert camera.sensor.base_from_optical[:3, 2] == pytest.approx((1.0, 0.0, 0.0))
     assert depth.sensor.focal_length_px == pytest.approx(32.0 / math.tan(0.5))
     assert (depth.sensor.width_px, depth.sensor.height_px) == (64, 48)
     assert (depth.sensor.range_min_m, depth.sensor.range_max_m) == (0.2, 9.0)
@@ -121,22 +116,15 @@ def test_a_lidar_has_its_rings_and_firings(tmp_path, kind, tag):
     assert not any("all around" in notice for notice in imported.notices)
 
 
-def test_a_lidar_of_a_sector_is_noted(tmp_path):
-    text = lidar("lidar", (100, -0.5, 0.5), (4, -0.1, 0.1))
-    _, imported = load_sensors(tmp_path, sensor("lidar", text))
-    assert "s: 57.3° wide, becomes one all around" in imported.notices
-
-
-def test_a_planar_lidar_looks_where_its_middle_is(tmp_path):
-    text = lidar("lidar", (91, 0.0, 0.5 * math.pi))
-    vehicle, _ = load_sensors(tmp_path, sensor("lidar", text))
-    (scanner,) = vehicle.sensors
+def test_a_planar_lidar_looks_where_its_middle_is_and_what_is_left_out_is_noted(tmp_path):
+    plane = sensor("lidar", lidar("lidar", (91, 0.0, 0.5 * math.pi)))
+    sector = sensor("lidar", lidar("lidar", (100, -0.5, 0.5), (4, -0.1, 0.1)), "wide")
+    others = sensor("gps", ""), sensor("gps", "", "t")
+    vehicle, imported = load_sensors(tmp_path, plane, sector, *others)
+    scanner = vehicle.sensors[0]
     assert scanner.sensor.beams == 91
     assert scanner.base_from_sensor[:2, 0] == pytest.approx((0.5**0.5, 0.5**0.5))
-
-
-def test_other_sensors_and_missing_wheels_are_noted(tmp_path):
-    _, imported = load_sensors(tmp_path, sensor("gps", ""), sensor("gps", "", "t"))
+    assert "wide: 57.3° wide, becomes one all around" in imported.notices
     assert "gps: left out (2 sensors)" in imported.notices
     assert "kinematics: left out: no plugin of a differential drive" in imported.notices
 
@@ -195,26 +183,16 @@ def test_what_is_found_at_the_import_is_found_later(tmp_path, monkeypatch, is_st
     vehicle = Vehicle.load(tmp_path / "robot.toml")
     assert vehicle.body.instance_names == ("m/link/visual", "m/link/hull")
     assert vehicle.body.notices == ()
-
-
-def test_folders_that_a_model_does_not_need_are_not_named(tmp_path):
-    (tmp_path / "models").mkdir()
+    # a model that needs none of them names no folder
     (tmp_path / "a.sdf").write_text(sdf(model("m", visual(BOX))))
-    _, imported = load(tmp_path / "a.sdf", tmp_path, resources=[tmp_path / "models"])
-    assert not imported.robot(tmp_path / "robot.toml").resources
+    _, alone = load(tmp_path / "a.sdf", tmp_path, resources=[models])
+    assert not alone.robot(tmp_path / "robot.toml").resources
 
 
 def test_a_camera_with_distortion_is_left_out_and_the_others_stay(tmp_path):
-    camera = (
-        "<sensor name='{0}' type='camera'><camera><horizontal_fov>1</horizontal_fov><image>"
-        "<width>64</width><height>48</height></image>{1}</camera></sensor>"
-    )
-    sensors = camera.format("plain", "") + camera.format(
-        "bent", "<distortion><k1>-0.2</k1></distortion>"
-    )
-    path = tmp_path / "a.sdf"
-    path.write_text(sdf(model("m", sensors)))
-    imported = import_model(path)
+    plain = sensor("camera", f"<camera>{CAMERA}</camera>", "plain")
+    bent = f"<camera>{CAMERA}<distortion><k1>-0.2</k1></distortion></camera>"
+    _, imported = load_sensors(tmp_path, plain, sensor("camera", bent, "bent"))
     assert [one.name for one in imported.sensors] == ["plain"]
     assert any(one.startswith("camera bent: left out: ") for one in imported.notices)
     assert any("distortion/k1: expected 0" in one for one in imported.notices)
