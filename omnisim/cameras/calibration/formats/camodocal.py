@@ -22,24 +22,10 @@ from typing import Any
 import numpy as np
 
 from omnisim.cameras import CentralCamera, KannalaBrandtCamera, UnifiedCamera
-from omnisim.cameras.calibration.documents import (
-    ROLLING_SHUTTER,
-    ForeignTable,
-    Size,
-    Unread,
-    check_choice,
-    parse,
-)
-from omnisim.cameras.calibration.formats.format import (
-    ANY,
-    NO_SKEW,
-    Format,
-    Intrinsics,
-    ParsedCamera,
-    error_context,
-    pinhole,
-    yaml_float,
-)
+from omnisim.cameras.calibration import documents
+from omnisim.cameras.calibration.documents import ForeignTable, Unread, parse
+from omnisim.cameras.calibration.formats import format as base
+from omnisim.cameras.calibration.formats.format import ANY, Format, ParsedCamera, error_context
 from omnisim.core.files.parameters import Number, Table
 
 CamodocalLens = UnifiedCamera | KannalaBrandtCamera
@@ -86,7 +72,7 @@ class _Head(
     unread={
         "extrinsicRotation extrinsicTranslation body_T_cam0": Unread("pose: a Kalibr chain has it"),
         "td": Unread("time shift: a Kalibr chain has it"),
-        "rolling_shutter rolling_shutter_tr": ROLLING_SHUTTER,
+        "rolling_shutter rolling_shutter_tr": documents.ROLLING_SHUTTER,
         "mirror_parameters": Unread("ξ of a MEI camera, and the model is another", is_fault=True),
         "distortion_parameters": Unread("distortion of another model", is_fault=True),
     },
@@ -95,8 +81,8 @@ class _Head(
 
     model_type: str
     camera_name: str = "camera"
-    image_width: Size
-    image_height: Size
+    image_width: documents.Size
+    image_height: documents.Size
 
 
 class _Mei(_Head):
@@ -126,7 +112,7 @@ class Camodocal(Format[CamodocalLens]):
     title = "KITTI-360 and camodocal: MEI yaml"
     suffix = ".yaml"
     models = (UnifiedCamera, KannalaBrandtCamera)
-    fits = ((UnifiedCamera, NO_SKEW), (KannalaBrandtCamera, ANY))
+    fits = ((UnifiedCamera, base.NO_SKEW), (KannalaBrandtCamera, ANY))
     signature = re.compile(r"""^[ \t]*["']?model_type["']?[ \t]*:""", re.M)
     unified_terms = frozenset({"ξ"})
     tables = (_Mei, _Pinhole, _Fisheye)
@@ -179,25 +165,27 @@ class Camodocal(Format[CamodocalLens]):
         text += f"image_width: {lens.width_px}\nimage_height: {lens.height_px}\n"
         for name, values in parts.items():
             text += f"{name}:\n"
-            text += "".join(f"   {key}: {yaml_float(value)}\n" for key, value in values.items())
+            text += "".join(
+                f"   {key}: {base.yaml_float(value)}\n" for key, value in values.items()
+            )
         return text
 
 
 def _lens(head: _Head, data: dict[str, Any], source: str) -> CentralCamera:
     size = head.image_width, head.image_height
     others = {"SCARAMUZZA": "its polynomial is that of OCamCalib: pass calib_results.txt"}
-    check_choice(head.model_type, TABLES, f"{source}: model_type", others)
+    documents.check_choice(head.model_type, TABLES, f"{source}: model_type", others)
     if head.model_type == "MEI":
         mei = parse(data, _Mei, source)
         plane = mei.projection_parameters
-        intrinsics = Intrinsics(*size, (plane.gamma1, plane.gamma2), (plane.u0, plane.v0))
+        intrinsics = base.Intrinsics(*size, (plane.gamma1, plane.gamma2), (plane.u0, plane.v0))
         distortion = tuple(dict(mei.distortion_parameters).values())
         return UnifiedCamera(*intrinsics, mei.mirror_parameters.xi, distortion)
     if head.model_type == "PINHOLE":
         flat = parse(data, _Pinhole, source)
         focal = flat.projection_parameters
-        intrinsics = Intrinsics(*size, (focal.fx, focal.fy), (focal.cx, focal.cy))
-        return pinhole(intrinsics, tuple(dict(flat.distortion_parameters).values()))
+        intrinsics = base.Intrinsics(*size, (focal.fx, focal.fy), (focal.cx, focal.cy))
+        return base.pinhole(intrinsics, tuple(dict(flat.distortion_parameters).values()))
     wide = parse(data, _Fisheye, source).projection_parameters
-    intrinsics = Intrinsics(*size, (wide.mu, wide.mv), (wide.u0, wide.v0))
+    intrinsics = base.Intrinsics(*size, (wide.mu, wide.mv), (wide.u0, wide.v0))
     return KannalaBrandtCamera(*intrinsics, (wide.k2, wide.k3, wide.k4, wide.k5))

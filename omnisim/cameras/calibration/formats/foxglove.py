@@ -13,7 +13,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from omnisim.cameras import CentralCamera
-from omnisim.cameras.calibration.formats.format import MetadataPlace, ParsedCamera
+from omnisim.cameras.calibration.formats import format as base
+from omnisim.cameras.calibration.formats.format import ParsedCamera
 from omnisim.cameras.calibration.formats.ros import (
     IDENTITY,
     CameraInfo,
@@ -30,7 +31,7 @@ class Foxglove(CameraInfo):
     title = "Foxglove: CameraCalibration json"
     suffix = ".json"
     signature = re.compile(r'\A\s*\{.*"distortion_model"\s*:', re.S)
-    metadata_place = MetadataPlace.KEY
+    metadata_place = base.MetadataPlace.KEY
     distortion_models = ("plumb_bob", "rational_polynomial")
     fisheye_models = ("kannala_brandt",)
     tables = (CameraInfoMessage,)
