@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 
-from omnisim.cameras import PerspectiveCamera
 from tests.camera_examples import CAMERA_EXAMPLES, points_around_axis
 
 WITHIN_PX = 1e-6
@@ -29,96 +28,81 @@ def _cv2():
     return pytest.importorskip("cv2", reason="OpenCV is an optional oracle")
 
 
-def _colmap(model, camera, parameters):
-    """Its camera; its first pixel has its center at (0.5, 0.5)."""
-    pycolmap = pytest.importorskip("pycolmap", reason="COLMAP is an optional oracle")
-    return pycolmap.Camera(
-        model=model, width=camera.width_px, height=camera.height_px, params=parameters
-    )
+def _omnidir():
+    omnidir = getattr(_cv2(), "omnidir", None)
+    if omnidir is None:
+        pytest.skip("OpenCV without its contributed modules has no omnidir")
+    return omnidir
 
 
-def test_perspective_is_opencv():
-    camera = PerspectiveCamera(640, 480, 500.0, (320.5, 239.0))
-    points = points_around_axis(math.radians(70.0))
-    pixels, _ = _cv2().projectPoints(points, NO_TURN, NO_TURN, _matrix(camera), np.zeros(5))
-    _assert_same(camera, points, pixels)
-
-
-def test_a_pinhole_with_five_coefficients_is_opencv():
-    camera = CAMERA_EXAMPLES["unified-pinhole-with-k3"]
-    points = points_around_axis(math.radians(45.0))
+def _points(camera, widest_deg):
+    """Points up to an angle that the camera sees."""
+    points = points_around_axis(math.radians(widest_deg))
     points = points[camera.pixel_from_ray(points).valid]
     assert len(points) > 1000
-    coefficients = np.array(camera.distortion)
-    pixels, _ = _cv2().projectPoints(points, NO_TURN, NO_TURN, _matrix(camera), coefficients)
-    _assert_same(camera, points, pixels)
+    return points
 
 
 @pytest.mark.parametrize(
-    "name",
+    ("name", "widest_deg"),
     [
-        "rational-polynomial-kinect",
-        "rational-polynomial-wide",
-        "rational-polynomial-tilted-to-its-fold",
+        ("perspective-wide", 70.0),
+        ("unified-pinhole-with-k3", 45.0),
+        ("rational-polynomial-kinect", 70.0),
+        ("rational-polynomial-wide", 70.0),
+        ("rational-polynomial-tilted-to-its-fold", 70.0),
     ],
 )
-def test_rational_polynomial_is_opencv(name):
+def test_pinhole_cameras_are_opencvs(name, widest_deg):
     camera = CAMERA_EXAMPLES[name]
-    points = points_around_axis(math.radians(70.0))
-    points = points[camera.pixel_from_ray(points).valid]
-    assert len(points) > 1000
-    coefficients = np.array(camera.distortion)
+    points = _points(camera, widest_deg)
+    coefficients = np.array(getattr(camera, "distortion", (0.0,) * 5))
     pixels, _ = _cv2().projectPoints(points, NO_TURN, NO_TURN, _matrix(camera), coefficients)
     _assert_same(camera, points, pixels)
-
-
-def test_rational_polynomial_is_colmap():
-    camera = CAMERA_EXAMPLES["rational-polynomial-kinect"]
-    points = points_around_axis(math.radians(60.0))
-    points = points[camera.pixel_from_ray(points).valid]
-    parameters = [*camera.focal_lengths_px, *(c + 0.5 for c in camera.principal_point_px)]
-    other = _colmap("FULL_OPENCV", camera, [*parameters, *camera.distortion])
-    _assert_same(camera, points, other.img_from_cam(points) - 0.5)
 
 
 def test_kannala_brandt_is_opencv_in_front():
     camera = CAMERA_EXAMPLES["kannala-brandt-tum-vi"]
-    points = points_around_axis(math.radians(80.0))  # past 90° OpenCV is wrong
-    coefficients = np.array(camera.coefficients)
+    points = _points(camera, 80.0)  # past 90° OpenCV is wrong
     pixels, _ = _cv2().fisheye.projectPoints(
-        points[:, None], NO_TURN, NO_TURN, _matrix(camera), coefficients
+        points[:, None], NO_TURN, NO_TURN, _matrix(camera), np.array(camera.coefficients)
     )
     _assert_same(camera, points, pixels)
 
 
-@pytest.mark.parametrize("name", ["kannala-brandt-tum-vi", "kannala-brandt-to-its-fold"])
-def test_kannala_brandt_is_colmap_in_front(name):
-    camera = CAMERA_EXAMPLES[name]
-    points = points_around_axis(math.radians(89.0))
-    parameters = [*camera.focal_lengths_px, *(c + 0.5 for c in camera.principal_point_px)]
-    other = _colmap("OPENCV_FISHEYE", camera, [*parameters, *camera.coefficients])
-    _assert_same(camera, points, other.img_from_cam(points) - 0.5)
+def _own(camera, *names):
+    """COLMAP's parameters; its first pixel has its center at (0.5, 0.5)."""
+    values = [np.atleast_1d(getattr(camera, name)) for name in names]
+    return [*camera.focal_lengths_px, *np.add(camera.principal_point_px, 0.5), *np.hstack(values)]
 
 
-@pytest.mark.parametrize("name", ["eucm", "eucm-no-fold"])
-def test_eucm_is_colmap(name):
+@pytest.mark.parametrize(
+    ("name", "model", "names", "widest_deg"),
+    [
+        ("rational-polynomial-kinect", "FULL_OPENCV", ("distortion",), 60.0),
+        ("kannala-brandt-tum-vi", "OPENCV_FISHEYE", ("coefficients",), 89.0),
+        ("kannala-brandt-to-its-fold", "OPENCV_FISHEYE", ("coefficients",), 89.0),
+        ("eucm", "EUCM", ("alpha", "beta"), 89.0),
+        ("eucm-no-fold", "EUCM", ("alpha", "beta"), 89.0),
+        ("equirectangular", "EQUIRECTANGULAR", None, 179.0),
+        ("equirectangular-odd", "EQUIRECTANGULAR", None, 179.0),
+    ],
+)
+def test_cameras_are_colmaps(name, model, names, widest_deg):
+    pycolmap = pytest.importorskip("pycolmap", reason="COLMAP is an optional oracle")
     camera = CAMERA_EXAMPLES[name]
-    points = points_around_axis(math.radians(89.0))
-    parameters = [*camera.focal_lengths_px, *(c + 0.5 for c in camera.principal_point_px)]
-    other = _colmap("EUCM", camera, [*parameters, camera.alpha, camera.beta])
+    size = camera.width_px, camera.height_px
+    parameters = [*size] if names is None else _own(camera, *names)
+    other = pycolmap.Camera(model=model, width=size[0], height=size[1], params=parameters)
+    points = _points(camera, widest_deg)
     _assert_same(camera, points, other.img_from_cam(points) - 0.5)
 
 
 @pytest.mark.parametrize("name", ["unified-kitti-360", "unified-no-distortion", "unified-kalibr"])
 def test_unified_is_opencv_omnidir(name):
     camera = CAMERA_EXAMPLES[name]
-    omnidir = getattr(_cv2(), "omnidir", None)
-    if omnidir is None:
-        pytest.skip("OpenCV without its contributed modules has no omnidir")
-    points = points_around_axis(math.radians(100.0))
-    points = points[camera.pixel_from_ray(points).valid]
-    assert len(points) > 1000
-    pixels, _ = omnidir.projectPoints(
+    points = _points(camera, 100.0)
+    pixels, _ = _omnidir().projectPoints(
         points[:, None], NO_TURN, NO_TURN, _matrix(camera), camera.xi, np.array(camera.distortion)
     )
     _assert_same(camera, points, pixels)
@@ -138,27 +122,15 @@ def test_unified_is_opencv_omnidir(name):
 )
 def test_mirrors_are_opencv_omnidir_in_a_mirrored_frame(name, xi, gamma):
     camera = CAMERA_EXAMPLES[name]
-    omnidir = getattr(_cv2(), "omnidir", None)
-    if omnidir is None:
-        pytest.skip("OpenCV without its contributed modules has no omnidir")
-    points = points_around_axis(
-        0.99 * camera.theta_max_rad if name == "elliptic" else math.radians(100.0)
-    )
-    frame = np.diag([-1.0, -1.0, -1.0] if name == "elliptic" else [1.0, 1.0, -1.0])
+    is_elliptic = name == "elliptic"
+    points = points_around_axis(0.99 * camera.theta_max_rad if is_elliptic else math.radians(100.0))
+    frame = np.diag([-1.0, -1.0, -1.0] if is_elliptic else [1.0, 1.0, -1.0])
     u, v = camera.principal_point_px
     matrix = np.array([[gamma(camera), 0.0, u], [0.0, gamma(camera), v], [0.0, 0.0, 1.0]])
-    pixels, _ = omnidir.projectPoints(
+    pixels, _ = _omnidir().projectPoints(
         points[:, None], NO_TURN, NO_TURN, matrix, xi(camera), np.zeros(4)
     )
     _assert_same(camera, points @ frame, pixels)
-
-
-@pytest.mark.parametrize("name", ["equirectangular", "equirectangular-odd"])
-def test_equirectangular_is_colmap(name):
-    camera = CAMERA_EXAMPLES[name]
-    points = points_around_axis(math.radians(179.0))
-    other = _colmap("EQUIRECTANGULAR", camera, [camera.width_px, camera.height_px])
-    _assert_same(camera, points, other.img_from_cam(points) - 0.5)
 
 
 def test_radial_table_is_scipys_pchip():
