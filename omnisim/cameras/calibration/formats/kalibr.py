@@ -203,17 +203,12 @@ def _lens(fields: _Camera, place: str) -> CentralCamera:
 
 def _poses(fields: _Camera, name: str, before: str | None, place: str) -> list[NamedPose]:
     poses = []
-    if fields.T_cn_cnm1 is not None and before is not None:
-        poses.append(
-            NamedPose(name, before, documents.pose(fields.T_cn_cnm1, f"{place}: T_cn_cnm1"))
-        )
-    if fields.T_cam_imu is not None:
-        poses.append(
-            NamedPose(name, "imu", documents.pose(fields.T_cam_imu, f"{place}: T_cam_imu"))
-        )
-    if fields.T_imu_cam is not None:
-        imu_from_camera = documents.pose(fields.T_imu_cam, f"{place}: T_imu_cam")
-        poses.append(NamedPose(name, "imu", inverse(imu_from_camera)))
+    for key, source in (("T_cn_cnm1", before), ("T_cam_imu", "imu"), ("T_imu_cam", "imu")):
+        rows = getattr(fields, key)
+        if rows is not None and source is not None:
+            matrix = documents.pose(rows, f"{place}: {key}")
+            matrix = inverse(matrix) if key == "T_imu_cam" else matrix
+            poses.append(NamedPose(name, source, matrix))
     return poses
 
 
