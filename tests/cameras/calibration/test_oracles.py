@@ -48,7 +48,8 @@ def _matrices(cv2, path):
 
 
 @pytest.mark.parametrize(
-    "name", ["hyperbolic-paper", "unified-kitti-360", "unified-barrel-fold", "parabolic"]
+    "name",
+    ["hyperbolic-paper", "unified-kitti-360", "unified-barrel-fold", "unified-kalibr", "parabolic"],
 )
 def test_opencv_reads_our_omnidir_file_and_projects_the_same(name, tmp_path):
     cv2 = pytest.importorskip("cv2", reason="OpenCV is an optional oracle")
@@ -72,6 +73,9 @@ def test_opencv_reads_our_omnidir_file_and_projects_the_same(name, tmp_path):
     [
         ("fisheye", "kannala-brandt-tum-vi", 80.0),  # past 90° OpenCV is wrong
         ("pinhole", "unified-pinhole-with-k3", 45.0),
+        ("pinhole", "rational-polynomial-kinect", 70.0),
+        ("pinhole", "rational-polynomial-wide", 70.0),
+        ("pinhole", "rational-polynomial-tilted-to-its-fold", 70.0),
     ],
 )
 def test_opencv_reads_our_file_and_projects_the_same(kind, name, widest_deg, tmp_path):
@@ -117,8 +121,9 @@ def _colmaps_cameras(folder):
 
 @pytest.mark.parametrize(
     ("name", "widest_deg"),
-    [("perspective-off-center", 70.0), ("kannala-brandt-tum-vi", 85.0), ("eucm", 85.0),
-     ("equirectangular", 85.0), ("unified-pinhole-with-k3", 40.0)],
+    [("perspective-off-center", 70.0), ("kannala-brandt-tum-vi", 89.0), ("eucm", 89.0),
+     ("equirectangular-odd", 179.0), ("unified-pinhole-with-k3", 40.0),
+     ("rational-polynomial-kinect", 60.0)],
 )  # fmt: skip
 def test_colmap_reads_our_cameras_and_projects_the_same(name, widest_deg, tmp_path):
     camera = CAMERA_EXAMPLES[name]

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import scipy
 
 from omnisim.cameras import pixel_grid
 from omnisim.cameras.optics import Fate, OpticalSystem, Rod, Surface, read_optics_file
@@ -163,42 +162,3 @@ def test_misalignment_of_the_camera_is_the_mirrors_inverse():
     pixels = _pixels(moved, 500)
     here, there = moved.rays(pixels), other.rays(pixels)
     np.testing.assert_allclose(here.directions, there.directions @ pose[:3, :3].T, atol=1e-12)
-
-
-def test_pixels_by_the_shortest_path():
-    """SciPy's minimum of the path's length, over the angles of a ball, is where a point is seen."""
-    system = SYSTEMS["tilted camera"]
-    camera_m, center_m = system.system_from_camera[:3, 3], np.array([0.0, 0.0, 0.4])
-    pixels = _pixels(system, 20)
-    rays = system.rays(pixels)
-    for point_m, pixel in zip(rays.origins_m + 0.4 * rays.directions, pixels, strict=True):
-
-        def on_ball(angles):
-            x, y = angles
-            offset = np.array([np.sin(x), np.cos(x) * np.sin(y), -np.cos(x) * np.cos(y)])
-            return center_m + 0.1 * offset
-
-        def length_m(angles, point_m=point_m):
-            hit = on_ball(angles)
-            return np.linalg.norm(hit - camera_m) + np.linalg.norm(point_m - hit)
-
-        best = scipy.optimize.minimize(length_m, (0.0, 0.0), method="BFGS", options={"gtol": 1e-10})
-        direction = system.camera_directions(on_ball(best.x)[None])
-        expected_px = system.camera.pixel_from_ray(direction).positions_px[0]
-        np.testing.assert_allclose(pixel, expected_px, atol=1e-3)  # of a flat minimum
-
-
-def test_pixels_under_water_by_snell():
-    """SciPy's root of Snell's law in the plane of incidence is where a point is seen."""
-    system = SYSTEMS["port"]
-    air, acrylic, water = system.indices
-    r_m, z_m = 0.8, 0.7
-
-    def excess_m(sine):
-        angles = np.arcsin(np.array([air, air, air]) / (air, acrylic, water) * sine)
-        return np.dot(np.tan(angles), (0.05, 0.01, z_m - 0.06)) - r_m
-
-    sine = scipy.optimize.brentq(excess_m, 0.0, 0.999999, xtol=1e-15)
-    expected_px = 179.5 + 110.0 * np.arcsin(sine)
-    found = system.pixel_from_point((r_m, 0.0, z_m))
-    np.testing.assert_allclose(found.positions_px, (expected_px, 179.5), atol=1e-9)
