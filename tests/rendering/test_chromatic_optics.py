@@ -17,8 +17,7 @@ from omnisim.rendering.camera.captured_image import valid_mask
 from omnisim.rendering.camera.degradations import Degradation, Shutter
 from omnisim.scene.model import Material, Mesh
 from omnisim.validation.image_differences import psnr_db
-from tests.cameras.optics.examples import SYSTEMS
-from tests.cameras.optics.test_parameters import ALL
+from tests.cameras.optics.examples import ALL, SYSTEMS
 from tests.scenes import room, scene_of
 
 WATER = (1.30, 1.33, 1.36)  # far more dispersion than real water's
