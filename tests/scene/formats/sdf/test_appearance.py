@@ -11,11 +11,7 @@ from omnisim.core.errors import SceneError
 from omnisim.scene.model import AlphaMode, LightKind
 from omnisim.scene.surface_kind import SurfaceKind, kind_of
 from tests.scene.formats.sdf.worlds import BOX, load, model, sdf, visual, world
-
-
-def material_of(scene, name="m/link/visual"):
-    instance = next(one for one in scene.instances if one.name == name)
-    return scene.materials[scene.meshes[instance.mesh].material]
+from tests.scene.world_corners import material_of
 
 
 def load_material(tmp_path, text, rest="", **options):
@@ -26,7 +22,7 @@ def load_material(tmp_path, text, rest="", **options):
 def test_colors_are_linear_and_transparency_blends(tmp_path):
     scene = load_material(tmp_path, "<diffuse>0.1 0.2 0.3 1</diffuse>", "<transparency>0.25"
                           "</transparency>")  # fmt: skip
-    material = material_of(scene)
+    material = material_of(scene, "m/link/visual")
     assert material.base_color == pytest.approx((0.1, 0.2, 0.3, 0.75))
     assert material.alpha_mode is AlphaMode.BLEND
     assert scene.notices == ()
@@ -34,7 +30,7 @@ def test_colors_are_linear_and_transparency_blends(tmp_path):
 
 def test_a_visual_without_a_material_is_gray(tmp_path):
     scene = load(tmp_path, sdf(model("m", visual(BOX))))
-    assert material_of(scene).base_color == (0.7, 0.7, 0.7, 1.0)
+    assert material_of(scene, "m/link/visual").base_color == (0.7, 0.7, 0.7, 1.0)
 
 
 @pytest.mark.parametrize(
@@ -43,7 +39,7 @@ def test_a_visual_without_a_material_is_gray(tmp_path):
 def test_colors_of_gazebos_script(tmp_path, name, color):
     script = f"<script><uri>file://media/materials/scripts/gazebo.material</uri><name>{name}"
     scene = load_material(tmp_path, f"{script}</name></script>")
-    assert material_of(scene).base_color == color
+    assert material_of(scene, "m/link/visual").base_color == color
     assert scene.notices == ()
 
 
@@ -88,7 +84,7 @@ def test_a_script_beside_a_model_has_color_and_texture(tmp_path):
         "<script><uri>model://cup/materials/scripts</uri>"
         "<uri>model://cup/materials/textures</uri><name>Mine/Wood</name></script>",
     )
-    material = material_of(scene)
+    material = material_of(scene, "m/link/visual")
     assert material.base_color == (0.2, 0.4, 0.6, 1.0)
     assert material.texture.pixels.shape == (3, 2, 4)
     assert scene.notices == ()
@@ -110,7 +106,7 @@ def test_metal_and_maps_are_those_of_gltf(tmp_path):
         "<ambient_occlusion_map>occlusion.png</ambient_occlusion_map>"
         "<emissive_map>glow.png</emissive_map></metal></pbr>",
     )
-    material = material_of(scene)
+    material = material_of(scene, "m/link/visual")
     assert (material.metallic, material.roughness) == (0.5, 0.3)  # 0.5: the specification's
     assert material.metallic_roughness_map.pixels[0, 0, 1:3].tolist() == [50, 100]
     assert material.metallic_roughness_map.pixels.shape == (4, 4, 4)
@@ -122,13 +118,13 @@ def test_metal_and_maps_are_those_of_gltf(tmp_path):
 
 def test_what_states_no_metal_is_matte(tmp_path):
     scene = load_material(tmp_path, "<diffuse>1 0 0 1</diffuse><specular>1 1 1 1</specular>")
-    assert SurfaceKind.MATTE in kind_of(material_of(scene))
+    assert SurfaceKind.MATTE in kind_of(material_of(scene, "m/link/visual"))
 
 
 def test_what_glows_or_takes_no_light(tmp_path):
     scene = load_material(tmp_path, "<emissive>0 2 0 1</emissive><lighting>0</lighting>")
-    assert material_of(scene).emissive == (0.0, 2.0, 0.0)
-    assert material_of(scene).unlit
+    assert material_of(scene, "m/link/visual").emissive == (0.0, 2.0, 0.0)
+    assert material_of(scene, "m/link/visual").unlit
 
 
 def test_an_albedo_map_is_drawn_and_a_light_map_is_noted(tmp_path):
@@ -138,8 +134,8 @@ def test_an_albedo_map_is_drawn_and_a_light_map_is_noted(tmp_path):
         tmp_path,
         "<pbr><metal><albedo_map>a.png</albedo_map><light_map>b.png</light_map></metal></pbr>",
     )
-    assert material_of(scene).texture.pixels[0, 0].tolist() == [200, 100, 50, 255]
-    assert material_of(scene).base_color == (1.0, 1.0, 1.0, 1.0)
+    assert material_of(scene, "m/link/visual").texture.pixels[0, 0].tolist() == [200, 100, 50, 255]
+    assert material_of(scene, "m/link/visual").base_color == (1.0, 1.0, 1.0, 1.0)
     assert scene.notices == ("test.world: light maps are not drawn (1 material)",)
 
 
@@ -195,7 +191,7 @@ def test_a_material_of_a_visual_replaces_those_of_its_mesh(tmp_path):
     own = visual(mesh(), rest="<material><diffuse>1 0 0 1</diffuse></material>")
     unknown = visual(mesh(), rest="<material><script><name>X</name></script></material>")
     scene = load(tmp_path, sdf(model("m", own) + model("n", unknown)))
-    assert material_of(scene).base_color == (1.0, 0.0, 0.0, 1.0)
+    assert material_of(scene, "m/link/visual").base_color == (1.0, 0.0, 0.0, 1.0)
     assert material_of(scene, "n/link/visual").base_color != (1.0, 0.0, 0.0, 1.0)
 
 

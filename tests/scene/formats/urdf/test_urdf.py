@@ -11,6 +11,7 @@ from omnisim.core.srgb import linear_from_srgb
 from omnisim.scene.labels import find_labels
 from omnisim.scene.model import AlphaMode
 from tests.scene.gltf_builder import png
+from tests.scene.world_corners import material_of
 
 ROBOT = """
 <robot name="arm">
@@ -52,11 +53,6 @@ def robot(tmp_path):
     return path
 
 
-def _material(scene, name):
-    mesh = next(one.mesh for one in scene.instances if one.name == name)
-    return scene.materials[scene.meshes[mesh].material]
-
-
 def test_visuals_are_instances_named_by_their_links(robot):
     scene = load_scene(robot, resources=[robot.parents[1] / "share"])
     assert scene.instance_names == (
@@ -87,9 +83,9 @@ def test_joints_rest_at_zero_or_in_the_middle_of_their_limits(robot):
 def test_colors_are_display_values_and_replace_those_of_meshes(robot):
     scene = load_scene(robot, resources=[robot.parents[1] / "share"])
     orange = (*linear_from_srgb([1.0, 0.5, 0.0]), 1.0)
-    assert _material(scene, "base/box").base_color == pytest.approx(orange)
-    assert _material(scene, "hand/hand").base_color == pytest.approx(orange)
-    assert _material(scene, "base/glass").alpha_mode is AlphaMode.BLEND
+    assert material_of(scene, "base/box").base_color == pytest.approx(orange)
+    assert material_of(scene, "hand/hand").base_color == pytest.approx(orange)
+    assert material_of(scene, "base/glass").alpha_mode is AlphaMode.BLEND
 
 
 @pytest.mark.parametrize("variable", ["ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH"])
@@ -125,7 +121,7 @@ def test_a_robot_may_be_named_like_a_mujoco_model_and_needs_no_extra(robot, monk
     assert "base/box" in load_scene(xml).instance_names
 
 
-def test_textures_are_those_of_the_material(tmp_path):
+def test_textures_are_those_of_thematerial_of(tmp_path):
     (tmp_path / "wood.png").write_bytes(png(np.full((2, 2, 3), 200)))
     path = tmp_path / "a.urdf"
     path.write_text(
@@ -133,7 +129,7 @@ def test_textures_are_those_of_the_material(tmp_path):
         "<material name='wood'><texture filename='wood.png'/></material></visual></link></robot>"
     )
     scene = load_scene(path)
-    assert _material(scene, "l/box").texture is not None
+    assert material_of(scene, "l/box").texture is not None
 
 
 def test_a_robot_without_any_mesh_that_is_found_is_an_error(tmp_path):
@@ -208,7 +204,7 @@ def test_a_material_of_the_robot_on_a_mesh_with_its_own_is_noted(key, own, notic
     toml = tmp_path / "scene.toml"
     toml.write_text(f'file = "{path.name}"\n{key}\n')
     scene = load_scene(toml)
-    assert (_material(scene, "l/own").name, _material(scene, "l/plain").name) == (own, "red")
+    assert (material_of(scene, "l/own").name, material_of(scene, "l/plain").name) == (own, "red")
     assert len(scene.notices) == notices
     if notices:
         assert "in place of their meshes' own (1 visual)" in scene.notices[0]
