@@ -44,7 +44,7 @@ def _lux_of_samples(points, normals, areas, luminance):
 
 
 def _sphere(radius):
-    count = 200_000
+    count = 20_000
     z = 1.0 - (2.0 * np.arange(count) + 1.0) / count
     angle = np.arange(count) * 2.399963
     ring = np.sqrt(1.0 - z * z)
@@ -194,10 +194,3 @@ def test_a_texture_that_cannot_be_read_leaves_the_color(tmp_path, content):
     assert scene.lighting.environment is None
     assert scene.lighting.ambient == (1.0, 1.0, 1.0)
     assert any("texture of a dome light is not drawn" in notice for notice in scene.notices)
-
-
-def test_a_domes_texture_counts_by_its_content(tmp_path):
-    pixels = np.full((16, 32, 3), (1.0, 1.5, 2.0))
-    first, again = _textured(tmp_path, pixels), _textured(tmp_path, pixels)
-    assert again.identity == first.identity  # not by where a copy of it lies
-    assert _textured(tmp_path, 2.0 * pixels).identity != first.identity
