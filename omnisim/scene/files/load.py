@@ -23,7 +23,7 @@ from omnisim.scene.files.readers import check_format, read_file
 from omnisim.scene.files.scene_file import SceneFile
 from omnisim.scene.formats.gltf.nodes import NO_ANIMATION, AnimationChoice
 from omnisim.scene.formats.imported_scene import FileAxes, ImportedScene, place
-from omnisim.scene.identity import identity_of_files
+from omnisim.scene.identity import SourceDigests
 from omnisim.scene.labels import label_rules
 from omnisim.scene.light.baked import with_baked_light
 from omnisim.scene.light.light_tables import SkyTable, SunTable
@@ -116,7 +116,8 @@ def read_scene(
     if reader is not None:
         reader.update(own_reader)
         reader.update(bake_reader)
-    identity = identity_of_files(files.folder, own_reader, options, light)
+    content = source_digest(own_reader.digest(files.folder), options)
+    identity = SourceDigests(content, light)
     if bake is not None:
         identity = identity.baked(bake_reader.digest(bake))
     return scene.identified(identity)
@@ -226,21 +227,8 @@ def _build_extended(
         base, light = _build(_resolve(files.base, reader), options, reader, outer)
     except SceneError as reason:
         raise SceneError(f"{files.toml}: extends = {settings.extends!r}: {reason}") from None
-    extended = extension.extend(
-        base,
-        dataclasses.replace(
-            base,
-            name=files.name,
-            lighting=_lighting(base.lighting, settings),
-            background=settings.background or base.background,
-            start=_start(settings) or base.start,
-            starts=settings.starts,
-            paths=settings.paths,
-            landmarks=_landmarks(settings),
-            labels=label_rules(settings.labels) or base.labels,
-        ),
-        str(files.toml),
-    )
+    named = dataclasses.replace(base, name=files.name)
+    extended = extension.extend(base, _with_settings(named, settings), str(files.toml))
     return _Built(extended, light)
 
 
@@ -326,20 +314,35 @@ def _scene(
     background = read.background or (lighting.ambient if read.dome else DEFAULT_BACKGROUND)
     if read.environment is not None:
         lighting = with_environment(lighting, read.environment)
-    return model.Scene(
-        name=name,
-        meshes=read.meshes,
-        materials=read.materials,
-        instances=instances,
-        lighting=_lighting(lighting, settings),
-        background=settings.background or background,
-        start=_start(settings) or read.start or start,
+    scene = model.Scene(
+        name,
+        read.meshes,
+        read.materials,
+        instances,
+        lighting,
+        background,
+        read.start or start,
         notices=tuple(printable(f"{path.name}: {notice}", MAX_NOTICE) for notice in read.notices),
+        labels=read.labels,
+        cameras=read.cameras,
+    )
+    return _with_settings(scene, settings)
+
+
+def _with_settings(scene: model.Scene, settings: SceneFile) -> model.Scene:
+    """Scene with the shading, background, poses, landmarks and labels of its TOML file."""
+    start, shading = settings.start, settings.light.shading
+    return dataclasses.replace(
+        scene,
+        lighting=scene.lighting
+        if shading is None
+        else dataclasses.replace(scene.lighting, is_matte=shading == "matte"),
+        background=settings.background or scene.background,
+        start=scene.start if start is None else start.build(model.StartPose),
         starts=settings.starts,
         paths=settings.paths,
         landmarks=_landmarks(settings),
-        labels=label_rules(settings.labels) or read.labels,
-        cameras=read.cameras,
+        labels=label_rules(settings.labels) or scene.labels,
     )
 
 
@@ -352,17 +355,6 @@ def _size_notices(bounds: Floats, meters_per_unit: float) -> list[str]:
     likely, stated = UNITS[unit] * meters_per_unit, meters_per_unit
     sides = " × ".join(f"{side:.4g}" for side in size)
     return [f"is {sides} m: if those are {unit}, set meters_per_unit = {likely:g}, else {stated:g}"]
-
-
-def _lighting(lighting: model.Lighting, settings: SceneFile) -> model.Lighting:
-    """Lighting with the `shading` setting of a TOML file."""
-    if settings.light.shading is None:
-        return lighting
-    return dataclasses.replace(lighting, is_matte=settings.light.shading == "matte")
-
-
-def _start(settings: SceneFile) -> model.StartPose | None:
-    return None if settings.start is None else settings.start.build(model.StartPose)
 
 
 def _landmarks(settings: SceneFile) -> tuple[model.Landmark, ...]:

@@ -81,15 +81,12 @@ def expose(
 
 
 def is_even(lighting: parts.Lighting) -> bool:
-    """True for even light, the substitute for lamps in scenes without any."""
-    return [_shine(one) for one in lighting.lights] == [
-        _shine(one) for one in DEFAULT_LIGHTING.lights
-    ]
-
-
-def _shine(light: parts.Light) -> tuple[object, ...]:
-    """Plain values of a light, without its shadow flag, for comparison."""
-    return light.kind, light.color, light.intensity, *light.direction.tolist()
+    """True for even light, the substitute for lamps in scenes without any, whatever its shadows."""
+    found, even = (
+        [(one.kind, one.color, one.intensity, *one.direction.tolist()) for one in lights]
+        for lights in (lighting.lights, DEFAULT_LIGHTING.lights)
+    )
+    return found == even
 
 
 def light_summary(lighting: parts.Lighting) -> str:
