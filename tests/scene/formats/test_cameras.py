@@ -77,6 +77,12 @@ def _stages_are_read_here(monkeypatch):
 needs_usd = pytest.mark.skipif(not is_installed("pxr"), reason="usd-core is not installed")
 
 
+def _lens(folder, camera):
+    """Lens of the only camera of a stage."""
+    (shot,) = load_scene(_stage(folder, camera)).cameras
+    return shot.lens
+
+
 def _pixel(lens, x, y):
     """Pixel of a point 1 m ahead, x to the right and y down."""
     return lens.pixel_from_ray(np.array([[x, y, 1.0]])).positions_px[0]
@@ -85,19 +91,18 @@ def _pixel(lens, x, y):
 @needs_usd
 @pytest.mark.parametrize("camera", [FTHETA.format(k0=0), OLDER], ids=["schema", "older"])
 def test_f_theta_lenses_of_isaac_sim(camera, tmp_path):
-    (shot,) = load_scene(_stage(tmp_path, camera)).cameras
-    assert isinstance(shot.lens, FThetaInverseCamera)
-    assert (shot.lens.width_px, shot.lens.height_px) == (1936, 1216)
-    ray = shot.lens.ray_from_pixel((970.0 + 300.0, 600.0)).directions
+    lens = _lens(tmp_path, camera)
+    assert isinstance(lens, FThetaInverseCamera)
+    assert (lens.width_px, lens.height_px) == (1936, 1216)
+    ray = lens.ray_from_pixel((970.0 + 300.0, 600.0)).directions
     assert math.atan2(ray[0], ray[2]) == pytest.approx(0.002 * 300 + 1e-10 * 300**3, 1e-6)
-    assert shot.lens.theta_edge_rad == pytest.approx(math.radians(100.0))
+    assert lens.theta_edge_rad == pytest.approx(math.radians(100.0))
 
 
 @needs_usd
 def test_kannala_brandt_lenses_of_isaac_sim(tmp_path):
-    (shot,) = load_scene(_stage(tmp_path, KANNALA_BRANDT)).cameras
     theta = 0.7
-    u, v = _pixel(shot.lens, math.tan(theta), 0.0)
+    u, v = _pixel(_lens(tmp_path, KANNALA_BRANDT), math.tan(theta), 0.0)
     assert u - 799.5 == pytest.approx(500 * theta + 20 * theta**3 - 3 * theta**5, 1e-6)
     assert v == pytest.approx(599.5)
 
@@ -107,20 +112,19 @@ def test_opencv_lenses_of_isaac_sim(tmp_path):
     x, y = 0.3, -0.2
     r = math.hypot(x, y)
     k = {"fx": 400, "fy": 410, "cx": 320, "cy": 240, "k1": 0.1, "p1": 0.01, "k4": 0.05, "s1": 0.02}
-    (shot,) = load_scene(_stage(tmp_path, _opencv("opencvPinhole", **k))).cameras
+    lens = _lens(tmp_path, _opencv("opencvPinhole", **k))
     g = (1 + 0.1 * r**2) / (1 + 0.05 * r**2)
     expected = (
         319.5 + 400 * (g * x + 2 * 0.01 * x * y + 0.02 * r**2),
         239.5 + 410 * (g * y + 0.01 * (r**2 + 2 * y * y)),
     )
-    np.testing.assert_allclose(_pixel(shot.lens, x, y), expected, atol=1e-4)
+    np.testing.assert_allclose(_pixel(lens, x, y), expected, atol=1e-4)
     k = {"fx": 300, "fy": 300, "cx": 320, "cy": 240, "k1": 0.1, "k2": -0.01}
-    (shot,) = load_scene(_stage(tmp_path, _opencv("opencvFisheye", **k))).cameras
+    lens = _lens(tmp_path, _opencv("opencvFisheye", **k))
     theta = math.atan(r)
     radius = 300 * theta * (1 + 0.1 * theta**2 - 0.01 * theta**4)
-    np.testing.assert_allclose(
-        _pixel(shot.lens, x, y), (319.5 + radius * x / r, 239.5 + radius * y / r), atol=1e-4
-    )
+    expected = 319.5 + radius * x / r, 239.5 + radius * y / r
+    np.testing.assert_allclose(_pixel(lens, x, y), expected, atol=1e-4)
 
 
 @needs_usd
@@ -130,9 +134,9 @@ def test_pinholes_of_usd(tmp_path):
     float horizontalAperture = 24
     float verticalAperture = 12
     float horizontalApertureOffset = 3"""
-    (shot,) = load_scene(_stage(tmp_path, camera)).cameras
-    assert (shot.lens.width_px, shot.lens.height_px) == (960, 480)
-    u, v = _pixel(shot.lens, 0.6, 0.3)  # at the right and the lower edge, less the offset
+    lens = _lens(tmp_path, camera)
+    assert (lens.width_px, lens.height_px) == (960, 480)
+    u, v = _pixel(lens, 0.6, 0.3)  # at the right and the lower edge, less the offset
     assert (u, v) == (pytest.approx(479.5 + 480 - 120), pytest.approx(239.5 + 240))
 
 

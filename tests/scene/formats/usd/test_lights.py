@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from omnisim import load_scene
 from omnisim.core.files.image_files import write_radiance
 from omnisim.scene.light.lighting import illuminance
 from omnisim.scene.model import LightKind
-from tests.scene.formats.usd.stages import define_box, new_stage
+from tests.scene.formats.usd.stages import define_box, new_stage, saved
 
 from pxr import UsdGeom, UsdLux  # isort: skip - skipped without it
 
@@ -26,8 +25,7 @@ def _light(tmp_path, kind, meters_per_unit=1.0, shape=None, **values):
     if shape is not None:
         api = UsdLux.ShapingAPI.Apply(light.GetPrim())
         api.CreateShapingConeAngleAttr(shape)
-    stage.Save()
-    scene = load_scene(tmp_path / "a.usda")
+    scene = saved(stage)
     (one,) = scene.lighting.lights
     return scene, one
 
@@ -111,22 +109,19 @@ def test_colors_are_those_of_the_temperature(tmp_path):
     assert light.color == pytest.approx(tuple(UsdLux.BlackbodyTemperatureAsRgb(3000.0)))
 
 
-def test_a_dome_is_the_light_from_everywhere_and_the_background(tmp_path):
-    stage = new_stage(tmp_path / "a.usda")
+def test_a_dome_is_the_light_from_everywhere_and_the_background(stage):
     define_box(stage, "/World/box")
     dome = UsdLux.DomeLight.Define(stage, "/World/dome")
     dome.CreateColorAttr((0.5, 0.75, 1.0))
     dome.CreateIntensityAttr(40.0)
-    stage.Save()
-    scene = load_scene(tmp_path / "a.usda")
+    scene = saved(stage)
     assert scene.lighting.ambient == pytest.approx((0.5, 0.75, 1.0))
     assert scene.background == scene.lighting.ambient
     assert scene.lighting.lights == ()
     sun = UsdLux.DistantLight.Define(stage, "/World/sun")
     sun.CreateIntensityAttr(40.0 * np.pi)
     sun.CreateNormalizeAttr(True)
-    stage.Save()
-    scene = load_scene(tmp_path / "a.usda")
+    scene = saved(stage)
     (light,) = scene.lighting.lights
     # the sun gives a surface that faces it as much light as the brightest of the dome does
     assert scene.lighting.ambient[2] == pytest.approx(light.intensity * scene.lighting.exposure)
@@ -143,8 +138,7 @@ def _textured(tmp_path, pixels, up="Z", rotate=(0.0, 0.0, 0.0), name="map.exr"):
     UsdGeom.XformCommonAPI(dome).SetRotate(rotate)
     if pixels is not None:
         write_radiance(tmp_path / name, pixels.astype(np.float16))
-    stage.Save()
-    return load_scene(tmp_path / "a.usda")
+    return saved(stage)
 
 
 def _storm(directions):

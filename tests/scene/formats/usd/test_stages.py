@@ -11,6 +11,7 @@ from tests.scene.formats.usd.stages import (
     define_mesh,
     new_stage,
     random_ops,
+    saved,
     stage_from_prim,
     world_bounds,
 )
@@ -21,9 +22,8 @@ from pxr import Gf, Sdf, Usd, UsdGeom  # isort: skip - after the tests are skipp
 WORLD_FROM_Y_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
 
 
-def test_transforms_of_every_kind_are_usd_cores(tmp_path):
+def test_transforms_of_every_kind_are_usd_cores(stage):
     rng = np.random.default_rng(4)
-    stage = new_stage(tmp_path / "a.usda")
     paths = []
     for parent in range(4):
         group = UsdGeom.Xform.Define(stage, f"/World/group_{parent}")
@@ -32,8 +32,7 @@ def test_transforms_of_every_kind_are_usd_cores(tmp_path):
         random_ops(box, rng)
         paths.append(str(box.GetPath()))
     UsdGeom.Xformable(box).SetResetXformStack(True)
-    stage.Save()
-    scene = load_scene(tmp_path / "a.usda")
+    scene = saved(stage)
     assert scene.instance_names == tuple(path.removeprefix("/World/") for path in paths)
     for path, one in zip(paths, scene.instances, strict=True):
         np.testing.assert_allclose(one.world_from_mesh, stage_from_prim(stage, path), atol=1e-12)
@@ -73,8 +72,7 @@ def test_shapes_have_the_bounds_that_usd_core_gives_them(tmp_path, axis):
     for prim in stage.GetPrimAtPath("/World").GetChildren():
         points = UsdGeom.Boundable.ComputeExtentFromPlugins(UsdGeom.Boundable(prim), 0)
         UsdGeom.Boundable(prim).CreateExtentAttr(points)
-    stage.Save()
-    scene = load_scene(tmp_path / "a.usda")
+    scene = saved(stage)
     cache = UsdGeom.BBoxCache(Usd.TimeCode.Default(), ["default"])
     for prim in stage.GetPrimAtPath("/World").GetChildren():
         box = cache.ComputeWorldBound(prim).ComputeAlignedRange()
@@ -92,27 +90,23 @@ def test_shapes_have_the_bounds_that_usd_core_gives_them(tmp_path, axis):
     np.testing.assert_allclose(solid_of(scene, "plane").face_normals, [normal, normal], atol=1e-6)
 
 
-def test_a_cylinder_of_two_radii_is_a_frustum(tmp_path):
-    stage = new_stage(tmp_path / "a.usda")
+def test_a_cylinder_of_two_radii_is_a_frustum(stage):
     shape = UsdGeom.Cylinder_1.Define(stage, "/World/cup")
     shape.CreateRadiusBottomAttr(0.3)
     shape.CreateRadiusTopAttr(0.6)
     shape.CreateHeightAttr(2.0)
     shape.CreateAxisAttr("Z")
-    stage.Save()
-    cup = solid_of(load_scene(tmp_path / "a.usda"))
+    cup = solid_of(saved(stage))
     assert cup.volume == pytest.approx(np.pi * 2.0 / 3.0 * (0.09 + 0.18 + 0.36), rel=1e-3)
 
 
-def test_triangles_of_a_mesh_have_its_area_and_look_outwards(tmp_path):
-    stage = new_stage(tmp_path / "a.usda")
+def test_triangles_of_a_mesh_have_its_area_and_look_outwards(stage):
     define_box(stage, "/World/box")
     left = define_box(stage, "/World/left")
     left.CreateOrientationAttr("leftHanded")
     mirrored = define_box(stage, "/World/mirrored")
     UsdGeom.XformCommonAPI(mirrored).SetScale(Gf.Vec3f(-2.0, 1.0, 1.0))
-    stage.Save()
-    scene = load_scene(tmp_path / "a.usda")
+    scene = saved(stage)
     assert solid_of(scene, "box").volume == pytest.approx(1.0)
     assert solid_of(scene, "box").area == pytest.approx(6.0)
     assert solid_of(scene, "left").volume == pytest.approx(-1.0)
@@ -121,20 +115,17 @@ def test_triangles_of_a_mesh_have_its_area_and_look_outwards(tmp_path):
     assert np.linalg.det(one.world_from_mesh[:3, :3]) == pytest.approx(-2.0)
 
 
-def test_holes_and_faces_of_two_corners_are_left_out(tmp_path):
-    stage = new_stage(tmp_path / "a.usda")
+def test_holes_and_faces_of_two_corners_are_left_out(stage):
     box = define_box(stage, "/World/box")
     box.CreateHoleIndicesAttr([0, 3])
     points = [(5, 0, 0), (6, 0, 0), (6, 1, 0)]
     define_mesh(stage, "/World/thin", points, [2, 3], [0, 1, 0, 1, 2])
-    stage.Save()
-    scene = load_scene(tmp_path / "a.usda")
+    scene = saved(stage)
     assert solid_of(scene, "box").area == pytest.approx(4.0)
     assert solid_of(scene, "thin").area == pytest.approx(0.5)
 
 
-def test_invisible_and_guiding_prims_are_left_out_with_a_notice(tmp_path):
-    stage = new_stage(tmp_path / "a.usda")
+def test_invisible_and_guiding_prims_are_left_out_with_a_notice(stage):
     define_box(stage, "/World/box")
     hidden = UsdGeom.Xform.Define(stage, "/World/hidden")
     hidden.MakeInvisible()
@@ -147,8 +138,7 @@ def test_invisible_and_guiding_prims_are_left_out_with_a_notice(tmp_path):
     stage.DefinePrim("/World/curve", "BasisCurves")
     stage.CreateClassPrim("/class_of_prims")
     define_box(stage, "/class_of_prims/abstract")
-    stage.Save()
-    scene = load_scene(tmp_path / "a.usda")
+    scene = saved(stage)
     assert scene.instance_names == ("box", "guide/render")
     assert scene.notices == (
         "a.usda: invisible prims are not drawn (1 prim)",
@@ -168,8 +158,7 @@ def test_native_instances_share_meshes(tmp_path):
         prim.GetReferences().AddReference("./chair.usda")
         prim.SetInstanceable(True)
         UsdGeom.XformCommonAPI(prim).SetTranslate((2.0 * number, 0.0, 0.0))
-    stage.Save()
-    scene = load_scene(tmp_path / "a.usda")
+    scene = saved(stage)
     assert len(scene.meshes) == 2
     assert scene.instance_names == tuple(
         f"chair_{number}/{part}" for number in range(3) for part in ("seat", "leg")
@@ -177,9 +166,8 @@ def test_native_instances_share_meshes(tmp_path):
     np.testing.assert_allclose(scene.bounds_m(), world_bounds(stage))
 
 
-def test_copies_of_a_point_instancer_are_where_usd_core_puts_them(tmp_path):
+def test_copies_of_a_point_instancer_are_where_usd_core_puts_them(stage):
     rng = np.random.default_rng(2)
-    stage = new_stage(tmp_path / "a.usda")
     instancer = UsdGeom.PointInstancer.Define(stage, "/World/forest")
     UsdGeom.XformCommonAPI(instancer).SetTranslate((0.0, 5.0, 0.0))
     tree = UsdGeom.Xform.Define(stage, "/World/forest/tree")
@@ -195,8 +183,7 @@ def test_copies_of_a_point_instancer_are_where_usd_core_puts_them(tmp_path):
     turns = [Gf.Quath(0.5, *rng.uniform(-1, 1, 3)).GetNormalized() for _ in range(count)]
     instancer.CreateOrientationsAttr(turns)
     instancer.CreateInvisibleIdsAttr([4])
-    stage.Save()
-    scene = load_scene(tmp_path / "a.usda")
+    scene = saved(stage)
     assert len(scene.meshes) == 3
     assert len(scene.instance_names) == count - 1
     assert {"tree_0", "bush_1"} <= set(scene.instance_names)
@@ -205,8 +192,7 @@ def test_copies_of_a_point_instancer_are_where_usd_core_puts_them(tmp_path):
     np.testing.assert_allclose(scene.bounds_m(), world_bounds(stage), rtol=1e-5)
 
 
-def test_components_and_prims_with_a_class_are_objects(tmp_path):
-    stage = new_stage(tmp_path / "a.usda")
+def test_components_and_prims_with_a_class_are_objects(stage):
     for name in ("left", "right"):
         path = f"/World/{name}/chair"
         Usd.ModelAPI(UsdGeom.Xform.Define(stage, path).GetPrim()).SetKind("component")
@@ -217,34 +203,29 @@ def test_components_and_prims_with_a_class_are_objects(tmp_path):
     cup.CreateAttribute("semantics:labels:class", Sdf.ValueTypeNames.TokenArray).Set(["mug"])
     define_box(stage, "/World/cup_07/handle")
     define_box(stage, "/World/cup_07/body")
-    stage.Save()
-    scene = load_scene(tmp_path / "a.usda")
+    scene = saved(stage)
     assert scene.instance_names == ("chair", "chair_1", "cup_07")
     assert [(rule.name, rule.nodes) for rule in scene.labels] == [("mug", ("cup_07",))]
 
 
-def test_animations_rest_at_their_first_frame(tmp_path):
-    stage = new_stage(tmp_path / "a.usda")
+def test_animations_rest_at_their_first_frame(stage):
     stage.SetStartTimeCode(3.0)
     stage.SetEndTimeCode(9.0)
     move = UsdGeom.Xformable(define_box(stage, "/World/box")).AddTranslateOp()
     move.Set((1.0, 0.0, 0.0), 1.0)
     move.Set((7.0, 0.0, 0.0), 7.0)
-    stage.Save()
-    scene = load_scene(tmp_path / "a.usda")
+    scene = saved(stage)
     assert scene.bounds_m().mean(axis=0)[0] == pytest.approx(3.0)
     assert scene.notices == ("a.usda: animation: rests at its first frame (1 prim)",)
 
 
-def test_a_camera_is_where_a_image_starts(tmp_path):
-    stage = new_stage(tmp_path / "a.usda")
+def test_a_camera_is_where_a_image_starts(stage):
     define_box(stage, "/World/box")
     camera = UsdGeom.Camera.Define(stage, "/World/camera")
     api = UsdGeom.XformCommonAPI(camera)
     api.SetTranslate((3.0, 4.0, 1.5))
     api.SetRotate((90.0, 0.0, 30.0))  # level, its y up; −z was −z: it looks along y, turned by 30°
-    stage.Save()
-    start = load_scene(tmp_path / "a.usda").start
+    start = saved(stage).start
     assert isinstance(start, StartPose)
     assert start.position_m == pytest.approx((3.0, 4.0, 1.5))
     assert start.yaw_deg == pytest.approx(120.0)
@@ -299,8 +280,7 @@ def test_other_units_and_axes_of_a_reference_are_noted_and_not_converted(tmp_pat
     part.Save()
     stage = new_stage(tmp_path / "a.usda")
     stage.DefinePrim("/World/part").GetReferences().AddReference("part.usda")
-    stage.Save()
-    scene = load_scene(tmp_path / "a.usda")
+    scene = saved(stage)
     np.testing.assert_allclose(scene.bounds_m(), [[-0.5] * 3, [0.5] * 3])
     assert scene.notices == (
         "a.usda: part.usda: metersPerUnit = 0.01 instead of 1.0, upAxis = Y instead of Z of the "
