@@ -12,7 +12,7 @@ from omnisim.cameras.mirrors.mirror_mesh import RIG_FROM_MIRROR, unfold
 from omnisim.core.cube import CELL_TANGENT, FACE_FROM_RIG, FACE_NAMES, LAYOUT_CELLS, face_index
 from omnisim.core.errors import OutputError
 from omnisim.scene import load_scene
-from omnisim.scene.formats.mesh.mesh_files import write_mirror
+from omnisim.scene.formats.mesh.other_formats import write_mirror
 
 
 def _unfolded(polygons, theta_max_deg=105):
