@@ -27,9 +27,8 @@ def boards(camera, count, widest_deg=45.0):
     """Corners of boards all over the field, with the noise of a corner finder."""
     generator, points = np.random.default_rng(3), board_corners_m()
     views = []
-    for number, optical_from_board in enumerate(
-        board_poses_in_front(count, np.radians(widest_deg))
-    ):
+    poses = board_poses_in_front(count, np.radians(widest_deg))
+    for number, optical_from_board in enumerate(poses):
         rays = points @ optical_from_board[:3, :3].T + optical_from_board[:3, 3]
         found = camera.pixel_from_ray(rays)
         assert found.valid.all()

@@ -42,25 +42,19 @@ principal_point_px = [159.5, 160.0]
 coefficients = [0.01, -0.002, 0.0, 1e-4]
 theta_max_deg = 75.0
 """
-RIG = """
+CAMERA = 'type = "omnicamera"\nfile = "lens.toml"\nrate_hz = 5.0'
+RIG = f"""
 name = "rig"
-
 [[sensors]]
 name = "left"
-type = "omnicamera"
-file = "lens.toml"
-rate_hz = 5.0
+{CAMERA}
 position_m = [0.1, 0.1, 0.0]
 yaw_deg = 3.0
-
 [[sensors]]
 name = "right"
-type = "omnicamera"
-file = "lens.toml"
-rate_hz = 5.0
+{CAMERA}
 position_m = [0.1, -0.1, 0.0]
 roll_deg = 2.0
-
 [[sensors]]
 name = "imu"
 type = "imu"
@@ -132,11 +126,8 @@ def test_the_settings_are_those_of_the_rig():
     """Read back by the parser of the file's own library."""
     cv2 = pytest.importorskip("cv2")
     second_pose = pose((0.2, 0.01, -0.02), yaw_deg=2.0)
-    imu = ImuSettings(
-        pose((0.1, 0.2, 0.3), roll_deg=40.0),
-        200.0,
-        {"NoiseGyro": 8e-5, "NoiseAcc": 1.4e-3, "GyroWalk": 2.2e-6, "AccWalk": 0.0},
-    )
+    noise = {"NoiseGyro": 8e-5, "NoiseAcc": 1.4e-3, "GyroWalk": 2.2e-6, "AccWalk": 0.0}
+    imu = ImuSettings(pose((0.1, 0.2, 0.3), roll_deg=40.0), 200.0, noise)
     text = settings_text([LENS, LENS], 8.0, second_pose, imu)
     file = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
     names = ("fx", "fy", "cx", "cy", "k1", "k2", "k3", "k4")
@@ -307,12 +298,9 @@ def test_black_images_are_a_row_of_the_report(tmp_path):
     (tmp_path / orb_slam3_program.SETTINGS).write_text(settings_text([LENS], 10.0))
     np.save(tmp_path / orb_slam3_program.TIMES, 0.1 * np.arange(5))
     request = {
-        "vocabulary": str(unpacked_vocabulary(tmp_path)),
-        "width_px": LENS.width_px,
-        "height_px": LENS.height_px,
-        "cameras": 1,
-        "fps": 10.0,
-    }
+        "vocabulary": str(unpacked_vocabulary(tmp_path)), "width_px": LENS.width_px,
+        "height_px": LENS.height_px, "cameras": 1, "fps": 10.0,
+    }  # fmt: skip
     (tmp_path / orb_slam3_program.REQUEST).write_text(json.dumps(request))
     orb_slam3._run_program(tmp_path, iter([bytes(LENS.width_px * LENS.height_px)] * 5))
     with pytest.raises(EstimatorError, match="tracked no image"):
