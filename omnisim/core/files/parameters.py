@@ -38,6 +38,7 @@ import types
 import typing
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from enum import Enum
+from functools import cache
 from typing import Annotated, Any, ClassVar, TypeVar, cast, get_args, get_origin, get_type_hints
 
 import annotated_types
@@ -50,6 +51,7 @@ from pydantic_core import CoreSchema, core_schema
 from omnisim.core.errors import OmnisimError, OpticsError
 from omnisim.core.files.table_faults import MIN_POSITIVE, fault_lines
 
+_LIMITS = annotated_types.Ge, annotated_types.Gt, annotated_types.Le, annotated_types.Lt
 MAX_NUMBER = 1e9  # products and quotients of a few such numbers fit in float32, as on the GPU
 
 Number = Annotated[float, Field(strict=True)]  # rejects "11" and true; integers are accepted
@@ -274,24 +276,22 @@ def _default(field: dataclasses.Field[Any]) -> Any:
     return field.default if made is dataclasses.MISSING else made()
 
 
-_TABLES: dict[type, type[Table]] = {}
-_CHECKS: dict[type, type[Table]] = {}
-_ADAPTERS: dict[type, pydantic.TypeAdapter[Any]] = {}
-
-
+@cache
 def table_of(kind: type) -> type[Table]:
     """Schema of a file's table with the fields of a class, without its `_check`."""
-    if kind not in _TABLES:
-        _TABLES[kind] = _make_table(kind, getattr(kind, "file_key", str))
-    return _TABLES[kind]
+    return _make_table(kind, getattr(kind, "file_key", str))
 
 
+@cache
 def _checks_of(kind: type[Parameters]) -> type[Table]:
     """Schema of the fields as they are in Python: angles in radians."""
-    if kind not in _CHECKS:
-        is_same = all(kind.file_key(one.name) == one.name for one in _settings(kind))
-        _CHECKS[kind] = table_of(kind) if is_same else _make_table(kind, str)
-    return _CHECKS[kind]
+    is_same = all(kind.file_key(one.name) == one.name for one in _settings(kind))
+    return table_of(kind) if is_same else _make_table(kind, str)
+
+
+@cache
+def _adapter_of(kind: type[Parameters]) -> pydantic.TypeAdapter[Any]:
+    return pydantic.TypeAdapter(kind)
 
 
 def _make_table(kind: type, file_key: Callable[[str], str]) -> type[Table]:
@@ -366,9 +366,7 @@ def _rule_in_degrees(rule: Any) -> Any:
     if isinstance(rule, Typical):
         low, high = in_degrees(rule.low), in_degrees(rule.high)
         return dataclasses.replace(rule, low=low, high=high)
-    if isinstance(
-        rule, annotated_types.Ge | annotated_types.Gt | annotated_types.Le | annotated_types.Lt
-    ):
+    if isinstance(rule, _LIMITS):
         (limit,) = dataclasses.astuple(rule)
         if MIN_POSITIVE < abs(limit) < MAX_NUMBER:  # these two stand for 0 and for no limit
             return type(rule)(in_degrees(limit))
@@ -411,23 +409,21 @@ def parse_table(
     schema: Any = table_of(model) if issubclass(model, Parameters) else model
     try:
         if issubclass(model, Parameters):
-            if model not in _ADAPTERS:
-                _ADAPTERS[model] = pydantic.TypeAdapter(model)
-            return _ADAPTERS[model].validate_python(data)
+            return _adapter_of(model).validate_python(data)
         return model.model_validate(data, context=in_python)
     except pydantic.ValidationError as reason:
         faults = reason.errors()
-    keys = [fault["loc"] for fault in faults]
+
+    def is_list_at_fault(outer: tuple[int | str, ...]) -> bool:
+        inner = (fault["loc"] for fault in faults if len(fault["loc"]) > len(outer))
+        return any(key[: len(outer)] == outer for key in inner)
+
     raise error(
         "\n".join(
             (f"{source}: " if source else "") + line
             for fault in faults
             for line in fault_lines(fault, schema, at)
             # invalid items of a list are not counted as items
-            if not (fault["type"] == "too_short" and _has_inner(keys, fault["loc"]))
+            if not (fault["type"] == "too_short" and is_list_at_fault(fault["loc"]))
         )
     )
-
-
-def _has_inner(keys: list[tuple[int | str, ...]], outer: tuple[int | str, ...]) -> bool:
-    return any(len(key) > len(outer) and key[: len(outer)] == outer for key in keys)
