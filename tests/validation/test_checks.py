@@ -163,13 +163,7 @@ def test_a_turned_image_is_found_out(fixture, monkeypatch):
             "orientation", "rig.x > 0.0 ? 0 : 2", "rig.x > 0.0 ? 2 : 0", marks=pytest.mark.slow
         ),
     ],
-    ids=[
-        "half a pixel",
-        "a row of samples",
-        "half a pixel, mesh",
-        "face tangent",
-        "swapped faces",
-    ],
+    ids=["half a pixel", "a row of samples", "half a pixel, mesh", "face tangent", "swapped faces"],
 )
 def test_a_wrong_shader_is_found_out(key, written, bent, fixture, monkeypatch):
     expand, hits = shader_files._expand, []

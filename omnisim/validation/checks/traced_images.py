@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
+
 from omnisim.cameras import PerspectiveCamera
-from omnisim.core import coordinate_frames as frames
-from omnisim.core.arrays import Floats, Floats32
+from omnisim.core.arrays import Bools, Floats, Floats32
 from omnisim.core.srgb import srgb_from_linear
 from omnisim.plots.style import gallery
 from omnisim.rendering.camera.omnicamera import PAPER_POLYGONS, OmniCamera
+from omnisim.rendering.rays.caster import NO_TRIANGLE, EmbreeMesh
 from omnisim.rendering.shared_scene import BackendName
 from omnisim.rendering.stage import open_sensor
 from omnisim.report.report import CaptionedFigure, Measure, Section
 from omnisim.scene import Scene, load_scene
+from omnisim.scene.model import Material
+from omnisim.sensors import SpinningLidar
+from omnisim.sensors.lidar.spinning_lidar import PointCloud
 from omnisim.validation import reflective_rooms
 from omnisim.validation.fixture import (
     BACKENDS,
@@ -33,32 +39,8 @@ from omnisim.validation.image_differences import (
 )
 from omnisim.validation.oracles.mitsuba_optics import trace_mirror
 from omnisim.validation.oracles.surfaces import opaque_only
-from omnisim.validation.plain_scenes import (
-    centroids,
-    inside_valid_area,
-    marker_positions,
-    marker_scene,
-)
-from omnisim.validation.traced_light import (
-    CAMERAS,
-    beside,
-    inside_rim,
-    samples_of,
-    sensor_of,
-    traced_twice,
-)
-import dataclasses
-from typing import NamedTuple
-import numpy as np
-from omnisim.core.arrays import Bools, Floats
-from omnisim.rendering.rays.caster import NO_TRIANGLE, EmbreeMesh
-from omnisim.rendering.stage import open_sensor
-from omnisim.report.report import Measure
-from omnisim.scene import Scene
-from omnisim.scene.model import Material
-from omnisim.sensors import SpinningLidar
-from omnisim.sensors.lidar.spinning_lidar import PointCloud
-
+from omnisim.validation.plain_scenes import Markers, world_from_looking_up
+from omnisim.validation.traced_light import CAMERAS, beside, inside_rim, samples_of, views
 
 SIZE_PX, QUICK_SIZE_PX = 512, 256
 SAMPLES, QUICK_SAMPLES = 144, 64  # squares, as its sampler wants
@@ -74,7 +56,7 @@ def check_mirror(fixture: Fixture, title: str) -> Section:
     samples = QUICK_SAMPLES if fixture.is_quick else SAMPLES
     sensor = OmniCamera().with_polygons(None).resized(size)
     scene, pose = opaque_only(fixture.scene), sensor.base_pose(fixture.viewpoint_m, yaw_deg=20.0)
-    camera, world_from_optical = mirror_camera(sensor), _world_from_optical(sensor, pose)
+    camera, world_from_optical = mirror_camera(sensor), world_from_looking_up(sensor, pose)
     traced, again = (
         trace_mirror(scene, camera, world_from_optical, samples, seed=seed) for seed in (0, 1)
     )
@@ -126,26 +108,10 @@ def check_mirror(fixture: Fixture, title: str) -> Section:
 
 def _marker_distances(fixture: Fixture, sensor: OmniCamera, pose: Floats) -> Floats:
     """Distances (n,) between the centers of markers in the traced image and in ours."""
-    camera, world_from_optical = mirror_camera(sensor), _world_from_optical(sensor, pose)
-    viewpoint_m = world_from_optical[:3, 3]
-    axis = -world_from_optical[:3, 2]
-    positions = marker_positions(viewpoint_m, axis, camera.mirror.theta_max_rad, MARKERS)
-    rays = (positions - viewpoint_m) @ world_from_optical[:3, :3]
-    near_px = camera.pixel_from_ray(rays).positions_px
-    clear = inside_valid_area(camera, near_px)
-    scene = marker_scene(positions[clear], viewpoint_m)
-    traced = trace_mirror(scene, camera, world_from_optical, 64)
-    ours = linear_image(fixture.render(scene, sensor, pose))
-    by_mitsuba, by_omnisim = (
-        centroids(image[..., 1].astype(np.float64), near_px[clear]) for image in (traced, ours)
-    )
-    return np.linalg.norm(by_mitsuba - by_omnisim, axis=1)
-
-
-def _world_from_optical(sensor: OmniCamera, pose: Floats) -> Floats:
-    world_from_optical = pose @ sensor.base_from_rig
-    world_from_optical[:3, :3] = world_from_optical[:3, :3] @ frames.RIG_FROM_OPTICAL_LOOKING_UP
-    return world_from_optical
+    markers = Markers.around(sensor, pose, MARKERS)
+    traced = trace_mirror(markers.scene, mirror_camera(sensor), markers.world_from_optical, 64)
+    ours = linear_image(fixture.render(markers.scene, sensor, pose))
+    return np.linalg.norm(markers.centers_px(traced) - markers.centers_px(ours), axis=1)
 
 
 # Reflections of both back ends against Mitsuba's path tracer.
@@ -238,7 +204,6 @@ ARCADE_PX, QUICK_ARCADE_PX = 96, 48
 ARCADE_SAMPLES = {"mirror": 1024, "fisheye": 36}
 ARCADE_SUPERSAMPLING = 8  # omnisim: 64 samples per pixel, as chips of stone are smaller than pixels
 ARCADE_BOUND_DB = 32.0
-_YAW_DEG = 20.0
 
 
 def check_arcade(fixture: Fixture, title: str) -> Section:
@@ -247,16 +212,12 @@ def check_arcade(fixture: Fixture, title: str) -> Section:
     images: dict[str, NDArray[np.generic]] = {}
     size_px = QUICK_ARCADE_PX if fixture.is_quick else ARCADE_PX
     scene = load_scene(SCENE)
-    for camera in CAMERAS[:1] if fixture.is_quick else CAMERAS:
-        sensor = sensor_of(camera, size_px)
-        inside = inside_rim(sensor)
-        pose = sensor.base_pose(scene.start.position_m, yaw_deg=_YAW_DEG)
-        first, second = traced_twice(scene, sensor, pose, ARCADE_SAMPLES[camera])
-        fine = dataclasses.replace(sensor, supersampling=ARCADE_SUPERSAMPLING)
-        rays, cube = (
-            linear_image(fixture.render(scene, fine, pose, unlit=False, backend=backend))
-            for backend in BACKENDS
-        )
+    for view in views(scene, size_px, CAMERAS[:1] if fixture.is_quick else CAMERAS):
+        camera, inside = view.camera, view.inside
+        first, second = view.traced_twice(ARCADE_SAMPLES[camera])
+        sensor = dataclasses.replace(view.sensor, supersampling=ARCADE_SUPERSAMPLING)
+        fine = view._replace(sensor=sensor)
+        rays, cube = (fine.ours(fixture, backend=backend) for backend in BACKENDS)
         rays_db, cube_db = (converged_psnr_db(x, first, second, inside) for x in (rays, cube))
         floor_db = noise_floor_db(first, second, inside)
         measures += [

@@ -52,8 +52,7 @@ def test_a_mirrored_instance_keeps_its_front_outside():
 
 def test_corners_keep_their_colors_and_coordinates_when_turned():
     mesh = dataclasses.replace(
-        _floor(),
-        colors=np.concatenate((np.eye(3), np.ones((3, 1))), axis=1).astype(np.float32),
+        _floor(), colors=np.concatenate((np.eye(3), np.ones((3, 1))), axis=1).astype(np.float32)
     )
     scene = scene_of([mesh], [Material(double_sided=True)])
     (surface,) = visible_surfaces(scene, np.array([0.0, 0.0, -1.0]), REACH_M)

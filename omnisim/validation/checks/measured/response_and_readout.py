@@ -5,7 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any
+
 import numpy as np
+
 from omnisim.cameras import KannalaBrandtCamera
 from omnisim.core.arrays import Floats
 from omnisim.core.errors import MeasurementError
@@ -13,17 +17,12 @@ from omnisim.core.poses import rotation_from_roll_pitch_yaw
 from omnisim.core.srgb import srgb_from_linear
 from omnisim.measurement.geometry import BoardView, Chessboard
 from omnisim.measurement.geometry.board_detection import find_board
-from omnisim.measurement.noise import measure_noise
+from omnisim.measurement.noise import FrameStatistics, frame_statistics, measure_noise
 from omnisim.measurement.response import measure_response, measure_vignetting
 from omnisim.measurement.timing import line_profiles, measure_readout, measure_timing
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
 from omnisim.report.report import Measure, ResultTable, Section
 from omnisim.validation.fixture import Fixture
-from dataclasses import dataclass
-from typing import Any
-import numpy as np
-from omnisim.measurement.noise import FrameStatistics, frame_statistics
-
 
 CAMERAS, QUICK_CAMERAS = 12, 4
 TURNING, QUICK_TURNING = 4, 1  # cameras before a turning board
