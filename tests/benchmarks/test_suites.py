@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks import start_up
-from benchmarks.embree_rays import EmbreeRays, has_embree
+from benchmarks.embree_rays import has_embree
 from benchmarks.errors import BenchmarkError
 from benchmarks.options import Options
 from benchmarks.peers import field, quality
@@ -14,7 +14,7 @@ from benchmarks.report import check
 from benchmarks.start_up_phases import PHASES
 from benchmarks.suites import drive, fps, lenses, limit, live, peers, scaling
 from benchmarks.town import build_town
-from omnisim import OmniCamera, Renderer, open_sensor
+from omnisim import Renderer
 from omnisim.plots.style import write_plot
 from tests.camera_examples import CAMERA_EXAMPLES
 
@@ -94,9 +94,7 @@ def test_a_drive_is_uneven_by_its_slowest_percent_beside_a_running_median():
 @pytest.mark.usefixtures("little")
 @pytest.mark.parametrize("suite", [lenses, live], ids=["lenses", "live"])
 def test_lenses_and_the_live_page_are_measured(suite, tmp_path):
-    report = complete(suite, suite.run(ONCE), tmp_path)
-    assert len(report["rows"]) > 1
-    assert report["bounds"]
+    assert complete(suite, suite.run(ONCE), tmp_path)["bounds"]
 
 
 @pytest.mark.slow
@@ -166,15 +164,3 @@ def test_growing_frames_are_timed_and_each_size_of_batch_has_its_renderer(tmp_pa
     report = scaling.run(ONCE, **parts)
     assert not any("Embree" in bound["name"] for bound in report["bounds"])
     assert any("embreex is not installed" in line for line in scaling.lines(report))
-
-
-@pytest.mark.usefixtures("needs_opengl")
-@pytest.mark.skipif(not has_embree(), reason="embreex is missing")
-def test_embree_hits_visible_triangles():
-    scene, sensor = build_town(1000), OmniCamera(polygons=None).resized(120)
-    eye = scaling.STREET[0]
-    with open_sensor(scene, sensor) as renderer:
-        frame = renderer.render(eye, also=("range",))
-    hit = EmbreeRays(scene, sensor.model).cast(eye) >= 0
-    seen = np.isfinite(frame.channels["range"][frame.valid])
-    assert np.mean(hit == seen) > 0.999  # at silhouettes the last bit decides

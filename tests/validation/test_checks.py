@@ -75,33 +75,34 @@ def test_a_wrong_mirror_is_found_out(key, fixture, monkeypatch):
     assert _missed(key, fixture)
 
 
-def test_a_surface_that_faces_aside_is_found_out(fixture, monkeypatch):
-    """Its normals are turned by a ten millionth of a degree."""
-    normals, turned = Surface.normals, poses.pose((0.0, 0.0, 0.0), roll_deg=1e-7)[:3, :3]
+def _turn_normals(monkeypatch, roll_deg):
+    normals, turned = Surface.normals, poses.pose((0.0, 0.0, 0.0), roll_deg=roll_deg)[:3, :3]
     monkeypatch.setattr(Surface, "normals", lambda self, points: normals(self, points) @ turned)
-    assert any("closed form" in name for name in _missed("optics", fixture))
+
+
+@pytest.mark.parametrize(
+    ("key", "roll_deg", "measure"),
+    [
+        ("optics", 1e-7, "closed form"),
+        pytest.param(  # a fraction of a pixel
+            "optics-path-tracer", 0.1, "markers", marks=[pytest.mark.slow, pytest.mark.long]
+        ),
+    ],
+)
+def test_a_system_that_faces_aside_is_found_out(key, roll_deg, measure, fixture, monkeypatch):
+    _turn_normals(monkeypatch, roll_deg)
+    assert any(measure in name for name in _missed(key, fixture))
 
 
 @pytest.mark.slow
 @pytest.mark.long
 def test_a_mirror_that_reflects_aside_is_found_out(fixture, monkeypatch):
-    """Its normals are turned by half a degree: what OpenCV calibrates is no central mirror."""
-    normals, turned = Surface.normals, poses.pose((0.0, 0.0, 0.0), roll_deg=0.5)[:3, :3]
-    monkeypatch.setattr(Surface, "normals", lambda self, points: normals(self, points) @ turned)
-    mirror = optics.mirror_table(0.0, 0.0)
-    aligned = optics.boards_in_mirror(fixture, mirror)
+    """What OpenCV calibrates is then no central mirror."""
+    _turn_normals(monkeypatch, 0.5)
+    aligned = optics.boards_in_mirror(fixture, optics.mirror_table(0.0, 0.0))
     size_px = optics.BOARD_IMAGE_PX
     found = omnidir.calibrate(board_corners_m(), aligned.corners, (size_px, size_px))
     assert found.rms_px > optics.RMS_BOUND_PX
-
-
-@pytest.mark.slow
-@pytest.mark.long
-def test_a_system_that_faces_aside_is_found_out(fixture, monkeypatch):
-    """A tenth of a degree is a fraction of a pixel."""
-    normals, turned = Surface.normals, poses.pose((0.0, 0.0, 0.0), roll_deg=0.1)[:3, :3]
-    monkeypatch.setattr(Surface, "normals", lambda self, points: normals(self, points) @ turned)
-    assert any("markers" in name for name in _missed("optics-path-tracer", fixture))
 
 
 @pytest.mark.slow

@@ -75,7 +75,7 @@ def test_dust_does_not_count():
     [
         (np.zeros((240, 320)), "no light"),
         (flat_field(np.ones_like, (0.6, 0.0)), "the light changes by 60 % across the image"),
-        (flat_field(lambda squared: 1.0 + 0.2 * (np.arange(320) // 40 % 2)), "unexplained"),
+        (flat_field(lambda r2: r2 * 0.0 + 1.0 + 0.2 * (np.arange(320) // 40 % 2)), "unexplained"),
     ],
 )
 def test_what_is_no_flat_field_is_refused(flat, message):
