@@ -19,9 +19,7 @@ CHEAP = Limits(bound=1.4, goal=1.15)
     ("limits", "value", "passed"),
     [
         (FAST, 1.0, True),
-        (FAST, 0.99, False),
         (FAST, MedianInterval(0.95, 0.9, 1.02), True),
-        (CHEAP, 1.4, True),
         (CHEAP, 1.41, False),
         (CHEAP, MedianInterval(1.5, 1.39, 1.6), True),
         (CHEAP, MedianInterval(1.5, 1.41, 1.6), False),
@@ -79,11 +77,9 @@ def test_on_a_gpu_bounds_of_software_are_left_out(context, monkeypatch):
 @pytest.mark.parametrize(
     ("way", "value", "message"),
     [
-        (("suite",), None, "suite: expected str, got None"),
         (("schema",), 1, "schema: expected 2, got 1"),
         (("rows",), [], "rows: expected at least one, got none"),
         (("rows", 0, "p50_ms"), math.nan, r"rows\[0\]: p50_ms: expected .* finite number, got nan"),
-        (("bounds", 1, "sense"), "more", "sense: expected at least or at most, got 'more'"),
         (("bounds", 0, "passed"), True, "its value says otherwise"),
         (("bounds", 2, "goal"), None, r"bounds\[2\]: expected a bound or a goal"),
         (("passed",), True, "its bounds say otherwise"),

@@ -15,27 +15,7 @@ from omnisim.scene import load_scene
 from omnisim.scene.model import AlphaMode, Material, Mesh
 from tests.scenes import scene_of
 
-SQUARES = """
-#version 430 core
-void main() {
-    int corner = gl_VertexID % 3 + gl_VertexID % 6 / 3;  // 0 1 2, 1 2 3
-    float beside = gl_VertexID < 6 ? 0.0 : 9.0;
-    gl_Position = vec4(vec2(corner & 1, corner >> 1) - vec2(1.0 - beside, 1.0), 0.5, 1.0);
-}
-"""
 CAMERA = OmniCamera(polygons=None).resized(64)
-
-
-def test_counts_are_those_of_the_draw(context):
-    context.framebuffer([context.renderbuffer((32, 32), 4)]).use()
-    context.enable_only(moderngl.NOTHING)
-    program = context.program(vertex_shader=SQUARES, fragment_shader=probe.CONSTANT)
-    squares = context.vertex_array(program, [])
-    # a square of a quarter of the image, and one that is far beside it
-    counted = count(context, lambda: squares.render(moderngl.TRIANGLES, vertices=12))
-    assert (counted.samples, counted.triangles) == (16 * 16, 4)
-    assert counted.triangles_inside in (2, None)
-    assert counted.vertices in (12, None)
 
 
 @pytest.fixture
@@ -63,8 +43,7 @@ def test_a_frame_in_parts_is_the_frame_and_leaves_nothing_changed(frame, monkeyp
     assert "render" not in vars(frame.renderer._passes.cube)
 
 
-def _counted(monkeypatch, module):
-    """Amount and counts of each probe of a module, by name, as its factory makes them."""
+def test_probes_draw_what_they_count(context, monkeypatch):
     monkeypatch.setattr(probe, "MIN_SECONDS", 0.0)
     drawn = {}
 
@@ -72,21 +51,14 @@ def _counted(monkeypatch, module):
         with context:
             drawn[name] = amount, count(context, lambda: once(0))
 
-    monkeypatch.setattr(module, "repeated", counting)
-    return drawn
-
-
-def test_triangles_are_seen_or_thrown_away(context, monkeypatch):
-    drawn = _counted(monkeypatch, triangles)
+    for module in (triangles, submission):
+        monkeypatch.setattr(module, "repeated", counting)
     triangles.triangle_probes(context)
     for name, (amount, counts) in drawn.items():
         assert counts.triangles == amount
         # they cover the image without a gap, about one sample each
         assert counts.samples == (triangles._TARGET_PX**2 if name == triangles.VISIBLE else 0)
-
-
-def test_all_calls_of_a_probe_reach_the_gpu(context, monkeypatch):
-    drawn = _counted(monkeypatch, submission)
+    drawn.clear()
     submission.submission_probes(context)
     for name, (amount, counts) in drawn.items():
         draws_nothing = name in (submission.UNIFORM, submission.NOTHING)

@@ -139,11 +139,9 @@ def test_a_sweep_resumes_and_names_failures(folder):
     results = list(run_sweep(sweep, wanted, folder / "out", processes=2))
     results.sort(key=lambda one: wanted.index(one.point))
     assert [one.point for one in results] == wanted
-    for result in results[:2]:
-        assert [one.status for one in result.outcomes] == ["ok", "ok"]
-    failed = results[2].outcomes
-    assert [one.status for one in failed] == ["failed", "failed"]
-    assert "rate_hz" in failed[0].reason
+    found = [[one.status for one in result.outcomes] for result in results]
+    assert found == [["ok", "ok"], ["ok", "ok"], ["failed", "failed"]]
+    assert "rate_hz" in results[2].outcomes[0].reason
     outcome = results[0].estimates / "imu" / "outcome.json"
     content = json.loads(outcome.read_text())
     outcome.write_text(json.dumps(content | {"seconds": 99.0}))
@@ -203,17 +201,12 @@ def _is_alive(process):
 def test_a_sweep_on_ray(folder):
     pytest.importorskip("ray")
     (folder / "robot.toml").write_text(ROBOT + IMU)
-    (folder / "plan.toml").write_text(PLAN.replace('"imu"', '"imu", "kiss-icp"'))
+    (folder / "plan.toml").write_text(PLAN)
     words = ["evaluate", "plan.toml", "-o", "out", "--engine", "ray"]
-    done = subprocess.run(
-        [sys.executable, "-m", "omnisim", *words],
-        cwd=folder, capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
+    subprocess.run([sys.executable, "-m", "omnisim", *words], cwd=folder, check=True)
     points = json.loads((folder / "out" / "points.json").read_text())
     assert [point["seed"] for point in points] == [3, 4]
-    for point in points:
-        assert [one["status"] for one in point["outcomes"]][:2] == ["ok", "ok"]
+    assert {one["status"] for point in points for one in point["outcomes"]} == {"ok"}
 
 
 @pytest.mark.parametrize(
@@ -230,14 +223,12 @@ def test_a_sweep_on_ray(folder):
         ("key = 'sensors.front.file'\nvalues = ['no.toml']", "no.toml: no such file"),
         ("key = 'name.a'\nvalues = [1]", "'name' is not a table"),
         ("key = 'sensors.imu.file.a'\nvalues = [1]", "'imu' has no sensor file"),
-        ("key = 'a'\nvalues = []", "vary.0.values"),
         ("key = 'a'", "vary.0.values: missing"),
-        ("[vari]", "vari: unknown key; did you mean 'vary'?"),
         ('"imus"', "estimators: estimator 'imus': unknown"),
     ],
 )
 def test_faults_are_named(folder, fault, message):
-    text = f"{PLAN}[[vary]]\n{fault}\n".replace("[[vary]]\n[", "[")
+    text = f"{PLAN}[[vary]]\n{fault}\n"
     if fault.startswith('"'):
         text = PLAN.replace('"imu"', fault)
     (folder / "plan.toml").write_text(text)

@@ -148,20 +148,13 @@ def test_a_turned_image_is_found_out(fixture, monkeypatch):
     [
         ("markers", "gl_FragCoord.xy - 0.5 + u_first_px", "gl_FragCoord.xy + u_first_px"),
         ("markers", "sample_at(pixel, ivec2(column, row))", "sample_at(pixel, ivec2(column, 0))"),
-        pytest.param(
-            "polygons",
-            "pixel_times_depth + (0.5 - u_first_px) * seen.z",
-            "pixel_times_depth - u_first_px * seen.z",
-            marks=pytest.mark.slow,
-        ),
-        pytest.param(
-            "rings",
-            "tangent * u_uv_from_tangent",
-            "1.003 * tangent * u_uv_from_tangent",
-            marks=pytest.mark.slow,
-        ),
-        pytest.param(
-            "orientation", "rig.x > 0.0 ? 0 : 2", "rig.x > 0.0 ? 2 : 0", marks=pytest.mark.slow
+        *(
+            pytest.param(*bent, marks=pytest.mark.slow)
+            for bent in (
+                ("polygons", "(0.5 - u_first_px) * seen.z", "(0.0 - u_first_px) * seen.z"),
+                ("rings", "tangent * u_uv_from_tangent", "1.003 * tangent * u_uv_from_tangent"),
+                ("orientation", "rig.x > 0.0 ? 0 : 2", "rig.x > 0.0 ? 2 : 0"),
+            )
         ),
     ],
     ids=["half a pixel", "a row of samples", "half a pixel, mesh", "face tangent", "swapped faces"],

@@ -53,12 +53,10 @@ def _bad_pose(row, column, value):
         ([], np.zeros((0, 4, 4)), "no pose: expected at least one"),
         ([0, 1], np.stack([pose()] * 3), r"got \(2,\) and \(3, 4, 4\)"),
         ([0, 1, 1], None, "time 2, 1 s, is not after time 1, 1 s"),
-        ([0, 2, 1], None, "time 2, 1 s, is not after time 1, 2 s"),
         ([0, math.nan, 1], None, "time 1 is nan s: expected a finite time"),
         ([0, 1, 1e300], None, r"time 2 is 1e\+300 s"),
         ([0, 1, 2], _bad_pose(0, 3, math.nan), "pose 1: expected finite numbers"),
         ([0, 1, 2], _bad_pose(0, 0, 2), "pose 1: expected a rotation and a translation"),
-        ([0, 1, 2], _bad_pose(2, 2, -1), "pose 1: expected a rotation and a translation"),
         ([0, 1, 2], _bad_pose(3, 0, 1), "pose 1: expected a rotation and a translation"),
     ],
 )
