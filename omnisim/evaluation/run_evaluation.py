@@ -147,10 +147,12 @@ def _outcome(
     shutil.rmtree(folder / "work", ignore_errors=True)
     if "failure" in done:
         return Outcome(name, "failed", done["failure"], done["seconds"])
-    if (folder / CAMERA).is_file():
-        return _camera_outcome(run, name, folder / CAMERA, done["seconds"])
     recording = Recording.read(run)
     try:
+        if (folder / CAMERA).is_file():
+            lens = LensCamera.of(recording.cameras[0], lambda note: None).lens
+            camera = camera_errors(load_calibration(folder / CAMERA).camera().camera, lens)
+            return Outcome(name, "ok", camera.summary, done["seconds"], camera=camera)
         estimate = read_trajectory(folder / ESTIMATE)
         truth = true_trajectory(recording, estimate.times_s)
         tracked = truth.world_from_base @ estimator.base_from_tracked(recording)
@@ -159,16 +161,6 @@ def _outcome(
     except OmnisimError as reason:
         return Outcome(name, "failed", str(reason), done["seconds"])
     return Outcome(name, "ok", "", done["seconds"], errors)
-
-
-def _camera_outcome(run: Path, name: str, path: Path, seconds: float) -> Outcome:
-    """Outcome with the errors of a calibrated camera."""
-    try:
-        truth = LensCamera.of(Recording.read(run).cameras[0], lambda note: None).lens
-        errors = camera_errors(load_calibration(path).camera().camera, truth)
-    except OmnisimError as reason:
-        return Outcome(name, "failed", str(reason), seconds)
-    return Outcome(name, "ok", errors.summary, seconds, camera=errors)
 
 
 def true_trajectory(recording: Recording, times_s: Floats) -> Trajectory:

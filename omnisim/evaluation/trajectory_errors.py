@@ -169,7 +169,6 @@ def _drift(poses: Floats, true: Floats) -> tuple[float, float]:
 
 
 AlignmentKind = Literal["none", "se3", "sim3"]
-ALIGNMENTS: tuple[AlignmentKind, ...] = ("none", "se3", "sim3")
 _RANK_TOLERANCE = 1e-12  # as a share of the largest singular value
 
 

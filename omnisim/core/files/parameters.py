@@ -38,7 +38,6 @@ import types
 import typing
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from enum import Enum
-from functools import cache
 from typing import Annotated, Any, ClassVar, TypeVar, cast, get_args, get_origin, get_type_hints
 
 import annotated_types
@@ -276,22 +275,24 @@ def _default(field: dataclasses.Field[Any]) -> Any:
     return field.default if made is dataclasses.MISSING else made()
 
 
-@cache
+_TABLES: dict[type, type[Table]] = {}
+_CHECKS: dict[type, type[Table]] = {}
+_ADAPTERS: dict[type, pydantic.TypeAdapter[Any]] = {}
+
+
 def table_of(kind: type) -> type[Table]:
     """Schema of a file's table with the fields of a class, without its `_check`."""
-    return _make_table(kind, getattr(kind, "file_key", str))
+    if kind not in _TABLES:
+        _TABLES[kind] = _make_table(kind, getattr(kind, "file_key", str))
+    return _TABLES[kind]
 
 
-@cache
 def _checks_of(kind: type[Parameters]) -> type[Table]:
     """Schema of the fields as they are in Python: angles in radians."""
-    is_same = all(kind.file_key(one.name) == one.name for one in _settings(kind))
-    return table_of(kind) if is_same else _make_table(kind, str)
-
-
-@cache
-def _adapter_of(kind: type[Parameters]) -> pydantic.TypeAdapter[Any]:
-    return pydantic.TypeAdapter(kind)
+    if kind not in _CHECKS:
+        is_same = all(kind.file_key(one.name) == one.name for one in _settings(kind))
+        _CHECKS[kind] = table_of(kind) if is_same else _make_table(kind, str)
+    return _CHECKS[kind]
 
 
 def _make_table(kind: type, file_key: Callable[[str], str]) -> type[Table]:
@@ -409,7 +410,9 @@ def parse_table(
     schema: Any = table_of(model) if issubclass(model, Parameters) else model
     try:
         if issubclass(model, Parameters):
-            return _adapter_of(model).validate_python(data)
+            if model not in _ADAPTERS:
+                _ADAPTERS[model] = pydantic.TypeAdapter(model)
+            return _ADAPTERS[model].validate_python(data)
         return model.model_validate(data, context=in_python)
     except pydantic.ValidationError as reason:
         faults = reason.errors()

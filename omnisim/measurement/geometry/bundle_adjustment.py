@@ -319,7 +319,6 @@ def _diagonal(matrices: Floats) -> Floats:
 
 _WIDEST_RAD = np.geomspace(0.15, 3.0, 32)  # angles of the farthest corner that are tried
 _MAX_BOARDS = 20  # used to choose among them
-_MAX_RADIUS_RAD = 0.98 * math.pi
 
 
 def initial_adjustment(views: Sequence[BoardView], size_px: tuple[int, int]) -> Adjustment:
