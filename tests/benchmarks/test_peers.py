@@ -5,7 +5,6 @@ import pytest
 
 from benchmarks.peers import field
 from benchmarks.peers.batching import batched
-from benchmarks.peers.embree import EmbreeColors
 from benchmarks.peers.field import Field
 from benchmarks.peers.path import race_poses
 from benchmarks.peers.peer import SENSOR, mirror_rays
@@ -15,7 +14,7 @@ from omnisim.scene import load_scene
 from omnisim.scene.model import AlphaMode, Material
 from omnisim.validation.image_differences import psnr_of_levels_db
 from omnisim.validation.oracles import import_failure
-from tests.scenes import room, room_color, room_hit, scene_of
+from tests.scenes import room, scene_of
 from tests.slow import slow_but
 
 pytestmark = [
@@ -112,13 +111,3 @@ def test_a_mirrored_instance_keeps_its_front():
         normals = np.cross(edges[:, 1] - edges[:, 0], edges[:, 2] - edges[:, 0])
         sides |= {float(side) for side in np.sign(np.einsum("ij,ij->i", normals, edges[:, 0]))}
     assert len(sides) == 1
-
-
-@pytest.mark.skipif(bool(import_failure("embreex")), reason="embreex is missing")
-def test_embree_sees_the_paint_of_the_room():
-    pose = SENSOR.base_pose((0.4, -0.3, 0.2), yaw_deg=30.0)
-    rays, valid = mirror_rays(SENSOR.model)
-    hits = room_hit(pose[:3, 3], rays[valid] @ pose[:3, :3].T)
-    expected = 255.0 * srgb_from_linear(room_color(hits))
-    seen = EmbreeColors(scene_of([room()])).render(pose)[valid]
-    assert np.abs(seen - expected).max() < 0.6  # rounded to 8 bits, of float32 rays

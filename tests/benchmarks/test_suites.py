@@ -5,13 +5,11 @@ import dataclasses
 import numpy as np
 import pytest
 
-from benchmarks import start_up
 from benchmarks.embree_rays import has_embree
 from benchmarks.errors import BenchmarkError
 from benchmarks.options import Options
 from benchmarks.peers import field, quality
 from benchmarks.report import check
-from benchmarks.start_up_phases import PHASES
 from benchmarks.suites import drive, fps, lenses, limit, live, peers, scaling
 from benchmarks.town import build_town
 from omnisim import Renderer
@@ -69,16 +67,6 @@ def test_every_frame_of_a_drive_and_its_memory_are_held(tmp_path):
     assert all(row["most_mib"] >= max(row["settled_mib"], row["end_mib"]) > 10 for row in memory)
     with pytest.raises(BenchmarkError, match="expected a scene with a path, got rings"):
         drive.run(ONCE, starts=0)
-
-
-def test_start_up_is_reported_and_bounded(monkeypatch):
-    runs = {True: start_up.Run(1.0, 2.0, ""), False: start_up.Run(2.0, 3.0, "")}
-    monkeypatch.setattr(start_up, "render", lambda *_, cached=True: runs[cached])
-    monkeypatch.setattr(start_up, "phase_seconds", lambda *_: dict.fromkeys(PHASES, 0.25))
-    rows = start_up.start_up_rows("rings", 3, Options())
-    assert [row["seconds"] for row in rows[:2]] == [1.0, 2.0]
-    ((name, value, limits),) = drive._judged(rows)
-    assert (name, value, limits.goal) == ("start to first image, s", 1.0, 1.5)
 
 
 def test_a_drive_is_uneven_by_its_slowest_percent_beside_a_running_median():

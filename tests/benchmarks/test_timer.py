@@ -1,13 +1,11 @@
 """The benchmarks' clock, with work whose cost is known, and measurements of processes."""
 
-import gc
 import mmap
 
 import numpy as np
 import pytest
 
 from benchmarks import timer
-from benchmarks.collector_watch import watching_the_collector
 from benchmarks.errors import BenchmarkError
 from benchmarks.idle_driver import idle_driver_rows
 from benchmarks.options import Options
@@ -74,11 +72,3 @@ def test_memory_is_held_while_it_is_used():
     touched = resident_bytes()
     held.close()
     assert min(touched - before, touched - resident_bytes()) >= 0.9 * size
-
-
-def test_the_collector_is_watched_inside_of_the_block_only():
-    with watching_the_collector() as watch:
-        gc.collect()
-    gc.collect()
-    assert watch.collections == 1
-    assert watch.seconds > 0.0

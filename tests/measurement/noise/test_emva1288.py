@@ -1,25 +1,14 @@
-"""Our measurement and our noise against the reference implementation of EMVA 1288."""
+"""Our noise, measured by the reference implementation of EMVA 1288."""
 
 from functools import partial
 
 import numpy as np
 import pytest
 
-from omnisim.measurement.noise import measure_noise
-from omnisim.validation.checks.measured.response_and_readout import ReferenceCamera
 from tests.measurement.noise.frames import NOISE, TIMES_S, Camera
 
 pytest.importorskip("emva1288")
-pytestmark = pytest.mark.slow
-
-
-def test_its_camera_is_measured():
-    """One with a quarter of the pixels; `omnisim validate --only noise` measures more."""
-    camera = ReferenceCamera.drawn(0, (320, 240))
-    measured = measure_noise(*camera.dark_and_flat(), bit_depth=camera.bit_depth)
-    values = {one.name: one.value for one in measured.quantities}
-    for name, (true, bound) in camera.truth().items():
-        assert values[name] == pytest.approx(true, rel=bound), name
+pytestmark = [pytest.mark.slow, pytest.mark.long]
 
 
 def _reference_results(exposures):
@@ -48,7 +37,6 @@ def _reference_results(exposures):
     return Results1288(Data1288(data).data)
 
 
-@pytest.mark.long
 def test_it_measures_our_noise(monkeypatch):
     """Gain 2 %, dark noise 3 %, full well 3 %, largest SNR 0.2 dB, by its own evaluation."""
     # which it calls and NumPy 2 dropped

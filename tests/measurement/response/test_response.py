@@ -24,7 +24,7 @@ def series(encode, seed=0, noise=0.005, times_s=TIMES_S):
 
 
 def test_a_power_is_found_within_one_percent():
-    measured = measure_response(series(lambda light: light ** (1.0 / 1.6)), TIMES_S)
+    measured = measure_response(series(Encoding(gamma=1.6).encoded), TIMES_S)
     assert measured.encoding.gamma == pytest.approx(1.6, rel=0.01)
     assert abs(measured.quantities[0].value - 1.6) < 4.0 * measured.quantities[0].sigma
 
@@ -43,15 +43,6 @@ def test_srgb_is_named_and_its_curve_is_the_camera_s():
     # one number, the light of white, is free: a response has no scale
     scale = np.median(srgb_from_linear(light) / levels)
     assert np.abs(srgb_from_linear(light) / scale - levels).max() < 0.01
-
-
-def test_our_own_encoding_is_found_again():
-    def encode(light):
-        image = np.repeat(light[..., None], 4, axis=-1).astype(np.float32)
-        return Encoding(gamma=1.8).apply(image)[..., 1]
-
-    measured = measure_response(series(encode, noise=0.0), TIMES_S)
-    assert measured.encoding.gamma == pytest.approx(1.8, rel=0.01)
 
 
 def filmic(light):
