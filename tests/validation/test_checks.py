@@ -97,7 +97,7 @@ def test_a_system_that_faces_aside_is_found_out(key, roll_deg, measure, fixture,
 @pytest.mark.slow
 @pytest.mark.long
 def test_a_mirror_that_reflects_aside_is_found_out(fixture, monkeypatch):
-    """What OpenCV calibrates is then no central mirror."""
+    """The mirror that OpenCV calibrates is then no central one."""
     _turn_normals(monkeypatch, 0.5)
     aligned = optics.boards_in_mirror(fixture, optics.mirror_table(0.0, 0.0))
     size_px = optics.BOARD_IMAGE_PX
