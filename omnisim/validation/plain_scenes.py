@@ -86,8 +86,7 @@ def quads(name: str, corners_m: ArrayLike, material: int = 0, colors: Floats | N
     triangles = (first + np.array(((0, 1, 2), (0, 2, 3)))).reshape(-1, 3).astype("u4")
     rgba = None
     if colors is not None:
-        rgba = np.pad(colors, ((0, 0), (0, 0), (0, 1)), constant_values=1.0)
-        rgba = rgba.reshape(-1, 4).astype("f4")
+        rgba = np.column_stack((colors.reshape(-1, 3), np.ones(4 * len(corners)))).astype("f4")
     return Mesh(name, corners.reshape(-1, 3).astype("f4"), triangles, material, colors=rgba)
 
 
