@@ -43,7 +43,11 @@ def test_a_frame_in_parts_is_the_frame_and_leaves_nothing_changed(frame, monkeyp
     assert "render" not in vars(frame.renderer._passes.cube)
 
 
-def test_probes_draw_what_they_count(context, monkeypatch):
+@pytest.mark.parametrize(
+    ("module", "probes"),
+    [(triangles, triangles.triangle_probes), (submission, submission.submission_probes)],
+)
+def test_probes_draw_what_they_count(module, probes, context, monkeypatch):
     monkeypatch.setattr(probe, "MIN_SECONDS", 0.0)
     drawn = {}
 
@@ -51,18 +55,13 @@ def test_probes_draw_what_they_count(context, monkeypatch):
         with context:
             drawn[name] = amount, count(context, lambda: once(0))
 
-    for module in (triangles, submission):
-        monkeypatch.setattr(module, "repeated", counting)
-    triangles.triangle_probes(context)
-    for name, (amount, counts) in drawn.items():
-        assert counts.triangles == amount
-        # they cover the image without a gap, about one sample each
-        assert counts.samples == (triangles._TARGET_PX**2 if name == triangles.VISIBLE else 0)
-    drawn.clear()
-    submission.submission_probes(context)
+    monkeypatch.setattr(module, "repeated", counting)
+    probes(context)
     for name, (amount, counts) in drawn.items():
         draws_nothing = name in (submission.UNIFORM, submission.NOTHING)
         assert counts.triangles == (0 if draws_nothing else amount), name
+        if module is triangles:  # they cover the image without a gap, about one sample each
+            assert counts.samples == (triangles._TARGET_PX**2 if name == triangles.VISIBLE else 0)
 
 
 def test_probes_are_repeated_until_a_clock_can_tell(context, monkeypatch):
