@@ -38,7 +38,7 @@ def check_interrupt(folder, delay_s):
     assert_interrupted(process, folder)
 
 
-@pytest.mark.parametrize("delay_s", [0.02, 0.15, 0.5, 0.7])
+@pytest.mark.parametrize("delay_s", [0.02, 0.5])
 def test_at_the_start(tmp_path, delay_s):
     check_interrupt(tmp_path, delay_s)
 
@@ -57,7 +57,7 @@ runpy.run_module('omnisim', run_name='__main__', alter_sys=True)
 """
 
 
-@pytest.mark.parametrize("module", ["omnisim.apps.cli.app", "omnisim.core.errors", "click"])
+@pytest.mark.parametrize("module", ["omnisim.apps.cli.app", "click"])
 def test_while_modules_are_imported(tmp_path, module):
     assert_interrupted(start(tmp_path, INTERRUPTS, module), tmp_path)
 
