@@ -70,21 +70,3 @@ def test_a_plan(omnisim, folder, monkeypatch):
         path.name for path in (folder / "report").iterdir()
     }
     assert [row[1] for row in base["tables"][0]["rows"]] == ["wheels", "imu"]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("none", "-o", "report"), "none: no such run or built-in plan"),
-        ((".", "-o", "report"), "has no manifest.json: expected the folder of a run"),
-        ((".", "-o", "report", "--with", "orbslam"), "estimator 'orbslam': unknown"),
-        (("none.toml", "-o", "report"), "none.toml"),
-        (("none", "-o", "robot.toml"), "robot.toml"),
-    ],
-)
-def test_faults_are_named(omnisim, folder, arguments, message):
-    before = sorted(folder.iterdir())
-    status, _, error = omnisim("evaluate", *arguments)
-    assert status == 1
-    assert message in error
-    assert sorted(folder.iterdir()) == before

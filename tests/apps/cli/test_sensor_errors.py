@@ -28,14 +28,13 @@ def _check_words(context, words, sensor):
 
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.parent.name)
-def test_stated_error_of_every_shipped_sensor_file_is_true(omnisim, context, path):
-    status, out, error = omnisim("sensor", "--check", str(path))
-    assert (status, error) == (0, "")
+def test_stated_error_of_every_shipped_sensor_file_is_true(quiet, context, path):
+    out = quiet("sensor", "--check", path)
     assert "(auto)" in out
     _check_words(context, out, OmniCamera.from_file(path))
 
 
-@pytest.mark.parametrize("polygons", [16, 100, 1024])
+@pytest.mark.parametrize("polygons", [16, 1024])
 def test_stated_error_of_a_fixed_mesh_is_true(omnisim, context, tmp_path, polygons):
     path = tmp_path / "s.toml"
     path.write_text(f"[mirror]\npolygons = {polygons}\n[camera]\nwidth_px = 500\n")

@@ -64,33 +64,30 @@ def sensor(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("backend", ["cube", "rays"])
-def test_it_takes_images(omnisim, sensor, backend):
+def test_it_takes_images(ran, sensor, backend):
     options = ("--sensor", sensor, "--backend", backend, "--turn-rate", 60, "-o", "a.png")
-    status, _, err = omnisim("render", "courtyard", *options)
-    assert status == 0, err
+    ran("render", "courtyard", *options)
     assert read_image(sensor.with_name("a.png"))[0].std() > 10.0
 
 
 @pytest.mark.slow
-def test_it_drives(omnisim, sensor):
+def test_it_drives(ran, sensor):
     sensor.with_name("robot.toml").write_text(ROBOT)
     sensor.with_name("way.csv").write_text("x_m,y_m\n0,0\n0.3,0\n")
     options = ("--robot", "robot.toml", "--path", "way.csv", "--step", 0.15)
-    status, _, err = omnisim("drive", "courtyard", *options, "-o", "run")
-    assert status == 0, err
+    ran("drive", "courtyard", *options, "-o", "run")
     assert len(list(sensor.with_name("run").rglob("*.png"))) >= 3
 
 
 @pytest.mark.slow
-def test_it_makes_a_data_set(omnisim, sensor):
+def test_it_makes_a_data_set(ran, sensor):
     plan = sensor.with_name("plan.toml")
     plan.write_text(
         'images_per_shard = 2\nshards = 1\nchannels = ["range"]\n'
         '[[scenes]]\nfile = "courtyard"\n[[cameras]]\nsensor = "camera.toml"\nquality = "fast"\n'
     )
     read_plan(plan)
-    status, _, err = omnisim("generate", plan, "-o", "set")
-    assert status == 0, err
+    ran("generate", plan, "-o", "set")
 
 
 def test_it_is_shown_on_the_live_page(sensor):
