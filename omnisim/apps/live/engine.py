@@ -17,7 +17,7 @@ import numpy as np
 
 from omnisim.apps.live.camera_document import FILE_NAME, SCENE_FILE
 from omnisim.apps.live.controls import control_groups
-from omnisim.apps.live.live_messages import Part, Probe, Save, pack
+from omnisim.apps.live.live_messages import Part, Probe, Save, Statistics, pack
 from omnisim.apps.live.live_source import LiveSource
 from omnisim.apps.live.run_source import LiveFrame, RunSource
 from omnisim.apps.live.session import Draw, Job, Session
@@ -220,6 +220,10 @@ class Engine:
 
     def _answer(self, job: Job) -> None:
         source, draw = self._source, Draw(job.state, True)
+        if isinstance(job.message, Statistics):
+            counted = source.statistics(draw)
+            job.reply(pack("statistics", {"change": job.state.change, **counted}))
+            return
         if isinstance(job.message, Save):
             if job.message.what == "toml":
                 files = {FILE_NAME: job.state.document.checked_text().encode()}

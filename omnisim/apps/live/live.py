@@ -249,7 +249,7 @@ class LiveServer:
                 self._session.rest()
                 self._driver = page
                 self._tell_roles()
-            elif isinstance(message, messages.Save):
+            elif isinstance(message, messages.Save | messages.Statistics):
                 self._session.look_up(message, reply)
             elif isinstance(message, messages.Probe):
                 if page is not self._driver:

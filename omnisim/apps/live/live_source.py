@@ -176,6 +176,14 @@ class LiveSource:
             frame.save(Path(folder) / "image.png", previews=True)
             return {path.name: path.read_bytes() for path in sorted(Path(folder).iterdir())}
 
+    def statistics(self, draw: Draw) -> dict[str, Any]:
+        """Numbers of triangles behind the fine image of a state: submitted, drawn, seen."""
+        self.use(draw.state.document)
+        renderer = self._renderer(None)
+        base = self._base(renderer, draw.state.place)
+        state = WorldState({renderer.vehicle: base}, draw.state.time_s)
+        return renderer.statistics(state)._asdict()
+
     def command(self, state: PageState, frame: LiveFrame) -> str:
         """Shell commands that render the same image; they first write edited files."""
         document = state.document

@@ -109,6 +109,14 @@ class RunSource:
         stem = self._run.stem(self._camera_name, min(draw.state.step, self.steps - 1))
         return {path.name: path.read_bytes() for path in sorted(stem.parent.glob(f"{stem.name}.*"))}
 
+    def statistics(self, draw: Draw) -> dict[str, Any]:
+        """None, as nothing is drawn.
+
+        Raises:
+            RunError: always.
+        """
+        raise RunError("triangles are not counted in the images of a recorded run")
+
     def command(self, state: PageState, frame: LiveFrame) -> str:
         """Name of the image's file, as a shell comment."""
         return f"# {self._image(min(state.step, self.steps - 1))}"

@@ -13,7 +13,9 @@ from omnisim.apps.cli.info import PACKAGE
 from omnisim.core.extras import install_hint
 from omnisim.core.files.image_files import read_image
 from omnisim.core.version import __version__
+from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.sensor_file import DEFAULT_SENSOR_FILE
+from omnisim.rendering.stage import open_sensor
 from omnisim.scene import load_scene
 
 
@@ -49,6 +51,22 @@ def test_render_with_all_options(ran, tmp_path, needs_opengl):
     assert {path.stem for path in (tmp_path / "faces").glob("*.png")} == {
         "front", "left", "back", "right", "down", "up", "unfolded",
     }  # fmt: skip
+
+
+@pytest.mark.parametrize("backend", ["cube", "rays"])
+def test_statistics_count_triangles(quiet, needs_opengl, backend):
+    if backend == "rays":
+        pytest.importorskip("embreex")
+    render = "render", "rings", "--size", 32, "--quality", "fast", "--backend", backend
+    out = quiet(*render, "--statistics", "-o", "a.png")
+    camera = OmniCamera().resized(32).with_quality("fast")
+    with open_sensor("rings", camera, backend=backend) as renderer:
+        counted = renderer.statistics(camera.base_pose(renderer.scene.start.position_m))
+    drawn = f"{counted.drawn:,} drawn by the virtual cameras, {counted.seen:,} seen"
+    if backend == "rays":
+        drawn = f"{counted.seen:,} seen; drawn: not available, as --backend rays draws none"
+    assert f"\na.png: triangles: {counted.submitted:,} submitted, {drawn}\n" in out
+    assert counted.seen > 0
 
 
 def test_notices_go_to_standard_error(ran, tmp_path, needs_opengl):

@@ -85,4 +85,6 @@ def test_a_run_keeps_its_quality(ran, refused, tmp_path, needs_opengl):
     assert (used.supersampling, used.texels_per_pixel) == QUALITIES["fast"]
     (tmp_path / "run" / "omnicam" / "000001.png").unlink()
     line = refused(*DRIVE)
-    assert "manifest.json: sensors.omnicam.quality.supersampling was 2, is 3: another run is" in line
+    assert (
+        "manifest.json: sensors.omnicam.quality.supersampling was 2, is 3: another run is" in line
+    )

@@ -73,6 +73,14 @@ def test_camera_is_a_file_camera_name_a_name_and_no_option_named_twice():
         assert len(dict(metavars)) == len(metavars), path
 
 
+@pytest.mark.parametrize("columns", [80, 100])
+def test_no_word_is_broken_at_a_hyphen(ran, monkeypatch, columns):
+    monkeypatch.setenv("COLUMNS", str(columns))
+    text, _ = ran("validate", "--help")
+    assert "optics-calibration" in text
+    assert not re.search(r"\w-\n", text)
+
+
 def test_groups_without_a_command_show_their_help(ran):
     for name in GROUPS:
         text, _ = ran(name)

@@ -2,6 +2,7 @@
 
 import importlib.util
 import os
+import re
 import shlex
 import shutil
 import signal
@@ -254,6 +255,20 @@ def test_views_are_switched_and_a_point_is_marked_in_all(page):
     wait_until(lambda: " m · " in page.inner_text("#probe"), "the range")
     for name in ("camera", "semantic", "birdseye"):
         assert page.is_visible(f".view[data-view={name}] .mark"), name
+
+
+def test_triangles_are_counted_and_the_map_is_announced_until_it_is_built(page):
+    page.click("#rate")
+    page.click("#times button")
+    page.wait_for_selector("#times :text('triangles seen')")
+    assert re.search(r"triangles submitted\s+[1-9][\d,]*", page.inner_text("#times"))
+    page.click("#rate")
+    page.evaluate("omnisim.state.mapMessage = null")
+    page.click("#chips [data-view=map]")
+    page.click("#chips [data-view=map]")
+    assert page.inner_text(".view[data-view=map] .reason") == "building the map …"
+    page.reload()
+    page.wait_for_selector(".view[data-view=map] .reason", state="hidden")
 
 
 def test_a_second_page_watches(page, browser, live):

@@ -183,6 +183,20 @@ def test_views_channels_and_legends_come_with_the_image(page):
         client.send("views", names=[])
 
 
+def test_triangles_are_counted_on_request(page):
+    with Client(page) as client:
+        change = client.fine_frame()["change"]
+        client.send("statistics")
+        counted = client.receive("statistics")
+        camera = CameraDocument().with_value("size_px", SIZE_PX).camera()
+        with open_sensor(load_scene("rings"), camera) as renderer:
+            base = camera.base_pose(page.session.state.place.position_m)
+            expected = renderer.statistics(base)
+        assert counted["change"] == change
+        assert expected._asdict().items() <= counted.items()
+        assert counted["submitted"] >= counted["seen"] > 0
+
+
 def test_a_probe_is_the_ray_of_its_pixel(page):
     with Client(page) as client:
         frame = client.fine_frame()

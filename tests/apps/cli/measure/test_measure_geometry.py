@@ -17,7 +17,6 @@ from tests.measurement.geometry.board_pictures import (
     varied_poses,
 )
 
-
 CORNERS = ("measure", "geometry", "corners.csv", "--size", "400", "300")
 
 
