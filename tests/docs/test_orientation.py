@@ -58,10 +58,6 @@ def test_guides_are_grouped_as_the_question_of_which_page():
         assert not where or any(name in guides[group] for group in where), name
 
 
-def test_readme_is_short():
-    assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 130
-
-
 def test_every_page_is_reached_from_the_first():
     reached, left = set(), [DOCS / "index.md"]
     while left:
@@ -114,3 +110,26 @@ def test_paths_and_targets_in_the_text_exist():
         missing = [path for path in paths if not (ROOT / path).exists()]
         missing += set(re.findall(r"`make ([\w-]+)`", text)) - targets
         assert not missing, page
+
+
+# Section of CONTRIBUTING.md on how a frame is drawn.
+FRAME = (
+    (ROOT / "CONTRIBUTING.md")
+    .read_text(encoding="utf-8")
+    .partition("## How a frame is drawn\n")[2]
+    .partition("\n## ")[0]
+)
+OPENGL = PACKAGE / "rendering" / "opengl"
+
+
+def test_the_section_on_a_frame_quotes_the_methods_lines_and_names_files_that_exist():
+    code = (OPENGL / "camera_frame.py").read_text(encoding="utf-8")
+    lines = {line.strip() for line in code.splitlines()}
+    blocks = re.findall(r"```python\n(.*?)```", FRAME, flags=re.DOTALL)
+    quoted = [line.strip() for block in blocks for line in block.splitlines()]
+    assert len(quoted) > 10
+    assert not set(quoted) - lines
+    named = re.findall(r"`([a-z_/]+(?:\.py|/))`", FRAME)
+    assert len(named) > 15
+    places = (ROOT, PACKAGE, OPENGL)
+    assert not [name for name in named if not any((place / name).exists() for place in places)]
