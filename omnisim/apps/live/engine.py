@@ -18,12 +18,12 @@ import numpy as np
 from omnisim.apps.live.camera_document import FILE_NAME, SCENE_FILE
 from omnisim.apps.live.controls import control_groups
 from omnisim.apps.live.live_messages import Part, Probe, Save, Statistics, pack
-from omnisim.apps.live.live_source import LiveSource
-from omnisim.apps.live.run_source import LiveFrame, RunSource
+from omnisim.apps.live.live_source import LiveSource, RunSource
 from omnisim.apps.live.session import Draw, Job, Session
 from omnisim.apps.live.view_maker import (
     UNWARPED,
     FloorMap,
+    LiveFrame,
     ViewMaker,
     draw_floor_map,
     probe,

@@ -27,8 +27,7 @@ from websockets.http11 import Request, Response
 from omnisim.apps.live import live_messages as messages
 from omnisim.apps.live.camera_document import CameraDocument, preset_lists
 from omnisim.apps.live.engine import AnySource, Engine
-from omnisim.apps.live.live_source import LiveSettings, LiveSource, start_place
-from omnisim.apps.live.run_source import RunSource
+from omnisim.apps.live.live_source import LiveSettings, LiveSource, RunSource, start_place
 from omnisim.apps.live.session import Session
 from omnisim.apps.live.viewpoint_motion import FreeFlight, Ground, Pilot, Place, WheelDrive
 from omnisim.core.errors import OmnisimError, OutputError

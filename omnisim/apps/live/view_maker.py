@@ -1,23 +1,26 @@
-"""Unwarped views of the camera's image, and the pixel under the mouse in all of them."""
+"""Unwarped views of the page's image, the pixel under the mouse in all of them, and drawings."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from omnisim.apps.live.live_messages import Gaze, Probe
-from omnisim.apps.live.run_source import LiveFrame, degrees
+from omnisim.apps.live.viewpoint_motion import Place
 from omnisim.cameras import CentralCamera, HyperbolicCamera, NonCentralCamera, PerspectiveCamera
 from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.cameras.optics import OpticalSystem, Surface, caustic_points
 from omnisim.cameras.optics.surface import Fate
 from omnisim.core.arrays import Bytes, Floats
 from omnisim.core.errors import OmnisimError, OpticsError
-from omnisim.core.poses import pose_from_rotation
+from omnisim.core.poses import pose_from_rotation, roll_pitch_yaw_from_rotation
+from omnisim.ground_truth import Labels
 from omnisim.perception.unwarping import (
     Unwarping,
     View,
@@ -39,6 +42,38 @@ MIN_HEIGHT_M = 0.02
 FINE_SAMPLES = 2  # per pixel side: a remap table takes 24 bytes per sample
 _KEPT = 8  # maximum number of cached remap tables, coarse and fine
 Json = dict[str, Any]
+
+
+@dataclass(frozen=True, eq=False)
+class LiveFrame:
+    """Image with its camera and pose, live or replayed."""
+
+    model: CentralCamera  # model of the camera
+    # (4, 4) pose of the camera's optical frame on its vehicle
+    base_from_optical: Floats
+    world_from_base: Floats  # (4, 4) pose of the vehicle's base
+    rgb: Bytes  # (height, width, 3) uint8 sRGB
+    png: bytes | None  # contents of the image file; None for a coarse image
+    channels: Mapping[str, NDArray[Any]]  # ground truth by name
+    labels: Labels | None  # labels of the IDs in the channels; None: no labels
+
+    @property
+    def world_from_optical(self) -> Floats:
+        """Pose (4, 4) of the camera's optical frame in the world."""
+        return self.world_from_base @ self.base_from_optical
+
+    @property
+    def viewpoint(self) -> Place:
+        """Position of the effective viewpoint and attitude of the vehicle, as for `render`."""
+        x, y, z = self.world_from_optical[:3, 3].tolist()
+        angles = np.degrees(roll_pitch_yaw_from_rotation(self.world_from_base[:3, :3]))
+        roll, pitch, yaw = (float(angle) + 0.0 for angle in angles)
+        return Place((x, y, z), yaw, pitch, roll)
+
+
+def degrees(radians: float) -> float:
+    """Convert an angle to degrees, rounded to thousandths."""
+    return round(math.degrees(radians), 3) + 0.0
 
 
 class _Key(NamedTuple):

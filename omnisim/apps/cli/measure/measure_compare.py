@@ -10,7 +10,11 @@ import numpy as np
 
 from omnisim.apps.cli.console import out, pluralize, print_note, track
 from omnisim.apps.cli.inputs import note_lighting
-from omnisim.apps.cli.measure.measured_files import check_size, read_board_shape
+from omnisim.apps.cli.measure.measured_files import (
+    check_size,
+    measured_sections,
+    read_board_shape,
+)
 from omnisim.apps.cli.measure.requests import MeasureCompareRequest
 from omnisim.apps.cli.options import refuse_given
 from omnisim.cameras.calibration.calibration import Rig, RigCamera
@@ -50,7 +54,6 @@ def compare(request: MeasureCompareRequest) -> bool:
     """
     require_extra("measure", "omnisim measure compare", MeasurementError)
     require_extra("reports", "omnisim measure compare", MeasurementError)
-    from omnisim.apps.cli.measure.measured_sections import measured_sections
     from omnisim.report.report import Report, check_report_target
 
     check_report_target(request.output)
