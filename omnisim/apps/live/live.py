@@ -355,10 +355,10 @@ class LivePage:
             OmnisimError: no OpenGL, or the scene exceeds its limits.
         """
         self.engine.start()
-        self._about |= self.engine.about()
-        self._about |= {
+        source = self.engine.source
+        self._about |= source.about() | {
             "presets": preset_lists(),
-            "channels": {name: CHANNELS[name].about for name in self.engine.channel_names},
+            "channels": {name: CHANNELS[name].about for name in source.channel_names},
             "views": [view for view in messages.VIEWS if view not in CHANNELS],
         }
 

@@ -21,14 +21,7 @@ from omnisim.core.arrays import Bytes, Floats
 from omnisim.core.errors import OmnisimError, OpticsError
 from omnisim.core.poses import pose_from_rotation, roll_pitch_yaw_from_rotation
 from omnisim.ground_truth import Labels
-from omnisim.perception.unwarping import (
-    Unwarping,
-    View,
-    birdseye_view,
-    cylinder_view,
-    highest_elevation_deg,
-    perspective_view,
-)
+from omnisim.perception import unwarping
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.stage import Stage
 from omnisim.scene import Scene
@@ -91,10 +84,10 @@ class ViewMaker:
 
     def __init__(self) -> None:
         # The camera is kept as well: after its deletion, another one could have its id.
-        self._tables: dict[_Key, tuple[CentralCamera, Unwarping]] = {}
+        self._tables: dict[_Key, tuple[CentralCamera, unwarping.Unwarping]] = {}
         self._highest: dict[_Key, tuple[CentralCamera, float]] = {}
 
-    def view(self, name: str, frame: LiveFrame, gaze: Gaze, height_m: float) -> View:
+    def view(self, name: str, frame: LiveFrame, gaze: Gaze, height_m: float) -> unwarping.View:
         """Virtual camera of a view, with its rotation.
 
         Args:
@@ -112,14 +105,16 @@ class ViewMaker:
             if key not in self._highest:
                 if len(self._highest) >= _KEPT:
                     self._highest.clear()
-                highest_rad = math.radians(max(highest_elevation_deg(frame.model, rotation), 5.0))
+                highest_rad = math.radians(
+                    max(unwarping.highest_elevation_deg(frame.model, rotation), 5.0)
+                )
                 self._highest[key] = (frame.model, highest_rad)
-            return cylinder_view(PANORAMA_PX, LOWEST_RAD, self._highest[key][1])
+            return unwarping.cylinder_view(PANORAMA_PX, LOWEST_RAD, self._highest[key][1])
         if name == "perspective":
             fov_rad, yaw_rad, pitch_rad = np.radians((gaze.fov_deg, gaze.yaw_deg, gaze.pitch_deg))
-            return perspective_view(*PERSPECTIVE_PX, fov_rad, yaw_rad, pitch_rad)
+            return unwarping.perspective_view(*PERSPECTIVE_PX, fov_rad, yaw_rad, pitch_rad)
         height_m = max(height_m, MIN_HEIGHT_M)
-        return birdseye_view(BIRDSEYE_PX, EXTENT_PER_HEIGHT * height_m, height_m)
+        return unwarping.birdseye_view(BIRDSEYE_PX, EXTENT_PER_HEIGHT * height_m, height_m)
 
     def image(
         self, name: str, frame: LiveFrame, gaze: Gaze, height_m: float, is_fine: bool
@@ -142,12 +137,12 @@ class ViewMaker:
             if len(self._tables) >= _KEPT:
                 del self._tables[next(iter(self._tables))]
             rotation_in, samples = rotation.T @ view.base_from_view, FINE_SAMPLES if is_fine else 1
-            table = Unwarping(frame.model, view.camera, rotation_in, samples=samples)
+            table = unwarping.Unwarping(frame.model, view.camera, rotation_in, samples=samples)
             self._tables[key] = (frame.model, table)
         return self._tables[key][1](frame.rgb)
 
 
-def direction_in(view: View, u: float, v: float) -> Floats:
+def direction_in(view: unwarping.View, u: float, v: float) -> Floats:
     """Direction (3,) of a view's ray, base frame; u and v are shares of the width and height.
 
     Raises:
@@ -160,7 +155,7 @@ def direction_in(view: View, u: float, v: float) -> Floats:
     return view.base_from_view @ rays.directions
 
 
-def place_in(view: View, direction: Floats) -> tuple[float, float] | None:
+def place_in(view: unwarping.View, direction: Floats) -> tuple[float, float] | None:
     """Position of a direction (3,), base frame, in a view; None: outside.
 
     The position (u, v) is given as shares of the view's width and height.
@@ -188,7 +183,7 @@ def probe(
     """
     if message.view == "map":
         return {"marks": {}}
-    cameras = {"camera": View(frame.model, frame.base_from_optical[:3, :3])}
+    cameras = {"camera": unwarping.View(frame.model, frame.base_from_optical[:3, :3])}
     is_central = not isinstance(frame.model, NonCentralCamera)
     for name in UNWARPED if is_central else ():
         try:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from omnisim.apps.cli.console import out, print_note, track
+from omnisim.apps.cli.measure import requests
 from omnisim.apps.cli.measure.measured_files import (
     check_outputs,
     check_size,
@@ -20,12 +21,6 @@ from omnisim.apps.cli.measure.measured_files import (
     sensor_tables,
     stated_camera,
     write_measured,
-)
-from omnisim.apps.cli.measure.requests import (
-    MeasureNoiseRequest,
-    MeasureResponseRequest,
-    MeasureSharpnessRequest,
-    MeasureTimingRequest,
 )
 from omnisim.cameras import CentralCamera
 from omnisim.cameras.optics.system_calibration import read_corners
@@ -73,7 +68,7 @@ _MIN_TINT = 0.005  # below: balanced
 MIN_GAMMA, MAX_GAMMA = 0.1, 10.0
 
 
-def response(request: MeasureResponseRequest) -> None:
+def response(request: requests.MeasureResponseRequest) -> None:
     """Measure the response and, from flat fields, the vignetting, and write a sensor file."""
     check_outputs(request.output, request.sensor)
     if request.white is not None and not request.white > request.black:
@@ -130,7 +125,7 @@ def response(request: MeasureResponseRequest) -> None:
 
 
 def _vignetting(
-    folder: Path, request: MeasureResponseRequest, measured: MeasuredResponse
+    folder: Path, request: requests.MeasureResponseRequest, measured: MeasuredResponse
 ) -> dict[str, MeasuredVignetting]:
     """Vignetting of each channel, by name; a gray image has a single channel."""
     files = image_files(folder)
@@ -169,7 +164,7 @@ def _encoding(table: dict[str, Any], measured: MeasuredResponse) -> dict[str, An
     return {**others, "gamma": gamma}
 
 
-def noise(request: MeasureNoiseRequest) -> None:
+def noise(request: requests.MeasureNoiseRequest) -> None:
     """Measure noise, write a sensor file with its pattern, and print the quantities."""
     pattern = request.output.with_name(f"{request.output.stem}-pattern.exr")
     check_outputs(request.output, request.sensor, pattern=pattern)
@@ -210,7 +205,7 @@ def _statistics(folder: Path, title: str) -> list[FrameStatistics]:
     return [read_statistics(frames) for frames in track(find_frame_sets(folder), title)]
 
 
-def timing(request: MeasureTimingRequest) -> None:
+def timing(request: requests.MeasureTimingRequest) -> None:
     """Measure readout and exposure time, and write a sensor file with its shutter."""
     check_outputs(request.output, request.sensor)
     if (request.flicker is None) == (request.board is None):
@@ -252,7 +247,7 @@ def timing(request: MeasureTimingRequest) -> None:
 
 
 def _under_a_lamp(
-    request: MeasureTimingRequest, tables: Mapping[str, Any]
+    request: requests.MeasureTimingRequest, tables: Mapping[str, Any]
 ) -> tuple[MeasuredTiming, dict[str, Any]]:
     """Timing from frames under a flickering lamp, and its plot's data."""
     assert request.flicker is not None
@@ -266,7 +261,7 @@ def _under_a_lamp(
     return measured, {"profile": measured.profile.tolist(), "fitted": measured.fitted.tolist()}
 
 
-def _of_a_board(request: MeasureTimingRequest) -> tuple[MeasuredReadout, dict[str, Any]]:
+def _of_a_board(request: requests.MeasureTimingRequest) -> tuple[MeasuredReadout, dict[str, Any]]:
     """Readout from frames of a turning board, and its plot's data."""
     require_extra("measure", "omnisim measure timing --board", MeasurementError)
     assert request.board is not None
@@ -297,7 +292,7 @@ def _of_a_board(request: MeasureTimingRequest) -> tuple[MeasuredReadout, dict[st
     return measured, {"corners": corners}
 
 
-def sharpness(request: MeasureSharpnessRequest) -> None:
+def sharpness(request: requests.MeasureSharpnessRequest) -> None:
     """Measure sharpness, write a sensor file, and print the quantities."""
     check_outputs(request.output, request.sensor)
     tables: dict[str, Any] = sensor_tables(request.sensor)

@@ -14,7 +14,8 @@ def _checked(self, fixture):
     if self.key == "omnidir":
         raise RuntimeError("lost\nin <there>")
     value = math.nan if self.key == "rings" else 0.5
-    return Section(self.title, "<b>Wrong</b> on purpose.", (Measure("miss", value, "px", 1.0),))
+    measure = Measure("miss", value, "px", 1.0)
+    return Section(self.title, "<b>Wrong</b> on purpose.", (measure,), key=self.key)
 
 
 @pytest.mark.usefixtures("needs_opengl")

@@ -204,7 +204,7 @@ def test_poses_outside_of_the_scene_are_noted(ran):
 
 def test_a_run_of_a_rig_is_plotted_and_has_no_odometry_to_localize_by(record, ran, refused):
     pytest.importorskip("matplotlib")
-    record("--trajectory", "poses.tum", *FAST)
+    record("--trajectory", "poses.tum", *FAST, scene="soccer")
     ran("plot", "run")
     line = refused("localize", "run", "-o", "found")
     assert "run: expected the run of a robot with wheels, got that of a rig" in line

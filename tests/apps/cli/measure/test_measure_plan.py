@@ -75,6 +75,8 @@ def test_a_changed_file_is_measured_again(ran, response_series, tmp_path):
         ("[response]\nimages = 'none'\n", "none: expected a folder"),
     ],
 )
-def test_faults_are_named(refused, tmp_path, plan, message):
+def test_faults_are_named(omnisim, tmp_path, plan, message):
     (tmp_path / "plan.toml").write_text(plan)
-    assert message in refused(*MEASURE)
+    status, _, error = omnisim(*MEASURE)
+    assert (status, message in error) == (1, True)
+    assert [path.name for path in tmp_path.iterdir()] == ["plan.toml"]

@@ -52,7 +52,7 @@ def test_a_drive_by_rays_opens_no_opengl(quiet, refused, tmp_path, monkeypatch):
     pytest.importorskip("embreex")
     monkeypatch.setattr(cube_backend, "open_context", None)
     (tmp_path / "path.csv").write_text("x_m,y_m\n0,0\n0.4,0\n")
-    drive = ["drive", "soccer", "--robot", "superscout", "--path", "path.csv", "--size", "32"]
+    drive = ["drive", "soccer", "--robot", "superscout", "--path", "path.csv", "--size", "16"]
     rays = [*drive, "--quality", "fast", "--also", "range", "--backend", "rays", "-o", "run"]
     quiet(*rays)
     image = tmp_path / "run" / "omnicam" / "000000.png"

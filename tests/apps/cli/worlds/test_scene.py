@@ -8,27 +8,28 @@ import trimesh
 from PIL import Image
 
 from omnisim.apps.cli.console import Output, out
+from omnisim.apps.cli.worlds import scene
 from omnisim.scene import builtin_scenes, load_scene
 from tests.slow import slow_but
 
 
 @pytest.mark.parametrize("name", slow_but(builtin_scenes(), "compass", "soccer", long=["mapping"]))
 def test_the_document_agrees_with_the_scene(quiet, name):
-    document, scene = json.loads(quiet("scene", name, "--json")), load_scene(name)
-    np.testing.assert_allclose(document["bounds_m"], scene.bounds_m())
+    document, loaded = json.loads(quiet("scene", name, "--json")), load_scene(name)
+    np.testing.assert_allclose(document["bounds_m"], loaded.bounds_m())
     instances = document["instances"]
-    assert [one["name"] for one in instances] == list(scene.instance_names)
-    assert sum(one["triangles"] for one in instances) == scene.triangle_count
-    assert sum(one["parts"] for one in instances) == len(scene.instances)
+    assert [one["name"] for one in instances] == list(loaded.instance_names)
+    assert sum(one["triangles"] for one in instances) == loaded.triangle_count
+    assert sum(one["parts"] for one in instances) == len(loaded.instances)
     assert sum(one["instances"] for one in document["classes"]) == len(instances)
     corners = np.array([(one["min_m"], one["max_m"]) for one in instances])
-    np.testing.assert_allclose(corners[:, 0].min(axis=0), scene.bounds_m()[0])
-    np.testing.assert_allclose(corners[:, 1].max(axis=0), scene.bounds_m()[1])
-    assert len(document["starts"]) == 1 + len(scene.starts)
-    assert len(document["paths"]) == len(scene.paths)
-    lamps = 0 if document["light"].startswith("none") else len(scene.lighting.lights)
+    np.testing.assert_allclose(corners[:, 0].min(axis=0), loaded.bounds_m()[0])
+    np.testing.assert_allclose(corners[:, 1].max(axis=0), loaded.bounds_m()[1])
+    assert len(document["starts"]) == 1 + len(loaded.starts)
+    assert len(document["paths"]) == len(loaded.paths)
+    lamps = 0 if document["light"].startswith("none") else len(loaded.lighting.lights)
     assert len(document["lights"]) == lamps
-    assert document["notices"] == list(scene.notices)
+    assert document["notices"] == list(loaded.notices)
 
 
 def test_the_table_names_what_is_there(omnisim, quiet):
@@ -42,16 +43,28 @@ def test_the_table_names_what_is_there(omnisim, quiet):
     assert document["light"] == "none: baked light of emissive surfaces"
     assert document["lights"] == []
     assert "even light" in repr(load_scene("soccer", baked="none"))
+    assert "reflects by" not in quiet("scene", "rings")
 
 
-def test_instances_state_by_what_they_reflect(omnisim):
-    document = json.loads(omnisim("scene", "arcade", "--json")[1])
-    found = [kind for one in document["instances"] for kind in one["reflections"]]
+@pytest.fixture(scope="module")
+def described():
+    """Document of the scene `arcade`, made once."""
+    return scene.describe(load_scene("arcade"))
+
+
+@pytest.fixture
+def arcade(described, monkeypatch):
+    monkeypatch.setattr(scene, "describe", lambda _: described)
+    return described
+
+
+def test_instances_state_by_what_they_reflect(omnisim, arcade):
+    found = [kind for instance in arcade["instances"] for kind in instance["reflections"]]
     assert set(found) == {"mirror", "pane", "probe", "sky"}
     assert "reflects by" in omnisim("scene", "arcade")[1]
-    assert "reflects by" not in omnisim("scene", "rings")[1]
 
 
+@pytest.mark.usefixtures("arcade")
 @pytest.mark.parametrize(("columns", "details"), [(100, True), (80, False)])
 def test_the_table_fits_a_terminal(columns, details, omnisim, monkeypatch):
     monkeypatch.setattr(Output, "is_terminal", True)
