@@ -19,7 +19,7 @@ ACCURACY, PERFORMANCE = WHY + "accuracy.md", WHY + "performance.md"
 BENCHMARKS = "benchmarks/README.md"
 
 
-# Numbers of a table, `#` in patterns, that other pages repeat: the page and pattern that a measurement
+# Numbers of a table, `#` in patterns, that other pages repeat: page and pattern that a measurement
 # writes, then those that repeat its numbers, or the first of them, in the same order.
 MEASURES = {
     "rings": (

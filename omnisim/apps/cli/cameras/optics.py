@@ -28,7 +28,7 @@ from omnisim.core.short_repr import counted, number_text
 
 _FATES = {
     Fate.OUTSIDE: "outside the lens's own image",
-    Fate.MISSED: "pass a surface",
+    Fate.MISSED: "miss a surface",
     Fate.RIM: "outside a rim or in a hole",
     Fate.TOTAL_REFLECTION: "totally reflected",
     Fate.SHADOWED: "shadowed",

@@ -137,7 +137,8 @@ def localize(request: LocalizeRequest) -> None:
     data = read_run(request.run, request.scene, request.camera_name)
     notices = data.notices
     if request.model is None:
-        notices.append("colors were learned from this run's own labels, which no robot has")
+        own = "colors were learned from this run's own labels, which a real robot would not have"
+        notices.append(own)
         colors = train_on_run(data, color_model.Costs()).model
     elif request.model.is_dir():
         expected = "expected an .npz file of landmarks train"

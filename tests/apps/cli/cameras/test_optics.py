@@ -23,7 +23,7 @@ DESIGN = ("optics", "design", "--distance", 0.1, "--half-angle", 20)
 def test_check(quiet):
     out = quiet("optics", "check", SPHERE, "--at-distance", 0.5, 2)
     assert "perspective 360 × 360 px, 1 mirror" in out
-    assert "67.1 % of the pixels see something; 30.7 % pass a surface" in out
+    assert "67.1 % of the pixels see something; 30.7 % miss a surface" in out
     assert "lateral" not in out
     assert "best viewpoint: (0.00000, -0.00008, 0.15569) m" in out
     assert [line.split()[0] for line in out.splitlines()[-2:]] == ["0.5", "2"]
