@@ -12,6 +12,7 @@ import secrets
 import signal
 import socket
 import threading
+import time
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
@@ -243,7 +244,7 @@ class LiveServer:
             elif isinstance(message, messages.RequestControl):
                 if self._driver is page:
                     return
-                if self._driver is not None and self._now_s() - self._driven_s < IDLE_S:
+                if self._driver is not None and time.monotonic() - self._driven_s < IDLE_S:
                     raise OutputError("another browser is in control right now")
                 self._session.rest()
                 self._driver = page
@@ -257,7 +258,7 @@ class LiveServer:
             elif page is not self._driver:
                 raise OutputError("another browser is in control: press “Take control”")
             else:
-                self._driven_s = self._now_s()
+                self._driven_s = time.monotonic()
                 self._session.apply(message)
         except OmnisimError as error:
             self._send(page, messages.pack("error", {"text": str(error)}))
@@ -270,9 +271,6 @@ class LiveServer:
         for page in self._pages:
             content = {"drives": page is self._driver, "pages": len(self._pages)}
             self._send(page, messages.pack("roles", content))
-
-    def _now_s(self) -> float:
-        return asyncio.get_running_loop().time()
 
 
 def new_token() -> str:

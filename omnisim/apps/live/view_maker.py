@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,23 +69,14 @@ def degrees(radians: float) -> float:
     return round(math.degrees(radians), 3) + 0.0
 
 
-class _Key(NamedTuple):
-    """Cache key of a remap table: ID of the camera model, rotation on the vehicle, and view."""
-
-    model: int
-    rotation: bytes
-    name: str
-    view: tuple[float, ...]
-    is_fine: bool
-
-
 class ViewMaker:
     """Creates views of images, and caches their remap tables while the camera stays the same."""
 
     def __init__(self) -> None:
-        # The camera is kept as well: after its deletion, another one could have its id.
-        self._tables: dict[_Key, tuple[CentralCamera, unwarping.Unwarping]] = {}
-        self._highest: dict[_Key, tuple[CentralCamera, float]] = {}
+        # By ID of the camera model, rotation on the vehicle, view and so on. The camera is kept as
+        # well: after its deletion, another one could have its ID.
+        self._tables: dict[tuple[object, ...], tuple[CentralCamera, unwarping.Unwarping]] = {}
+        self._highest: dict[tuple[object, ...], tuple[CentralCamera, float]] = {}
 
     def view(self, name: str, frame: LiveFrame, gaze: Gaze, height_m: float) -> unwarping.View:
         """Virtual camera of a view, with its rotation.
@@ -101,7 +92,7 @@ class ViewMaker:
         """
         if name == "panorama":
             rotation = frame.base_from_optical[:3, :3]
-            key = _Key(id(frame.model), rotation.tobytes(), "panorama", (), False)
+            key = id(frame.model), rotation.tobytes()
             if key not in self._highest:
                 if len(self._highest) >= _KEPT:
                     self._highest.clear()
@@ -131,7 +122,7 @@ class ViewMaker:
         if name == "perspective":
             numbers = (gaze.yaw_deg, gaze.pitch_deg, gaze.fov_deg)
         # no height in the key of a map: its extent grows with the height, so its table is the same
-        key = _Key(id(frame.model), rotation.tobytes(), name, numbers, is_fine)
+        key = id(frame.model), rotation.tobytes(), name, numbers, is_fine
         if key not in self._tables:
             view = self.view(name, frame, gaze, height_m)
             if len(self._tables) >= _KEPT:

@@ -32,12 +32,7 @@ from omnisim.measurement.geometry import BoardView, find_boards, read_board
 from omnisim.measurement.geometry.board_detection import image_files
 from omnisim.measurement.geometry.placed_board import BoardSurface
 from omnisim.measurement.inputs import frame_numbers
-from omnisim.measurement.noise import (
-    FrameStatistics,
-    find_frame_sets,
-    measure_noise,
-    read_statistics,
-)
+from omnisim.measurement.noise import find_frame_sets, measure_noise, read_statistics
 from omnisim.measurement.response import (
     MeasuredResponse,
     MeasuredVignetting,
@@ -169,12 +164,11 @@ def noise(request: requests.MeasureNoiseRequest) -> None:
     pattern = request.output.with_name(f"{request.output.stem}-pattern.exr")
     check_outputs(request.output, request.sensor, pattern=pattern)
     tables = sensor_tables(request.sensor)
-    measured = measure_noise(
-        _statistics(request.dark, "Dark frames"),
-        _statistics(request.flat, "Flat fields"),
-        bit_depth=request.bit_depth,
-        mosaic=request.bayer,
+    dark, flat = (
+        [read_statistics(frames) for frames in track(find_frame_sets(folder), title)]
+        for folder, title in ((request.dark, "Dark frames"), (request.flat, "Flat fields"))
     )
+    measured = measure_noise(dark, flat, bit_depth=request.bit_depth, mosaic=request.bayer)
     digits = {each.name: round_to_sigma(each.value, each.sigma) for each in measured.quantities}
     values = measured.noise.to_table(full=True)  # with no more digits than were measured
     left_out = {"pattern_seed"} if measured.pattern is None else {"pattern_seed", "prnu", "dsnu_e"}
@@ -199,10 +193,6 @@ def noise(request: requests.MeasureNoiseRequest) -> None:
     write_measured("noise", request, tables, *numbers, details)
     if len(measured.defects):
         out.print(f"{len(measured.defects)} defective pixels")
-
-
-def _statistics(folder: Path, title: str) -> list[FrameStatistics]:
-    return [read_statistics(frames) for frames in track(find_frame_sets(folder), title)]
 
 
 def timing(request: requests.MeasureTimingRequest) -> None:

@@ -168,17 +168,12 @@ def test_transforms_of_nerfstudio_bring_poses_and_camera_and_come_back(record, o
     np.testing.assert_array_equal(read_image(first)[0], pixels)
 
 
-@pytest.mark.parametrize(
-    ("sample", "camera"),
-    [("kitti360_image_02.yaml", "image_02"), ("basalt_tum_vi_ds.json", "cam0")],
-)
-def test_other_calibrations_go_along_a_trajectory(record, sample, camera):
-    calibration = SAMPLES / sample
-    record(
-        "--trajectory", "poses.tum", "--trajectory-frame", "camera", "--camera", calibration, *FAST
-    )
-    np.testing.assert_allclose(_poses(camera), POSES, atol=1e-8)
-    pixels, metadata = read_image(Path("run", camera, "000001.png"))
+def test_other_calibrations_go_along_a_trajectory(record):
+    calibration = SAMPLES / "kitti360_image_02.yaml"
+    poses = ("--trajectory", "poses.tum", "--trajectory-frame", "camera")
+    record(*poses, "--camera", calibration, *FAST)
+    np.testing.assert_allclose(_poses("image_02"), POSES, atol=1e-8)
+    pixels, metadata = read_image(Path("run/image_02/000001.png"))
     assert min(pixels.shape[:2]) == 64
     assert metadata["camera"]["model"] == load_calibration(calibration).cameras[0].camera.model_name
     assert pixels.std() > 20.0
