@@ -138,11 +138,11 @@ function showTimes() {
   const total = rows.reduce((sum, [, ms]) => sum + ms, 0);
   const row = (name, text) => make("div", {}, make("span", { text: name }), make("span", { text }));
   const line = (name, ms) => row(name, `${ms.toFixed(1)} ms`);
-  const counted = state.counted.change === state.frame.change;
-  const triangles = counted
-    ? ["submitted", "drawn", "seen"].map((name) => row(`triangles ${name}`, state.counted[name].toLocaleString("en")))
-    : [make("button", { text: "Count triangles", onclick: () => send("statistics") })];
-  byId("times").replaceChildren(...rows.map(([name, ms]) => line(name, ms)), make("hr"), line("total", total), make("hr"), ...triangles);
+  const count = make("button", { text: "Count triangles", onclick: () => send("statistics") });
+  const isCounted = state.counted.change === state.frame.change;
+  const triangles = ["submitted", "drawn", "seen"].map((name) => row(`triangles ${name}`, state.counted[name]?.toLocaleString("en")));
+  const below = isCounted ? triangles : [count];
+  byId("times").replaceChildren(...rows.map(([name, ms]) => line(name, ms)), make("hr"), line("total", total), ...(state.about.is_editable ? [make("hr"), ...below] : []));
 }
 
 function showProbe(answer) {
