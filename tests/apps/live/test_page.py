@@ -127,9 +127,11 @@ def press(page, keys, ms):
 
 
 def shown_png(page):
-    """Bytes of the camera's image that is shown."""
+    """Bytes of the camera's fine image that is shown; a coarse one before it is a JPEG."""
     script = "async () => [...new Uint8Array(await omnisim.views.get('camera').blob.arrayBuffer())]"
-    return bytes(page.evaluate(script))
+    while (shown := bytes(page.evaluate(script)))[1:4] != b"PNG":
+        page.wait_for_timeout(50)
+    return shown
 
 
 def rendered_png(page, folder):
