@@ -94,9 +94,9 @@ def test_a_robot_goes_to_a_clicked_point_and_rests(robot, goal):
 
 def test_free_flight_goes_where_it_looks():
     flight = FreeFlight(Place((0.0, 0.0, 1.0), 90.0))
-    _move(flight, MotionCommand(ahead=1.0, up=0.5), 40)
+    _move(flight, MotionCommand(ahead=1.0, left=0.25, up=0.5), 40)
     x, y, z = flight.place.position_m
-    assert x == pytest.approx(0.0, abs=1e-3)
+    assert x == pytest.approx(-0.25 * y, abs=2e-3)  # to the left of +y
     assert 1.5 < y < 2.0
     assert z > 1.5
     _move(flight, MotionCommand(), 40)

@@ -36,9 +36,12 @@ def test_unwarp_and_unwarp_again(quiet, tmp_path, kind, suffix):
         assert (f"{masked} pixels" in out) == (masked > 0)
         assert (kind == "perspective") == (masked > 0)  # it looks above the rim
     # a view is an image with a camera, too
-    options = "-o", "c.png", "--fov", "30", "--pitch", "50"
+    options = "-o", "c.png", "--fov", "30", "--pitch", "50", "--yaw", 0 if suffix == ".exr" else 80
     quiet("unwarp", f"b{suffix}", "--to", "perspective", *options)
-    pixels, _ = read_image(tmp_path / "c.png")
+    pixels, metadata = read_image(tmp_path / "c.png")
+    x, y, z = np.array(metadata["world_from_optical"])[:3, 2]  # of a vehicle at 30°
+    assert np.degrees(np.arctan2(y, x)) == pytest.approx(30 if suffix == ".exr" else 110)
+    assert np.degrees(np.arcsin(-z)) == pytest.approx(50)
     inside = pixels[..., 3] > 0
     assert inside.any()
     assert np.abs(pixels[inside][:, :3].astype(int) - 128).max() <= 2

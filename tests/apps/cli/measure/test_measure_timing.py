@@ -4,11 +4,18 @@ import json
 
 import pytest
 
+from omnisim.apps.cli.measure.measured_files import round_to_sigma
 from omnisim.core.files.image_files import write_numbers
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from tests.measurement.timing.test_flicker import lit_frames
 
 NOISE = {"name": "read_noise_e", "value": 7.0, "sigma": 0.1, "unit": "e-", "basis": "a test"}
+
+
+def test_values_have_the_digits_of_their_standard_deviation():
+    assert round_to_sigma(3.14159, 0.02) == 3.142
+    assert round_to_sigma(31415.9, 200.0) == 31420.0
+    assert round_to_sigma(3.14159265, 0.0) == 3.14159
 
 
 @pytest.fixture
