@@ -11,6 +11,7 @@ from omnisim.cameras import EquidistantCamera, PerspectiveCamera
 from omnisim.core.poses import pose
 from omnisim.rendering.missed_surfaces import viewpoint_notes
 from omnisim.scene.parts import CameraPose
+from omnisim.scene.space.start_pose import StartPose
 
 LENS = OmniCamera(PerspectiveCamera.with_field_of_view(64, 48, 1.0))
 
@@ -61,6 +62,13 @@ def test_viewpoints_of_the_scene_itself_are_not_outside():
     assert len(_notes(scene, camera.position_m, 90.0)) == 1
     assert _notes(dataclasses.replace(scene, cameras=(camera,)), camera.position_m, 90.0) == []
     assert _notes(scene, (0.0, 0.0, 9.0)) == []  # above, as from a drone
+
+
+def test_a_start_outside_is_said_unless_the_scene_is_too_small_to_stand_in():
+    scene = dataclasses.replace(_room(), start=StartPose((9.0, 0.0, 1.0)))
+    assert "is outside of the scene" in _notes(scene, scene.start.position_m)[0]
+    small = Scene.from_trimesh(trimesh.creation.box(extents=(0.2, 0.2, 0.2)), "small")
+    assert _notes(small, small.start.position_m, small.start.yaw_deg) == []
 
 
 @pytest.mark.parametrize(("degrees", "count"), [(1.658, 1), (4.9, 1), (5.5, 0), (95.0, 0)])
