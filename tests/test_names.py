@@ -30,7 +30,7 @@ def _modules():
 
 
 def _numbers():
-    """(path, line, name) of parameters and fields that are floating-point numbers or arrays of them."""
+    """(path, line, name) of the parameters and fields that are numbers or arrays of them."""
     for path, nodes in _modules():
         for node in nodes:
             if isinstance(node, ast.arg):
