@@ -104,12 +104,6 @@ def test_back_ends_agree_on_gloss(tmp_path, sky):
     assert psnr_of_levels_db(*images) >= 36.0
 
 
-def test_lamps_and_even_light_count_for_nothing(tmp_path, furnished):
-    bright = dataclasses.replace(furnished.lighting, lights=(), ambient=(0.9, 0.1, 0.0))
-    other = dataclasses.replace(furnished, lighting=bright)
-    np.testing.assert_array_equal(_linear(other, "cube"), _linear(furnished, "cube"))
-
-
 def test_clusters_draw_what_items_do(monkeypatch, furnished):
     """Also glass, which the reference sorts in Python."""
     with Stage(furnished, body()) as stage, reference_stage(monkeypatch, furnished, body()) as one:
@@ -119,14 +113,13 @@ def test_clusters_draw_what_items_do(monkeypatch, furnished):
 def test_light_is_the_same_in_all_passes_of_culling(monkeypatch, furnished):
     """Later passes read the depth of those before: not in place of the lightmap."""
     images = []
-    for least in ((10**9,) * 3, (0, 10**9, 10**9), (0, 0, 0)):
+    for least in ((10**9,) * 3, (0, 0, 0)):
         monkeypatch.setattr(scene_view, "MIN_TRIANGLES_OF_PASSES", least)
         with Stage(furnished, body()) as stage, stage.open(CAMERA) as renderer:
             poses = np.stack([HERE, HERE])
             images.append((renderer.render(HERE).rgba, renderer.render_batch(poses)))
-    for frame, batch in images[1:]:
-        np.testing.assert_array_equal(frame, images[0][0])
-        np.testing.assert_array_equal(batch, images[0][1])
+    np.testing.assert_array_equal(images[0][0], images[1][0])
+    np.testing.assert_array_equal(images[0][1], images[1][1])
 
 
 def test_batches_are_single_frames(furnished):
@@ -138,6 +131,10 @@ def test_batches_are_single_frames(furnished):
 
 
 def test_ground_truth_and_plain_colors_are_those_without_it(furnished):
+    """Lamps and even light count for nothing where light is baked."""
+    bright = dataclasses.replace(furnished.lighting, lights=(), ambient=(0.9, 0.1, 0.0))
+    other = dataclasses.replace(furnished, lighting=bright)
+    np.testing.assert_array_equal(_linear(other, "cube"), _linear(furnished, "cube"))
     plain = dataclasses.replace(furnished, lighting=surroundings().lighting)
     split = [dataclasses.replace(one, light_coordinates=None) for one in furnished.meshes]
     plain = dataclasses.replace(plain, meshes=tuple(split))
@@ -184,9 +181,10 @@ def test_an_instance_without_a_rectangle_has_the_light_of_the_probes(tmp_path):
     np.testing.assert_allclose(_linear(some, "cube"), _linear(whole, "cube"), atol=HALF_FLOATS)
 
 
-@pytest.mark.parametrize("flips", [False, True])
-@pytest.mark.parametrize("backend", ["cube", "rays"])
-@pytest.mark.parametrize("alpha", [1.0, 0.999])
+@pytest.mark.parametrize(
+    ("backend", "flips", "alpha"),
+    [("cube", False, 1.0), ("cube", True, 0.999), ("cube", True, 1.0), ("rays", True, 1.0)],
+)
 def test_the_sides_of_a_sheet_have_light_of_their_own(tmp_path, backend, flips, alpha):
     """Also of a mirror image, whose front is where it was, and of glass."""
     mode = AlphaMode.OPAQUE if alpha == 1.0 else AlphaMode.BLEND

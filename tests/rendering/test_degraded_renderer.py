@@ -114,8 +114,7 @@ def test_twist_moves_along_an_arc():
         Twist((np.nan, 0.0, 0.0))
 
 
-@pytest.mark.parametrize("speed_mps", [1.0, 100.0, 1e4])
-@pytest.mark.parametrize("turn_radps", [0.0, 0.1, 1e3])
+@pytest.mark.parametrize(("speed_mps", "turn_radps"), [(1.0, 0.0), (100.0, 0.1), (1e4, 1e3)])
 def test_a_fast_and_long_motion_is_of_poses(speed_mps, turn_radps):
     motion = Twist((speed_mps, 0.0, 0.0), (0.0, 0.0, turn_radps)).through(np.eye(4))
     for time_s in np.linspace(-3.0, 3.0, 13):
@@ -162,7 +161,7 @@ def test_noise_depends_on_seed_and_frame_alone():
 @pytest.mark.parametrize("name", ["dragonfly2", "webcam", "bad-day"])
 def test_presets_equal_their_reference_from_scene_to_file(name, tmp_path):
     degradation = preset(name)
-    ideal = OmniCamera().resized(120)
+    ideal = OmniCamera().resized(80)
     sensor = ideal.with_degradation(degradation)
     geometry = ImageGeometry.of_camera(sensor.model)
     with Stage(scene_of([room()])) as stage:
@@ -258,27 +257,18 @@ def test_defocus_comes_before_noise_and_motion_through_the_whole_chain():
     assert difference.std() == pytest.approx(shot, rel=0.15)  # of 900: 3 σ are 7 %
 
 
-def test_a_motion_that_is_no_pose_is_refused():
-    sensor = _looking_ahead(
-        Degradation(shutter=Shutter(exposure_s=0.01)), supersampling=1, samples=1
-    )
-    with (
-        open_sensor(_wall_on_the_right(), sensor) as renderer,
-        pytest.raises(OmnisimError, match="pose: expected"),
-    ):
-        renderer.render(np.eye(4), motion=lambda time_s: np.eye(3))
-
-
-@pytest.mark.usefixtures("needs_opengl")
-@pytest.mark.parametrize("exposure_ev", [np.nan, np.inf, 5000.0])
-@pytest.mark.parametrize("degradation", [Degradation(), Degradation(exposure=Exposure(auto=True))])
-def test_an_impossible_exposure_is_refused(exposure_ev, degradation):
+@pytest.mark.parametrize(
+    "degradation", [Degradation(), Degradation(Shutter(exposure_s=0.01), Exposure(auto=True))]
+)
+def test_impossible_exposures_and_motions_are_refused(degradation):
     sensor = OmniCamera().resized(16).with_degradation(degradation)
-    with (
-        open_sensor(scene_of([room()]), sensor) as renderer,
-        pytest.raises(OmnisimError, match=r"exposure_ev: expected −30 to 30 stops, got \w+"),
-    ):
-        renderer.render(np.eye(4), exposure_ev=exposure_ev)
+    with open_sensor(scene_of([room()]), sensor) as renderer:
+        for exposure_ev in (np.nan, np.inf, 5000.0):
+            with pytest.raises(OmnisimError, match=r"exposure_ev: expected −30 to 30 .*, got \w+"):
+                renderer.render(np.eye(4), exposure_ev=exposure_ev)
+        if not degradation.is_ideal:
+            with pytest.raises(OmnisimError, match="pose: expected"):
+                renderer.render(np.eye(4), motion=lambda time_s: np.eye(3))
 
 
 def test_ground_truth_is_that_of_the_ideal_camera():

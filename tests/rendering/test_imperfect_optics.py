@@ -11,14 +11,13 @@ from omnisim.cameras.optics import OpticalSystem, Surface
 from omnisim.cameras.optics.shapes import Conic
 from omnisim.core.poses import pose
 from omnisim.core.world import WorldState
-from omnisim.rendering.atlas.parallax_plan import sample_rays
 from omnisim.rendering.camera.degradations import Degradation, Shutter, preset
 from omnisim.rendering.contract import ScenePoses
 from omnisim.rendering.twist import Twist, moved_px
 from omnisim.scene.model import DynamicObject, Material
 from omnisim.scene.motion.object_motion import Orbit
 from omnisim.validation.image_differences import psnr_db, psnr_of_levels_db
-from tests.camera_examples import CAMERA_EXAMPLES
+from tests.camera_examples import camera_examples
 from tests.cameras.optics.examples import SYSTEMS, at, behind_a_dome, pinhole
 from tests.scenes import room, scene_of
 from tests.vehicles import box
@@ -63,7 +62,7 @@ def _motion(twist):
 
 
 @each_system
-@pytest.mark.parametrize("name", ["bad-day", "dragonfly2", "webcam"])
+@pytest.mark.parametrize("name", ["bad-day", "webcam"])
 def test_both_back_ends_degrade_alike(system, name):
     degradation = preset(name)
     degradation = degradation.scaled(system.width_px / 360)
@@ -74,8 +73,6 @@ def test_both_back_ends_degrade_alike(system, name):
             _world(), _sensor(system, degradation), seed=5, backend=backend
         ) as renderer:
             frames.append(renderer.render(motion(0.0), motion=motion))
-            again = renderer.render(motion(0.0), motion=motion)
-        np.testing.assert_array_equal(again.rgb, frames[-1].rgb)
     one, other = (frame.metadata["degradation"] for frame in frames)
     assert one["sub_frames"] == other["sub_frames"]
     assert one.get("noise") == other.get("noise")
@@ -95,7 +92,7 @@ def test_rows_of_a_rolling_shutter_are_those_of_their_instants(system, backend):
         with stage.open(rolling, unlit=True) as renderer:
             ours = renderer.render(motion(0.0), linear=True, motion=motion)
         with stage.open(_sensor(system, Degradation()), unlit=True) as still:
-            rows = np.arange(2, height, 13)
+            rows = np.arange(2, height, 17)
             times_s = (rows / (height - 1) - 0.5) * readout_s
             instants = [still.render(motion(time_s), linear=True) for time_s in times_s]
             middle = still.render(motion(0.0), linear=True)
@@ -160,23 +157,23 @@ def test_what_moves_is_where_it_is_at_the_time(system):
 
 
 @each_backend
-@pytest.mark.parametrize("supersampling", [1, 2, 5])
-def test_supersampling(backend, supersampling):
-    sensor = _sensor(BALL, Degradation(), supersampling=supersampling)
-    fine = _sensor(BALL, Degradation(), supersampling=8)
+def test_supersampling(backend):
+    frames = []
     with Stage(_world(), backend=backend) as stage:
-        with stage.open(sensor, unlit=True) as renderer:
-            ours = renderer.render(NOW, linear=True)
-        with stage.open(fine, unlit=True) as renderer:
-            expected = renderer.render(NOW, linear=True)
-    both = ours.valid & expected.valid
-    assert (ours.valid != expected.valid).mean() < 0.02
-    assert psnr_db(ours.linear, expected.linear, both) > (24.0 if supersampling == 1 else 28.0)
+        for supersampling in (8, 1, 2):
+            sensor = _sensor(BALL, Degradation(), supersampling=supersampling)
+            with stage.open(sensor, unlit=True) as renderer:
+                frames.append(renderer.render(NOW, linear=True))
+    expected = frames[0]
+    for ours, bound_db in zip(frames[1:], (24.0, 28.0), strict=True):
+        both = ours.valid & expected.valid
+        assert (ours.valid != expected.valid).mean() < 0.02
+        assert psnr_db(ours.linear, expected.linear, both) > bound_db
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("backend", "percent"), [("cube", 50.0), ("rays", 98.0)])
-@pytest.mark.parametrize("camera", CAMERA_EXAMPLES.values(), ids=CAMERA_EXAMPLES)
+@camera_examples
 def test_every_camera_behind_a_concentric_dome_takes_its_own_image(camera, backend, percent):
     """Such a dome bends no ray; the virtual cameras' edges are theirs."""
     bare = OmniCamera(camera, polygons=None, supersampling=1).resized(48)
@@ -204,11 +201,6 @@ def test_batches(backend):
             np.testing.assert_array_equal(batch["rgb"][number], frame.rgb)
             for name in names[1:]:
                 np.testing.assert_array_equal(batch[name][number], frame.channels[name])
-
-
-def test_a_mesh_that_fills_no_pixel_has_no_rays():
-    tiny = OpticalSystem(pinhole(5.0).scaled(1 / 45), (Surface(Conic(0.06), at(0.2), 0.001),))
-    assert not sample_rays(tiny, 3, 16).shown.any()
 
 
 def test_objects_move_as_seen_from_the_mirror():

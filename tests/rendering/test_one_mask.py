@@ -29,11 +29,11 @@ def _through_centers(radius_px, size_px=81, center_px=40.0):
 
 MIRRORS = {
     f"{kind}, rim of {radius_px:g} px": (camera, polygons)
-    for kind, polygons in (("exact", None), ("mesh", 64), ("fine mesh", 1024))
-    for radius_px, camera in (
-        (25.0, _through_centers(25.0)),
-        (32.5, _through_centers(32.5)),
-        (12.5, _through_centers(12.5, 50, 24.5)),
+    for kind, polygons, radius_px, camera in (
+        ("exact", None, 25.0, _through_centers(25.0)),
+        ("exact", None, 32.5, _through_centers(32.5)),
+        ("mesh", 64, 12.5, _through_centers(12.5, 50, 24.5)),
+        ("fine mesh", 1024, 25.0, _through_centers(25.0)),
     )
 }
 
