@@ -16,7 +16,8 @@ from omnisim.scene.model import Material, Mesh
 from omnisim.sensors.lidar.point_files import POINT
 from omnisim.sensors.lidar.spinning_lidar import MAX_SKEW_M, SpinningLidar
 from tests.ray_casting import embree_ranges, opaque_part
-from tests.scenes import ROOM_HALF_M, room, scene_of
+from tests.rendering.frames import each_backend, opened
+from tests.scenes import ROOM_HALF_M, room, scene_of, upright
 
 needs_opengl = pytest.mark.usefixtures("needs_opengl")
 EXACT = dataclasses.replace(SpinningLidar.hdl64e().without_errors(), range_min_m=0.0, firings=512)
@@ -32,13 +33,6 @@ def _embree_ranges(scene, origins_m, directions):
         for mesh in (scene.meshes[one.mesh],)
     ]
     return embree_ranges(np.concatenate(corners), origins_m, directions)
-
-
-def _wall(x_m=0.0, half_m=9.0):
-    """A single-sided wall across x, which faces the origin from behind."""
-    corners = half_m * np.array([[0, -1, -1], [0, 1, -1], [0, 1, 1], [0, -1, 1]]) + (x_m, 0, 0)
-    triangles = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32)
-    return Mesh("wall", corners.astype(np.float32), triangles, 0)
 
 
 def _grid(cloud, name="range"):
@@ -58,7 +52,7 @@ def _drive(time_s):
 
 
 @needs_opengl
-@pytest.mark.parametrize("backend", ["cube", "rays"])
+@each_backend
 @pytest.mark.parametrize("speed_mps", [0.0, 1.5])
 @pytest.mark.parametrize("name", ["courtyard", pytest.param("mapping", marks=pytest.mark.slow)])
 def test_points_are_where_exact_rays_hit(name, speed_mps, backend):
@@ -78,7 +72,7 @@ def test_points_are_where_exact_rays_hit(name, speed_mps, backend):
     origins_m = np.broadcast_to(poses[:, :3, 3], directions.shape)
     expected_m = _embree_ranges(scene, origins_m.reshape(-1, 3), directions.reshape(-1, 3))
     expected_m[expected_m > EXACT.range_max_m] = 0.0
-    with open_sensor(scene, EXACT, backend=backend) as renderer:
+    with opened(scene, EXACT, backend) as renderer:
         cloud = renderer.scan(motion)
     error_m = np.abs(_grid(cloud).ravel() - expected_m)
     assert (error_m <= 1e-3).mean() >= (0.997 if speed_mps and backend == "cube" else 0.999)
@@ -105,12 +99,10 @@ def test_a_cloud_is_skewed_by_the_motion():
 
 
 @needs_opengl
-@pytest.mark.parametrize("backend", ["cube", "rays"])
+@each_backend
 def test_objects_move_while_the_lidar_turns(backend):
     """A wall comes nearer by 0.6 m in a revolution: each firing meets it where it is then."""
-    if backend == "rays":
-        pytest.importorskip("embreex", reason="embreex is missing")
-    wall = scene_of([_wall()], [Material(double_sided=True)])
+    wall = scene_of([upright(9.0)], [Material(double_sided=True)])
 
     def motion(time_s):
         return WorldState({"body": np.eye(4), "wall": pose((5.0 - 6.0 * time_s, 0.0, 0.0))}, time_s)
@@ -129,14 +121,12 @@ def test_objects_move_while_the_lidar_turns(backend):
 
 
 @needs_opengl
-@pytest.mark.parametrize("backend", ["cube", "rays"])
+@each_backend
 @pytest.mark.parametrize("x_m", [-2.0, 2.0])
 def test_surfaces_reflect_on_both_sides(backend, x_m):
     """A single-sided square, seen from its front and from behind; also where it moves."""
-    if backend == "rays":
-        pytest.importorskip("embreex", reason="embreex is missing")
-    wall, here = scene_of([_wall()], [Material()]), pose((x_m, 0.0, 0.0))
-    with open_sensor(wall, SMALL, backend=backend) as renderer:
+    wall, here = scene_of([upright(9.0)], [Material()]), pose((x_m, 0.0, 0.0))
+    with opened(wall, SMALL, backend) as renderer:
         static = renderer.scan(here).points
     with (
         Stage(scene_of([], []), dynamic_objects={"wall": wall}, backend=backend) as stage,
@@ -286,7 +276,7 @@ def test_a_fast_ball_is_where_it_is_at_each_firing(backend, is_behind_glass):
     sphere = trimesh.creation.icosphere(subdivisions=3, radius=0.8)
     ball = Mesh("ball", sphere.vertices.astype("f4"), sphere.faces.astype("u4"), 0)
     glass = Material(roughness=0.0, specular=1.0, transmission=1.0, double_sided=True)
-    still = scene_of([_wall(1.0)] if is_behind_glass else [], [glass])
+    still = scene_of([upright(9.0, 1.0)] if is_behind_glass else [], [glass])
 
     def at(time_s):
         return np.array((3.0, 10.0 * (time_s - 0.05), 0.1))
