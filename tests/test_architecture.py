@@ -79,11 +79,7 @@ HOMES = {
 }
 # Outside of rendering.opengl, what draws by OpenGL: imported by functions that are asked to.
 DRAWING = {
-    f"omnisim.{name}"
-    for name in (
-        "validation.checks.optics",
-        "validation.checks.paper_mirror",
-    )
+    f"omnisim.{name}" for name in ("validation.checks.optics", "validation.checks.paper_mirror")
 }
 MODULES = {
     ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts).removesuffix(".__init__"): path

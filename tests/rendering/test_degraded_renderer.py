@@ -259,7 +259,8 @@ def test_defocus_comes_before_noise_and_motion_through_the_whole_chain():
 
 
 @pytest.mark.parametrize(
-    "degradation", [Degradation(), Degradation(Shutter(exposure_s=0.01), Exposure(auto=True))]
+    "degradation",
+    [Degradation(), Degradation(shutter=Shutter(exposure_s=0.01), exposure=Exposure(auto=True))],
 )
 def test_impossible_exposures_and_motions_are_refused(degradation):
     sensor = OmniCamera().resized(16).with_degradation(degradation)

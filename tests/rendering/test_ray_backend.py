@@ -59,10 +59,7 @@ def _difference(one, other):
 
 def _hits(scene, sensor, backend):
     """Name and number of the triangle in each pixel, and the pixels that have a ray."""
-    with (
-        open_sensor(scene, sensor, backend=backend) as renderer,
-        renderer._current() as camera,
-    ):
+    with open_sensor(scene, sensor, backend=backend) as renderer, renderer._current() as camera:
         state = renderer._state(_start(sensor, scene))
         source = camera.hit_source(NO_DETAILS)
         hits = source.hits(renderer._poses_in(state))

@@ -12,13 +12,7 @@ from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.scene.light.environment import Environment, map_directions
 from omnisim.scene.model import AlphaMode, Light, Lighting, LightKind, Material, Texture
 from omnisim.validation import material_chart
-from tests.rendering.frames import (
-    BACKENDS,
-    assert_batch_is_frames,
-    by_both,
-    each_backend,
-    frame_of,
-)
+from tests.rendering.frames import BACKENDS, assert_batch_is_frames, by_both, each_backend, frame_of
 from tests.scenes import next_to_another_face, scene_of, square, upright
 
 pytest.importorskip("embreex")

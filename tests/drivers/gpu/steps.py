@@ -347,11 +347,7 @@ def main(folder: str, scale: str, name: str, *arguments: str) -> None:
 
 
 def _measured(
-    step: Step,
-    what: str,
-    work: Callable[[np.ndarray], Any],
-    poses: np.ndarray,
-    images: int = 1,
+    step: Step, what: str, work: Callable[[np.ndarray], Any], poses: np.ndarray, images: int = 1
 ) -> Result:
     """Median time of a piece of work, for as long as a measurement may take."""
     seconds: list[float] = []

@@ -1,12 +1,7 @@
 """Folders of bakes: what is in them, how light is stored, and bakes that are stopped."""
 
 import json
-import os
 import shutil
-import signal
-import subprocess
-import sys
-import time
 import zlib
 from types import SimpleNamespace
 
@@ -136,26 +131,6 @@ def test_a_bake_is_finished_or_replaced(tmp_path):
     assert bake_scene(changed, out, SETTINGS, force=True) is not None
     assert contents(out)["baked.json"] != before["baked.json"]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["x"]
-
-
-@pytest.mark.slow
-@pytest.mark.long
-def test_killed_bake_goes_on_with_the_same_bytes(tmp_path):
-    command = [sys.executable, "-m", "omnisim", "bake", "rings", "--texel-m", "0.1",
-               "--samples", "64", "--bounces", "2"]  # fmt: skip
-    environment = os.environ | {"OMP_NUM_THREADS": "1"}
-    subprocess.run([*command, "-o", tmp_path / "whole"], check=True, env=environment)
-    unfinished = tmp_path / ".killed.unfinished"
-    process = subprocess.Popen([*command, "-o", tmp_path / "killed"], env=environment)
-    while process.poll() is None and not list(unfinished.glob("bounces-*")):
-        time.sleep(0.01)
-    process.send_signal(signal.SIGKILL)
-    process.wait()
-    assert list(unfinished.glob("bounces-*.npz"))
-    assert not (tmp_path / "killed").exists()
-    subprocess.run([*command, "-o", tmp_path / "killed"], check=True, env=environment)
-    assert contents(tmp_path / "killed") == contents(tmp_path / "whole")
-    assert not unfinished.exists()
 
 
 CHARTS = np.array([[0, 0, 0, 1, 1], [0, 0, 0, 1, 1], [-1, -1, 2, 2, 2]], dtype=np.int32)

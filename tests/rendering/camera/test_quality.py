@@ -39,10 +39,7 @@ def test_a_name_sets_both_numbers_and_nothing_else(name):
     ("table", "numbers"),
     [
         ({"camera": {"quality": "fast", "supersampling": 5}}, (5, 1.0)),
-        (
-            {"camera": {"quality": "fast"}, "virtual_cameras": {"texels_per_pixel": 3.0}},
-            (2, 3.0),
-        ),
+        ({"camera": {"quality": "fast"}, "virtual_cameras": {"texels_per_pixel": 3.0}}, (2, 3.0)),
         ({"virtual_cameras": {"texels_per_pixel": 3.0}}, (3, 3.0)),
         ({"lens": LENS, "camera": {"quality": "fine"}}, tuple(QUALITIES["fine"])),
     ],

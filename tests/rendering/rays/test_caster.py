@@ -69,9 +69,7 @@ def test_hits_are_those_of_all_triangles(near_m, far_m, offset_m):
     shear[:3, 3] = offset_m
     poses = [shear, pose((offset_m, offset_m, offset_m), yaw_deg=30.0)]
     scene = scene_of(
-        [soup(60, 0, seed=1), soup(40, 1, seed=2)],
-        [Material(), Material(double_sided=True)],
-        poses,
+        [soup(60, 0, seed=1), soup(40, 1, seed=2)], [Material(), Material(double_sided=True)], poses
     )
     corners = np.concatenate(
         [

@@ -127,21 +127,6 @@ def test_a_plain_of_kilometers_reaches_through_the_near_plane_to_its_end():
     np.testing.assert_allclose(ranges_m[seen], -1.0 / down[seen], rtol=1e-6)
 
 
-@pytest.mark.slow
-def test_far_from_the_origin_ranges_are_as_exact():
-    lens, away = LENSES["fisheye"], np.array([5e5, -3e5, 100.0])
-    scene = scene_of([room()], poses=[pose(away)])
-    now = POSE.copy()
-    now[:3, 3] += away
-    found = _truth(lens, ("range", "position", "valid"), now, scene=scene).channels
-    near = _truth(lens, ("range", "position")).channels
-    valid = found["valid"] > 0
-    np.testing.assert_allclose(found["range"][valid], near["range"][valid], atol=CLOSE_M)
-    np.testing.assert_allclose(
-        found["position"][valid] - away, near["position"][valid], atol=CLOSE_M
-    )
-
-
 def test_rays_pass_through_holes_of_masked_surfaces():
     """A checkered cage around the camera: whole squares, away from their edges, ray by ray."""
     cage = Material(texture=checkered(0), alpha_mode=AlphaMode.MASK, double_sided=True)

@@ -11,12 +11,7 @@ import pytest
 import omnisim.rendering.opengl.gl.context as context_module
 from omnisim.core.errors import GraphicsError
 from omnisim.rendering.opengl.gl import diagnosis
-from omnisim.rendering.opengl.gl.context import (
-    current,
-    list_devices,
-    open_context,
-    release_context,
-)
+from omnisim.rendering.opengl.gl.context import current, list_devices, open_context, release_context
 from omnisim.rendering.opengl.gl.diagnosis import cuda_numbers, device_number
 
 
@@ -127,10 +122,7 @@ def test_every_device_is_counted(needs_opengl):
     assert len(cuda_numbers()) == len(list_devices())
 
 
-@pytest.mark.parametrize(
-    ("device", "number"),
-    [(0, 0), ("2", 2), ("cuda:0", 2), ("cuda:1", 0)],
-)
+@pytest.mark.parametrize(("device", "number"), [(0, 0), ("2", 2), ("cuda:0", 2), ("cuda:1", 0)])
 def test_cuda_s_numbers_are_looked_up(monkeypatch, device, number):
     monkeypatch.setattr(diagnosis, "cuda_numbers", lambda: [1, None, 0])
     assert device_number(device) == number

@@ -14,12 +14,7 @@ from omnisim.core.errors import GraphicsError
 from omnisim.rendering.opengl.gl import debug, functions
 from omnisim.rendering.opengl.gl.buffers import gpu_buffer
 from omnisim.rendering.opengl.gl.functions import gl_function
-from omnisim.rendering.opengl.gl.pixel_readback import (
-    LENGTH,
-    PixelReadback,
-    Pixels,
-    read_once,
-)
+from omnisim.rendering.opengl.gl.pixel_readback import LENGTH, PixelReadback, Pixels, read_once
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")
 
