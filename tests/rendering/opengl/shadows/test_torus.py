@@ -6,7 +6,7 @@ import pytest
 from omnisim.rendering.opengl.shadows.shadow_maps import Cells, entered_cells, torus_parts
 
 SIDE = 8
-MOVES = [(1, 0), (0, -1), (3, 2), (-2, 5), (-7, -7), (8, 0), (-3, 40), (0, 0)]
+MOVES = [(1, 0), (0, -1), (-2, 5), (-7, -7), (8, 0), (-3, 40), (0, 0)]
 
 
 def _cells(rectangles):
