@@ -15,14 +15,25 @@ from omnisim.core.trajectories.odometry import (
 )
 from omnisim.core.trajectories.trajectory import Trajectory
 from omnisim.robots.motion_profile import plan_in_steps, plan_with_period
-from tests.robots.test_motion_profile import PIONEER_2_AT, SUPER_SCOUT, paper_lap
+from omnisim.robots.robot_file import load_robot
 
+PIONEER_2_AT, SUPER_SCOUT = load_robot("p2at"), load_robot("superscout")
 PERFECT = OdometryErrors()
 # simulate_odometry with seed 2008 along 2 m, noise 1
 PINNED_DISTANCES = [0.6863303426535377, 2.324524461014188]
 PINNED_TURNS = [-0.9079500071949156, -0.18707487712598647]
 HEADER = "t_s,distance_m,turn_rad,x_m,y_m,yaw_rad\n"
 POINTS = [(0, 0), (3, 1), (3, 4), (-2, 4), (0, 0), (3, 4)]
+
+
+def paper_lap(robot=SUPER_SCOUT, clockwise=True):
+    """The paper's path on a field of 5.4 m by 3.6 m, in about 100 steps."""
+    beside, above = (2.7, -1.8), (-2.7, 1.8)
+    if clockwise:
+        beside, above = above, beside
+    start, opposite = (-2.7, -1.8), (2.7, 1.8)
+    corners = (start, beside, opposite, above, start, opposite)
+    return plan_in_steps(corners, robot.kinematics, 0.41, math.radians(12.0)).trajectory
 
 
 def _apart(first, second):
