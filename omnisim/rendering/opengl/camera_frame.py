@@ -268,7 +268,8 @@ class CubePass:
 
     def _make_probes(self) -> ProbePass | None:
         """Pass of the reflection probes; None: no surface has one, or base colors are shown."""
-        places = self._buffers.probe_places[: self._cameras.reflection_probes]
+        mirrors, probes = self._cameras.mirrors, self._cameras.reflection_probes
+        places = self._buffers.reflectors.drawn(mirrors, probes)
         if self._cameras.unlit or not places:
             return None
         from omnisim.rendering.opengl.reflect.probe_pass import shared_probes  # few scenes need it

@@ -1,9 +1,12 @@
 """Probe pass: the scene as seen from reflection probes, which curved and rough surfaces reflect.
 
 All cameras share the probes. A probe is drawn again if an object has moved or a mesh has deformed
-since; its light is therefore a function of the scene and its state alone. Planar metal mirrors
-within a probe reflect the probe itself, as drawn without them; other reflective surfaces in it
-reflect sky and lamps.
+since; its light is therefore a function of the scene and its state alone. Probes of planar mirrors,
+and those that are seen within probes, show what is static, and are drawn once.
+
+In a scene of several reflectors, probes are drawn twice. In the first ones, planar metal mirrors
+reflect the probe itself, as drawn without them, and other reflective surfaces sky and lamps. In the
+second ones, surfaces reflect the first ones.
 """
 
 from __future__ import annotations
@@ -47,6 +50,8 @@ from omnisim.scene.surface_kind import lobe_roughnesses
 from omnisim.scene.surface_reflectance import MIN_ROUGHNESS
 
 SIZE_PX = 128  # of a face
+_AWAY = np.eye(4)  # pose at which an object is not seen, and casts no shadow
+_AWAY[:3, 3] = 1e7
 _METAL = 0.5  # metalness from which a surface shows reflections alone
 _NEAR_SHARE, _MAX_NEAR_M = 0.05, 0.05  # near plane, as a share of the smallest probe's radius
 _LEVELS = 6
@@ -92,9 +97,12 @@ class ProbePass:
         programs: surface programs for the scene's lights.
         places: probes to draw.
         background: linear RGB of rays that hit nothing.
+        within: probes that surfaces within these reflect; None: see the module.
+        is_static: all probes show what is static.
 
     Attributes:
         items: indices of the items that reflect a probe.
+        planar: those whose probe is of planar mirrors or panes.
 
     Raises:
         GraphicsError: the probes do not fit on the GPU.
@@ -106,9 +114,12 @@ class ProbePass:
         programs: SurfacePrograms,
         places: Sequence[ProbePlace],
         background: tuple[float, float, float],
+        within: ProbePass | None = None,
+        is_static: bool = False,
     ):
         context = buffers.context
         self._buffers, self._programs, self._places = buffers, programs, places
+        self._within = within
         self._background = background
         plan = cube_plan(SIZE_PX)
         size = plan.width_px, plan.height_px
@@ -119,15 +130,21 @@ class ProbePass:
         self._target = framebuffer(context, [self._colors], self._depths)
         self._maps = _ProbeMaps(context, plan, near_m, len(places))
         self._own = _OwnProbe(buffers, self._maps.name)
-        self._is_mirror = self._mask(self._own.items)
+        self._is_mirror = self._mask(self._own.items if within is None else ())
         cameras = VirtualCameras(near_m, math.inf, background=background, mirrors=0)
         sky = programs.sky_seen(False)
         behind = None if sky is None else SkyPass(context, sky, plan)
         self._view = SceneView(
-            buffers, programs, plan, cameras, self._depths, 1, behind, probes=self._own
+            buffers, programs, plan, cameras, self._depths, 1, behind, probes=within or self._own
         )
         self.items = frozenset(index for one in places for index in one.surfaces)
-        self._left_out = [self._mask(one.left_out) | self._is_mirror for one in places]
+        self.planar = frozenset(i for one in places if one.is_planar for i in one.surfaces)
+        self._is_static = [is_static or one.is_planar for one in places]
+        moves = ~SceneParts.STATIC.mask(buffers.draw_items)
+        self._left_out = [
+            self._mask(one.left_out) | self._is_mirror | (moves & is_still)
+            for one, is_still in zip(places, self._is_static, strict=True)
+        ]
         self._mirrors = [self._is_mirror & ~self._mask(one.left_out) for one in places]
         items = buffers.draw_items
         self._gloss = [_Gloss.of(items[one].material for one in place.surfaces) for place in places]
@@ -143,14 +160,21 @@ class ProbePass:
 
     def render(self, seen: Collection[int], world_from_objects: Sequence[Floats]) -> None:
         """Render the probes that items at the given indices reflect; meshes are deformed."""
+        if self._within is not None:
+            self._within.render(self._within.items, world_from_objects)
         state = b"".join(np.asarray(one).tobytes() for one in world_from_objects)
         if self._buffers.deforming.size:
             state += np.float64(time_of(world_from_objects)).tobytes()
+        # meshes that deform cast shadows on static ones, and cannot be moved away
+        casts = bool(self._buffers.deforming.size) and self._programs.shadows is not None
+        away = world_from_objects if casts else [_AWAY] * len(world_from_objects)
         for number, place in enumerate(self._places):
-            if self._states[number] == state or place.surfaces.isdisjoint(seen):
+            is_static = self._is_static[number]
+            own = b"" if is_static and not casts else state
+            if self._states[number] == own or place.surfaces.isdisjoint(seen):
                 continue
-            self._draw(number, world_from_objects)
-            self._states[number] = state
+            self._draw(number, away if is_static else world_from_objects)
+            self._states[number] = own
 
     def _draw(self, number: int, world_from_objects: Sequence[Floats]) -> None:
         world_from_probe = np.eye(4)
@@ -161,6 +185,8 @@ class ProbePass:
         self._programs.bind_tables()
         left_out, parts, place = self._left_out[number], SceneParts.ALL, self._places[number]
         is_fixed = place.object_index is None and place.deforming is None
+        if self._is_static[number]:
+            parts, is_fixed = SceneParts.STATIC, False
         # moving items may cast shadows on static ones
         if is_fixed and self._has_moving and self._programs.shadows is None:
             parts = SceneParts.MOVING
@@ -233,10 +259,14 @@ def shared_probes(
     passes = programs.shared_passes
     for old in [one for one in passes if one[0] != buffers.version]:
         del passes[old]
-    key = buffers.version, len(places), background
+    key = buffers.version, tuple(places), background
     shared = passes.get(key)
     if not isinstance(shared, ProbePass):
-        shared = passes[key] = ProbePass(buffers, programs, places, background)
+        within = None
+        if any(one.is_planar for one in places) or len(places) > 1:
+            still = [one for one in places if one.object_index is None and one.deforming is None]
+            within = ProbePass(buffers, programs, still, background, is_static=True)
+        shared = passes[key] = ProbePass(buffers, programs, places, background, within)
     return shared
 
 

@@ -41,6 +41,7 @@ from omnisim.rendering.opengl.world.scene_textures import (
 )
 from omnisim.scene.model import MAX_LIGHTS, Lighting, LightKind
 from omnisim.scene.planar_mirrors import MAX_PLANES
+from omnisim.scene.reflection_probes import ProbePlace
 from omnisim.scene.slabs import normal_of_slabs
 from omnisim.scene.surface_kind import SurfaceKind, transmitted
 from omnisim.scene.surface_reflectance import environment_table
@@ -338,8 +339,8 @@ class SurfacePrograms:
         shadows: shadow maps of its lights; None: no shadows.
 
     Attributes:
-        shared_passes: passes that all cameras share: by version of the buffers, number of probes,
-            and background.
+        shared_passes: passes that all cameras share: by version of the buffers, their probes, and
+            background.
 
     Raises:
         GraphicsError: more lights than a shader should loop over.
@@ -354,7 +355,9 @@ class SurfacePrograms:
             )
         self._context, self._buffers, self._lighting = buffers.context, buffers, lighting
         self.shadows = shadows
-        self.shared_passes: dict[tuple[int, int, tuple[float, float, float]], object] = {}
+        self.shared_passes: dict[
+            tuple[int, tuple[ProbePlace, ...], tuple[float, float, float]], object
+        ] = {}
         self._programs: dict[tuple[SurfaceVariant, tuple[str, ...]], SurfaceProgram] = {}
 
     @property
