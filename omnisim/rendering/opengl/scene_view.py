@@ -301,7 +301,7 @@ class Probes(Protocol):
         """Render the probes that items at the given indices reflect."""
 
     def connect(self, programs: Collection[SurfaceProgram], shot: ScenePoses) -> None:
-        """Set the probes of items in the programs for a viewpoint, and bind them."""
+        """Set the probes of items in the programs for a viewpoint."""
 
 
 class SceneView:

@@ -15,6 +15,7 @@ import math
 import weakref
 from collections.abc import Collection, Iterable, Sequence
 from enum import Enum
+from functools import partial
 
 import moderngl
 import numpy as np
@@ -39,7 +40,6 @@ from omnisim.rendering.opengl.gl.state import GlState
 from omnisim.rendering.opengl.scene_view import SceneParts, SceneView, VirtualCameras
 from omnisim.rendering.opengl.surfaces.sky_pass import SkyPass
 from omnisim.rendering.opengl.surfaces.surface_program import (
-    PROBE_UNIT,
     SurfaceProgram,
     SurfacePrograms,
 )
@@ -49,7 +49,8 @@ from omnisim.scene.reflection_probes import ProbePlace
 from omnisim.scene.surface_kind import lobe_roughnesses
 from omnisim.scene.surface_reflectance import MIN_ROUGHNESS
 
-SIZE_PX = 128  # of a face
+SIZE_PX, PLANAR_SIZE_PX = 128, 256  # of a face, of planar mirrors and panes
+_BOUNCES = 2  # reflections within a probe
 _AWAY = np.eye(4)  # pose at which an object is not seen, and casts no shadow
 _AWAY[:3, 3] = 1e7
 _METAL = 0.5  # metalness from which a surface shows reflections alone
@@ -82,11 +83,10 @@ class _OwnProbe:
         """Do nothing: it has been drawn without them."""
 
     def connect(self, programs: Collection[SurfaceProgram], shot: ScenePoses) -> None:
-        """Set the probe of the mirrors, whose center is the viewpoint, and bind it."""
-        probe = np.array((0.0, 0.0, 0.0, self.number), dtype=np.float32)
+        """Set the probe of the mirrors, whose center is the viewpoint."""
+        probe = np.array((0.0, 0.0, 0.0, self.number), dtype=np.float32), self._name
         for program in programs:
             program.set_probes({id(item): probe for item in self._items})
-        bind_texture(PROBE_UNIT, self._name)
 
 
 class ProbePass:
@@ -98,11 +98,11 @@ class ProbePass:
         places: probes to draw.
         background: linear RGB of rays that hit nothing.
         within: probes that surfaces within these reflect; None: see the module.
-        is_static: all probes show what is static.
+        is_static: the probes show what is static.
+        size_px: texels across a face.
 
     Attributes:
         items: indices of the items that reflect a probe.
-        planar: those whose probe is of planar mirrors or panes.
 
     Raises:
         GraphicsError: the probes do not fit on the GPU.
@@ -116,12 +116,13 @@ class ProbePass:
         background: tuple[float, float, float],
         within: ProbePass | None = None,
         is_static: bool = False,
+        size_px: int = SIZE_PX,
     ):
         context = buffers.context
         self._buffers, self._programs, self._places = buffers, programs, places
         self._within = within
         self._background = background
-        plan = cube_plan(SIZE_PX)
+        plan = cube_plan(size_px)
         size = plan.width_px, plan.height_px
         near_m = min(_MAX_NEAR_M, _NEAR_SHARE * min(one.radius_m for one in places))
         with gpu_allocation(f"an atlas of {size[0]} × {size[1]} px", "free GPU memory"):
@@ -138,13 +139,11 @@ class ProbePass:
             buffers, programs, plan, cameras, self._depths, 1, behind, probes=within or self._own
         )
         self.items = frozenset(index for one in places for index in one.surfaces)
-        self.planar = frozenset(i for one in places if one.is_planar for i in one.surfaces)
-        self._is_static = [is_static or one.is_planar for one in places]
-        moves = ~SceneParts.STATIC.mask(buffers.draw_items)
-        self._left_out = [
-            self._mask(one.left_out) | self._is_mirror | (moves & is_still)
-            for one, is_still in zip(places, self._is_static, strict=True)
-        ]
+        self._is_static = is_static
+        left_out = self._is_mirror
+        if is_static:  # blended items are not selected by their motion
+            left_out = left_out | ~SceneParts.STATIC.mask(buffers.draw_items)
+        self._left_out = [self._mask(one.left_out) | left_out for one in places]
         self._mirrors = [self._is_mirror & ~self._mask(one.left_out) for one in places]
         items = buffers.draw_items
         self._gloss = [_Gloss.of(items[one].material for one in place.surfaces) for place in places]
@@ -160,21 +159,21 @@ class ProbePass:
 
     def render(self, seen: Collection[int], world_from_objects: Sequence[Floats]) -> None:
         """Render the probes that items at the given indices reflect; meshes are deformed."""
-        if self._within is not None:
-            self._within.render(self._within.items, world_from_objects)
         state = b"".join(np.asarray(one).tobytes() for one in world_from_objects)
         if self._buffers.deforming.size:
             state += np.float64(time_of(world_from_objects)).tobytes()
         # meshes that deform cast shadows on static ones, and cannot be moved away
         casts = bool(self._buffers.deforming.size) and self._programs.shadows is not None
-        away = world_from_objects if casts else [_AWAY] * len(world_from_objects)
+        poses = world_from_objects
+        if self._is_static and not casts:
+            state, poses = b"", [_AWAY] * len(world_from_objects)
         for number, place in enumerate(self._places):
-            is_static = self._is_static[number]
-            own = b"" if is_static and not casts else state
-            if self._states[number] == own or place.surfaces.isdisjoint(seen):
+            if self._states[number] == state or place.surfaces.isdisjoint(seen):
                 continue
-            self._draw(number, away if is_static else world_from_objects)
-            self._states[number] = own
+            if self._within is not None:
+                self._within.render(self._within.items, world_from_objects)
+            self._draw(number, poses)
+            self._states[number] = state
 
     def _draw(self, number: int, world_from_objects: Sequence[Floats]) -> None:
         world_from_probe = np.eye(4)
@@ -185,7 +184,7 @@ class ProbePass:
         self._programs.bind_tables()
         left_out, parts, place = self._left_out[number], SceneParts.ALL, self._places[number]
         is_fixed = place.object_index is None and place.deforming is None
-        if self._is_static[number]:
+        if self._is_static:
             parts, is_fixed = SceneParts.STATIC, False
         # moving items may cast shadows on static ones
         if is_fixed and self._has_moving and self._programs.shadows is None:
@@ -238,15 +237,61 @@ class ProbePass:
         return pose[:3, :3] @ center_m + pose[:3, 3]
 
     def connect(self, programs: Collection[SurfaceProgram], shot: ScenePoses) -> None:
-        """Set the probes of items in the programs for a viewpoint, and bind them."""
-        probes: dict[int, Floats32] = {}
+        """Set the probes of items in the programs for a viewpoint."""
+        for program in programs:
+            program.set_probes(self.at(shot))
+
+    def at(self, shot: ScenePoses) -> dict[int, tuple[Floats32, int]]:
+        """Probes of items, see `SurfaceProgram.set_probes`."""
+        probes: dict[int, tuple[Floats32, int]] = {}
         for number, place in enumerate(self._places):
             center_m = self._center_m(place, shot.world_from_objects) - shot.viewpoint_m
-            probe = np.array((*center_m, number), dtype=np.float32)
+            probe = np.array((*center_m, number), dtype=np.float32), self._maps.name
             probes |= {id(self._buffers.draw_items[index]): probe for index in place.surfaces}
+        return probes
+
+
+class SceneProbes:
+    """All probes of a scene; arguments as of `ProbePass`.
+
+    Attributes:
+        items: indices of the items that reflect a probe.
+        planar: indices of those that are planar mirrors or panes.
+    """
+
+    def __init__(
+        self,
+        buffers: SceneBuffers,
+        programs: SurfacePrograms,
+        places: Sequence[ProbePlace],
+        background: tuple[float, float, float],
+    ):
+        planar = [one for one in places if one.is_planar]
+        others = [one for one in places if not one.is_planar]
+        make = partial(ProbePass, buffers, programs, background=background)
+        within: ProbePass | None = None
+        if len(places) > 1:
+            fixed = [one for one in places if one.object_index is None and one.deforming is None]
+            for _ in range(_BOUNCES if fixed else 0):
+                within = make(fixed, within=within, is_static=True)
+        self._passes = [make(others, within=within)] if others else []
+        if planar:
+            self._passes.append(
+                make(planar, within=within, is_static=True, size_px=PLANAR_SIZE_PX)
+            )
+        self.planar = frozenset(index for one in planar for index in one.surfaces)
+        self.items = frozenset(index for one in self._passes for index in one.items)
+
+    def render(self, seen: Collection[int], world_from_objects: Sequence[Floats]) -> None:
+        """Render the probes that items at the given indices reflect; meshes are deformed."""
+        for one in self._passes:
+            one.render(seen, world_from_objects)
+
+    def connect(self, programs: Collection[SurfaceProgram], shot: ScenePoses) -> None:
+        """Set the probes of items in the programs for a viewpoint."""
+        probes = {key: one for some in self._passes for key, one in some.at(shot).items()}
         for program in programs:
             program.set_probes(probes)
-        bind_texture(PROBE_UNIT, self._maps.name)
 
 
 def shared_probes(
@@ -254,19 +299,15 @@ def shared_probes(
     programs: SurfacePrograms,
     places: Sequence[ProbePlace],
     background: tuple[float, float, float],
-) -> ProbePass:
-    """Pass of the probes of a scene, which all cameras share; arguments as of `ProbePass`."""
+) -> SceneProbes:
+    """Probes of a scene, which all cameras share; arguments as of `ProbePass`."""
     passes = programs.shared_passes
     for old in [one for one in passes if one[0] != buffers.version]:
         del passes[old]
     key = buffers.version, tuple(places), background
     shared = passes.get(key)
-    if not isinstance(shared, ProbePass):
-        within = None
-        if any(one.is_planar for one in places) or len(places) > 1:
-            still = [one for one in places if one.object_index is None and one.deforming is None]
-            within = ProbePass(buffers, programs, still, background, is_static=True)
-        shared = passes[key] = ProbePass(buffers, programs, places, background, within)
+    if not isinstance(shared, SceneProbes):
+        shared = passes[key] = SceneProbes(buffers, programs, places, background)
     return shared
 
 

@@ -16,7 +16,12 @@ from omnisim.core.errors import GraphicsError
 from omnisim.core.world import Poses
 from omnisim.rendering.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.capture.mesh_and_lens import bind_tiles
-from omnisim.rendering.opengl.gl.gpu_textures import AnyTexture, bind_textures, texture_2d
+from omnisim.rendering.opengl.gl.gpu_textures import (
+    AnyTexture,
+    bind_texture,
+    bind_textures,
+    texture_2d,
+)
 from omnisim.rendering.opengl.gl.shader_files import (
     build_program,
     columns_first,
@@ -258,7 +263,7 @@ class SurfaceProgram(ItemProgram):
         program = build_program(context, *files, variant.defines(lighting, shadows))
         super().__init__(program)
         self._shadows, self._lighting, self._state = shadows, lighting, GlState()
-        self._probes: Mapping[int, Floats32] = {}
+        self._probes: Mapping[int, tuple[Floats32, int]] = {}
         self.is_pane = SurfaceKind.PANE in variant.kind
         self.needs_item_details = variant.second_coordinates and not variant.clustered
         self._light_positions_m = np.array([one.position_m for one in lighting.by_kind()[1]])
@@ -303,8 +308,12 @@ class SurfaceProgram(ItemProgram):
         self.write("u_mirror", plane[:4])
         self.write("u_mirror_spread", plane[4:])
 
-    def set_probes(self, probes: Mapping[int, Floats32]) -> None:
-        """Set the probes (4,) of items, by their identity: center, viewpoint frame; and index."""
+    def set_probes(self, probes: Mapping[int, tuple[Floats32, int]]) -> None:
+        """Set the probes of items, by their identity.
+
+        Args:
+            probes: center in the viewpoint frame and index of the cube (4,); name of the texture.
+        """
         self._probes = probes
 
     def bind_material(self, item: DrawItem) -> None:
@@ -312,7 +321,9 @@ class SurfaceProgram(ItemProgram):
         super().bind_material(item)
         material = item.material
         if "u_probe" in self._uniforms:
-            self.write("u_probe", self._probes[id(item)])
+            probe, texture = self._probes[id(item)]
+            self.write("u_probe", probe)
+            bind_texture(PROBE_UNIT, texture)
         if "u_glass" in self._uniforms:
             self.write("u_glass", (transmitted(material, SurfaceKind.GLASS), material.ior))
             self.write("u_glass_absorption_per_m", material.absorption_per_m)
