@@ -34,7 +34,7 @@ _COMPACT, _HOLLOW = 0.25, -0.1
 _MAX_SHARED_RADIUS_M = 5.0
 _SHEET_COSINE = 0.9  # length of the mean normal, from which a surface is a sheet
 _SHEET_LIFT, _MAX_SHEET_LIFT_M = 0.25, 1.0  # height of its probe, as a share of its radius
-# Coplanar surfaces share a probe up to this distance: tiles of a floor, but not floors of two rooms.
+# Coplanar surfaces share a probe up to this distance: tiles, but not the floors of two rooms.
 _TILES_M = 2.0
 
 
@@ -76,15 +76,12 @@ class Reflectors(NamedTuple):
         return {index for place in self.places[:probes] for index in place.surfaces}
 
     def repeats(self, mirrors: int, probes: int) -> bool:
-        """True if two surfaces reflect the scene, not both as panes: one may show the other."""
+        """True if two reflectors, other than panes, are of different surfaces."""
         panes = {number for plane in self.panes for number in plane.parts}
-        planes = [*self.mirrors, *self.panes] if mirrors else []
-        reflectors = [set(plane.parts) for plane in planes]
-        reflectors += [set(place.surfaces) for place in self.places[:probes]]
-        return any(
-            one.isdisjoint(other) and not one | other <= panes
-            for one, other in itertools.combinations(reflectors, 2)
-        )
+        reflectors = [set(plane.parts) for plane in self.mirrors if mirrors]
+        reflectors += [set(place.surfaces) - panes for place in self.places[:probes]]
+        pairs = itertools.combinations(filter(None, reflectors), 2)
+        return any(one.isdisjoint(other) for one, other in pairs)
 
 
 def find_reflectors(

@@ -20,7 +20,7 @@ from functools import partial
 import moderngl
 import numpy as np
 
-from omnisim.core.arrays import Bools, Floats, Floats32
+from omnisim.core.arrays import Bools, Floats
 from omnisim.core.world import time_of
 from omnisim.rendering.atlas.tile_plan import TilePlan, cube_plan
 from omnisim.rendering.contract import ScenePoses
@@ -40,6 +40,7 @@ from omnisim.rendering.opengl.gl.state import GlState
 from omnisim.rendering.opengl.scene_view import SceneParts, SceneView, VirtualCameras
 from omnisim.rendering.opengl.surfaces.sky_pass import SkyPass
 from omnisim.rendering.opengl.surfaces.surface_program import (
+    Probe,
     SurfaceProgram,
     SurfacePrograms,
 )
@@ -60,6 +61,8 @@ _LEVELS = 6
 _ALPHAS = (0.0, *(0.024 * 2.0**level for level in range(_LEVELS - 1)))
 _FACES = 6
 _MIN_ROUGH = 0.25  # roughness from which level 2 and further ones are looked up
+# Steps toward a hit and refinements of it, of a single reflector, and of one among others.
+_STEPS, _MORE_STEPS = (4, 2), (16, 4)
 _COLORS_UNIT, _DEPTHS_UNIT, _CUBES_UNIT = 0, 1, 0
 # Lobes of two levels add up between linearly and by their squares.
 _POWER = 1.5
@@ -70,6 +73,7 @@ class _OwnProbe:
 
     Attributes:
         items: indices of the mirrors' items.
+        planar: see `SceneProbes`; none have other probes.
         number: index of the probe's cube.
     """
 
@@ -77,6 +81,7 @@ class _OwnProbe:
         items, self.number, self._name = buffers.draw_items, 0, name
         planar = {index for plane in buffers.mirrors for index in plane.parts}
         self.items = frozenset(one for one in planar if items[one].material.metallic > _METAL)
+        self.planar = frozenset[int]()
         self._items = [items[index] for index in self.items]
 
     def render(self, seen: Collection[int], world_from_objects: Sequence[Floats]) -> None:
@@ -84,7 +89,8 @@ class _OwnProbe:
 
     def connect(self, programs: Collection[SurfaceProgram], shot: ScenePoses) -> None:
         """Set the probe of the mirrors, whose center is the viewpoint."""
-        probe = np.array((0.0, 0.0, 0.0, self.number), dtype=np.float32), self._name
+        place = np.array((0.0, 0.0, 0.0, self.number), dtype=np.float32)
+        probe = Probe(place, _STEPS, self._name)
         for program in programs:
             program.set_probes({id(item): probe for item in self._items})
 
@@ -103,6 +109,7 @@ class ProbePass:
 
     Attributes:
         items: indices of the items that reflect a probe.
+        planar: indices of those that are planar mirrors or panes.
 
     Raises:
         GraphicsError: the probes do not fit on the GPU.
@@ -139,6 +146,7 @@ class ProbePass:
             buffers, programs, plan, cameras, self._depths, 1, behind, probes=within or self._own
         )
         self.items = frozenset(index for one in places for index in one.surfaces)
+        self.planar = frozenset(i for one in places if one.is_planar for i in one.surfaces)
         self._is_static = is_static
         left_out = self._is_mirror
         if is_static:  # blended items are not selected by their motion
@@ -241,12 +249,13 @@ class ProbePass:
         for program in programs:
             program.set_probes(self.at(shot))
 
-    def at(self, shot: ScenePoses) -> dict[int, tuple[Floats32, int]]:
+    def at(self, shot: ScenePoses) -> dict[int, Probe]:
         """Probes of items, see `SurfaceProgram.set_probes`."""
-        probes: dict[int, tuple[Floats32, int]] = {}
+        steps = _STEPS if self._within is None else _MORE_STEPS
+        probes: dict[int, Probe] = {}
         for number, place in enumerate(self._places):
             center_m = self._center_m(place, shot.world_from_objects) - shot.viewpoint_m
-            probe = np.array((*center_m, number), dtype=np.float32), self._maps.name
+            probe = Probe(np.array((*center_m, number), dtype=np.float32), steps, self._maps.name)
             probes |= {id(self._buffers.draw_items[index]): probe for index in place.surfaces}
         return probes
 
@@ -276,11 +285,9 @@ class SceneProbes:
                 within = make(fixed, within=within, is_static=True)
         self._passes = [make(others, within=within)] if others else []
         if planar:
-            self._passes.append(
-                make(planar, within=within, is_static=True, size_px=PLANAR_SIZE_PX)
-            )
-        self.planar = frozenset(index for one in planar for index in one.surfaces)
+            self._passes.append(make(planar, within=within, is_static=True, size_px=PLANAR_SIZE_PX))
         self.items = frozenset(index for one in self._passes for index in one.items)
+        self.planar = frozenset(index for one in self._passes for index in one.planar)
 
     def render(self, seen: Collection[int], world_from_objects: Sequence[Floats]) -> None:
         """Render the probes that items at the given indices reflect; meshes are deformed."""

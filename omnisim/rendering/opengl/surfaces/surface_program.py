@@ -83,6 +83,14 @@ MIRROR_UNITS = {"u_mirror_owners": 2, "u_mirrored": 15}
 PROBE_UNIT = 18
 
 
+class Probe(NamedTuple):
+    """Reflection probe of an item, as in shaders/scene/reflection_probe.glsl."""
+
+    place: Floats32  # (4,) center in the viewpoint frame, and index of its cube
+    steps: tuple[int, int]  # toward a hit, and refinements of it
+    texture: int  # OpenGL's name of the cubes
+
+
 # Defines of the kinds that the surface shader distinguishes.
 _KIND_DEFINES = {
     SurfaceKind.CUTOUT: "ALPHA_MASK",
@@ -263,7 +271,7 @@ class SurfaceProgram(ItemProgram):
         program = build_program(context, *files, variant.defines(lighting, shadows))
         super().__init__(program)
         self._shadows, self._lighting, self._state = shadows, lighting, GlState()
-        self._probes: Mapping[int, tuple[Floats32, int]] = {}
+        self._probes: Mapping[int, Probe] = {}
         self.is_pane = SurfaceKind.PANE in variant.kind
         self.needs_item_details = variant.second_coordinates and not variant.clustered
         self._light_positions_m = np.array([one.position_m for one in lighting.by_kind()[1]])
@@ -308,12 +316,8 @@ class SurfaceProgram(ItemProgram):
         self.write("u_mirror", plane[:4])
         self.write("u_mirror_spread", plane[4:])
 
-    def set_probes(self, probes: Mapping[int, tuple[Floats32, int]]) -> None:
-        """Set the probes of items, by their identity.
-
-        Args:
-            probes: center in the viewpoint frame and index of the cube (4,); name of the texture.
-        """
+    def set_probes(self, probes: Mapping[int, Probe]) -> None:
+        """Set the probes of items, by their identity."""
         self._probes = probes
 
     def bind_material(self, item: DrawItem) -> None:
@@ -321,8 +325,9 @@ class SurfaceProgram(ItemProgram):
         super().bind_material(item)
         material = item.material
         if "u_probe" in self._uniforms:
-            probe, texture = self._probes[id(item)]
+            probe, steps, texture = self._probes[id(item)]
             self.write("u_probe", probe)
+            self._uniforms["u_probe_steps"].value = steps
             bind_texture(PROBE_UNIT, texture)
         if "u_glass" in self._uniforms:
             self.write("u_glass", (transmitted(material, SurfaceKind.GLASS), material.ior))
