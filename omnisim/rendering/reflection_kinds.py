@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from enum import StrEnum
 
@@ -21,7 +20,7 @@ from omnisim.scene.planar_mirrors import (
     is_surface_planar,
     scene_surfaces,
 )
-from omnisim.scene.reflection_probes import Reflectors, find_reflectors
+from omnisim.scene.reflection_probes import find_reflectors
 from omnisim.scene.surface_kind import SurfaceKind
 
 
@@ -69,6 +68,7 @@ def reflection_kinds(
 # PSNR against rays within the objects of the rooms of `omnisim validate --only reflections`.
 _ACCURACY = "26 dB within a chrome ball in a room"
 _GLASS_ACCURACY = "35 dB within a ball in a room"
+_WITHIN_ACCURACY = "22 to 44 dB within mirrors and floors that show them"
 _FLAT_SHARE = 0.8  # of the area, from which a body with a rim is flat
 
 
@@ -83,11 +83,9 @@ def reflection_notes(
     """
     surfaces = scene_surfaces(scene, [one.shape for one in scene.objects])
     found = find_reflectors(surfaces)
-    of_mirrors, of_panes, places = found
-    if not mirrors:
-        of_mirrors = of_panes = ()
-    planes = (*of_mirrors, *of_panes)
+    planes = (*found.mirrors, *found.panes)
     probed = found.probed(probes)
+    shown = {number for place in found.drawn(mirrors, probes) for number in place.surfaces}
     flat = {
         number
         for number in frozenset().union(*(plane.parts for plane in planes))
@@ -96,7 +94,7 @@ def reflection_notes(
     unreflected = {
         number
         for number, one in surfaces.items()
-        if one.kind & SurfaceKind.REFLECTING and number not in probed | flat
+        if one.kind & SurfaceKind.REFLECTING and number not in (shown | flat if mirrors else shown)
     }
     glass = {number for number, one in surfaces.items() if one.kind & SurfaceKind.GLASS}
     notes = []
@@ -110,25 +108,23 @@ def reflection_notes(
             "reflections show the sky and lamps, not the scene "
             f"({_materials(surfaces, unreflected)}): --backend rays shows it"
         )
-    bodies = [not one.surfaces <= flat for one in places]
+    bodies = [not one.surfaces <= flat for one in found.places]
     if probes > 0 and any(bodies[probes:]):
         notes.append(
             f"{sum(bodies)} curved or rough reflective bodies: the {probes} most prominent show "
             "the scene (virtual_cameras.reflection_probes of a sensor file)"
         )
-    if len(of_mirrors) > mirrors:
+    for some, name in ((found.mirrors, "planar mirrors"), (found.panes, "faces of panes")):
+        if len(some) > mirrors and (mirrors or shown):
+            most = f"the {mirrors} that fill most of the image show the scene, others "
+            others = "a probe of it" if shown else "sky and lamps"
+            notes.append(
+                f"{len(some)} {name}: {most if mirrors else 'each shows '}{others} "
+                "(virtual_cameras.mirrors of a sensor file)"
+            )
+    if probes and found.repeats(mirrors, probes):
         notes.append(
-            f"{len(of_mirrors)} planar mirrors: the {mirrors} largest in view show the scene "
-            "(virtual_cameras.mirrors of a sensor file)"
-        )
-    if len(of_panes) > mirrors:
-        notes.append(
-            f"{len(of_panes)} faces of panes: the {mirrors} largest in view reflect the scene "
-            "(virtual_cameras.mirrors of a sensor file)"
-        )
-    if _repeats(found, of_mirrors, probes):
-        notes.append(
-            "reflectors within reflections reflect only sky and lamps (19 to 29 dB within them): "
+            f"reflectors within reflections are approximate ({_WITHIN_ACCURACY}): "
             "--backend rays traces them"
         )
     if clear := glass & probed:
@@ -154,15 +150,6 @@ def _flat_share(surface: SceneSurface, number: int, planes: Sequence[MirrorPlane
     areas = np.linalg.norm(triangle_crosses(corners), axis=1)
     held = np.any([one.parts[number] for one in planes if number in one.parts], axis=0)
     return float(areas[held].sum() / max(areas.sum(), 1e-30))
-
-
-def _repeats(found: Reflectors, mirrors: Sequence[MirrorPlane], probes: int) -> bool:
-    """True if two reflectors, other than panes, are of different surfaces."""
-    panes = {number for plane in found.panes for number in plane.parts}
-    reflectors = [set(plane.parts) for plane in mirrors]
-    reflectors += [set(place.surfaces) - panes for place in found.places[:probes]]
-    pairs = itertools.combinations(filter(None, reflectors), 2)
-    return any(one.isdisjoint(other) for one, other in pairs)
 
 
 def frosted_notes(scene: Scene, is_traced: bool) -> list[str]:

@@ -3,11 +3,13 @@
 A surface has a probe if it reflects the scene and is not a planar mirror, or is thick glass, behind
 which it shows the probe. The probe of a compact body is at its center, and does not show the body;
 that of a sheet is in front of it; that of a hollow surface, such as a room, shows the surface
-itself.
+itself. Static planar mirrors and panes have probes, too, for where no mirrored view shows them:
+within reflections, and beyond the number of mirrored views.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -22,6 +24,7 @@ from omnisim.scene.planar_mirrors import (
     find_mirrors,
     is_surface_planar,
 )
+from omnisim.scene.space.start_pose import nearest_points
 from omnisim.scene.surface_kind import SurfaceKind, transmitted
 from omnisim.scene.surface_reflectance import COAT_F0, dielectric_f0
 
@@ -31,6 +34,8 @@ _COMPACT, _HOLLOW = 0.25, -0.1
 _MAX_SHARED_RADIUS_M = 5.0
 _SHEET_COSINE = 0.9  # length of the mean normal, from which a surface is a sheet
 _SHEET_LIFT, _MAX_SHEET_LIFT_M = 0.25, 1.0  # height of its probe, as a share of its radius
+# Coplanar surfaces share a probe up to this distance: tiles, but not the floors of two rooms.
+_TILES_M = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,18 +50,38 @@ class ProbePlace:
     left_out: frozenset[int]  # indices of the surfaces that it does not show
     # index of the deforming surface whose bounds it follows; None: rigid
     deforming: int | None = None
+    is_planar: bool = False  # of static planar mirrors or panes; it shows what is static
 
 
 class Reflectors(NamedTuple):
-    """Planes of the planar mirrors and of the panes of a scene, and its reflection probes."""
+    """Planes of the planar mirrors and of the panes of a scene, and its reflection probes.
+
+    `planar_places` are the probes of planar mirrors and panes, `places` all others; both have the
+    most prominent first.
+    """
 
     mirrors: tuple[MirrorPlane, ...]
     panes: tuple[MirrorPlane, ...]
     places: tuple[ProbePlace, ...]
+    planar_places: tuple[ProbePlace, ...] = ()
+
+    def drawn(self, mirrors: int, probes: int) -> tuple[ProbePlace, ...]:
+        """Probes that are drawn for a number of mirrored views, and of probes of each sort."""
+        is_beyond = max(len(self.mirrors), len(self.panes)) > mirrors
+        is_needed = is_beyond or self.repeats(mirrors, probes)
+        return self.places[:probes] + (self.planar_places[:probes] if is_needed else ())
 
     def probed(self, probes: int) -> set[int]:
-        """Indices of the surfaces that reflect the first probes."""
+        """Indices of the surfaces that reflect the first probes, but for planar ones."""
         return {index for place in self.places[:probes] for index in place.surfaces}
+
+    def repeats(self, mirrors: int, probes: int) -> bool:
+        """True if two reflectors, other than panes, are of different surfaces."""
+        panes = {number for plane in self.panes for number in plane.parts}
+        reflectors = [set(plane.parts) for plane in self.mirrors if mirrors]
+        reflectors += [set(place.surfaces) - panes for place in self.places[:probes]]
+        pairs = itertools.combinations(filter(None, reflectors), 2)
+        return any(one.isdisjoint(other) for one, other in pairs)
 
 
 def find_reflectors(
@@ -66,7 +91,9 @@ def find_reflectors(
     some = surfaces if possible is None else {index: surfaces[index] for index in possible}
     mirrors = find_mirrors(some, SurfaceKind.PLANAR_MIRROR)
     panes = find_mirrors(some, SurfaceKind.PLANAR_PANE)
-    return Reflectors(mirrors, panes, find_probes(surfaces, (*mirrors, *panes), some.keys()))
+    planes = (*mirrors, *panes)
+    places = find_probes(surfaces, planes, some.keys())
+    return Reflectors(mirrors, panes, places, _planar_places(surfaces, planes, places))
 
 
 def find_probes(
@@ -130,6 +157,46 @@ def find_probes(
         return place.area_m2 * max(_strength(surfaces[one].material) for one in place.surfaces)
 
     return tuple(sorted(places, key=lambda place: -prominence(place)))
+
+
+def _planar_places(
+    surfaces: Mapping[int, SceneSurface],
+    planes: Sequence[MirrorPlane],
+    others: Sequence[ProbePlace],
+) -> tuple[ProbePlace, ...]:
+    """Probes of static planar mirrors and panes without one among `others`, as `find_probes`.
+
+    That of a flat surface is on it, as near to its center as its outline allows; that of a block is
+    at its center.
+    """
+    placed = {index for place in others for index in place.surfaces}
+    found: list[tuple[float, MirrorPlane, ProbePlace]] = []
+    for plane in (one for one in planes if one.object_index is None):
+        for index in sorted(set(plane.parts) - placed):
+            placed.add(index)
+            surface, own = surfaces[index], plane.parts[index]
+            corners_m = surface.positions_m[surface.mesh.triangles]
+            areas_m2 = 0.5 * np.linalg.norm(triangle_crosses(corners_m), axis=1)
+            low_m, high_m = _bounds_m(surface)
+            radius_m, center_m = 0.5 * float(np.linalg.norm(high_m - low_m)), 0.5 * (low_m + high_m)
+            if own.all():
+                middle_m = np.average(corners_m.mean(axis=1), axis=0, weights=areas_m2)
+                nearest, gaps_m = nearest_points(corners_m - middle_m)
+                center_m = middle_m + nearest[np.argmin(gaps_m)]
+            alone, area_m2 = frozenset((index,)), float(areas_m2[own].sum())
+            place = ProbePlace(None, center_m, radius_m, area_m2, alone, alone, is_planar=True)
+            found.append((-area_m2 * _strength(surface.material), plane, place))
+    places: list[tuple[MirrorPlane, ProbePlace]] = []
+    for _, plane, place in sorted(found, key=lambda one: one[0]):
+        for number, (other, larger) in enumerate(places):
+            apart_m = float(np.linalg.norm(place.center_m - larger.center_m))
+            if other is plane and apart_m <= _TILES_M:
+                both = larger.surfaces | place.surfaces
+                places[number] = other, replace(larger, surfaces=both, left_out=both)
+                break
+        else:
+            places.append((plane, place))
+    return tuple(place for _, place in places)
 
 
 def _strength(material: Material) -> float:

@@ -21,7 +21,7 @@ const float SPREAD_SHARE = 0.35;    // filter of a level, relative to its square
 const float SKY_M = 1e4;
 const float SAME_SHARE = 0.1;  // tolerance of a hit's distance from the center
 const float MIN_BLURRED = 0.2;  // roughness from which hits may be less precise
-const int STEPS = 4, REFINEMENTS = 2;
+uniform ivec2 u_probe_steps;  // toward a hit, and refinements of it
 
 float reflected_spread(vec3 normal, vec3 view) {
     vec3 direction = reflect(-view, normal);
@@ -58,7 +58,7 @@ float hit_m(vec3 start, vec3 direction, int steps, float level) {
         if (i == steps || length(at) * per_m(at, level) >= 1.0) break;  // behind a surface
     }
     float range = after, off = 0.0;
-    for (int i = 0; i < REFINEMENTS; ++i) {
+    for (int i = 0; i < u_probe_steps.y; ++i) {
         vec3 at = start + range * direction;
         float at_per_m = per_m(at, level);
         off = length(at) * at_per_m - 1.0;
@@ -66,7 +66,7 @@ float hit_m(vec3 start, vec3 direction, int steps, float level) {
     }
     if (abs(off) < SAME_SHARE || steps == 1) return range;
     range = SKY_M;
-    for (int i = 0; i <= REFINEMENTS; ++i)
+    for (int i = 0; i <= u_probe_steps.y; ++i)
         range = reach_m(along, squared, per_m(start + range * direction, level));
     return range;
 }
@@ -75,7 +75,7 @@ vec3 reflected_probe(vec3 position, vec3 direction, float roughness, float sprea
     vec3 start = position - u_probe.xyz;
     bool is_sharp = roughness < MIN_BLURRED;
     float range = hit_m(
-        start, direction, is_sharp ? STEPS : 1, is_sharp ? 0.0 : level_of(roughness * roughness));
+        start, direction, is_sharp ? u_probe_steps.x : 1, is_sharp ? 0.0 : level_of(roughness * roughness));
     vec3 hit = start + range * direction;
     float size = float(textureSize(u_reflection_probes, 0).x);
     float texel = 0.5 * PI / size;

@@ -55,15 +55,17 @@ def test_planar_mirrors_and_panes_are_drawn():
     chrome = Material(metallic=1.0, roughness=0.0)
     pane = Material(transmission=0.5, roughness=0.1, specular=1.0)
     for material, shown in (
-        (chrome, "planar mirrors: the 4 largest in view show"),
-        (pane, "faces of panes: the 4 largest in view reflect"),
+        (chrome, "planar mirrors"),
+        (pane, "faces of panes"),
     ):
         block = scene_of([box("box", 0)], [material])
         assert not reflection_notes(block, 6)
-        assert reflection_notes(block) == [
-            f"6 {shown} the scene (virtual_cameras.mirrors of a sensor file)"
-        ]
-        (note,) = reflection_notes(block, 0)
+        key = "(virtual_cameras.mirrors of a sensor file)"
+        most = f"6 {shown}: the 4 that fill most of the image show the scene, others"
+        assert reflection_notes(block) == [f"{most} a probe of it {key}"]
+        assert reflection_notes(block, probes=0) == [f"{most} sky and lamps {key}"]
+        assert reflection_notes(block, 0) == [f"6 {shown}: each shows a probe of it {key}"]
+        (note,) = reflection_notes(block, 0, 0)
         assert note.startswith("reflections show the sky and lamps")
         note, *_ = reflection_notes(scene_of([square(), sphere(1.0, 8)], [material]))
         assert note.startswith("curved and rough reflections are approximate")
@@ -86,8 +88,8 @@ def test_more_bodies_than_probes_are_noted():
 
 CHROME = Material(metallic=1.0, roughness=0.0)
 WITHIN = (
-    "reflectors within reflections reflect only sky and lamps (19 to 29 dB within them): "
-    "--backend rays traces them"
+    "reflectors within reflections are approximate (22 to 44 dB within mirrors and floors that "
+    "show them): --backend rays traces them"
 )
 
 

@@ -274,7 +274,7 @@ def test_probes_move_with_their_objects():
 
 def test_other_scenes_are_drawn_without_probes(reflecting):
     sensor = fisheye(40)
-    for scene in (scene_of([room()], [SHINING]), scene_of([room()], [WHITE])):
+    for scene in (scene_of([room()], [SHINING]), scene_of([square()], [WHITE])):
         with open_sensor(scene, sensor) as renderer:
             renderer.render(AT)
             assert renderer._passes.cube._view.probes is None

@@ -85,6 +85,16 @@ class TilePlan:
         """Number of texels of all tiles."""
         return sum(tile.size_px[0] * tile.size_px[1] for tile in self.tiles)
 
+    @property
+    def middle(self) -> Floats:
+        """Middle (3,) of what the tiles show, rig, weighted by their texels; of any length."""
+        total = np.zeros(3)
+        for tile in self.tiles:
+            center = np.append(tile.padded_region.mean(axis=0), 1.0)
+            weight = math.prod(tile.size_px) / float(np.linalg.norm(center))
+            total += weight * (FACE_FROM_RIG[tile.face].T @ center)
+        return total
+
     def fits(self, side_px: int, max_texels: int) -> bool:
         """True if the atlas has no longer side and no more texels."""
         sides_px = self.width_px, self.height_px

@@ -54,7 +54,7 @@ from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
 if TYPE_CHECKING:
     from omnisim.rendering.opengl.degradation.degradation_pass import DegradationPass
     from omnisim.rendering.opengl.reflect.mirror_pass import MirrorPass
-    from omnisim.rendering.opengl.reflect.probe_pass import ProbePass
+    from omnisim.rendering.opengl.reflect.probe_pass import SceneProbes
 
 _LAYER_TEXEL_BYTES = 12  # color and depth
 
@@ -286,16 +286,17 @@ class CubePass:
         """Renderer of the tiles."""
         return self._view.tiles
 
-    def _make_probes(self) -> ProbePass | None:
+    def _make_probes(self) -> SceneProbes | None:
         """Pass of the reflection probes; None: no surface has one, or base colors are shown."""
-        places = self._buffers.probe_places[: self._cameras.reflection_probes]
+        mirrors, probes = self._cameras.mirrors, self._cameras.reflection_probes
+        places = self._buffers.reflectors.drawn(mirrors, probes)
         if self._cameras.unlit or not places:
             return None
         from omnisim.rendering.opengl.reflect.probe_pass import shared_probes  # few scenes need it
 
         return shared_probes(self._buffers, self._programs, places, self._background)
 
-    def _make_mirrors(self, probes: ProbePass | None) -> list[MirrorPass]:
+    def _make_mirrors(self, probes: SceneProbes | None) -> list[MirrorPass]:
         """Passes of the views in mirrors and in panes; none if base colors are shown."""
         buffers = self._buffers
         if self._cameras.unlit or not self._cameras.mirrors:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from enum import Enum
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Protocol
 
 import moderngl
@@ -275,6 +275,10 @@ class MirroredViews(Protocol):
     def items(self) -> frozenset[int]:
         """Indices of the items that show the views."""
 
+    @property
+    def without_view(self) -> frozenset[int]:
+        """Indices of those that some mirrored view is missing for, of the last rendered views."""
+
     def use_plan(self, plan: TilePlan) -> None:
         """Draw other tiles, at most as many as at first, in an atlas of the same size."""
 
@@ -295,11 +299,15 @@ class Probes(Protocol):
     def items(self) -> frozenset[int]:
         """Indices of the items that reflect a probe."""
 
+    @property
+    def planar(self) -> frozenset[int]:
+        """Indices of those that are planar mirrors or panes."""
+
     def render(self, seen: Collection[int], world_from_objects: Sequence[Floats]) -> None:
         """Render the probes that items at the given indices reflect."""
 
     def connect(self, programs: Collection[SurfaceProgram], shot: ScenePoses) -> None:
-        """Set the probes of items in the programs for a viewpoint, and bind them."""
+        """Set the probes of items in the programs for a viewpoint."""
 
 
 class SceneView:
@@ -360,10 +368,14 @@ class SceneView:
         self.programs: set[SurfaceProgram] = set()
         self.mirrors, self.probes = mirrors, probes
         of_probes = set() if probes is None else {id(items[index]) for index in probes.items}
+        # planar mirrors show mirrored views, and probes where these are missing
+        self._planar = frozenset() if probes is None or not mirrors else probes.planar
+        of_probes -= {id(items[index]) for index in self._planar}
         of_mirrors = {id(items[index]) for one in mirrors for index in one.items}
 
-        def find_item_program(item: DrawItem) -> SurfaceProgram:
+        def find_item_program(item: DrawItem, is_without_view: bool = False) -> SurfaceProgram:
             in_mirrors, has_probe = id(item) in of_mirrors, id(item) in of_probes
+            has_probe = has_probe or is_without_view
             return self._program(variant_of(item, cameras.unlit, in_mirrors, has_probe))
 
         def find_program(bucket: Bucket) -> BucketProgram:
@@ -442,9 +454,13 @@ class SceneView:
                 the GPU must sort all that is blended.
             mirror: plane at which a mirrored view ends, see `SurfaceProgram.set_mirror`.
         """
-        shot, one_by_one = shots[0], None
+        shot, one_by_one, drawers = shots[0], None, [self._drawer]
         if not self._is_layered and not self.sorts_blended(shot):
             one_by_one = self._blended_item_drawer  # before the programs, as it may add to them
+            drawers.append(one_by_one)
+        without_view = self._planar & {i for one in self.mirrors for i in one.without_view}
+        for drawer in drawers:
+            drawer.use(without_view, partial(self._find_item_program, is_without_view=True))
         self._set_viewpoints(shots)
         if mirror is not None:
             for program in self.programs:

@@ -14,8 +14,8 @@ from dataclasses import replace
 import moderngl
 import numpy as np
 
-from omnisim.core.arrays import Bytes, Floats, Indices
-from omnisim.rendering.atlas.tile_plan import TilePlan, TileViews
+from omnisim.core.arrays import Bytes, Floats, Indices, triangle_crosses
+from omnisim.rendering.atlas.tile_plan import PosedViews, TilePlan, TileViews
 from omnisim.rendering.contract import ScenePoses
 from omnisim.rendering.opengl.gl.buffers import gpu_allocation, gpu_buffer
 from omnisim.rendering.opengl.gl.framebuffers import framebuffer
@@ -39,6 +39,8 @@ from omnisim.scene.surface_reflectance import MIN_ROUGHNESS
 _OWNERS_UNIT, _NUMBERS_UNIT = 0, 0
 _ROW_TRIANGLES = 4096  # of the table of owners
 _NOWHERE_M = 1e9  # height above a plane without a view
+_POINTS = 128  # of a mirror, at which its share of the view is measured
+_R2_STEPS = 0.7548776662466927, 0.5698402909980532  # evenly spread
 
 
 class MirrorPass:
@@ -58,6 +60,7 @@ class MirrorPass:
     Attributes:
         items: indices of the items that show the views.
         of_panes: see the arguments.
+        without_view: those in the last rendered view that have a plane without a mirrored view.
 
     Raises:
         GraphicsError: the views do not fit on the GPU.
@@ -79,6 +82,7 @@ class MirrorPass:
         self._buffers, self._mirrors, self._state = buffers, mirrors, GlState()
         self._count = cameras.mirrors
         self._plan, self._world_from_rig = plan, np.eye(4)
+        self._middle = whole.middle
         self._whole_views = TileViews(whole, cameras.near_m, cameras.far_m)
         self._planes = np.zeros((len(mirrors), 4))
         items = buffers.draw_items
@@ -106,6 +110,8 @@ class MirrorPass:
         shown = np.flatnonzero(buffers.shown_one_by_one(cameras.hidden)).tolist()
         self.items = frozenset(index for one in mirrors for index in one.parts) & frozenset(shown)
         self.of_panes = of_panes
+        self.without_view = frozenset[int]()
+        self._points_m = [self._points_of(one) for one in mirrors]
         self._items = np.array(sorted(self.items), dtype=np.intp)
         self._owner_drawer = self._make_owner_drawer()
         window = build_program(context, "common/full_screen.vert", "scene/mirror_window.frag")
@@ -145,14 +151,19 @@ class MirrorPass:
         planes, sides = self._planes_at(shot)
         transforms = self._buffers.instance_transforms(shot.viewpoint_m, shot.world_from_objects)
         views = view.tiles.views.at(shot.world_from_rig)
-        # the largest mirrors that face the viewpoint and that some tile may show
+        # the mirrors that face the viewpoint and that some tile may show
         whole = self._whole_views.at(shot.world_from_rig)
         visible: list[int] = []
         for number, mirror in enumerate(self._mirrors):
             items = np.array([one for one in mirror.parts if one in self.items], dtype=np.intp)
-            is_faced = len(visible) < self._count and sides[number] in mirror.sides
-            if is_faced and transforms.seen_in(whole, items).any():
+            if sides[number] in mirror.sides and transforms.seen_in(whole, items).any():
                 visible.append(number)
+        beyond: list[int] = []
+        if len(visible) > self._count:
+            order = sorted(visible, key=lambda one: self._rank(one, planes[one], whole, shot))
+            visible, beyond = sorted(order[: self._count]), order[self._count :]
+        parts = {index for number in beyond for index in self._mirrors[number].parts}
+        self.without_view = self.items & parts
         self._planes = np.full_like(planes, _NOWHERE_M)
         self._planes[visible] = planes[visible]
         self._world_from_rig = shot.world_from_rig
@@ -185,6 +196,39 @@ class MirrorPass:
         """Bind the views for the next draw calls."""
         self._owners.use(MIRROR_UNITS["u_mirror_owners"])
         self._colors.use(MIRROR_UNITS["u_mirrored"])
+
+    def _points_of(self, mirror: MirrorPlane) -> Floats:
+        """Points (n, 3) spread evenly over a mirror, in the world or in its object's frame."""
+        surfaces = [
+            (self._buffers.draw_items[index].surface, own) for index, own in mirror.parts.items()
+        ]
+        corners_m = np.concatenate(
+            [one.positions_m[one.mesh.triangles[own]] for one, own in surfaces]
+        )
+        ends_m2 = np.cumsum(np.linalg.norm(triangle_crosses(corners_m), axis=1))
+        numbers = np.arange(_POINTS)
+        triangles = np.searchsorted(ends_m2, (numbers + 0.5) / _POINTS * ends_m2[-1])
+        u, v = np.modf(np.outer(_R2_STEPS, numbers + 1))[0]
+        u, v = np.where(u + v > 1.0, (1.0 - u, 1.0 - v), (u, v))
+        shares = np.stack((1.0 - u - v, u, v), axis=1)
+        return np.einsum("nk,nkc->nc", shares, corners_m[np.minimum(triangles, len(ends_m2) - 1)])
+
+    def _rank(
+        self, number: int, plane: Floats, views: PosedViews, shot: ScenePoses
+    ) -> tuple[float, float]:
+        """Rank of a mirror: by the solid angle in view, then from the middle of the view."""
+        mirror, points_m = self._mirrors[number], self._points_m[number]
+        if mirror.object_index is not None:
+            pose = shot.world_from_objects[mirror.object_index]
+            points_m = points_m @ pose[:3, :3].T + pose[:3, 3]
+        points_m = points_m - shot.viewpoint_m
+        points_m = points_m[views.cull(points_m, np.zeros(len(points_m))).any(axis=0)]
+        ranges_m = np.maximum(np.linalg.norm(points_m, axis=1), 1e-9)
+        angle = float(np.sum(plane[3] * mirror.area_m2 / _POINTS / ranges_m**3))
+        middle = (points_m / ranges_m[:, None]).sum(axis=0)
+        cosine = float(middle @ (shot.world_from_rig[:3, :3] @ self._middle))
+        cosine /= max(float(np.linalg.norm(middle)), 1e-9)
+        return -float(f"{angle:.1e}"), -cosine
 
     def _planes_at(self, shot: ScenePoses) -> tuple[Floats, Indices]:
         """Planes (mirrors, 4) and sides (mirrors,) that face the viewpoint.

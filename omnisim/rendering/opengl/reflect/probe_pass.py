@@ -1,9 +1,12 @@
 """Probe pass: the scene as seen from reflection probes, which curved and rough surfaces reflect.
 
 All cameras share the probes. A probe is drawn again if an object has moved or a mesh has deformed
-since; its light is therefore a function of the scene and its state alone. Planar metal mirrors
-within a probe reflect the probe itself, as drawn without them; other reflective surfaces in it
-reflect sky and lamps.
+since; its light is therefore a function of the scene and its state alone. Probes of planar mirrors,
+and those that are seen within probes, show what is static, and are drawn once.
+
+In a scene of several reflectors, probes are drawn twice. In the first ones, planar metal mirrors
+reflect the probe itself, as drawn without them, and other reflective surfaces sky and lamps. In the
+second ones, surfaces reflect the first ones.
 """
 
 from __future__ import annotations
@@ -12,11 +15,12 @@ import math
 import weakref
 from collections.abc import Collection, Iterable, Sequence
 from enum import Enum
+from functools import partial
 
 import moderngl
 import numpy as np
 
-from omnisim.core.arrays import Bools, Floats, Floats32
+from omnisim.core.arrays import Bools, Floats
 from omnisim.core.world import time_of
 from omnisim.rendering.atlas.tile_plan import TilePlan, cube_plan
 from omnisim.rendering.contract import ScenePoses
@@ -36,7 +40,7 @@ from omnisim.rendering.opengl.gl.state import GlState
 from omnisim.rendering.opengl.scene_view import SceneParts, SceneView, VirtualCameras
 from omnisim.rendering.opengl.surfaces.scene_drawer import SkyPass
 from omnisim.rendering.opengl.surfaces.surface_program import (
-    PROBE_UNIT,
+    Probe,
     SurfaceProgram,
     SurfacePrograms,
 )
@@ -46,7 +50,10 @@ from omnisim.scene.reflection_probes import ProbePlace
 from omnisim.scene.surface_kind import lobe_roughnesses
 from omnisim.scene.surface_reflectance import MIN_ROUGHNESS
 
-SIZE_PX = 128  # of a face
+SIZE_PX, PLANAR_SIZE_PX = 128, 256  # of a face, of planar mirrors and panes
+_BOUNCES = 2  # reflections within a probe
+_AWAY = np.eye(4)  # pose at which an object is not seen, and casts no shadow
+_AWAY[:3, 3] = 1e7
 _METAL = 0.5  # metalness from which a surface shows reflections alone
 _NEAR_SHARE, _MAX_NEAR_M = 0.05, 0.05  # near plane, as a share of the smallest probe's radius
 _LEVELS = 6
@@ -54,6 +61,8 @@ _LEVELS = 6
 _ALPHAS = (0.0, *(0.024 * 2.0**level for level in range(_LEVELS - 1)))
 _FACES = 6
 _MIN_ROUGH = 0.25  # roughness from which level 2 and further ones are looked up
+# Steps toward a hit and refinements of it, of a single reflector, and of one among others.
+_STEPS, _MORE_STEPS = (4, 2), (16, 4)
 _COLORS_UNIT, _DEPTHS_UNIT, _CUBES_UNIT = 0, 1, 0
 # Lobes of two levels add up between linearly and by their squares.
 _POWER = 1.5
@@ -64,6 +73,7 @@ class _OwnProbe:
 
     Attributes:
         items: indices of the mirrors' items.
+        planar: see `SceneProbes`; none have other probes.
         number: index of the probe's cube.
     """
 
@@ -71,17 +81,18 @@ class _OwnProbe:
         items, self.number, self._name = buffers.draw_items, 0, name
         planar = {index for plane in buffers.mirrors for index in plane.parts}
         self.items = frozenset(one for one in planar if items[one].material.metallic > _METAL)
+        self.planar = frozenset[int]()
         self._items = [items[index] for index in self.items]
 
     def render(self, seen: Collection[int], world_from_objects: Sequence[Floats]) -> None:
         """Do nothing: it has been drawn without them."""
 
     def connect(self, programs: Collection[SurfaceProgram], shot: ScenePoses) -> None:
-        """Set the probe of the mirrors, whose center is the viewpoint, and bind it."""
-        probe = np.array((0.0, 0.0, 0.0, self.number), dtype=np.float32)
+        """Set the probe of the mirrors, whose center is the viewpoint."""
+        place = np.array((0.0, 0.0, 0.0, self.number), dtype=np.float32)
+        probe = Probe(place, _STEPS, self._name)
         for program in programs:
             program.set_probes({id(item): probe for item in self._items})
-        bind_texture(PROBE_UNIT, self._name)
 
 
 class ProbePass:
@@ -92,9 +103,13 @@ class ProbePass:
         programs: surface programs for the scene's lights.
         places: probes to draw.
         background: linear RGB of rays that hit nothing.
+        within: probes that surfaces within these reflect; None: see the module.
+        is_static: the probes show what is static.
+        size_px: texels across a face.
 
     Attributes:
         items: indices of the items that reflect a probe.
+        planar: indices of those that are planar mirrors or panes.
 
     Raises:
         GraphicsError: the probes do not fit on the GPU.
@@ -106,11 +121,15 @@ class ProbePass:
         programs: SurfacePrograms,
         places: Sequence[ProbePlace],
         background: tuple[float, float, float],
+        within: ProbePass | None = None,
+        is_static: bool = False,
+        size_px: int = SIZE_PX,
     ):
         context = buffers.context
         self._buffers, self._programs, self._places = buffers, programs, places
+        self._within = within
         self._background = background
-        plan = cube_plan(SIZE_PX)
+        plan = cube_plan(size_px)
         size = plan.width_px, plan.height_px
         near_m = min(_MAX_NEAR_M, _NEAR_SHARE * min(one.radius_m for one in places))
         with gpu_allocation(f"an atlas of {size[0]} × {size[1]} px", "free GPU memory"):
@@ -119,15 +138,20 @@ class ProbePass:
         self._target = framebuffer(context, [self._colors], self._depths)
         self._maps = _ProbeMaps(context, plan, near_m, len(places))
         self._own = _OwnProbe(buffers, self._maps.name)
-        self._is_mirror = self._mask(self._own.items)
+        self._is_mirror = self._mask(self._own.items if within is None else ())
         cameras = VirtualCameras(near_m, math.inf, background=background, mirrors=0)
         sky = programs.sky_seen(False)
         behind = None if sky is None else SkyPass(context, sky, plan)
         self._view = SceneView(
-            buffers, programs, plan, cameras, self._depths, 1, behind, probes=self._own
+            buffers, programs, plan, cameras, self._depths, 1, behind, probes=within or self._own
         )
         self.items = frozenset(index for one in places for index in one.surfaces)
-        self._left_out = [self._mask(one.left_out) | self._is_mirror for one in places]
+        self.planar = frozenset(i for one in places if one.is_planar for i in one.surfaces)
+        self._is_static = is_static
+        left_out = self._is_mirror
+        if is_static:  # blended items are not selected by their motion
+            left_out = left_out | ~SceneParts.STATIC.mask(buffers.draw_items)
+        self._left_out = [self._mask(one.left_out) | left_out for one in places]
         self._mirrors = [self._is_mirror & ~self._mask(one.left_out) for one in places]
         items = buffers.draw_items
         self._gloss = [_Gloss.of(items[one].material for one in place.surfaces) for place in places]
@@ -146,10 +170,17 @@ class ProbePass:
         state = b"".join(np.asarray(one).tobytes() for one in world_from_objects)
         if self._buffers.deforming.size:
             state += np.float64(time_of(world_from_objects)).tobytes()
+        # meshes that deform cast shadows on static ones, and cannot be moved away
+        casts = bool(self._buffers.deforming.size) and self._programs.shadows is not None
+        poses = world_from_objects
+        if self._is_static and not casts:
+            state, poses = b"", [_AWAY] * len(world_from_objects)
         for number, place in enumerate(self._places):
             if self._states[number] == state or place.surfaces.isdisjoint(seen):
                 continue
-            self._draw(number, world_from_objects)
+            if self._within is not None:
+                self._within.render(self._within.items, world_from_objects)
+            self._draw(number, poses)
             self._states[number] = state
 
     def _draw(self, number: int, world_from_objects: Sequence[Floats]) -> None:
@@ -161,6 +192,8 @@ class ProbePass:
         self._programs.bind_tables()
         left_out, parts, place = self._left_out[number], SceneParts.ALL, self._places[number]
         is_fixed = place.object_index is None and place.deforming is None
+        if self._is_static:
+            parts, is_fixed = SceneParts.STATIC, False
         # moving items may cast shadows on static ones
         if is_fixed and self._has_moving and self._programs.shadows is None:
             parts = SceneParts.MOVING
@@ -212,15 +245,60 @@ class ProbePass:
         return pose[:3, :3] @ center_m + pose[:3, 3]
 
     def connect(self, programs: Collection[SurfaceProgram], shot: ScenePoses) -> None:
-        """Set the probes of items in the programs for a viewpoint, and bind them."""
-        probes: dict[int, Floats32] = {}
+        """Set the probes of items in the programs for a viewpoint."""
+        for program in programs:
+            program.set_probes(self.at(shot))
+
+    def at(self, shot: ScenePoses) -> dict[int, Probe]:
+        """Probes of items, see `SurfaceProgram.set_probes`."""
+        steps = _STEPS if self._within is None else _MORE_STEPS
+        probes: dict[int, Probe] = {}
         for number, place in enumerate(self._places):
             center_m = self._center_m(place, shot.world_from_objects) - shot.viewpoint_m
-            probe = np.array((*center_m, number), dtype=np.float32)
+            probe = Probe(np.array((*center_m, number), dtype=np.float32), steps, self._maps.name)
             probes |= {id(self._buffers.draw_items[index]): probe for index in place.surfaces}
+        return probes
+
+
+class SceneProbes:
+    """All probes of a scene; arguments as of `ProbePass`.
+
+    Attributes:
+        items: indices of the items that reflect a probe.
+        planar: indices of those that are planar mirrors or panes.
+    """
+
+    def __init__(
+        self,
+        buffers: SceneBuffers,
+        programs: SurfacePrograms,
+        places: Sequence[ProbePlace],
+        background: tuple[float, float, float],
+    ):
+        planar = [one for one in places if one.is_planar]
+        others = [one for one in places if not one.is_planar]
+        make = partial(ProbePass, buffers, programs, background=background)
+        within: ProbePass | None = None
+        if len(places) > 1:
+            fixed = [one for one in places if one.object_index is None and one.deforming is None]
+            for _ in range(_BOUNCES if fixed else 0):
+                within = make(fixed, within=within, is_static=True)
+        self._passes = [make(others, within=within)] if others else []
+        if planar:
+            self._passes.append(make(planar, within=within, is_static=True, size_px=PLANAR_SIZE_PX))
+        self.items = frozenset(index for one in self._passes for index in one.items)
+        self.planar = frozenset(index for one in self._passes for index in one.planar)
+
+    def render(self, seen: Collection[int], world_from_objects: Sequence[Floats]) -> None:
+        """Render the probes that items at the given indices reflect; meshes are deformed."""
+        for one in self._passes:
+            one.render(seen, world_from_objects)
+
+    def connect(self, programs: Collection[SurfaceProgram], shot: ScenePoses) -> None:
+        """Set the probes of items in the programs for a viewpoint."""
+        probes = {key: one for some in self._passes for key, one in some.at(shot).items()}
         for program in programs:
             program.set_probes(probes)
-        bind_texture(PROBE_UNIT, self._maps.name)
 
 
 def shared_probes(
@@ -228,15 +306,15 @@ def shared_probes(
     programs: SurfacePrograms,
     places: Sequence[ProbePlace],
     background: tuple[float, float, float],
-) -> ProbePass:
-    """Pass of the probes of a scene, which all cameras share; arguments as of `ProbePass`."""
+) -> SceneProbes:
+    """Probes of a scene, which all cameras share; arguments as of `ProbePass`."""
     passes = programs.shared_passes
     for old in [one for one in passes if one[0] != buffers.version]:
         del passes[old]
-    key = buffers.version, len(places), background
+    key = buffers.version, tuple(places), background
     shared = passes.get(key)
-    if not isinstance(shared, ProbePass):
-        shared = passes[key] = ProbePass(buffers, programs, places, background)
+    if not isinstance(shared, SceneProbes):
+        shared = passes[key] = SceneProbes(buffers, programs, places, background)
     return shared
 
 

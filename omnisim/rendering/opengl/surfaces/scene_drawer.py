@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence, Set
 from typing import Generic, TypeVar
 
 import moderngl
@@ -141,24 +141,44 @@ class SceneDrawer(Generic[P]):
         indices: moderngl.Buffer | None = None,
     ):
         self._both_sides, self._is_mirrored = both_sides, is_mirrored
-        self._items = buffers.draw_items
+        self._buffers, self._items = buffers, buffers.draw_items
         self._state = GlState()
         self._programs = {
             index: find_program(buffers.draw_items[index]) for index in items.tolist()
         }
         self.programs = set(self._programs.values())
+        self._own_programs, self._replaced = self._programs, frozenset[int]()
         self._arrays: dict[P, moderngl.VertexArray] = {}
         if items.size:  # otherwise the scene's own buffers may never be needed
             vertices, own_indices = buffers.buffers_of(items)
-            indices = own_indices if indices is None else indices
-            self._arrays = {
-                one: vertex_array(
-                    buffers.context, one.program, vertices, indices, buffers.light_coordinates
-                )
-                for one in self.programs
-            }
+            self._of_arrays = vertices, own_indices if indices is None else indices
+            self._make_arrays()
         self._id_of_item = id_of_item
         self._transforms = np.empty((0, 4, 4), np.float32), np.empty((0, 3, 3), np.float32)
+
+    def _make_arrays(self) -> None:
+        """Make the vertex arrays of programs that have none."""
+        for one in self.programs - self._arrays.keys():
+            self._arrays[one] = vertex_array(
+                self._buffers.context,
+                one.program,
+                *self._of_arrays,
+                self._buffers.light_coordinates,
+            )
+
+    def use(self, replaced: Set[int], find_program: Callable[[DrawItem], P]) -> None:
+        """Draw some of the items, by their indices, with other programs; all others with their own.
+
+        Args:
+            find_program: function from such an item to its program.
+        """
+        replaced = replaced & self._own_programs.keys()
+        if replaced == self._replaced:
+            return
+        others = {index: find_program(self._items[index]) for index in sorted(replaced)}
+        self._programs, self._replaced = self._own_programs | others, frozenset(replaced)
+        self.programs |= set(others.values())
+        self._make_arrays()
 
     def begin(self, transforms: InstanceTransforms) -> None:
         """Begin a frame."""

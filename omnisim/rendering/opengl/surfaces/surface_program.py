@@ -16,7 +16,12 @@ from omnisim.core.errors import GraphicsError
 from omnisim.core.world import Poses
 from omnisim.rendering.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.capture.mesh_and_lens import bind_tiles
-from omnisim.rendering.opengl.gl.gpu_textures import AnyTexture, bind_textures, texture_2d
+from omnisim.rendering.opengl.gl.gpu_textures import (
+    AnyTexture,
+    bind_texture,
+    bind_textures,
+    texture_2d,
+)
 from omnisim.rendering.opengl.gl.shader_files import (
     build_program,
     columns_first,
@@ -41,6 +46,7 @@ from omnisim.rendering.opengl.world.scene_textures import (
 )
 from omnisim.scene.model import MAX_LIGHTS, Lighting, LightKind
 from omnisim.scene.planar_mirrors import MAX_PLANES
+from omnisim.scene.reflection_probes import ProbePlace
 from omnisim.scene.slabs import normal_of_slabs
 from omnisim.scene.surface_kind import SurfaceKind, transmitted
 from omnisim.scene.surface_reflectance import environment_table
@@ -75,6 +81,14 @@ _ENVIRONMENT_UNITS = {"u_environment_table": 5, "u_filtered_sky": 6}
 MIRROR_UNITS = {"u_mirror_owners": 2, "u_mirrored": 15}
 # As in shaders/scene/reflection_probe.glsl; units 16 and 17 are those of culling.
 PROBE_UNIT = 18
+
+
+class Probe(NamedTuple):
+    """Reflection probe of an item, as in shaders/scene/reflection_probe.glsl."""
+
+    place: Floats32  # (4,) center in the viewpoint frame, and index of its cube
+    steps: tuple[int, int]  # toward a hit, and refinements of it
+    texture: int  # OpenGL's name of the cubes
 
 
 # Defines of the kinds that the surface shader distinguishes.
@@ -257,7 +271,7 @@ class SurfaceProgram(ItemProgram):
         program = build_program(context, *files, variant.defines(lighting, shadows))
         super().__init__(program)
         self._shadows, self._lighting, self._state = shadows, lighting, GlState()
-        self._probes: Mapping[int, Floats32] = {}
+        self._probes: Mapping[int, Probe] = {}
         self.is_pane = SurfaceKind.PANE in variant.kind
         self.needs_item_details = variant.second_coordinates and not variant.clustered
         self._light_positions_m = np.array([one.position_m for one in lighting.by_kind()[1]])
@@ -302,8 +316,8 @@ class SurfaceProgram(ItemProgram):
         self.write("u_mirror", plane[:4])
         self.write("u_mirror_spread", plane[4:])
 
-    def set_probes(self, probes: Mapping[int, Floats32]) -> None:
-        """Set the probes (4,) of items, by their identity: center, viewpoint frame; and index."""
+    def set_probes(self, probes: Mapping[int, Probe]) -> None:
+        """Set the probes of items, by their identity."""
         self._probes = probes
 
     def bind_material(self, item: DrawItem) -> None:
@@ -311,7 +325,10 @@ class SurfaceProgram(ItemProgram):
         super().bind_material(item)
         material = item.material
         if "u_probe" in self._uniforms:
-            self.write("u_probe", self._probes[id(item)])
+            probe, steps, texture = self._probes[id(item)]
+            self.write("u_probe", probe)
+            self._uniforms["u_probe_steps"].value = steps
+            bind_texture(PROBE_UNIT, texture)
         if "u_glass" in self._uniforms:
             self.write("u_glass", (transmitted(material, SurfaceKind.GLASS), material.ior))
             self.write("u_glass_absorption_per_m", material.absorption_per_m)
@@ -338,8 +355,8 @@ class SurfacePrograms:
         shadows: shadow maps of its lights; None: no shadows.
 
     Attributes:
-        shared_passes: passes that all cameras share: by version of the buffers, number of probes,
-            and background.
+        shared_passes: passes that all cameras share: by version of the buffers, their probes, and
+            background.
 
     Raises:
         GraphicsError: more lights than a shader should loop over.
@@ -354,7 +371,9 @@ class SurfacePrograms:
             )
         self._context, self._buffers, self._lighting = buffers.context, buffers, lighting
         self.shadows = shadows
-        self.shared_passes: dict[tuple[int, int, tuple[float, float, float]], object] = {}
+        self.shared_passes: dict[
+            tuple[int, tuple[ProbePlace, ...], tuple[float, float, float]], object
+        ] = {}
         self._programs: dict[tuple[SurfaceVariant, tuple[str, ...]], SurfaceProgram] = {}
 
     @property

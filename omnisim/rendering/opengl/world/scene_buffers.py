@@ -59,7 +59,7 @@ class SceneBuffers:
         radii_m: (n,) radii of their bounding spheres at 0 s.
         deforming: indices of items whose meshes deform.
         mirrors, pane_mirrors: planes of the planar mirrors and of panes; their surfaces are items.
-        probe_places: reflection probes, most prominent first; their surfaces are items.
+        reflectors: these planes, and reflection probes; their surfaces are items.
         version: number of updates so far.
 
     Raises:
@@ -118,8 +118,7 @@ class SceneBuffers:
         drawn = np.flatnonzero(self._is_drawn).tolist()
         surfaces = {number: self.draw_items[number].surface for number in drawn}
         found = find_reflectors(surfaces, np.flatnonzero(possible).tolist())
-        self.mirrors, self.pane_mirrors = found.mirrors, found.panes
-        self.probe_places = found.places[:MAX_PROBES]
+        self.reflectors, self.mirrors, self.pane_mirrors = found, found.mirrors, found.panes
 
     def _set_items(self, items: Sequence[DrawItem]) -> None:
         self.draw_items = tuple(items)
@@ -308,7 +307,7 @@ class SceneBuffers:
         if not self._uses_clusters or not self.context.extensions >= _CALLS_OF_CLUSTERS:
             return None
         alone = {index for plane in self.mirrors for index in plane.parts}
-        for place in self.probe_places:
+        for place in self.reflectors.places[:MAX_PROBES]:
             alone |= place.surfaces
             if place.object_index is None:  # clusters leave parts of objects out
                 alone |= place.left_out
