@@ -12,17 +12,16 @@ import moderngl
 import numpy as np
 
 from omnisim.core.arrays import Floats32, Uints32
-from omnisim.rendering.opengl.culling.clusters import MAX_TRIANGLES, ClusterHierarchy
+from omnisim.rendering.opengl.culling.clusters import MAX_ROOM, MAX_TRIANGLES, ClusterHierarchy
 from omnisim.rendering.opengl.gl.buffers import written_buffer
 from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
 
 # Steps along a side of a cluster's box, and bits of a step, in shaders/culling/triangles.comp.
 STEPS, _BITS, _LOW_BITS = 16383, 14, 10
-# Most triangles of a scene's room, and of scene and room: first and number are packed into a word.
-MAX_ROOM, MAX_PLACES = 1 << 20, 1 << 25
+_MAX_PLACES = 1 << 25  # first triangle and number of triangles are packed into a word
 _INDEX_BYTES = 12  # per triangle
 _ROW, _AT_ONCE = 1 << 12, 1 << 18  # entries of the texture's rows; keeps intermediate arrays small
-assert MAX_TRIANGLES * MAX_PLACES < 1 << 32
+assert MAX_TRIANGLES * _MAX_PLACES < 1 << 32
 
 
 @dataclass(frozen=True)
@@ -30,7 +29,8 @@ class CullableTriangles:
     """Triangles of clusters, which all cullers share.
 
     Attributes:
-        corners: texture of their corners, see `packed_corners`, cluster by cluster.
+        corners: texture of their corners, see `packed_corners`, cluster by cluster; None: too many
+            triangles for a texture, a storage buffer, or a word.
         indices: buffer of their vertex indices, then the room.
         count: number of triangles.
         room: number of triangles for which there is room.
@@ -58,7 +58,7 @@ def upload_triangles(
     rows = -(-count // _ROW)
     if (
         _INDEX_BYTES * (count + room) > limit
-        or count + room > MAX_PLACES
+        or count + room > _MAX_PLACES
         or rows > int(context.info["GL_MAX_TEXTURE_SIZE"])
     ):
         return CullableTriangles(None, written_buffer(context, triangles[order]), count, 0)

@@ -108,7 +108,7 @@ class ClusterDrawer:
             context,
             batches.states[0].shader.program,
             geometry.vertices,
-            geometry.cullable.indices,
+            geometry.indices,
             culler.instances,
             geometry.normals,
             geometry.light_coordinates,

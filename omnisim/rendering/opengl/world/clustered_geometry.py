@@ -169,8 +169,13 @@ class ClusteredGeometry:
     @cached_property
     def triangles(self) -> Uints32:
         """Vertex indices (m, 3) of all triangles, cluster by cluster, hidden or not."""
-        read = np.frombuffer(read_buffer(self.cullable.indices), dtype="<u4").reshape(-1, 3)
+        read = np.frombuffer(read_buffer(self.indices), dtype="<u4").reshape(-1, 3)
         return read[: self.triangle_count]
+
+    @property
+    def indices(self) -> moderngl.Buffer:
+        """Buffer of the triangles' vertex indices, and of the room behind them."""
+        return self.cullable.indices
 
     @property
     def triangle_count(self) -> int:
@@ -193,7 +198,7 @@ class ClusteredGeometry:
     def show(self, shown: Bools) -> None:
         """Show the selected draw items (items,) only."""
         is_shown = shown[self.item_of_triangle]
-        self.cullable.indices.write(np.where(is_shown[:, None], self.triangles, np.uint32(0)))
+        self.indices.write(np.where(is_shown[:, None], self.triangles, np.uint32(0)))
 
     @property
     def clusters(self) -> Clusters:

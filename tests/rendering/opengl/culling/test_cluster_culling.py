@@ -92,7 +92,7 @@ def _drawn(culler, geometry):
     """Mask (views, triangles) of the triangles that commands draw."""
     triangles = geometry.triangles
     drawn = np.zeros((len(PLAN.tiles), len(triangles)), dtype=np.bool_)
-    stored = np.frombuffer(read_buffer(geometry.cullable.indices), "<u4").reshape(-1, 3)
+    stored = np.frombuffer(read_buffer(geometry.indices), "<u4").reshape(-1, 3)
     number = {corners: at for at, corners in enumerate(map(tuple, triangles.tolist()))}
     for count, instances, first, base, instance in submitted_commands(culler).tolist():
         assert (instances, base) == (1, 0)

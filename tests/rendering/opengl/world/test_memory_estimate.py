@@ -35,6 +35,7 @@ def test_estimate_is_that_of_the_buffers(name, changed, context):
     buffers = SceneBuffers(context, scene)
     geometry = buffers.clustered_geometry
     made = geometry.vertices.size + geometry.indices.size
+    made += 16 * geometry.triangle_count  # corners
     if geometry.normals is not None:
         made += geometry.normals.size
     if buffers.shown_one_by_one().any():
