@@ -4,6 +4,7 @@
 
 uniform usampler2D u_bounds;
 
+const float BOTH_SIDES = 2.5;
 const uint ROW_BITS = 12u;  // entries per row
 const uint GROUP_ENTRIES = 2u, CLUSTER_ENTRIES = 3u, BLOCK_ENTRIES = 2u;
 
@@ -16,8 +17,10 @@ struct Group {
 struct Cluster {
     vec3 aabb_min, aabb_max;
     vec3 cone_axis;
-    float cone_sine;  // above 1: from everywhere, at least one triangle faces the viewer
+    // above 1: from everywhere, at least one triangle faces the viewer; above BOTH_SIDES, all do
+    float cone_sine;
     float width;      // width of the triangles, for occlusion
+    uint object;
 };
 
 // Consecutive groups of one object.
@@ -39,7 +42,7 @@ Cluster cluster_at(uint index) {
     uint first = GROUP_ENTRIES * u_groups + CLUSTER_ENTRIES * index;
     vec4 low = uintBitsToFloat(entry_at(first)), high = uintBitsToFloat(entry_at(first + 1u));
     vec4 cone = uintBitsToFloat(entry_at(first + 2u));
-    return Cluster(low.xyz, high.xyz, cone.xyz, cone.w, low.w);
+    return Cluster(low.xyz, high.xyz, cone.xyz, cone.w, low.w, floatBitsToUint(high.w));
 }
 
 Block block_at(uint index) {

@@ -37,8 +37,13 @@ uint candidate_place(uint list, uint at) {
     return (list & 1u) * u_cameras * u_tiles * u_groups + at;
 }
 
-void append(uint list, Candidate candidate) {
+// Place of one more entry in a list.
+uint take_place(uint list) {
     uint at = atomicAdd(lists[list].candidates, 1u);
     if (at % WORK_GROUP == 0u) atomicAdd(lists[list].work_groups, 1u);
-    candidates[candidate_place(list, at)] = candidate;
+    return at;
+}
+
+void append(uint list, Candidate candidate) {
+    candidates[candidate_place(list, take_place(list))] = candidate;
 }

@@ -10,6 +10,9 @@ layout(local_size_x = 32) in;
 
 #include "culling/views.glsl"
 #include "culling/bounds.glsl"
+#ifdef TRIANGLES
+#include "culling/pairs.glsl"
+#endif
 
 struct Command {  // arguments of glMultiDrawElementsIndirect
     uint indices, instances, first_index, base_vertex, base_instance;
@@ -42,8 +45,12 @@ Child child_at(uint cluster, uint camera, uint word) {
 
 // Tiles in which a child begins a run, given the previous visible child.
 uint run_starts(Child child, Child before) {
+#ifdef TRIANGLES
+    return child.tiles;  // each has its own triangles
+#else
     bool follows = child.cluster == before.cluster + 1u && child.bin == before.bin;
     return follows ? child.tiles & ~before.tiles : child.tiles;
+#endif
 }
 
 void main() {
@@ -114,12 +121,18 @@ void main() {
                 s_counts[place] += uint(bitCount(starts));
                 for (; starts != 0u; starts &= starts - 1u) {
                     uint tile = uint(findLSB(starts)), indices = first.y;
+#ifdef TRIANGLES
+                    uint left = pairs[pair_of(camera * u_tiles + 32u * word + tile, child.cluster)];
+                    first.x = 3u * (left >> COUNT_BITS);
+                    indices = 3u * (left & ((1u << COUNT_BITS) - 1u));
+#else
                     for (uint next = index + 1u; next < 32u; ++next) {
                         if ((visible >> next & 1u) == 0u) break;
                         Child follower = child_at(self.first_cluster + next, camera, word);
                         if (follower.bin != child.bin || (follower.tiles >> tile & 1u) == 0u) break;
                         indices += index_ranges[follower.cluster].y;
                     }
+#endif
                     commands[command++] =
                         Command(indices, 1u, first.x, 0u, first_instance + tile);
                 }

@@ -1,9 +1,9 @@
-// Levels of a hierarchical z buffer, with cells of 4, 8, 16, 32 and 64 texels per side.
+// Levels of a hierarchical z buffer, with cells of 2, 4, 8, 16, 32 and 64 texels per side.
 
-#define CELL_PX 4
-#define LEVELS 5
-#define CELLS 341u  // cells of all levels per cell of the last level
-#define SIDE 16     // cells of the first level along a side of a cell of the last level
+#define CELL_PX 2
+#define LEVELS 6
+#define CELLS 1365u  // cells of all levels per cell of the last level
+#define SIDE 32     // cells of the first level along a side of a cell of the last level
 
 // Number of cells of the last level in an atlas.
 uvec2 last_cells() {

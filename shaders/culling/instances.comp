@@ -12,8 +12,6 @@ layout(std430, binding = 2) readonly buffer Rectangles { vec4 rectangles_px[]; }
 
 layout(std430, binding = 8) buffer Counts { uint counts[]; };  // commands: [pass][band][range]
 
-const uint MAX_PASSES = 4u;
-
 void main() {
     uint at = gl_GlobalInvocationID.x, views = u_cameras * u_tiles;
     if (at < MAX_PASSES * BANDS * u_ranges) counts[at] = 0u;

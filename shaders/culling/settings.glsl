@@ -17,4 +17,5 @@ layout(std140, binding = 0) uniform Settings {
     float u_occluder_rad;  // clusters with wider triangles are drawn first, others are deferred
     uint u_first_range;  // first range of the slice whose commands are built
     uint u_blocks;
+    uint u_room_first, u_room;  // first triangle, and number, of the room for kept triangles
 };

@@ -3,7 +3,9 @@
 // vec3 transformed(vec4 rows[3], vec3 point): point in another frame.
 // The layouts are those of omnisim/rendering/opengl/culling/.
 
-#define LISTS 5u  // lists of candidates: one per possible pass, and one more
+#define MAX_PASSES 8u
+#define PAIRS (MAX_PASSES + 1u)  // lists of candidates, one per possible pass, and one more; then of
+#define LISTS (2u * PAIRS)       // the shown pairs of each pass, and the number of kept triangles
 
 struct Instance {
     mat4 clip_from_object;         // clip space of the tile alone

@@ -114,7 +114,7 @@ def test_clusters_draw_what_items_do(monkeypatch, furnished):
 def test_light_is_the_same_in_all_passes_of_culling(monkeypatch, furnished):
     """Later passes read the depth of those before: not in place of the lightmap."""
     images = []
-    for least in ((10**9,) * 3, (0, 0, 0)):
+    for least in ((10**9,) * 4, (0, 0, 0, 0)):
         monkeypatch.setattr(scene_view, "MIN_TRIANGLES_OF_PASSES", least)
         with Stage(furnished, body()) as stage, stage.open(CAMERA) as renderer:
             poses = np.stack([HERE, HERE])

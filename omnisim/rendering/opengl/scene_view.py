@@ -18,7 +18,9 @@ from omnisim.rendering.atlas.tile_plan import PosedViews, TilePlan, TileViews, c
 from omnisim.rendering.camera.quality import DEFAULT_MIRRORS, DEFAULT_PROBES
 from omnisim.rendering.contract import ScenePoses
 from omnisim.rendering.opengl.culling.cluster_culling import (
+    MIN_CULLED_TRIANGLES,
     MIN_TRIANGLES_OF_PASSES,
+    OCCLUDERS_RAD,
     ClusterCuller,
     Views,
 )
@@ -135,6 +137,7 @@ class TileRenderer:
             return
         context, depths_m = buffers.context, self._depths_m
         batches = DrawBatches(geometry, find_program, cameras.both_sides)
+        is_small = geometry.triangle_count < MIN_CULLED_TRIANGLES
         self._cluster_views = Views(
             context,
             clips_from_rig(plan, *depths_m),
@@ -149,12 +152,13 @@ class TileRenderer:
             batches.groups,
             self._cluster_views,
             depth,
-            1 + sum(geometry.triangle_count >= least for least in MIN_TRIANGLES_OF_PASSES),
+            OCCLUDERS_RAD[sum(geometry.triangle_count >= one for one in MIN_TRIANGLES_OF_PASSES)],
             (plan.width_px, plan.height_px),
             depths_m,
             samples,
             cameras.both_sides,
             blended_items,
+            None if is_small or batches.has_ids else geometry.cullable,
         )
         # hidden static items have no triangles
         shown = buffers.shown(cameras.hidden)

@@ -24,7 +24,7 @@ POSITIONS_M = ((-1.0, 0.3, 1.2), (1.0, 0.3, 1.2))
 @pytest.fixture
 def always_tested(monkeypatch):
     """As in a scene of very many triangles."""
-    monkeypatch.setattr(scene_view, "MIN_TRIANGLES_OF_PASSES", (0, 0, 0))
+    monkeypatch.setattr(scene_view, "MIN_TRIANGLES_OF_PASSES", (0, 0, 0, 0))
 
 
 @pytest.mark.parametrize("samples", [1, 4])
@@ -79,7 +79,8 @@ def test_the_image_is_the_same_to_the_last_bit_when_nothing_is_culled(monkeypatc
     with open_sensor(scene, sensor) as renderer:
         drawn = count_triangles(renderer._passes.cube.tiles.culler)
         culled = [renderer.render(one).rgba for one in poses]
-    monkeypatch.setattr(scene_view, "MIN_TRIANGLES_OF_PASSES", (10**9,) * 3)
+    monkeypatch.setattr(scene_view, "MIN_TRIANGLES_OF_PASSES", (10**9,) * 4)
+    monkeypatch.setattr(scene_view, "MIN_CULLED_TRIANGLES", 10**9)
     with open_sensor(scene, sensor) as renderer:
         show_all(renderer._passes.cube.tiles.culler)
         everything = count_triangles(renderer._passes.cube.tiles.culler)

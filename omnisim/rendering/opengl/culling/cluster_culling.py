@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from omnisim.core.arrays import Bools, Floats, Indices, Uints32
 from omnisim.rendering.contract import ScenePoses
 from omnisim.rendering.opengl.culling.clusters import ClusterHierarchy
+from omnisim.rendering.opengl.culling.triangle_culling import CullableTriangles
 from omnisim.rendering.opengl.gl.buffers import gpu_allocation, gpu_buffer, written_buffer
 from omnisim.rendering.opengl.gl.functions import COMMAND_BYTES, StorageBindings
 from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
@@ -33,14 +34,16 @@ from omnisim.rendering.opengl.gl.state import GlState
 EDGE_PX = 0.125
 _INSTANCE_BYTES = 144
 _LIST_BYTES, _CANDIDATE_BYTES = 16, 12  # in shaders/culling/views.glsl
-_MAX_PASSES = 4
+_MAX_PASSES = 8
+_LISTS = 2 * (_MAX_PASSES + 1)
 MAX_COMMAND_BYTES = 128 * 2**20  # per slice, on a GPU that allows as many
 _GROUP_SIZE = 64  # local_size_x of the shaders
-_CELL_PX, _CELL_LEVELS = 64, 5  # of the last level, in shaders/culling/hi_z.glsl
-# Minimum number of triangles for which two passes pay, three, and four.
-MIN_TRIANGLES_OF_PASSES = (40_000, 200_000, 2_000_000)
-# Clusters with triangles that look wider occlude others: they are drawn before the last pass.
-OCCLUDERS_RAD = ((), (0.05,), (0.025, 0.007), (0.02, 0.005, 0.0015))
+_CELL_PX, _CELL_LEVELS = 64, 6  # of the last level, in shaders/culling/hi_z.glsl
+# Minimum number of triangles for which each further plan of passes pays. Clusters with triangles
+# that look wider than a plan's angles occlude others: they are drawn in the passes before the last.
+MIN_TRIANGLES_OF_PASSES = (40_000, 80_000, 200_000, 2_000_000)
+OCCLUDERS_RAD = ((), (0.05,), (0.05, 0.015), (0.025, 0.007), (0.02, 0.005, 0.0015))
+MIN_CULLED_TRIANGLES = 20_000  # for which it pays to cull triangles one by one
 SETTINGS = np.dtype(  # as in shaders/culling/views.glsl
     [
         ("counts", "<u4", 4),
@@ -55,7 +58,8 @@ SETTINGS = np.dtype(  # as in shaders/culling/views.glsl
         ("occluder_rad", "<f4"),
         ("first_range", "<u4"),
         ("blocks", "<u4"),
-        ("unused", "<u4", 2),
+        ("room_first", "<u4"),
+        ("room", "<u4"),
     ]
 )
 
@@ -67,11 +71,13 @@ class ClusterCuller:
         groups_of_batch: (batches,) number of groups per draw call, in order.
         depth: atlas depth for occlusion tests between passes, one layer per camera if there may be
             several; None: a single pass.
-        passes: number of passes if depth can be read.
+        occluders_rad: angles of the passes before the last, one of `OCCLUDERS_RAD`, if depth can
+            be read.
         atlas_px: width and height of the atlas.
         depths_m: distances of the near and the far plane.
         both_sides: keep clusters seen from behind, too.
         blended_items: number of blended items with commands of their own in all views.
+        triangles: triangles to cull one by one; None: clusters are drawn whole.
 
     Attributes:
         slices: command ranges of each slice. Each pass rewrites them: the previous pass is drawn
@@ -84,6 +90,8 @@ class ClusterCuller:
         instances: buffer with one `vertex_format.INSTANCE` per object and view.
     """
 
+    _defines: tuple[str, ...] = ()
+
     def __init__(
         self,
         context: moderngl.Context,
@@ -91,16 +99,18 @@ class ClusterCuller:
         groups_of_batch: NDArray[np.integer],
         views: Views,
         depth: moderngl.Texture | moderngl.TextureArray | None,
-        passes: int,
+        occluders_rad: Sequence[float],
         atlas_px: tuple[int, int],
         depths_m: tuple[float, float],
         samples: int = 1,
         both_sides: bool = False,
         blended_items: int = 0,
+        triangles: CullableTriangles | None = None,
     ):
         self._context, self._buffers, self.views = context, buffers, views
         self._state = GlState()
-        self.passes, self._depth = (1 if depth is None else passes), depth
+        occluders_rad = () if depth is None else occluders_rad
+        self.passes, self._depth = 1 + len(occluders_rad), depth
         limit = min(MAX_COMMAND_BYTES, int(context.info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"]))
         blended = blended_items * views.count
         self.slices, table, self.first_blended = command_slices(
@@ -127,10 +137,15 @@ class ClusterCuller:
             bins = gpu_buffer(context, 4 * views.cameras * buffers.cluster_count)
             halves = min(self.passes, 2)  # each pass reads one and writes the other
             self._lists = gpu_buffer(
-                context, (_MAX_PASSES + 1) * _LIST_BYTES + halves * _CANDIDATE_BYTES * words
+                context, _LISTS * _LIST_BYTES + halves * _CANDIDATE_BYTES * words
             )
             cells = sum(4**level for level in range(_CELL_LEVELS)) * math.prod(self._cells)
             hi_z = gpu_buffer(context, 4 * views.cameras * cells if depth else 0)
+            self._corners = None if triangles is None else triangles.corners
+            if triangles is not None and self._corners is not None:
+                pairs = gpu_buffer(context, 2 * 4 * views.count * buffers.cluster_count)
+                self._pairs = StorageBindings([pairs, triangles.indices])
+                self._defines = ("TRIANGLES",)
         near_m, far_m = depths_m
         slope = 0.0 if math.isinf(far_m) else -near_m / (far_m - near_m)
         settings = np.zeros((self.passes, len(self.slices)), dtype=SETTINGS)
@@ -140,8 +155,10 @@ class ClusterCuller:
         settings["ranges"], settings["both_sides"] = self.ranges, both_sides
         settings["clusters"], settings["blocks"] = buffers.cluster_count, buffers.block_count
         settings["radius_px"] = EDGE_PX if samples <= 1 else 0.5 + EDGE_PX
+        if triangles is not None:
+            settings["room_first"], settings["room"] = triangles.count, triangles.room
         settings["pass_index"] = np.arange(self.passes)[:, None]
-        settings["occluder_rad"].T[:, :-1] = OCCLUDERS_RAD[self.passes - 1]
+        settings["occluder_rad"].T[:, :-1] = occluders_rad
         settings["first_range"] = [ranges[0].number for ranges in self.slices]
         self._settings = [
             [written_buffer(context, one.tobytes()) for one in row] for row in settings
@@ -159,7 +176,7 @@ class ClusterCuller:
     @property
     def memory_bytes(self) -> int:
         """Size of the buffers for all cameras, bytes."""
-        return self._bound.size
+        return self._bound.size + (0 if self._corners is None else self._pairs.buffers[0].size)
 
     def show(self, shown: Bools) -> None:
         """Show only the selected clusters (clusters,)."""
@@ -187,10 +204,13 @@ class ClusterCuller:
         self.bind(pass_index)
         if pass_index == 0:
             context.memory_barrier(barrier)  # the last frame's draws may still read these buffers
-            entries = max(views.count * views.objects, self.blended_count)
+            entries = max(views.count * views.objects, self.blended_count, _LISTS)
             shaders.find("instances").run(math.ceil(entries / _GROUP_SIZE))
             context.memory_barrier(barrier)
             shaders.find("groups").run(self._blocks, views.count)
+            if self._corners is not None:
+                self._pairs.bind()  # in place of the poses
+                self._state.bind_texture(CORNERS_UNIT, self._corners.glo)
         elif self._depth is not None and target is not None:
             columns, rows = self._cells
             layered = ("LAYERED",) if isinstance(self._depth, moderngl.TextureArray) else ()
@@ -201,8 +221,13 @@ class ClusterCuller:
             coarse.run(math.ceil(columns / 8), math.ceil(rows / 8), views.cameras)
         context.memory_barrier(barrier | context.COMMAND_BARRIER_BIT)
         # the only pass is 0, else 1 is the first one, and 2 any later one
-        cull = shaders.find("cull", f"PASS {0 if self.passes == 1 else 1 + min(pass_index, 1)}")
+        defines = f"PASS {0 if self.passes == 1 else 1 + min(pass_index, 1)}", *self._defines
+        cull = shaders.find("cull", *defines)
         cull.run_indirect(self._lists, pass_index * _LIST_BYTES)
+        if self._corners is not None:
+            context.memory_barrier(barrier | context.COMMAND_BARRIER_BIT)
+            place = (_MAX_PASSES + 1 + pass_index) * _LIST_BYTES
+            shaders.find("triangles", *defines).run_indirect(self._lists, place)
         context.memory_barrier(barrier)
         self._make_commands(0)
 
@@ -215,11 +240,14 @@ class ClusterCuller:
 
     def _make_commands(self, slice_index: int) -> None:
         context = self._context
-        self._shaders.find("commands").run(len(self.slices[slice_index]), self.views.cameras)
+        self._shaders.find("commands", *self._defines).run(
+            len(self.slices[slice_index]), self.views.cameras
+        )
         context.memory_barrier(
             context.SHADER_STORAGE_BARRIER_BIT
             | context.COMMAND_BARRIER_BIT
             | context.VERTEX_ATTRIB_ARRAY_BARRIER_BIT
+            | context.ELEMENT_ARRAY_BARRIER_BIT
         )
 
 
@@ -235,7 +263,7 @@ _CLUSTER = np.dtype(
         ("aabb_min", "<f4", 3),
         ("width", "<f4"),
         ("aabb_max", "<f4", 3),
-        ("unused", "<u4"),
+        ("object", "<u4"),
         ("cone_axis", "<f4", 3),
         ("cone_sine", "<f4"),
     ]
@@ -243,10 +271,11 @@ _CLUSTER = np.dtype(
 _BLOCK = np.dtype(
     [("aabb_min", "<f4", 3), ("first_group", "<u4"), ("aabb_max", "<f4", 3), ("groups", "<u4")]
 )
+_BOTH_SIDES = np.float32(3.0)  # "sine" of the cones of double-sided clusters
 _MAX_GROUPS = 8  # per block: software drivers test eight blocks at once
 _ENTRY, _ROW = np.dtype("<u4, <u4, <u4, <u4"), 1 << 12  # entries per row
 # Texture units that no drawing program uses: its own textures stay bound during culling.
-DEPTH_UNIT, BOUNDS_UNIT = 16, 17
+DEPTH_UNIT, BOUNDS_UNIT, CORNERS_UNIT = 16, 17, 20
 
 
 class CullingShaders:
@@ -261,7 +290,10 @@ class CullingShaders:
         key = name, *defines
         if key not in self._compiled:
             shader = build_compute_shader(self._context, f"culling/{name}.comp", defines)
-            set_uniforms(shader, {"u_bounds": BOUNDS_UNIT, "u_atlas_depth": DEPTH_UNIT})
+            units = {
+                "u_bounds": BOUNDS_UNIT, "u_atlas_depth": DEPTH_UNIT, "u_corners": CORNERS_UNIT
+            }  # fmt: skip
+            set_uniforms(shader, units)
             self._compiled[key] = shader
         return self._compiled[key]
 
@@ -306,7 +338,8 @@ class ClusterBuffers:
         for name in ("aabb_min", "aabb_max"):
             of_groups[name], of_clusters[name] = getattr(groups, name), getattr(clusters, name)
         of_clusters["width"], of_clusters["cone_axis"] = clusters.widths, clusters.cone_axes
-        of_clusters["cone_sine"] = np.where(double_sided, np.float32(2.0), clusters.cone_sines)
+        of_clusters["cone_sine"] = np.where(double_sided, _BOTH_SIDES, clusters.cone_sines)
+        of_clusters["object"] = objects[group]
         of_blocks = _blocks(of_groups, buckets)
         self.block_count = len(of_blocks)
         entries = [one.view(_ENTRY) for one in (of_groups, of_clusters, of_blocks)]

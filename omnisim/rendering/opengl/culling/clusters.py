@@ -17,6 +17,8 @@ LARGE_SCENE, MIN_TRIANGLES_IN_LARGE = 200_000, 24
 # Each instance has its own triangles in clusters. Beyond this number of copies' triangles, further
 # instances of a mesh are drawn one by one, as are instances that are too far away.
 MAX_COPIED_TRIANGLES = 8_000_000
+# Maximum number of culled triangles that there is room for, and bytes of a triangle's corners.
+MAX_ROOM, CORNERS_BYTES = 1 << 20, 16
 _BOUND_AT_ONCE = 1 << 18  # triangles, or boxes; keeps intermediate arrays small
 # Clusters per group. None is tested if its group is culled; the visible ones are the bits of a
 # word.

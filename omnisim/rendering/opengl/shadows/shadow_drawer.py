@@ -198,7 +198,7 @@ class CasterDrawer:
         depths_m = (LAMP_NEAR_M, math.inf)
         batches = DrawBatches(geometry, self._program_of_bucket, both_sides=True)
         culler = ClusterCuller(
-            context, geometry.buffers, batches.groups, views, None, 1, size_px, depths_m,
+            context, geometry.buffers, batches.groups, views, None, (), size_px, depths_m,
             both_sides=True,
         )  # fmt: skip
         return culler, ClusterDrawer(context, geometry, culler, batches)

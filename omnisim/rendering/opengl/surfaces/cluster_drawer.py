@@ -61,6 +61,7 @@ class DrawBatches:
     Attributes:
         states: state of each batch.
         groups: (batches,) number of cluster groups.
+        has_ids: the programs number triangles by their places, and draw clusters whole.
     """
 
     def __init__(
@@ -73,6 +74,7 @@ class DrawBatches:
         states = [_state(one, find_program(one), both_sides, palette) for one in geometry.buckets]
         runs = [(state, len(list(run))) for state, run in groupby(states)]
         self.states = [state for state, _ in runs]
+        self.has_ids = any(state.shader.first_command is not None for state in self.states)
         ends = np.cumsum([length for _, length in runs])
         groups = np.concatenate(([0], np.cumsum(geometry.buffers.groups_of_bucket)[ends - 1]))
         self.groups: Indices = np.diff(groups)

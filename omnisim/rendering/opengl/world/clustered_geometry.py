@@ -27,6 +27,10 @@ from omnisim.rendering.opengl.culling.clusters import (
     Clusters,
     build_clusters,
 )
+from omnisim.rendering.opengl.culling.triangle_culling import (
+    CullableTriangles,
+    upload_triangles,
+)
 from omnisim.rendering.opengl.gl.buffers import (
     gpu_allocation,
     gpu_buffer,
@@ -157,7 +161,7 @@ class ClusteredGeometry:
     palette: moderngl.Texture  # texture of their palette
     bucket_of_cluster: Indices  # (clusters,) bucket index
     triangles_of_item: Indices  # number of triangles of each contained draw item
-    indices: moderngl.Buffer  # of the triangles, cluster by cluster; degenerate for hidden items
+    cullable: CullableTriangles  # the triangles, cluster by cluster; degenerate for hidden items
     buffers: ClusterBuffers  # buffers of clusters and groups, for culling
     details: moderngl.Texture | None  # see `vertex_details`; None: all materials are matte
     light_coordinates: moderngl.Buffer | None  # see `light_coordinates`; None: no baked light
@@ -165,7 +169,13 @@ class ClusteredGeometry:
     @cached_property
     def triangles(self) -> Uints32:
         """Vertex indices (m, 3) of all triangles, cluster by cluster, hidden or not."""
-        return np.frombuffer(read_buffer(self.indices), dtype="<u4").reshape(-1, 3)
+        read = np.frombuffer(read_buffer(self.indices), dtype="<u4").reshape(-1, 3)
+        return read[: self.triangle_count]
+
+    @property
+    def indices(self) -> moderngl.Buffer:
+        """Buffer of the triangles' vertex indices, and of the room behind them."""
+        return self.cullable.indices
 
     @property
     def triangle_count(self) -> int:
@@ -238,7 +248,7 @@ def build_clustered_geometry(
     bucket_of_group, object_of_group = group_key // objects, group_key % objects
     double_sided = np.array([one.double_sided for one in buckets])[bucket_of_group]
     with gpu_allocation(f"clusters of {counts.sum()} triangles", "make the scene smaller"):
-        index_buffer = written_buffer(context, made.triangles[hierarchy.order])
+        cullable = upload_triangles(context, made.triangles, made.corners, hierarchy)
     reflectances, details = [item.texture_layer.reflectance for item in items], None
     if any(reflectances):
         records = [0 if one is None else one.record for one in reflectances]
@@ -256,7 +266,7 @@ def build_clustered_geometry(
         palette=made.palette.texture(context),
         bucket_of_cluster=np.repeat(bucket_of_group, hierarchy.groups.children),
         triangles_of_item=counts,
-        indices=index_buffer,
+        cullable=cullable,
         buffers=ClusterBuffers(
             context,
             hierarchy,

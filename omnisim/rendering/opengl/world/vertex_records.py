@@ -10,7 +10,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from omnisim.core.arrays import Floats32
-from omnisim.rendering.opengl.culling.clusters import MAX_COPIED_TRIANGLES
+from omnisim.rendering.opengl.culling.clusters import (
+    CORNERS_BYTES,
+    MAX_COPIED_TRIANGLES,
+    MAX_ROOM,
+)
 from omnisim.scene.model import Mesh, Scene
 from omnisim.scene.parts import LightRectangle
 from omnisim.scene.summary import memory_bytes
@@ -84,7 +88,8 @@ def gpu_bytes(scene: Scene) -> int:
     has_normals = any(scene.meshes[index].normals is not None for index in set(clustered.tolist()))
     vertex_bytes = CLUSTER_VERTEX.itemsize + (NORMAL_BYTES if has_normals else 0)
     kept = vertex_bytes * vertices[clustered].sum()
-    kept += _TRIANGLE_BYTES * triangles[clustered].sum()
+    count = triangles[clustered].sum()
+    kept += (_TRIANGLE_BYTES + CORNERS_BYTES) * count + _TRIANGLE_BYTES * min(count, MAX_ROOM)
     if not is_clustered.all():
         kept += VERTEX.itemsize * vertices.sum() + _TRIANGLE_BYTES * triangles.sum()
     return int(kept + _MIPMAPPED * memory_bytes(scene)[1])

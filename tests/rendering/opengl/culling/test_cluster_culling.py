@@ -9,6 +9,7 @@ from omnisim.rendering.atlas.tile_plan import TileViews, clips_from_rig, plan_ti
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.contract import ScenePoses
 from omnisim.rendering.opengl.culling.cluster_culling import ClusterCuller, Views
+from omnisim.rendering.opengl.gl.buffers import read_buffer
 from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
 from omnisim.scene.model import AlphaMode, Material, Mesh
 from tests.rendering.opengl.cluster_readback import read_vertices
@@ -75,29 +76,37 @@ def _stack(count=32, height_m=4.0):
     )
 
 
-def _culler(context, buffers, far_m):
+def _culler(context, buffers, far_m, triangles=None):
     geometry, depths_m = buffers.clustered_geometry, (NEAR_M, far_m)
     clips = clips_from_rig(PLAN, *depths_m)
     views = Views(context, clips, PLAN.rectangles_px, geometry.anchor_m, geometry.objects)
     size_px = (PLAN.width_px, PLAN.height_px)
     buffers = geometry.buffers
     batches = buffers.groups_of_bucket
-    return ClusterCuller(context, buffers, batches, views, None, 1, size_px, depths_m), views
+    return ClusterCuller(
+        context, buffers, batches, views, None, (), size_px, depths_m, triangles=triangles
+    ), views
 
 
 def _drawn(culler, geometry):
     """Mask (views, triangles) of the triangles that commands draw."""
-    drawn = np.zeros((len(PLAN.tiles), len(geometry.triangles)), dtype=np.bool_)
+    triangles = geometry.triangles
+    drawn = np.zeros((len(PLAN.tiles), len(triangles)), dtype=np.bool_)
+    stored = np.frombuffer(read_buffer(geometry.indices), "<u4").reshape(-1, 3)
+    number = {corners: at for at, corners in enumerate(map(tuple, triangles.tolist()))}
     for count, instances, first, base, instance in submitted_commands(culler).tolist():
         assert (instances, base) == (1, 0)
-        own = drawn[instance % len(PLAN.tiles), first // 3 : (first + count) // 3]
-        assert not own.any()  # nothing is drawn twice
-        own[:] = True
+        own = [number[tuple(one)] for one in stored[first // 3 : (first + count) // 3].tolist()]
+        assert own == sorted(own)  # also those of them that are copied
+        of_view = drawn[instance % len(PLAN.tiles)]
+        assert not of_view[own].any()  # nothing is drawn twice
+        of_view[own] = True
     return drawn
 
 
 @pytest.mark.parametrize("far_m", [np.inf, 2.5])
-def test_all_triangles_that_a_tile_shows_are_drawn(context, far_m):
+@pytest.mark.parametrize("culls_triangles", [False, True])
+def test_all_triangles_that_a_tile_shows_are_drawn(context, far_m, culls_triangles):
     """Triangles of all clusters, from viewpoints at random, whose front covers a center."""
     meshes = [
         sheet("smooth", 0, side=40, size_m=4.0, bumps_m=0.01),
@@ -115,7 +124,7 @@ def test_all_triangles_that_a_tile_shows_are_drawn(context, far_m):
     corners_m = vertices["in_position"][geometry.triangles].astype(np.float64) + geometry.anchor_m
     both_sides = np.array([one.double_sided for one in geometry.buckets])
     both_sides = both_sides[geometry.bucket_of_cluster].repeat(geometry.clusters.triangles)
-    culler, views = _culler(context, buffers, far_m)
+    culler, views = _culler(context, buffers, far_m, geometry.cullable if culls_triangles else None)
     generator = np.random.default_rng(3)
     seen = submitted = 0
     for number, viewpoint_m in enumerate(generator.uniform(-3.0, 3.0, (12, 3))):
@@ -134,7 +143,8 @@ def test_all_triangles_that_a_tile_shows_are_drawn(context, far_m):
             seen += np.count_nonzero(shown)
         submitted += np.count_nonzero(drawn)
     # boxes and cones are wider than what they hold
-    assert 0 < seen < submitted < 0.2 * 12 * len(PLAN.tiles) * len(corners_m)
+    most = 0.09 if culls_triangles else 0.2
+    assert 0 < seen < submitted < most * 12 * len(PLAN.tiles) * len(corners_m)
 
 
 def _is_large(tile, corners_m, world_from_rig):

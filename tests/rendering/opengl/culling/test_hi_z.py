@@ -10,7 +10,7 @@ from omnisim.rendering.opengl.gl.buffers import gpu_buffer, read_buffer
 from omnisim.rendering.opengl.gl.shader_files import build_compute_shader
 from tests.rendering.opengl.depths import drawn_depth
 
-CELL_PX, LEVELS, SIDE = 4, 5, 16
+CELL_PX, LEVELS, SIDE = 2, 6, 32
 
 
 @pytest.mark.parametrize("shape", [(64, 96), (61, 83), (130, 7), (3, 3), (200, 300)])

@@ -62,7 +62,7 @@ def _pass(buffers, details=NO_DETAILS):
     "details", [NO_DETAILS, HitDetails(albedos=True), HitDetails(materials=True)]
 )
 def test_ids_are_those_of_instances_drawn_one_by_one(context, monkeypatch, min_triangles, details):
-    monkeypatch.setattr(scene_view, "MIN_TRIANGLES_OF_PASSES", (min_triangles,) * 3)
+    monkeypatch.setattr(scene_view, "MIN_TRIANGLES_OF_PASSES", (min_triangles,) * 4)
     scene = _scene()
     clustered = SceneBuffers(context, scene)
     reference = SceneBuffers(context, scene, uses_clusters=False)

@@ -9,6 +9,7 @@ import pytest
 from omnisim.core.poses import pose as make_pose
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.opengl import scene_view
+from omnisim.rendering.opengl.culling import triangle_culling
 from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
 from omnisim.rendering.stage import Stage
 from omnisim.scene import load_scene
@@ -51,7 +52,8 @@ class Images:
             world_from_base = camera.base_pose(start.position_m, yaw_deg=start.yaw_deg)
         with self._monkeypatch.context() as patch:
             if min_triangles is not None:
-                patch.setattr(scene_view, "MIN_TRIANGLES_OF_PASSES", (min_triangles,) * 3)
+                patch.setattr(scene_view, "MIN_TRIANGLES_OF_PASSES", (min_triangles,) * 4)
+                patch.setattr(scene_view, "MIN_CULLED_TRIANGLES", min_triangles)
             with self._stage.open(camera) as renderer:
                 culler = renderer._passes.cube.tiles.culler
                 if shows_occluded:
@@ -121,8 +123,23 @@ def test_occluded_clusters_were_hidden_to_the_last_bit(monkeypatch):
 
 
 @pytest.mark.usefixtures("needs_opengl")
+def test_triangles_beyond_the_room_are_drawn_with_their_clusters(monkeypatch):
+    monkeypatch.setattr(scene_view, "MIN_CULLED_TRIANGLES", 0)
+    images, submitted = [], []
+    for room in (0, 60, triangle_culling.MAX_ROOM):
+        monkeypatch.setattr(triangle_culling, "MAX_ROOM", room)
+        with Stage(crowd()) as stage, stage.open(FAST.resized(100)) as renderer:
+            drawn = count_triangles(renderer._passes.cube.tiles.culler)
+            images.append(renderer.render(np.eye(4)).rgba)
+        submitted.append(sum(drawn))
+    assert submitted[0] > submitted[1] > submitted[2]
+    for image in images[1:]:
+        assert np.array_equal(image, images[0])
+
+
+@pytest.mark.usefixtures("needs_opengl")
 def test_a_image_does_not_depend_on_the_one_before(monkeypatch):
-    monkeypatch.setattr(scene_view, "MIN_TRIANGLES_OF_PASSES", (0, 0, 0))
+    monkeypatch.setattr(scene_view, "MIN_TRIANGLES_OF_PASSES", (0, 0, 0, 0))
     camera = FAST.resized(100)
     poses = [make_pose((x, 0.5 * x, 0.0), yaw_deg=90.0 * x) for x in (0.0, 4.0, -5.0)]
     with Stage(crowd()) as stage:

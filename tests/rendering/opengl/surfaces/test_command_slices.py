@@ -77,7 +77,7 @@ def _everything(stage):
 )
 def test_slices_show_the_same(scenes, passes, monkeypatch):
     monkeypatch.setattr(
-        scene_view, "MIN_TRIANGLES_OF_PASSES", ((0, 0, 0) if passes == 4 else (10**9,) * 3)
+        scene_view, "MIN_TRIANGLES_OF_PASSES", ((0, 0, 0, 0) if passes == 4 else (10**9,) * 4)
     )
     with Stage(*scenes()) as stage:
         whole, slices = _everything(stage)

@@ -101,6 +101,7 @@ def test_the_estimate_of_gpu_memory_is_that_of_the_buffers(name, changed, contex
     buffers = SceneBuffers(context, scene)
     geometry = buffers.clustered_geometry
     made = geometry.vertices.size + geometry.indices.size
+    made += 16 * geometry.triangle_count  # corners
     if geometry.normals is not None:
         made += geometry.normals.size
     if buffers.shown_one_by_one().any():
