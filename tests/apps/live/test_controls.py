@@ -74,7 +74,13 @@ def test_limits_units_and_values_are_those_of_the_schema():
     assert (rim["unit"], rim["low"], rim["low_open"], rim["value"]) == ("m", 0.0, True, None)
     assert rim["effective"] == pytest.approx(CameraDocument().with_value(
         "sensor.mirror.k", 8.0).camera().model.mirror.rim_radius_m)  # fmt: skip
-    assert found["sensor.camera.focal_length_px"]["choices"] == ["fit"]
+    focal = found["sensor.camera.focal_length_px"]
+    assert focal["choices"] == ["fit"]
+    assert focal["soft"] == {
+        "low": focal["effective"] / 4.0, "high": focal["effective"] * 4.0, "log": True,
+    }  # fmt: skip
+    size = found["sensor.virtual_cameras.size_px"]["soft"]
+    assert size == {"low": 16, "high": 2048, "log": True}
     assert found["sensor.virtual_cameras.samples"]["choices"] == [1, 2, 4, 8]
     assert found["sensor.virtual_cameras.far_m"]["default"] == "inf"
 
