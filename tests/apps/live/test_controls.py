@@ -90,3 +90,17 @@ def test_typical_values_of_the_help_are_the_sliders():
     assert _controls(document)["sensor.degradation.dirt.dust_count"]["soft"] == {
         "low": 0.0, "high": 300.0, "log": False,
     }  # fmt: skip
+
+
+def test_sliders_cover_a_quarter_to_four_times_a_length_and_misalignments_to_both_sides():
+    found = _controls(with_preset(CameraDocument(), "optics", "sphere"))
+    for key, low, high, is_log in (
+        ("surfaces.0.rim_radius_m", 0.029 / 4.0, 4.0 * 0.029, True),
+        ("surfaces.0.radius_m", -0.06, 0.06, False),
+        ("surfaces.0.tilt_deg", -15.0, 15.0, False),
+        ("surfaces.0.medium", 1.0, 5.0, False),
+        ("camera.width_px", 90.0, 1440.0, True),
+        ("mounting.yaw_deg", -180.0, 180.0, False),
+    ):
+        soft = found[f"sensor.optics.{key}"]["soft"]
+        assert soft == {"low": pytest.approx(low), "high": pytest.approx(high), "log": is_log}, key
