@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, get_args, get_origin
 
 import pydantic
 
-from omnisim.apps.live.camera_document import LIGHT, SENSOR, SIZE, CameraDocument
+from omnisim.apps.live.camera_document import LIGHT, SENSOR, SIZE, SIZES_PX, CameraDocument
 from omnisim.cameras import CAMERA_MODELS, HyperbolicCamera
 from omnisim.cameras.optics.surface import Rod
 from omnisim.cameras.optics.system_file import CameraTable as OpticsCamera
@@ -83,10 +83,14 @@ def control_groups(
         effects["groups"].append(_group(title, summary(effect), keys, switch=path, on=is_on))
     groups = [*groups, effects]
     effective = CameraDocument.of_camera(camera)
-    if isinstance(camera.model, HyperbolicCamera):
-        rim_m = float(camera.model.mirror.rim_radius_m)
-        effective = effective.with_value(f"{SENSOR}.mirror.rim_radius_m", rim_m)
-        effective = effective.with_value(f"{SENSOR}.mirror.polygons", camera.mesh_polygons)
+    if isinstance(model := camera.model, HyperbolicCamera):
+        for key, value in (
+            ("mirror.rim_radius_m", float(model.mirror.rim_radius_m)),
+            ("mirror.polygons", camera.mesh_polygons),
+            ("camera.focal_length_px", float(model.focal_length_px)),
+            ("camera.principal_point_px", [float(px) for px in model.principal_point_px]),
+        ):
+            effective = effective.with_value(f"{SENSOR}.{key}", value)
     short_px = min(camera.model.width_px, camera.model.height_px)
     effective = effective.with_value(SIZE, short_px)
     if scene is not None:
@@ -272,6 +276,8 @@ def _soft(
         return _range(bottom, 180.0 if high is None else min(high.value, 180.0), False)
     is_count = control["kind"] == "integer"
     is_positive = (low is not None and low.value >= 0.0) or is_count or control["unit"] == "px"
+    if largest == 0.0 and is_count and control["unit"] == "px":
+        return _range(*SIZES_PX, True)
     if largest == 0.0:
         return _range(0.0 if is_positive else -1.0, 10.0 if is_count else 1.0, False)
     if is_positive and control["kind"] != "vector":

@@ -417,9 +417,8 @@ def record_film(path: Path, settings: LiveSettings, at: Place | None) -> int:
         source.close()
 
 
-def _images(source: LiveSource, document: CameraDocument, start: Place) -> Iterator[Bytes]:
-    """Images of a circular drive: the camera with its range beside it, and the panorama below."""
-    views, count = ViewMaker(), round(RATE_HZ * SECONDS)
+def circle(start: Place, count: int) -> Iterator[Place]:
+    """Places along a circle to the left of the start, and once around it, looking ahead."""
     x, y, z = start.position_m
     yaw = math.radians(start.yaw_deg)
     for number in range(count):
@@ -427,12 +426,18 @@ def _images(source: LiveSource, document: CameraDocument, start: Place) -> Itera
         ahead = math.sin(yaw + angle) - math.sin(yaw)
         left = math.cos(yaw) - math.cos(yaw + angle)
         position_m = x + RADIUS_M * ahead, y + RADIUS_M * left, z
-        place = Place(position_m, start.yaw_deg + math.degrees(angle)).rounded()
+        yield Place(position_m, start.yaw_deg + math.degrees(angle)).rounded()
+
+
+def _images(source: LiveSource, document: CameraDocument, start: Place) -> Iterator[Bytes]:
+    """Images of a circular drive: the camera with its range beside it, and the panorama below."""
+    views = ViewMaker()
+    for place in circle(start, round(RATE_HZ * SECONDS)):
         draw = Draw(PageState(document, place), True)
         frame = source.take(draw, ("range",))
         depth = preview("range", frame.channels["range"], frame.labels)
         top = np.concatenate((frame.rgb, depth), axis=1)
-        panorama = views.image("panorama", frame, draw.state.gaze, z, True)
+        panorama = views.image("panorama", frame, draw.state.gaze, start.position_m[2], True)
         height, own = panorama.shape[:2]  # padded or cropped on both sides
         width = top.shape[1]
         below, common = np.zeros((height, width, 3), dtype=np.uint8), min(width, own)

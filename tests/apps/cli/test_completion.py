@@ -53,6 +53,7 @@ COMPLETED = {
     ("drive", "soccer", "--path", "lap"): ["lap", "lap_clockwise"],
     ("drive", "soccer", "--path", "./"): [],  # the shell's: a file
     ("render", "rings", "--also", "range,flow_"): ["range,flow_backward"],
+    ("render", "rings", "--also", "range,ran"): ["range,range_through"],
     ("render", "rings", "--preset", "w"): ["webcam"],
     ("render", "rings", "--quality", "fa"): ["fast"],
     ("unwarp", "a.png", "--to", "c"): ["cylinder"],

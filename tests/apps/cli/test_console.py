@@ -3,10 +3,12 @@
 import os
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from omnisim.apps.cli.console import Output
 from omnisim.core.files.image_files import write_image
 
 
@@ -60,3 +62,12 @@ def test_cut_png_is_one_line(tmp_path):
     done = run(tmp_path, "unwarp", "a.png", "--to", "cylinder", "-o", "b.png")
     assert done.returncode == 1
     assert done.stderr == b"error: a.png: cannot be read: the file is cut off\n"
+
+
+def test_a_terminal_is_told_from_a_file_and_from_nothing(monkeypatch):
+    for is_terminal in (True, False):
+        stream = SimpleNamespace(isatty=lambda is_terminal=is_terminal: is_terminal)
+        monkeypatch.setattr(sys, "stderr", stream)
+        assert Output(is_error=True).is_terminal is is_terminal
+    monkeypatch.setattr(sys, "stderr", None)
+    assert not Output(is_error=True).is_terminal

@@ -79,8 +79,9 @@ def test_an_impossible_path_is_refused(path):
         CameraDocument().with_value("sensor.mirror.k", 3.0).with_value(path, 1.0)
 
 
-@pytest.mark.parametrize("size", [100_000, 15, 1.5, "big", True])
+@pytest.mark.parametrize("size", [2049, 15, 1.5, "big", True])
 def test_an_impossible_size_is_refused(size):
+    assert CameraDocument().with_value("size_px", 16).with_value("size_px", 2048).size_px == 2048
     with pytest.raises(SensorFileError, match="size_px: expected 16 to 2048 px"):
         CameraDocument().with_value("size_px", size)
 

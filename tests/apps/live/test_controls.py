@@ -74,7 +74,13 @@ def test_limits_units_and_values_are_those_of_the_schema():
     assert (rim["unit"], rim["low"], rim["low_open"], rim["value"]) == ("m", 0.0, True, None)
     assert rim["effective"] == pytest.approx(CameraDocument().with_value(
         "sensor.mirror.k", 8.0).camera().model.mirror.rim_radius_m)  # fmt: skip
-    assert found["sensor.camera.focal_length_px"]["choices"] == ["fit"]
+    focal = found["sensor.camera.focal_length_px"]
+    assert focal["choices"] == ["fit"]
+    assert focal["soft"] == {
+        "low": focal["effective"] / 4.0, "high": focal["effective"] * 4.0, "log": True,
+    }  # fmt: skip
+    size = found["sensor.virtual_cameras.size_px"]["soft"]
+    assert size == {"low": 16, "high": 2048, "log": True}
     assert found["sensor.virtual_cameras.samples"]["choices"] == [1, 2, 4, 8]
     assert found["sensor.virtual_cameras.far_m"]["default"] == "inf"
 
@@ -84,3 +90,17 @@ def test_typical_values_of_the_help_are_the_sliders():
     assert _controls(document)["sensor.degradation.dirt.dust_count"]["soft"] == {
         "low": 0.0, "high": 300.0, "log": False,
     }  # fmt: skip
+
+
+def test_sliders_cover_a_quarter_to_four_times_a_length_and_misalignments_to_both_sides():
+    found = _controls(with_preset(CameraDocument(), "optics", "sphere"))
+    for key, low, high, is_log in (
+        ("surfaces.0.rim_radius_m", 0.029 / 4.0, 4.0 * 0.029, True),
+        ("surfaces.0.radius_m", -0.06, 0.06, False),
+        ("surfaces.0.tilt_deg", -15.0, 15.0, False),
+        ("surfaces.0.medium", 1.0, 5.0, False),
+        ("camera.width_px", 90.0, 1440.0, True),
+        ("mounting.yaw_deg", -180.0, 180.0, False),
+    ):
+        soft = found[f"sensor.optics.{key}"]["soft"]
+        assert soft == {"low": pytest.approx(low), "high": pytest.approx(high), "log": is_log}, key

@@ -8,6 +8,8 @@ import shlex
 import socket
 import threading
 import zipfile
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,6 +20,7 @@ from omnisim import OmniCamera, load_scene, open_sensor
 from omnisim.apps.live import live as server
 from omnisim.apps.live.camera_document import CameraDocument, preset_lists
 from omnisim.apps.live.live import PAGE, new_token, page_bytes
+from omnisim.apps.live.live_source import RunSource
 from omnisim.core.errors import OutputError
 from omnisim.core.files.image_files import read_image
 from omnisim.ground_truth import CHANNELS
@@ -243,6 +246,33 @@ def test_objects_move_while_the_clock_runs():
         assert times[-1] > first["time_s"]
         client.send("clock", running=False, time_s=0.0)
         assert client.fine_frame()["data"]["camera"] == first["data"]["camera"]
+
+
+def test_a_run_is_replayed(tmp_path, monkeypatch):
+    from omnisim.apps.cli.app import app
+
+    monkeypatch.chdir(tmp_path)
+    Path("poses.tum").write_text("0 0 0 1 0 0 0 1\n1 0.1 0.2 1.1 0 0 0 1\n")
+    record = "record rings --trajectory poses.tum --trajectory-frame body --size 32 --also range"
+    app([*record.split(), "--quality", "fast", "-o", "run"], standalone_mode=False)
+    with served(partial(RunSource, tmp_path / "run")) as page, Client(page) as client:
+        hello = client.receive("hello")
+        assert (hello["steps"], hello["is_editable"]) == (2, False)
+        assert hello["driven_m"] == [[0.0, 0.0], [0.1, 0.2]]
+        client.send("views", names=["range", "normals"])
+        client.send("replay", step=1)
+        frame = client.fine_frame()
+        assert frame["data"]["camera"] == Path("run/camera/000001.png").read_bytes()
+        assert frame["command"] == f"# {tmp_path}/run/camera/000001.png"
+        assert [part["size"] > 0 for part in frame["parts"]] == [True, True, False]
+        mounted_m = np.array([0.1, 0.2, 1.1]) + OmniCamera().base_from_optical[:3, 3]
+        np.testing.assert_allclose(frame["viewpoint"]["position_m"], mounted_m, atol=1e-6)
+        client.send("statistics")
+        assert "triangles are not counted" in client.receive("error")["text"]
+        client.send("save", what="image")
+        archive = zipfile.ZipFile(io.BytesIO(client.receive("saved")["data"]["omnisim.zip"]))
+        assert len(archive.namelist()) > 1
+        assert archive.read("000001.png") == frame["data"]["camera"]
 
 
 def test_rubbish_is_answered_in_words(page):

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from omnisim.apps.live.live_source import RADIUS_M, circle
 from omnisim.apps.live.viewpoint_motion import (
     EYE_M,
     FreeFlight,
@@ -161,3 +162,17 @@ def test_a_pause_is_no_jump():
     flight.command = MotionCommand(ahead=1.0)
     flight.advance(3600.0)
     assert flight.place.position_m[0] < 0.3
+
+
+def test_a_film_goes_once_around_a_circle_looking_ahead():
+    start = Place((1.0, -2.0, 0.5), 30.0)
+    places = list(circle(start, 36))
+    assert places[0] == start
+    positions_m = np.array([place.position_m for place in places])
+    center_m = start.position_m + RADIUS_M * np.array([-0.5, np.sqrt(0.75), 0.0])  # to its left
+    distances_m = np.linalg.norm(positions_m - center_m, axis=1)
+    np.testing.assert_allclose(distances_m, RADIUS_M, atol=1e-4)
+    ways = np.diff(positions_m, axis=0, append=positions_m[:1])
+    headings = np.radians([place.yaw_deg + 5.0 for place in places])  # half a step on
+    ahead = np.stack((np.cos(headings), np.sin(headings), 0.0 * headings), axis=1)
+    np.testing.assert_allclose(ways, ahead * (2.0 * RADIUS_M * np.sin(np.radians(5.0))), atol=2e-4)

@@ -131,7 +131,7 @@ def run(request: RenderRequest) -> None:
             rest = f"{counted.seen:,} seen; drawn: not available, as --backend rays draws none"
         out.print(f"{request.output}: triangles: {counted.submitted:,} submitted, {rest}")
     _write_other_files(request, camera, frame, base, faces)
-    _print_truth(request, frame, channels, others)
+    _print_truth(request, frame, channels, others, None if is_float else channel_format)
 
 
 def _print_truth(
@@ -139,7 +139,9 @@ def _print_truth(
     frame: Frame,
     channels: Collection[str],
     others: Mapping[str, inputs.Viewpoint],
+    channel_format: ChannelFormat | None,
 ) -> None:
+    """Print what was written of ground truth; `channel_format` is None if it is in an EXR."""
     if channels:
         flows = ""
         for other, at in others.items():
@@ -151,9 +153,7 @@ def _print_truth(
     if request.truth.boxes_3d and frame.boxes_3d is not None:
         boxes = pluralize(len(frame.boxes_3d), "instance")
         out.print(f"{sidecar_path(request.output, BOXES_3D)}: 3-D boxes of {boxes}")
-    form = inputs.parse_channel_format(request.truth.channel_format, channels)
-    is_png = form is not ChannelFormat.NPY and not is_float_format(request.output)
-    if "range" in channels and is_png:
+    if "range" in channels and channel_format not in (None, ChannelFormat.NPY):
         steps_per_m = range_steps_per_m(frame.channels["range"])
         if steps_per_m < FINEST_RANGE_STEPS_PER_M:
             print_note(

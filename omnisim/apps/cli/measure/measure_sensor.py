@@ -33,12 +33,7 @@ from omnisim.measurement.geometry.board_detection import image_files
 from omnisim.measurement.geometry.placed_board import BoardSurface
 from omnisim.measurement.inputs import frame_numbers
 from omnisim.measurement.noise import find_frame_sets, measure_noise, read_statistics
-from omnisim.measurement.response import (
-    MeasuredResponse,
-    MeasuredVignetting,
-    measure_response,
-    measure_vignetting,
-)
+from omnisim.measurement.response import MeasuredVignetting, measure_response, measure_vignetting
 from omnisim.measurement.response.response_curve import check_unclipped, mean_image
 from omnisim.measurement.sharpness import (
     EdgeSharpness,
@@ -82,14 +77,15 @@ def response(request: requests.MeasureResponseRequest) -> None:
     measured = measure_response(images, times, request.black, largest, str(request.images))
     quantities, unobservable = list(measured.quantities), list[Unobservable]()
     degradation: dict[str, Any] = dict(tables.get("degradation", {}))
-    degradation["encoding"] = _encoding(degradation.get("encoding", {}), measured)
+    encoding, sigma = measured.encoding, measured.quantities[0].sigma
+    degradation["encoding"] = _encoding(degradation.get("encoding", {}), encoding, sigma)
     curves = {"light": measured.light.tolist(), "levels": measured.levels.tolist()}
     details: dict[str, Any] = {"response": {**curves, "errors": measured.errors}}
     if request.flat is None:
         reason = "no flat fields: photograph an evenly lit surface, and give --flat"
         unobservable.append(Unobservable("vignetting.coefficients", reason))
     else:
-        channels = _vignetting(request.flat, request, measured)
+        channels = _vignetting(request.flat, request, encoding)
         green = channels.get("green", next(iter(channels.values())))
         degradation["vignetting"] = green.vignetting.to_table(full=True)
         if set(_NAMES) <= channels.keys():
@@ -120,7 +116,7 @@ def response(request: requests.MeasureResponseRequest) -> None:
 
 
 def _vignetting(
-    folder: Path, request: requests.MeasureResponseRequest, measured: MeasuredResponse
+    folder: Path, request: requests.MeasureResponseRequest, encoding: Encoding
 ) -> dict[str, MeasuredVignetting]:
     """Vignetting of each channel, by name; a gray image has a single channel."""
     files = image_files(folder)
@@ -139,7 +135,7 @@ def _vignetting(
         check_unclipped(mean, largest, str(folder))
         levels = np.clip((mean - request.black) / (largest - request.black), 0.0, 1.0)
         name = _NAMES[number] if number else "red"
-        light = measured.encoding.linearized(levels)
+        light = encoding.linearized(levels)
         channels[name] = measure_vignetting(light, center, str(folder))
     return {"gray": channels["red"]} if len(channels) == 1 else channels
 
@@ -149,13 +145,14 @@ def _principal_point_px(camera: CentralCamera) -> tuple[float, float]:
     return float(u_px), float(v_px)
 
 
-def _encoding(table: dict[str, Any], measured: MeasuredResponse) -> dict[str, Any]:
+def _encoding(table: dict[str, Any], encoding: Encoding, sigma: float) -> dict[str, Any]:
+    """Table of an encoding whose gamma has a standard deviation, with the other keys of `table`."""
     others = {key: value for key, value in table.items() if key not in ("gamma", "curve")}
-    gamma, curve = measured.encoding.gamma, measured.encoding.curve
+    gamma, curve = encoding.gamma, encoding.curve
     if curve is not None:
         return {**others, "curve": [[round(value, 5) for value in point] for point in curve]}
     if not isinstance(gamma, str) and gamma != 1.0:
-        gamma = round_to_sigma(gamma, measured.quantities[0].sigma)
+        gamma = round_to_sigma(gamma, sigma)
     return {**others, "gamma": gamma}
 
 

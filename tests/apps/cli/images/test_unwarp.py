@@ -31,6 +31,8 @@ def test_unwarp_and_unwarp_again(quiet, tmp_path, kind, suffix):
     assert f"b{suffix}: {kind}, " in out
     pixels, metadata = read_image(tmp_path / f"b{suffix}")
     assert metadata["scene"] == "none"
+    if kind == "birdseye":  # up to 4 × the height from the middle
+        assert metadata["camera"]["focal_length_px"] == metadata["camera"]["width_px"] / 8
     if suffix != ".jpg":
         masked = int((pixels[..., 3] == 0).sum())
         assert (f"{masked} pixels" in out) == (masked > 0)

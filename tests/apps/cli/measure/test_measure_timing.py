@@ -4,7 +4,8 @@ import json
 
 import pytest
 
-from omnisim.apps.cli.measure.measured_files import round_to_sigma
+from omnisim.apps.cli.measure.measured_files import check_size, round_to_sigma
+from omnisim.core.errors import MeasurementError
 from omnisim.core.files.image_files import write_numbers
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from tests.measurement.timing.test_flicker import lit_frames
@@ -16,6 +17,14 @@ def test_values_have_the_digits_of_their_standard_deviation():
     assert round_to_sigma(3.14159, 0.02) == 3.142
     assert round_to_sigma(31415.9, 200.0) == 31420.0
     assert round_to_sigma(3.14159265, 0.0) == 3.14159
+
+
+def test_images_have_the_size_of_the_cameras():
+    camera = OmniCamera().model
+    check_size("a.png", (360, 360), camera, "s.toml")
+    for size_px in ((360, 300), (300, 360)):
+        with pytest.raises(MeasurementError, match=r"expected 360 × 360 px as in s\.toml"):
+            check_size("a.png", size_px, camera, "s.toml")
 
 
 @pytest.fixture
