@@ -17,7 +17,7 @@ from omnisim.validation.checks.lit_scenes import FOLDER, SETTINGS, in_baked_ligh
 from omnisim.validation.fixture import linear_image
 from omnisim.validation.image_differences import psnr_db, ssim
 from omnisim.validation.oracles.mitsuba_light import matte_on_both_sides
-from omnisim.validation.traced_light import inside_rim, sensor_of, traced_light
+from omnisim.validation.traced_light import views
 
 SIZE_PX = 260
 SAMPLES = {"mirror": 225, "fisheye": 9}  # see `traced_light`
@@ -30,20 +30,20 @@ def main(path: str) -> None:
     for name, cameras in ROWS.items():
         scene = matte_on_both_sides(load_scene(FOLDER / f"{name}.toml"))
         baked = in_baked_light(scene, SETTINGS)
-        for camera in cameras:
-            tiles += row(name, scene, baked, camera)
+        for view in views(scene, SIZE_PX, cameras):
+            tiles += row(name, baked, view)
     save_contact_sheet(Path(path), tiles, columns=3)
 
 
-def row(name, scene, baked, camera):
+def row(name, baked, view):
     """Titles and images (height, width, 3) of one scene through one camera."""
-    sensor = sensor_of(camera, SIZE_PX)
-    at = sensor.base_pose(scene.start.position_m, yaw_deg=20.0)
-    inside = inside_rim(sensor)
-    alone, ours = (rendered(one, sensor, at) for one in (scene, baked))
-    traced = traced_light(scene, sensor, at, SAMPLES[camera], bounces=True)
+    inside = view.inside
+    alone, ours = (rendered(scene, view) for scene in (view.scene, baked))
+    traced = view.traced(SAMPLES[view.camera], bounces=True)
     level, likeness = psnr_db(traced, ours, inside), ssim(traced, ours, inside)
-    print(f"{name}, {camera}: {level:.1f} dB, structural similarity {likeness:.3f}", flush=True)
+    print(
+        f"{name}, {view.camera}: {level:.1f} dB, structural similarity {likeness:.3f}", flush=True
+    )
     images = {"lamps alone": alone, "baked": ours, "Mitsuba, all light": traced}
     return [
         (title, srgb8_from_linear(np.clip(np.where(inside[..., None], linear, 0.0), 0.0, 1.0)))
@@ -51,10 +51,10 @@ def row(name, scene, baked, camera):
     ]
 
 
-def rendered(scene, sensor, at):
+def rendered(scene, view):
     """Linear image (height, width, 3)."""
-    with open_sensor(scene, sensor) as renderer:
-        return linear_image(renderer.render(at, linear=True))
+    with open_sensor(scene, view.sensor) as renderer:
+        return linear_image(renderer.render(view.pose, linear=True))
 
 
 if __name__ == "__main__":

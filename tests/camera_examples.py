@@ -170,11 +170,7 @@ FIRST_EXAMPLES = frozenset(_FIRST_OF_MODEL.values())  # one of each model
 camera_examples = pytest.mark.parametrize(
     "camera",
     [
-        pytest.param(
-            camera,
-            id=name,
-            marks=() if name in FIRST_EXAMPLES else pytest.mark.slow,
-        )
+        pytest.param(camera, id=name, marks=() if name in FIRST_EXAMPLES else pytest.mark.slow)
         for name, camera in CAMERA_EXAMPLES.items()
     ],
 )

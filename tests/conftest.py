@@ -17,11 +17,7 @@ from omnisim.core.errors import GraphicsError
 from omnisim.rendering.opengl.gl import debug
 from omnisim.rendering.opengl.gl.context import open_context, release_context
 from omnisim.rendering.opengl.shadows import shadow_plan
-from tests.read_once import (
-    cluster_triangles_once,
-    make_mipmaps_once,
-    read_built_in_scenes_once,
-)
+from tests.read_once import cluster_triangles_once, make_mipmaps_once, read_built_in_scenes_once
 
 
 @pytest.fixture(scope="session", autouse=True)

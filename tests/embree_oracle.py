@@ -12,7 +12,7 @@ from omnisim import OmniCamera, load_scene, open_sensor
 from omnisim.cameras import EquidistantCamera, EquirectangularCamera, pixel_grid
 from omnisim.core.poses import pose
 from omnisim.rendering.rays.shading.shading import Shading
-from omnisim.rendering.truth.flow import OCCLUDED, OUTSIDE, VISIBLE
+from omnisim.rendering.truth import OCCLUDED, OUTSIDE, VISIBLE
 from tests.ray_casting import RayCaster, opaque_part
 from tests.scenes import WAREHOUSE
 

@@ -31,6 +31,28 @@ def rays_from(origin, directions):
     return Rays(origins, directions, np.zeros(count), np.full(count, np.inf))
 
 
+def embree_ranges(corners_m, origins_m, directions):
+    """Ranges (n,) of rays (n, 3) to triangles (m, 3, 3), by embreex itself and then in float64.
+
+    Embree, in float32, finds the triangle; +inf where it finds none.
+    """
+    pytest.importorskip("embreex", reason="embreex, the ray caster to compare with, is missing")
+    from embreex.mesh_construction import TriangleMesh
+    from embreex.rtcore_scene import EmbreeScene
+
+    embree = EmbreeScene()
+    mesh = TriangleMesh(embree, corners_m.astype(np.float32))  # keeps the vertices alive
+    found = embree.run(origins_m.astype(np.float32), directions.astype(np.float32))
+    del mesh
+    hit = np.flatnonzero(found >= 0)
+    a, b, c = np.moveaxis(corners_m[found[hit]], 1, 0)
+    normals = np.cross(b - a, c - a)
+    ranges_m = np.full(len(directions), np.inf)
+    above = np.einsum("ij,ij->i", normals, a - origins_m[hit])
+    ranges_m[hit] = above / np.einsum("ij,ij->i", normals, directions[hit])
+    return ranges_m
+
+
 class RayCaster:
     """Casts rays at all triangles of a scene, both sides; alpha counts for nothing."""
 

@@ -1,5 +1,7 @@
 """Scenes of tests: small ones whose colors can be computed, and a real one where it is."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -73,6 +75,13 @@ def square(half_m=5.0, z_m=0.0, material=0, name="square", **options):
     corners = corners * np.float32(half_m) + np.array([0, 0, z_m], dtype=np.float32)
     triangles = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32)
     return Mesh(name, corners, triangles, material, **options)
+
+
+def upright(half_m=5.0, x_m=0.0, material=0, name="upright", **options):
+    """An upright square across x, its front ahead; of half sides along y and z, if two."""
+    mesh = square(1.0, material=material, name=name, **options)
+    positions = mesh.positions[:, [2, 0, 1]] * np.float32((1.0, *np.broadcast_to(half_m, 2)))
+    return replace(mesh, positions=positions + np.float32((x_m, 0.0, 0.0)))
 
 
 def next_to_another_face(faces):

@@ -29,8 +29,14 @@ ROOMS = (
     {"core"},
 )
 MAX_ROOMS, MAX_ROW = 16, 20  # rooms of the package, modules of a folder
+# As measured; whoever merges or shortens modules lowers them: to 6 % and 30.
+MAX_IMPORT_PERCENT = 8.2  # of the package's lines
+MAX_SINGLE_USE = 34  # modules that only one other imports
+MAX_LINES = 700  # of a file
 # Formats that share parts of a file's anatomy, checks and commands that share what they are of.
 SHARED_STEMS = {"formats", "checks", "cli"}
+# Folders whose modules are named by a table or a list: one file for each entry.
+REGISTRIES = {"formats", "importers", "checks", "cli", "estimators", "experiments", "oracles"}
 OPENGL_LAYERS = (
     {"cube_backend"},
     {"parallax_camera"},
@@ -73,11 +79,7 @@ HOMES = {
 }
 # Outside of rendering.opengl, what draws by OpenGL: imported by functions that are asked to.
 DRAWING = {
-    f"omnisim.{name}"
-    for name in (
-        "validation.checks.optics",
-        "validation.checks.paper_mirror",
-    )
+    f"omnisim.{name}" for name in ("validation.checks.optics", "validation.checks.paper_mirror")
 }
 MODULES = {
     ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts).removesuffix(".__init__"): path
@@ -86,10 +88,15 @@ MODULES = {
 
 
 @cache
+def _tree(module):
+    return ast.parse(MODULES[module].read_text(encoding="utf-8"))
+
+
+@cache
 def _import_nodes(module):
     """Import statements of a module, for type checking too."""
-    tree = ast.parse(MODULES[module].read_text(encoding="utf-8"))
-    return [node for node in ast.walk(tree) if isinstance(node, ast.Import | ast.ImportFrom)]
+    nodes = ast.walk(_tree(module))
+    return [node for node in nodes if isinstance(node, ast.Import | ast.ImportFrom)]
 
 
 @cache
@@ -108,7 +115,7 @@ def _imports(module):
 
 def _imported_at_start(module):
     """Names of what a module imports when it is imported, with their packages."""
-    for node in ast.parse(MODULES[module].read_text(encoding="utf-8")).body:
+    for node in _tree(module).body:
         names = []
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
@@ -257,6 +264,35 @@ def test_only_drawing_needs_opengl():
         needing |= more
     outside = {one for one in needing if not one.startswith("omnisim.rendering.opengl.")}
     assert outside == DRAWING | {"moderngl"}
+
+
+def _lines_of(module):
+    return len(MODULES[module].read_text(encoding="utf-8").splitlines())
+
+
+def test_files_are_read_at_once_and_imports_are_few():
+    lines = {module: _lines_of(module) for module in MODULES}
+    _check(f"{module}: {count} lines" for module, count in lines.items() if count > MAX_LINES)
+    imports = sum(
+        node.end_lineno - node.lineno + 1 for module in MODULES for node in _import_nodes(module)
+    )
+    assert 100.0 * imports / sum(lines.values()) <= MAX_IMPORT_PERCENT
+
+
+def test_few_modules_have_one_importer():
+    """Such a module may be a part of the one that imports it."""
+    importers = defaultdict(set)
+    for module in MODULES:
+        for name in set(_imports(module)) - {module}:
+            importers[name].add(module)
+    single = [
+        f"{module}, {_lines_of(module)} lines, by {user}"
+        for module, path in MODULES.items()
+        if path.stem != "__init__" and not REGISTRIES & set(module.split("."))
+        for user in (importers[module] if len(importers[module]) == 1 else ())
+        if MODULES[user].stem != "__init__"
+    ]
+    assert len(single) <= MAX_SINGLE_USE, "\n".join(single)
 
 
 def test_every_room_is_there():

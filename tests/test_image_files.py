@@ -44,18 +44,13 @@ def test_exr_holds_linear_floats_past_white(tmp_path):
     assert metadata == METADATA
 
 
-def test_no_partial_file_is_left(tmp_path):
-    write_image(tmp_path / "a.png", IMAGE)
-    write_image(tmp_path / "a.png", IMAGE[::-1])
-    assert [path.name for path in tmp_path.iterdir()] == ["a.png"]
-    np.testing.assert_array_equal(read_image(tmp_path / "a.png")[0], IMAGE[::-1])
-
-
-@pytest.mark.parametrize("suffix", [".png", ".jpg", ".tif", ".exr"])
+@pytest.mark.parametrize("suffix", [".png", ".exr"])
 def test_full_disk_leaves_the_old_image(tmp_path, monkeypatch, suffix):
     path = tmp_path / f"a{suffix}"
     image = IMAGE.astype(np.float32) if suffix == ".exr" else IMAGE
-    write_image(path, image)
+    for written in (image[::-1], image):
+        write_image(path, written)
+        np.testing.assert_array_equal(read_image(path)[0], written)
     before = path.read_bytes()
 
     def until_full(target, data):
@@ -71,17 +66,23 @@ def test_full_disk_leaves_the_old_image(tmp_path, monkeypatch, suffix):
     assert path.read_bytes() == before
 
 
-def test_unknown_format_missing_folder_folder_as_file(tmp_path):
-    with pytest.raises(OutputError, match=r"a\.gif: unknown image format: .*got '\.gif'"):
-        write_image(tmp_path / "a.gif", IMAGE)
-    with pytest.raises(OutputError, match=r"unknown image format: .*got ''"):
-        write_image(tmp_path / "a", IMAGE)
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("a.gif", r"a\.gif: unknown image format: .*got '\.gif'"),
+        ("a", "unknown image format: .*got ''"),
+        ("a.txt/a.png", r"a\.txt: is a file: expected a folder"),
+        ("b.png", r"b\.png: is a folder"),
+        ("/proc/a.png", "cannot be written"),
+        ("a" * 252 + ".png", "File name too long"),
+    ],
+)
+def test_places_that_cannot_be_written_to(tmp_path, name, words):
     (tmp_path / "a.txt").touch()
-    with pytest.raises(OutputError, match=r"a\.txt: is a file: expected a folder"):
-        write_image(tmp_path / "a.txt" / "a.png", IMAGE)
     (tmp_path / "b.png").mkdir()
-    with pytest.raises(OutputError, match=r"b\.png: is a folder"):
-        write_image(tmp_path / "b.png", IMAGE)
+    with pytest.raises(OutputError, match=words):
+        write_image(tmp_path / name, IMAGE)
+    write_image(tmp_path / ("a" * 251 + ".png"), IMAGE)  # the longest name
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
@@ -94,11 +95,6 @@ def test_folder_without_write_permission(tmp_path):
         tmp_path.chmod(0o700)
 
 
-def test_kernel_folder_cannot_be_written_to():
-    with pytest.raises(OutputError, match="cannot be written"):
-        write_image(Path("/proc/a.png"), IMAGE)
-
-
 def test_wrong_pixels_for_the_format(tmp_path):
     with pytest.raises(OutputError, match="expected float32 pixels, got uint8"):
         write_image(tmp_path / "a.exr", IMAGE)
@@ -108,12 +104,13 @@ def test_wrong_pixels_for_the_format(tmp_path):
 
 
 def test_foreign_images_have_no_metadata(tmp_path):
-    from PIL import Image
-
-    Image.fromarray(IMAGE).save(tmp_path / "a.png")
-    pixels, metadata = read_image(tmp_path / "a.png")
-    np.testing.assert_array_equal(pixels, IMAGE)
-    assert metadata is None
+    deeply_nested = PngInfo()
+    deeply_nested.add_text("Description", '{"camera":' * 5000)
+    for description in (None, deeply_nested):
+        Image.fromarray(IMAGE).save(tmp_path / "a.png", pnginfo=description)
+        pixels, metadata = read_image(tmp_path / "a.png")
+        np.testing.assert_array_equal(pixels, IMAGE)
+        assert metadata is None
     (tmp_path / "empty.png").write_bytes(b"")
     with pytest.raises(OutputError, match=r"empty\.png: cannot be read"):
         read_image(tmp_path / "empty.png")
@@ -126,22 +123,6 @@ def test_link_stays_a_link(tmp_path):
     write_image(tmp_path / "a.png", IMAGE)
     assert (tmp_path / "a.png").is_symlink()
     np.testing.assert_array_equal(read_image(tmp_path / "real.png")[0], IMAGE)
-
-
-def test_name_at_the_limit_of_the_file_system(tmp_path):
-    write_image(tmp_path / ("a" * 251 + ".png"), IMAGE)
-    assert len(list(tmp_path.iterdir())) == 1
-    with pytest.raises(OutputError, match="File name too long"):
-        write_image(tmp_path / ("a" * 252 + ".png"), IMAGE)
-
-
-def test_deeply_nested_description_is_no_metadata(tmp_path):
-    description = PngInfo()
-    description.add_text("Description", '{"camera":' * 5000)
-    Image.new("RGB", (2, 2)).save(tmp_path / "a.png", pnginfo=description)
-    pixels, metadata = read_image(tmp_path / "a.png")
-    assert pixels.shape == (2, 2, 3)
-    assert metadata is None
 
 
 def _channels():
@@ -183,15 +164,6 @@ def test_invalid_channels_are_refused(tmp_path, name, change, what):
         write_channels(tmp_path / "b.exr", {})
 
 
-def test_other_files_are_no_channels(tmp_path):
-    path = tmp_path / "a.exr"
-    with pytest.raises(OutputError, match="cannot be read"):
-        read_channels(path)
-    path.write_text("no image")
-    with pytest.raises(OutputError, match="cannot be read"):
-        read_channels(path)
-
-
 @pytest.mark.parametrize("suffix", [".png", ".jpg", ".tif", ".exr"])
 def test_equal_images_are_equal_bytes(tmp_path, suffix):
     """Equal images make equal files: OpenEXR's writer would note when it wrote."""
@@ -202,13 +174,15 @@ def test_equal_images_are_equal_bytes(tmp_path, suffix):
 
 
 @pytest.mark.parametrize("read", [read_channels, read_image])
-@pytest.mark.parametrize("word", [b"channels", b"chlist"])
-def test_header_that_is_not_utf8_is_refused(tmp_path, word, read):
+def test_files_and_headers_that_are_damaged_are_refused(tmp_path, read):
     path = tmp_path / "a.exr"
     write_channels(path, {"range.X": np.ones((2, 3), np.float32)}, {}, {"comment": "a"})
-    path.write_bytes(path.read_bytes().replace(word, b"\xff" * len(word)))
-    with pytest.raises(OutputError, match=r"a\.exr: cannot be read"):
-        read(path)
+    whole = path.read_bytes()
+    no_utf8 = [whole.replace(word, b"\xff" * len(word)) for word in (b"channels", b"chlist")]
+    for content in (None, b"no image", *no_utf8):
+        path.unlink() if content is None else path.write_bytes(content)
+        with pytest.raises(OutputError, match=r"a\.exr: cannot be read"):
+            read(path)
 
 
 def test_damaged_png_is_refused(tmp_path):

@@ -1,4 +1,4 @@
-"""Lists in documentation and on sheets, against the code: an addition that is left out is found."""
+"""Lists and links in READMEs against code and files, and keys that were renamed."""
 
 import dataclasses
 import re
@@ -22,23 +22,20 @@ from omnisim.robots import robot_file
 from tests.rendering.camera.degradations.test_gpu_equals_reference import EXAMPLES
 
 PACKAGE = Path(omnisim.__file__).parent
-EFFECTS = [field.name for field in dataclasses.fields(Degradation)]
+ROOT = PACKAGE.parent
+READMES = sorted(
+    path
+    for folder in (".", "benchmarks", "omnisim", "scenes", "shaders")
+    for path in (ROOT / folder).glob("**/README.md" if folder != "." else "README.md")
+)
 # Random, of several images, or with an encoder: compared by tests of their own.
 NOT_ONE_STEP = {"shutter", "exposure", "noise", "encoding", "jpeg"}
 
 
-def _rows(folder):
-    """Names of the tables' rows in a package's README."""
-    text = (PACKAGE / folder / "README.md").read_text(encoding="utf-8")
-    return re.findall(r"^\| \[?`(\w+)`", text, re.MULTILINE)
-
-
-def test_readmes_have_a_row_for_each_format_and_degradation():
-    assert sorted(_rows("cameras/calibration")) == sorted(FORMATS)
-
-
-def test_readme_promises_no_more_models_and_formats_than_there_are():
-    text = (PACKAGE.parent / "README.md").read_text(encoding="utf-8")
+def test_readmes_name_as_many_models_and_formats_as_there_are():
+    text = (PACKAGE / "cameras" / "calibration" / "README.md").read_text(encoding="utf-8")
+    assert sorted(re.findall(r"^\| \[?`(\w+)`", text, re.MULTILINE)) == sorted(FORMATS)
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
     (models,) = re.findall(r"(\d+) camera models\*\*", text)
     (formats,) = re.findall(r"(\d+) \[calibration formats", text)
     assert 0 <= len(CAMERA_MODELS) - int(models) < 10
@@ -47,7 +44,7 @@ def test_readme_promises_no_more_models_and_formats_than_there_are():
 
 def test_each_degradation_has_its_export_and_its_example():
     kinds = {name: kind.__name__ for name, kind in EFFECT_CLASSES.items()}
-    assert list(kinds) == EFFECTS
+    assert list(kinds) == [field.name for field in dataclasses.fields(Degradation)]
     assert set(kinds.values()) <= set(degradations.__all__)
     compared = {type(part).__name__ for part, _ in EXAMPLES.values()}
     assert {name for name, kind in kinds.items() if kind not in compared} == NOT_ONE_STEP
@@ -74,3 +71,22 @@ def test_a_key_that_was_renamed_is_refused_with_its_new_name(table, old, new):
         value = {part: value}
     with pytest.raises(PlanError, match=f"{old}: unknown key; (did you mean '{new}'|.*{new})"):
         parse_table(value, table, PlanError, "file.toml")
+
+
+@pytest.mark.parametrize("path", READMES, ids=lambda path: str(path.parent.relative_to(ROOT)))
+def test_links_and_paths_of_readmes_lead_to_files_and_headings(path):
+    text = path.read_text(encoding="utf-8")
+    for target, anchor in re.findall(r"\]\(([^)#\s]+)#?([^)\s]*)\)", text):
+        if target.startswith("http"):
+            continue
+        file = path.parent / target
+        assert file.exists(), target
+        if anchor:
+            headings = re.findall(r"^#+ (.+)$", file.read_text(encoding="utf-8"), re.MULTILINE)
+            slugs = [re.sub(r"[^\w\- ]", "", one.lower()).replace(" ", "-") for one in headings]
+            assert anchor in slugs, f"{target}#{anchor}"
+    for name in re.findall(r"`((?:[\w.-]+/)+[\w.-]*)`", text):
+        # in code, from the root or the package; `out` is what make writes
+        known = any((root / name.split("/")[0]).is_dir() for root in (ROOT, PACKAGE))
+        if known and not name.startswith("out/"):
+            assert any((root / name).exists() for root in (path.parent, ROOT, PACKAGE)), name

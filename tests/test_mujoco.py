@@ -13,6 +13,7 @@ from tests.scene.formats.mjcf.models import SHAPES
 
 mujoco = pytest.importorskip("mujoco")
 pytestmark = pytest.mark.usefixtures("needs_opengl")
+STANDING = pose((0.0, 0.0, 0.8))
 FISHEYE = OmniCamera(EquidistantCamera(160, 160, 48.0, (79.5, 79.5), np.radians(95.0)))
 
 
@@ -41,7 +42,7 @@ def _rays_m(model, data, camera, frame):
 
 def test_frames_follow_the_bodies_of_the_simulation(simulation):
     model, data = simulation
-    with Camera(model, data, FISHEYE, pose=pose((0.0, 0.0, 0.8))) as camera:
+    with Camera(model, data, FISHEYE, pose=STANDING) as camera:
         seen = []
         for _ in range(3):
             mujoco.mj_step(model, data, 40)  # the ball falls, and rolls
@@ -52,19 +53,17 @@ def test_frames_follow_the_bodies_of_the_simulation(simulation):
             is_right = errors_m <= np.maximum(1e-3, 1e-3 * ranges_m[valid])
             assert is_right.mean() > 0.997  # at silhouettes of so small an image
             assert (camera.geom_ids(frame)[valid] == geoms[valid]).mean() > 0.997
-            assert frame.metadata["world_from_base"] == pose((0.0, 0.0, 0.8)).tolist()
+            assert frame.metadata["world_from_base"] == STANDING.tolist()
             seen.append(frame.rgb)
         assert (seen[0] != seen[2]).any()
 
 
 def test_geoms_have_their_numbers_and_nothing_has_none(simulation):
     model, data = simulation
-    with Camera(model, data, FISHEYE, pose=pose((0.0, 0.0, 0.8))) as camera:
-        frame = camera.render(also=("instance",))
-        ids = camera.geom_ids(frame)
-        assert camera.geoms["can/side"] == mujoco.mj_name2id(
-            model, mujoco.mjtObj.mjOBJ_GEOM, "side"
-        )
+    with Camera(model, data, FISHEYE, pose=STANDING) as camera:
+        ids = camera.geom_ids(camera.render(also=("instance",)))
+        side = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, "side")
+        assert camera.geoms["can/side"] == side
         assert NO_GEOM in ids
         assert set(np.unique(ids)) <= {NO_GEOM, *camera.geoms.values()}
         with pytest.raises(OmnisimError, match="expected a frame with also=\\('instance',\\)"):
@@ -108,7 +107,7 @@ def test_a_camera_of_the_model_looks_where_mujocos_own_does(simulation):
 
 def test_flow_is_that_of_the_bodies(simulation):
     model, data = simulation
-    with Camera(model, data, FISHEYE, pose=pose((0.0, 0.0, 0.8))) as camera:
+    with Camera(model, data, FISHEYE, pose=STANDING) as camera:
         before = camera.state()
         mujoco.mj_step(model, data, 50)
         frame = camera.render(before, also=("flow", "instance"), next_state=camera.state())
@@ -116,7 +115,7 @@ def test_flow_is_that_of_the_bodies(simulation):
         ids = camera.geom_ids(frame)
     assert moves[ids == camera.geoms["ball/sphere"]].mean() > 0.9
     assert not moves[ids == camera.geoms["can/side"]].any()
-    assert frame.metadata["world_from_base"] == pose((0.0, 0.0, 0.8)).tolist()
+    assert frame.metadata["world_from_base"] == STANDING.tolist()
 
 
 def test_mocap_bodies_move_and_hidden_geoms_are_not_drawn():

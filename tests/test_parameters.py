@@ -1,4 +1,4 @@
-"""Parameters and tables: values that fit, and one line for each fault."""
+"""Parameters, tables and their TOML: values that fit, and one line for each fault."""
 
 import dataclasses
 import math
@@ -11,31 +11,31 @@ import pytest
 from pydantic import Field
 
 from omnisim.core.errors import OpticsError, SensorFileError, did_you_mean
+from omnisim.core.files import parameters
 from omnisim.core.files.file_keys import Limit, json_schema, keys_of
 from omnisim.core.files.parameters import (
-    NOT_IN_FILES,
-    Fraction,
     NotNegative,
     Number,
     Parameters,
     Positive,
     Table,
-    Typical,
-    described,
     in_degrees,
     overriding,
     parse_table,
     table_of,
-)
-from omnisim.core.files.toml_file import toml_text
+)  # fmt: skip
+from omnisim.core.files.toml_file import Comment, toml_text
+from omnisim.rendering.camera.sensor_file import DEFAULT_SENSOR_FILE
 
 
 @dataclass(frozen=True)
 class Probe(Parameters, name="probe"):
     size_px: Positive = 1.0
-    share: Fraction | None = None
+    share: parameters.Fraction | None = None
     offset_px: tuple[Number, Number] = (0.0, 0.0)
-    mode: Annotated[Literal["auto"] | NotNegative, described("a number ≥ 0 or 'auto'")] = "auto"
+    mode: Annotated[
+        Literal["auto"] | NotNegative, parameters.described("a number ≥ 0 or 'auto'")
+    ] = "auto"
 
     def _check(self):
         if self.share is not None and self.share > self.size_px:
@@ -53,7 +53,6 @@ def test_values_are_normalized():
     ("values", "fault"),
     [
         ({"size_px": 0.0}, "size_px: expected a number > 0, got 0.0"),
-        ({"size_px": "1"}, "size_px: expected a number, got '1'"),
         ({"size_px": np.nan}, "size_px: expected a finite number, got nan"),
         ({"size_px": True}, "size_px: expected a number, got True"),
         ({"offset_px": (1.0, np.inf)}, "offset_px.1: expected a finite number, got inf"),
@@ -73,12 +72,6 @@ def test_constructor_and_file_name_the_same_fault(values, fault):
 def test_values_that_do_not_fit_each_other_are_refused():
     with pytest.raises(OpticsError, match=r"^probe\.share: expected at most size_px = 0\.2, got 0"):
         Probe(size_px=0.2, share=0.5)
-
-
-def test_each_fault_is_one_line():
-    with pytest.raises(OpticsError) as caught:
-        Probe(size_px=-1.0, mode="off")
-    assert len(str(caught.value).splitlines()) == 2
 
 
 def test_unknown_and_missing_keys():
@@ -105,7 +98,9 @@ NOISE_RAD = math.radians(1.5)
 class Lens(Parameters, name="lens", error=SensorFileError):
     """A lens."""
 
-    half_rad: Annotated[Number, Field(gt=0.0, le=math.pi), Typical(0.25 * math.pi, 0.5 * math.pi)]
+    half_rad: Annotated[
+        Number, Field(gt=0.0, le=math.pi), parameters.Typical(0.25 * math.pi, 0.5 * math.pi)
+    ]
     """Half of the field of view."""
     turns_radps: tuple[Annotated[Number, Field(ge=0.0)], ...] = ()
     """Turn rates."""
@@ -133,7 +128,7 @@ class Rig(Parameters, error=SensorFileError):
     drift_radpm: Number = 0.0
     """Drift."""
     matrix: np.ndarray = dataclasses.field(
-        default_factory=lambda: np.eye(2), metadata=NOT_IN_FILES, compare=False
+        default_factory=lambda: np.eye(2), metadata=parameters.NOT_IN_FILES, compare=False
     )
 
 
@@ -145,14 +140,11 @@ def test_degrees_of_a_file_come_back_as_they_were():
     """Numbers of up to 15 digits, as people write them, to the last bit."""
     rng = np.random.default_rng(1)
     for digits in range(1, 16):
-        for size in 10.0 ** rng.uniform(-9, 9, 200):
+        for size in 10.0 ** rng.uniform(-9, 9, 40):
             angle_deg = float(f"{size * rng.choice((-1, 1)):.{digits}g}")
             assert in_degrees(math.radians(angle_deg)) == angle_deg
     assert [in_degrees(math.radians(one)) for one in (0.0, 90.0, 1e-4, 360.0)] == [0, 90, 1e-4, 360]
-
-
-def test_an_angle_is_the_same_after_a_file():
-    for angle_rad in np.random.default_rng(2).uniform(-7.0, 7.0, 2000).tolist():
+    for angle_rad in np.random.default_rng(2).uniform(-7.0, 7.0, 400).tolist():
         # some have no degrees that give them to the last bit
         assert math.radians(in_degrees(angle_rad)) == pytest.approx(angle_rad, rel=2.3e-16, abs=0)
 
@@ -192,7 +184,6 @@ def test_a_thing_is_a_field_in_python():
     ("table", "fault"),
     [
         ({"lens": {"half_deg": 181}}, "lens.half_deg: expected a number ≤ 180, got 181"),
-        ({"lens": {"half_deg": 0}}, "lens.half_deg: expected a number > 0, got 0"),
         (
             {"lens": {"half_deg": 1, "half_rad": 1}},
             "lens.half_rad: unknown key; did you mean 'half_deg'?",
@@ -290,3 +281,25 @@ def test_suggestions():
     assert did_you_mean("normal", known) == "did you mean 'normals' or 'normals_camera'?"
     assert did_you_mean("xyz", known) == "expected one of range, normals, normals_camera"
     assert did_you_mean("xyz", (), "it has") == "it has none"
+
+
+@pytest.mark.parametrize(
+    "table",
+    [
+        {},
+        {"a": 1, "b": 1e-9, "c": [1.0, 2], "d": True, "e": 'quo"te\\ \n\x7f é', "f": []},
+        {"far_m": math.inf, "near_m": -math.inf},
+        {"degradation": {"noise": {"seed": 1}}, "dotted.key": {"": 2}, "camera": {}},
+        {"surfaces": [{"shape": "plane", "at_m": [0.0, 1.0]}, {"shape": "cone", "at": {}}]},
+        {"points": [[{"x": 1}], [{"x": 2, "y": [3]}]]},
+        tomllib.loads(DEFAULT_SENSOR_FILE.read_text(encoding="utf-8")),
+    ],
+)
+def test_toml_is_read_back_as_the_same_table(table):
+    assert tomllib.loads(toml_text(table)) == table
+
+
+def test_none_leaves_a_key_out_and_comments_are_lines_of_their_own():
+    assert toml_text({"a": None, "b": 1}) == "b = 1\n"
+    text = toml_text({"#": Comment("one\nline"), "b": [{"c": Comment("beside"), "d": 2}]})
+    assert text == "# one line\n\n[[b]]\n# beside\nd = 2\n"

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from omnisim.rendering.opengl.gl.framebuffers import framebuffer
 from omnisim.rendering.opengl.gl.gpu_textures import DEPTH, renderbuffer
-from omnisim.rendering.opengl.gl.reversed_depth import CLEAR_DEPTH
 from omnisim.rendering.opengl.gl.shader_files import columns_first, find_uniform, uniform
+from omnisim.rendering.opengl.gl.state import CLEAR_DEPTH
 from omnisim.rendering.opengl.surfaces.surface_program import (
     SurfaceProgram,
     SurfacePrograms,

@@ -26,9 +26,9 @@ WAYS: dict[str, tuple[str, ...]] = {
         "ground_truth.frame:Frame.save",
     ),
     "a hit": (
-        "rendering.truth.ground_truth:ground_truth_of",
+        "rendering.truth:ground_truth_of",
         "rendering.opengl.opengl_camera:OpenGLCamera.hit_source",
-        "rendering.truth.ground_truth:GroundTruth.channels",
+        "rendering.truth:GroundTruth.channels",
         "rendering.opengl.hits.drawn_hits:CubeHits.hits",
         "rendering.opengl.hits.ray_hit_pass:RayHitPass.render",
         "rendering.opengl.hits.visibility_pass:VisibilityPass.render",

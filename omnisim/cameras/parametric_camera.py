@@ -330,51 +330,59 @@ class FisheyeCamera(FocalCamera, RadialCamera):
         return {**super().uniforms(), "u_radius_max": self.radius_limits[1]}
 
 
-# Sphere of the unified model in its α form, shared by EUCM and the double sphere.
-#
-# A point p on the unit sphere is projected to (x, y)/(α + (1 − α) z). With ξ = α/(1 − α), this is
-# Geyer and Mei's projection from a point ξ above the sphere's center, in an image 1 + ξ times as
-# large.
-
-
 MAX_RADIUS = 1e6  # on the normalized plane, if nothing else bounds it: nearly at the limit angle
 
 
-def cosine_limit(alpha: float) -> float:
-    """Lower limit of z on the unit sphere: −w, with w = α/(1 − α) for α ≤ 0.5, else (1 − α)/α."""
-    return -alpha / (1.0 - alpha) if alpha <= 0.5 else -(1.0 - alpha) / alpha
+class AlphaCamera(TwoFocalCamera, PlaneCamera):
+    """Base of EUCM and the double sphere: the unified model's sphere in its α form.
 
-
-def plane_limit(alpha: float) -> float:
-    """Largest radius on the normalized plane: 1/√(2α − 1), where the image folds, if α > 0.5."""
-    return min(MAX_RADIUS, 1.0 / math.sqrt(2.0 * alpha - 1.0)) if alpha > 0.5 else MAX_RADIUS
-
-
-def lift_alpha(plane: Floats, alpha: float) -> Rays:
-    """Unit vectors (..., 3) of points (..., 2); points beyond `plane_limit` are moved onto it."""
-    radius = np.hypot(plane[..., 0], plane[..., 1])
-    limit = plane_limit(alpha)
-    valid = radius <= limit
-    shrink = limit / np.maximum(radius, limit)
-    plane = plane * shrink[..., None]
-    squared = np.sum(plane * plane, axis=-1)
-    root = np.sqrt(np.maximum(1.0 - (2.0 * alpha - 1.0) * squared, 0.0))
-    z = (1.0 - alpha * alpha * squared) / (alpha * root + 1.0 - alpha)
-    directions = np.concatenate((plane, z[..., None]), axis=-1)
-    directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
-    return Rays(directions, valid)
-
-
-def project_alpha(
-    directions: Floats, z: Floats, distance: Floats, alpha: float, length: Floats
-) -> PlanePoints:
-    """Project directions (..., 3) to the normalized plane: (x, y)/(α d + (1 − α) z).
-
-    `z` and `distance` d (...,) are those of the model's last sphere. `length` (...,) is the length
-    of the directions, used as the scale of rounding errors.
+    A point p on the unit sphere is projected to (x, y)/(α + (1 − α) z). With ξ = α/(1 − α), this is
+    Geyer and Mei's projection from a point ξ above the sphere's center, in an image 1 + ξ times as
+    large.
     """
-    valid = z > (cosine_limit(alpha) - EDGE_RAD) * distance
-    scale = alpha * distance + (1.0 - alpha) * z
-    valid &= scale > 1e-12 * length
-    scale = np.where(valid, scale, 1.0)
-    return PlanePoints(directions[..., :2] / scale[..., None], valid)
+
+    if TYPE_CHECKING:
+        alpha: float  # at run time a field of each model, in its own order
+
+    @property
+    def cosine_limit(self) -> float:
+        """Lower limit of z on the unit sphere: −α/(1 − α) for α ≤ 0.5, else −(1 − α)/α."""
+        alpha = self.alpha
+        return -alpha / (1.0 - alpha) if alpha <= 0.5 else -(1.0 - alpha) / alpha
+
+    @property
+    def radius_max(self) -> float:
+        """Largest radius on the plane: 1/√(2α − 1), where the image folds, for α > 0.5."""
+        fold = 1.0 / math.sqrt(2.0 * self.alpha - 1.0) if self.alpha > 0.5 else MAX_RADIUS
+        return min(MAX_RADIUS, fold)
+
+    def uniforms(self) -> Uniforms:
+        """Uniforms for `shaders/camera/<model>.glsl`."""
+        return {**super().uniforms(), "u_alpha": self.alpha, "u_radius_max": self.radius_max}
+
+    def _lift(self, plane: Floats) -> Rays:
+        """Unit vectors (..., 3) of points (..., 2); those beyond `radius_max` are moved onto it."""
+        alpha, limit = self.alpha, self.radius_max
+        radius = np.hypot(plane[..., 0], plane[..., 1])
+        shrink = limit / np.maximum(radius, limit)
+        plane = plane * shrink[..., None]
+        squared = np.sum(plane * plane, axis=-1)
+        root = np.sqrt(np.maximum(1.0 - (2.0 * alpha - 1.0) * squared, 0.0))
+        z = (1.0 - alpha * alpha * squared) / (alpha * root + 1.0 - alpha)
+        directions = np.concatenate((plane, z[..., None]), axis=-1)
+        directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
+        return Rays(directions, radius <= limit)
+
+    def _project(
+        self, directions: Floats, z: Floats, distance: Floats, length: Floats
+    ) -> PlanePoints:
+        """Project directions (..., 3) to the normalized plane: (x, y)/(α d + (1 − α) z).
+
+        `z` and `distance` d (...,) are those of the model's last sphere. `length` (...,) is the
+        length of the directions, used as the scale of rounding errors.
+        """
+        valid = z > (self.cosine_limit - EDGE_RAD) * distance
+        scale = self.alpha * distance + (1.0 - self.alpha) * z
+        valid &= scale > 1e-12 * length
+        scale = np.where(valid, scale, 1.0)
+        return PlanePoints(directions[..., :2] / scale[..., None], valid)

@@ -60,7 +60,11 @@ class ChildProcesses:
         finally:
             with self._lock:
                 self._running.discard(process)
-            _end(process)
+            if process.poll() is None:
+                _kill_group(process)
+                process.wait()
+            if process.stdin is not None:
+                process.stdin.close()
         if self._is_ended:
             raise KeyboardInterrupt
         return status
@@ -71,15 +75,6 @@ class ChildProcesses:
             self._is_ended = True
             for process in self._running:
                 _kill_group(process)
-
-
-def _end(process: subprocess.Popen[bytes]) -> None:
-    """End a process if it still runs, and close its pipe."""
-    if process.poll() is None:
-        _kill_group(process)
-        process.wait()
-    if process.stdin is not None:
-        process.stdin.close()
 
 
 def _kill_group(process: subprocess.Popen[bytes]) -> None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from omnisim.core.errors import OmnisimError, OutputError, PlanError
+from omnisim.core.files.atomic_file import make_folder
 from omnisim.core.files.sources import fingerprint
 from omnisim.datasets.export.recording import Recording
 from omnisim.datasets.generate.workers import threads_shared
@@ -84,10 +85,7 @@ def measure_drive(
     """
     drive = points[0].drive
     drive_folder = folder / drive.name
-    try:
-        drive_folder.mkdir(parents=True, exist_ok=True)
-    except OSError as reason:
-        raise OutputError(f"{drive_folder}: cannot be written to: {reason.strerror}") from None
+    make_folder(drive_folder)
     arguments = ["drive", *drive.write(drive_folder), "-o", str((drive_folder / RUN).absolute())]
     with (drive_folder / OUTPUT).open("wb") as output:
         status = children.run("omnisim", arguments, output)

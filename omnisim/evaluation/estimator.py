@@ -1,4 +1,4 @@
-"""Contract of estimators."""
+"""Contract of estimators, and the base of those that track a camera."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from omnisim.cameras import CentralCamera
 from omnisim.core.arrays import Floats
+from omnisim.core.poses import inverse
 from omnisim.core.trajectories import Trajectory
 from omnisim.datasets.export.recording import Recording
 from omnisim.evaluation.trajectory_errors import AlignmentKind
@@ -58,3 +59,20 @@ class Estimator(ABC):
             run: run with the true calibration.
         """
         return np.eye(4)
+
+
+class CameraTracker(Estimator):
+    """Estimator that tracks the first camera's center; if it knows the scale, the base."""
+
+    alignment: ClassVar[AlignmentKind] = "sim3"
+
+    def base_from_tracked(self, run: Recording) -> Floats:
+        """Frame at the first camera's center, with the base's axes; if the scale is known: base."""
+        return inverse(self.tracked_from_base(run))
+
+    def tracked_from_base(self, run: Recording) -> Floats:
+        """Pose (4, 4) of the base in the tracked frame."""
+        tracked_from_base = np.eye(4)
+        if self.alignment == "sim3" and run.cameras:
+            tracked_from_base[:3, 3] = -run.cameras[0].mount.base_from_optical[:3, 3]
+        return tracked_from_base

@@ -16,9 +16,9 @@ import numpy as np
 
 from omnisim.cameras.calibration import load_calibration
 from omnisim.core.arrays import Floats
-from omnisim.core.errors import OmnisimError, OutputError
+from omnisim.core.errors import OmnisimError
 from omnisim.core.extras import install_hint, is_installed
-from omnisim.core.files.atomic_file import write_text
+from omnisim.core.files.atomic_file import make_folder, write_text
 from omnisim.core.files.sources import fingerprint
 from omnisim.core.trajectories import Trajectory, read_trajectory
 from omnisim.core.version import __version__
@@ -72,7 +72,7 @@ def evaluate_estimator(
     """
     estimator = estimator_named(name)
     manifest = (run / MANIFEST).read_text(encoding="utf-8")
-    given = run if given is None else given
+    given = given or run
     label = "" if given == run else given.name
     inputs = fingerprint(manifest, name, _version(estimator), label)
     before = _read_outcome(folder / OUTCOME, inputs)
@@ -80,10 +80,7 @@ def evaluate_estimator(
         before.status == "ok" or (before.status == "failed" and estimator.is_repeatable)
     ):  # another attempt would have the same outcome
         return before
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as reason:
-        raise OutputError(f"{folder}: cannot be created: {reason.strerror}") from None
+    make_folder(folder)
     if estimator.module and not is_installed(estimator.module):
         outcome = Outcome(name, "not installed", install_hint(estimator.extra))
     else:
@@ -150,10 +147,12 @@ def _outcome(
     shutil.rmtree(folder / "work", ignore_errors=True)
     if "failure" in done:
         return Outcome(name, "failed", done["failure"], done["seconds"])
-    if (folder / CAMERA).is_file():
-        return _camera_outcome(run, name, folder / CAMERA, done["seconds"])
     recording = Recording.read(run)
     try:
+        if (folder / CAMERA).is_file():
+            lens = LensCamera.of(recording.cameras[0], lambda note: None).lens
+            camera = camera_errors(load_calibration(folder / CAMERA).camera().camera, lens)
+            return Outcome(name, "ok", camera.summary, done["seconds"], camera=camera)
         estimate = read_trajectory(folder / ESTIMATE)
         truth = true_trajectory(recording, estimate.times_s)
         tracked = truth.world_from_base @ estimator.base_from_tracked(recording)
@@ -162,16 +161,6 @@ def _outcome(
     except OmnisimError as reason:
         return Outcome(name, "failed", str(reason), done["seconds"])
     return Outcome(name, "ok", "", done["seconds"], errors)
-
-
-def _camera_outcome(run: Path, name: str, path: Path, seconds: float) -> Outcome:
-    """Outcome with the errors of a calibrated camera."""
-    try:
-        truth = LensCamera.of(Recording.read(run).cameras[0], lambda note: None).lens
-        errors = camera_errors(load_calibration(path).camera().camera, truth)
-    except OmnisimError as reason:
-        return Outcome(name, "failed", str(reason), seconds)
-    return Outcome(name, "ok", errors.summary, seconds, camera=errors)
 
 
 def true_trajectory(recording: Recording, times_s: Floats) -> Trajectory:

@@ -15,7 +15,13 @@ from omnisim.cameras import CentralCamera
 from omnisim.cameras.camera import pixel_grid
 from omnisim.core.arrays import Floats, Indices
 from omnisim.core.errors import EstimatorError, TrajectoryError
-from omnisim.core.poses import inverse, nearest_rotation, rotation_angles
+from omnisim.core.poses import (
+    inverse,
+    nearest_rotation,
+    rotation_angles,
+    rotation_from_yaw,
+    yaw_from_rotation,
+)
 from omnisim.core.trajectories import Trajectory
 from omnisim.core.trajectories.trajectory import step_lengths_m
 
@@ -103,11 +109,13 @@ def trajectory_errors(
     alignment = align(poses, true, kind)
     aligned = alignment.apply(poses)
     offsets = np.linalg.norm(aligned[:, :3, 3] - true[:, :3, 3], axis=1)
-    steps = _motion_errors(aligned, true, 1)
+    motions, true_motions = (inverse(one[:-1]) @ one[1:] for one in (aligned, true))
+    steps = _pose_errors(motions, true_motions)
     drift, turn_drift = _drift(aligned, true)
     down = poses[:, 2, :3], true[:, 2, :3]  # the world's vertical in the robot's frame
     cosines = np.clip((down[0] * down[1]).sum(axis=1), -1.0, 1.0)
-    yaw = rotation_angles(_leveled(aligned), _leveled(true))
+    level, true_level = (rotation_from_yaw(yaw_from_rotation(one)) for one in (aligned, true))
+    yaw = rotation_angles(level, true_level)
     ends_s = float(truth.times_s[0]), float(truth.times_s[-1])
     lost_s = sum(end - start for start, end in lost_intervals(estimate.times_s[used], *ends_s))
     return TrajectoryErrors(
@@ -131,14 +139,8 @@ def _rms(values: Floats) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-def _motion_errors(poses: Floats, true: Floats, step: int) -> tuple[Floats, Floats]:
-    """Translation and rotation errors (n − step,) of the motions over `step` poses, m and rad."""
-    motion = inverse(poses[:-step]) @ poses[step:]
-    true_motion = inverse(true[:-step]) @ true[step:]
-    return _pose_errors(motion, true_motion)
-
-
 def _pose_errors(motions: Floats, true_motions: Floats) -> tuple[Floats, Floats]:
+    """Errors (n,) of the translations, m, and of the rotations, rad, of motions (n, 4, 4)."""
     errors = inverse(true_motions) @ motions
     lengths: Floats = np.linalg.norm(errors[:, :3, 3], axis=1)
     identity = np.broadcast_to(np.eye(3), errors[:, :3, :3].shape)
@@ -160,16 +162,6 @@ def _drift(poses: Floats, true: Floats) -> tuple[float, float]:
     return float(np.mean(lengths / covered_m)), math.degrees(float(np.mean(angles / covered_m)))
 
 
-def _leveled(poses: Floats) -> Floats:
-    """Rotations (n, 3, 3) about the vertical with the headings of poses (n, 4, 4)."""
-    yaw = np.arctan2(poses[:, 1, 0], poses[:, 0, 0])
-    cosines, sines = np.cos(yaw), np.sin(yaw)
-    level = np.zeros((len(poses), 3, 3))
-    level[:, 0, 0], level[:, 0, 1], level[:, 1, 0], level[:, 1, 1] = cosines, -sines, sines, cosines
-    level[:, 2, 2] = 1.0
-    return level
-
-
 # Alignment of an estimated trajectory with the true one.
 #
 # Source: Umeyama, "Least-squares estimation of transformation parameters between two point
@@ -177,7 +169,6 @@ def _leveled(poses: Floats) -> Floats:
 
 
 AlignmentKind = Literal["none", "se3", "sim3"]
-ALIGNMENTS: tuple[AlignmentKind, ...] = ("none", "se3", "sim3")
 _RANK_TOLERANCE = 1e-12  # as a share of the largest singular value
 
 
@@ -270,15 +261,14 @@ def camera_errors(estimate: CentralCamera, truth: CentralCamera) -> CameraErrors
     both = true_rays.valid & rays.valid
     if both.sum() < 3:
         raise EstimatorError("the calibrated camera has no rays in common with the true one")
-    turned = rays.directions[both].T @ true_rays.directions[both]
-    estimate_from_true = nearest_rotation(turned)
+    estimate_from_true = nearest_rotation(rays.directions[both].T @ true_rays.directions[both])
     seen = true_rays.valid
     found = estimate.pixel_from_ray(true_rays.directions[seen] @ estimate_from_true.T)
     offsets = np.linalg.norm(found.positions_px - pixels[seen], axis=1)[found.valid]
     return CameraErrors(
         estimate.model_name,
         _focal_length_px(estimate) / _focal_length_px(truth) - 1.0,
-        float(np.sqrt(np.mean(np.square(offsets)))),
+        _rms(offsets),
         float(offsets.max()),
         float(found.valid.mean()),
     )

@@ -8,12 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from matplotlib import colormaps
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from omnisim.core.arrays import Floats
-from omnisim.plots.style import DPI, GRAY, RED, label_axes
+from omnisim.plots.style import DPI, GRAY, RED, common_legend, label_axes, show_between
 
 _COLORS = colormaps["tab10"].colors  # type: ignore[attr-defined]  # a list of colors
 _LINES = ("-", "--", "-.", ":")  # trajectories often overlap
@@ -55,15 +54,12 @@ def trajectories_figure(panels: Sequence[TrackPanel]) -> Figure:
     high_in = wide_in * min(max(ratio, 0.25), 1.3) + 0.9
     size = (wide_in * columns + 2.4, max(rows * high_in, 2.5))
     figure = Figure(figsize=size, dpi=DPI, layout="constrained")
-    handles: dict[str, Artist] = {}
     for index, panel in enumerate(panels):
         axes = figure.add_subplot(rows, columns, index + 1)
         _draw_panel(axes, panel)
         if len(panels) > 1:
             axes.tick_params(labelsize=7)
-        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
-            handles.setdefault(str(label), handle)
-    figure.legend(list(handles.values()), list(handles), loc="outside right upper", fontsize=8)
+    common_legend(figure, loc="outside right upper", fontsize=8)
     return figure
 
 
@@ -82,9 +78,8 @@ def _draw_panel(axes: Axes, panel: TrackPanel) -> None:
                       label=f"{name}: lost here")  # fmt: skip
     axes.plot(*truth[0, :2], "o", color=GRAY, markersize=7.0, label="start")
     margin = 0.08 * max(float(np.ptp(truth[:, :2], axis=0).max()), 0.5)
-    axes.set_xlim(truth[:, 0].min() - margin, truth[:, 0].max() + margin)
-    axes.set_ylim(truth[:, 1].min() - margin, truth[:, 1].max() + margin)
-    axes.set_aspect("equal")
+    low, high = truth[:, :2].min(axis=0), truth[:, :2].max(axis=0)
+    show_between(axes, low - margin, high + margin)
 
 
 def offsets_figure(panel: TrackPanel) -> Figure:
@@ -172,7 +167,6 @@ def sweep_grid(rows: Sequence[Sequence[SweepPanel]]) -> Figure:
     columns = len(rows[0])
     size = 1.6 + 3.4 * columns, 0.5 + 2.6 * len(rows)
     figure = Figure(figsize=size, dpi=DPI, layout="constrained")
-    handles: dict[str, Artist] = {}
     for row, panels in enumerate(rows):
         for column, panel in enumerate(panels):
             axes = figure.add_subplot(len(rows), columns, row * columns + column + 1)
@@ -180,10 +174,8 @@ def sweep_grid(rows: Sequence[Sequence[SweepPanel]]) -> Figure:
             axes.xaxis.label.set_fontsize(8)
             axes.yaxis.label.set_fontsize(8)
             axes.tick_params(labelsize=8)
-            for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
-                handles.setdefault(str(label), handle)
-    figure.legend(list(handles.values()), list(handles), loc="outside upper center", fontsize=8,
-                  ncols=max(1, len(handles)))  # fmt: skip
+    count = len({label for axes in figure.axes for label in axes.get_legend_handles_labels()[1]})
+    common_legend(figure, loc="outside upper center", fontsize=8, ncols=max(1, count))
     return figure
 
 

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse, Rectangle
@@ -20,7 +19,7 @@ from omnisim.core.srgb import srgb_from_linear
 from omnisim.perception.landmarks.color_model import Roc
 from omnisim.perception.landmarks.landmark_detector import Detection
 from omnisim.perception.localization.track import Interval, Track
-from omnisim.plots.style import BLUE, DPI, GRAY, GREEN, ORANGE, RED, label_axes
+from omnisim.plots.style import BLUE, DPI, GRAY, GREEN, ORANGE, RED, common_legend, label_axes
 from omnisim.scene.model import Landmark
 
 _BOX = "#111111"
@@ -157,10 +156,8 @@ def paths_figure(panels: Sequence[PathPanel]) -> Figure:
             x, y = landmark.position_m[:2]
             for size, band in zip((1.0, 0.55), landmark.bands[-2:], strict=False):
                 width, depth = np.maximum(landmark.footprint_m, 0.18) * size
-                corner, color = (
-                    (x - 0.5 * width, y - 0.5 * depth),
-                    srgb_from_linear(band.linear_rgb),
-                )
+                corner = x - 0.5 * width, y - 0.5 * depth
+                color = srgb_from_linear(band.linear_rgb)
                 axes.add_patch(Rectangle(corner, width, depth, lw=0.6, edgecolor=_INK,
                                          facecolor=color, zorder=2))  # fmt: skip
             axes.plot(x, y, ".", ms=0.1)  # extends the axes
@@ -173,13 +170,7 @@ def paths_figure(panels: Sequence[PathPanel]) -> Figure:
         _draw_ellipses(axes, track)
         axes.set_aspect("equal")
         axes.margins(0.06)
-    legend: dict[str, Artist] = {}
-    for axes in figure.axes:
-        for handle, name in zip(*axes.get_legend_handles_labels(), strict=True):
-            legend.setdefault(str(name), handle)
-    figure.legend(
-        list(legend.values()), list(legend), loc="outside lower center", ncols=4, frameon=False
-    )
+    common_legend(figure, loc="outside lower center", ncols=4, frameon=False)
     return figure
 
 

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from omnisim.core.arrays import Floats
 from omnisim.measurement.comparison.comparison import Comparison, ImageComparison
-from omnisim.plots.style import BLUE, DPI, GRAY, GREEN, ORANGE, RED, label_axes, plot
+from omnisim.plots.style import BLUE, DPI, GRAY, GREEN, ORANGE, RED, label_axes, plot, show_between
 
 _COLORS = {"gray": GRAY, "red": RED, "green": GREEN, "blue": BLUE}
 _SIGMAS = 2.0  # length of error bars
@@ -146,17 +146,13 @@ def residual_figure(
     arrows = np.stack((pixels_px, pixels_px + scale * errors_px))
     field.plot(arrows[..., 0], arrows[..., 1], color=BLUE, linewidth=0.7)
     field.plot(*pixels_px.T, ".", color=ORANGE, markersize=2.0)
-    field.set_xlim(-0.5, width - 0.5)
-    field.set_ylim(height - 0.5, -0.5)
-    field.set_aspect("equal")
+    show_between(field, (-0.5, height - 0.5), (width - 0.5, -0.5))
     label_axes(cloud, "Residuals", "u (px)", "v (px)")
     cloud.plot(*errors_px.T, ".", color=BLUE, markersize=2.5, alpha=0.6)
     cloud.axhline(0.0, color=GRAY, linewidth=0.6)
     cloud.axvline(0.0, color=GRAY, linewidth=0.6)
     limit = 1.1 * max(float(lengths.max()), 1e-9)
-    cloud.set_xlim(-limit, limit)
-    cloud.set_ylim(limit, -limit)
-    cloud.set_aspect("equal")
+    show_between(cloud, (-limit, limit), (limit, -limit))
     return figure
 
 

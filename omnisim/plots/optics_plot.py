@@ -10,7 +10,7 @@ from matplotlib.patches import Polygon
 from omnisim.cameras.optics import OpticalSystem, Surface, caustic_points, ray_jacobians
 from omnisim.cameras.optics.surface import Fate
 from omnisim.core.arrays import Floats
-from omnisim.plots.style import BLUE, DPI, GRAY, GREEN, ORANGE, label_axes
+from omnisim.plots.style import BLUE, DPI, GRAY, GREEN, ORANGE, label_axes, show_between
 
 _RAYS = 25  # number of drawn rays
 _COLUMNS = 400  # of the image, for caustic and resolution
@@ -58,9 +58,7 @@ def optics_figure(name: str, system: OpticalSystem) -> Figure:
 def _frame(axes: Axes, low_m: Floats, high_m: Floats) -> None:
     """Show a part of a section between two corners (2,), with a margin."""
     margin_m = _MARGIN * float((high_m - low_m).max())
-    axes.set_aspect("equal")
-    axes.set_xlim(1e3 * (low_m[0] - margin_m), 1e3 * (high_m[0] + margin_m))
-    axes.set_ylim(1e3 * (low_m[1] - margin_m), 1e3 * (high_m[1] + margin_m))
+    show_between(axes, 1e3 * (low_m - margin_m), 1e3 * (high_m + margin_m))
 
 
 def _row(system: OpticalSystem, count: int) -> Floats:

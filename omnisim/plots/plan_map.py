@@ -12,7 +12,7 @@ from omnisim.datasets.free_space import FreeSpace
 from omnisim.datasets.generate.draw import Draw, draw, draw_indices
 from omnisim.datasets.generate.prepared_plan import PreparedPlan
 from omnisim.plots.scene_plot import draw_scene_map
-from omnisim.plots.style import BLUE, DPI, GREEN, ORANGE, label_axes
+from omnisim.plots.style import BLUE, DPI, GREEN, ORANGE, label_axes, show_between
 
 MAX_SAMPLES = 400  # number of places shown
 AROUND_M = 1.5
@@ -73,6 +73,4 @@ def _draw_scene(
         shape = prepared.objects[placed.object]
         x, y = (placed.world_from_object @ (*shape.middle_m, 0.0, 1.0))[:2]
         axes.add_patch(Circle((x, y), shape.radius_m, fill=False, color=ORANGE, zorder=4))
-    axes.set_xlim(low[0], high[0])
-    axes.set_ylim(low[1], high[1])
-    axes.set_aspect("equal")
+    show_between(axes, low, high)

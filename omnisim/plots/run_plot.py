@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from omnisim.core.arrays import Bytes, Floats
 from omnisim.core.trajectories import Trajectory
 from omnisim.plots.scene_plot import INK, draw_landmark, draw_scene_map
+from omnisim.plots.style import show_between
 from omnisim.scene import Scene
 
 TRUE, RECKONED = "#1f5fa8", "#d9622b"
@@ -73,9 +74,7 @@ def run_figure(
         axes.plot(*other.positions_m[:, :2].T, "o", color=color, ms=4, label=name, zorder=4)
     for run, color in zip(runs, itertools.cycle(RUNS), strict=False):
         _draw_run(axes, run, color)
-    axes.set_xlim(low[0], high[0])
-    axes.set_ylim(low[1], high[1])
-    axes.set_aspect("equal")
+    show_between(axes, low, high)
     figure.legend(loc="outside lower center", ncols=5, frameon=False, fontsize=9)
     for row, run in enumerate(strips, start=1):
         columns = grid[row].subgridspec(1, len(run.images))

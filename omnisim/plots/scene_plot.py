@@ -10,7 +10,7 @@ from matplotlib.patheffects import withStroke
 
 from omnisim.core.arrays import Floats
 from omnisim.core.srgb import linear_from_srgb, srgb_from_linear
-from omnisim.plots.style import BLUE, GREEN, ORANGE, plot
+from omnisim.plots.style import BLUE, GREEN, ORANGE, plot, show_between
 from omnisim.scene import Scene
 from omnisim.scene.model import Landmark
 from omnisim.scene.space.floor import floor_height_m
@@ -59,9 +59,7 @@ def scene_figure(scene: Scene) -> Figure:
         )  # fmt: skip
     for landmark in scene.landmarks:
         draw_landmark(axes, landmark)
-    axes.set_xlim(low[0], high[0])
-    axes.set_ylim(low[1], high[1])
-    axes.set_aspect("equal")
+    show_between(axes, low, high)
     return figure
 
 

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Figure
 from numpy.typing import NDArray
 
+from omnisim.core.arrays import Floats
 from omnisim.core.errors import OutputError
 from omnisim.core.files.atomic_file import atomic_write, check_target
 from omnisim.core.srgb import srgb_from_linear
@@ -43,6 +45,22 @@ def label_axes(axes: Axes, title: str, x_label: str, y_label: str) -> None:
     axes.set_axisbelow(True)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
+
+
+def show_between(axes: Axes, low: Sequence[float] | Floats, high: Sequence[float] | Floats) -> None:
+    """Show the part of a plane between two corners (2,), with equal scales."""
+    axes.set_xlim(low[0], high[0])
+    axes.set_ylim(low[1], high[1])
+    axes.set_aspect("equal")
+
+
+def common_legend(figure: Figure, **options: Any) -> None:
+    """Legend of all axes of a figure, in which each label is once; with matplotlib's options."""
+    handles: dict[str, Artist] = {}
+    for axes in figure.axes:
+        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
+            handles.setdefault(str(label), handle)
+    figure.legend(list(handles.values()), list(handles), **options)
 
 
 def gallery(images: Mapping[str, NDArray[Any]], columns: int, side_in: float = 3.3) -> Figure:

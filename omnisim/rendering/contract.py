@@ -113,6 +113,21 @@ class SubFrames(NamedTuple):
     is_exposed: bool = False
 
 
+class FrameStatistics(NamedTuple):
+    """Numbers of triangles behind one image.
+
+    Attributes:
+        submitted: triangles of all instances that the camera may see, before culling.
+        drawn: triangles that culling leaves for the virtual cameras, once per tile that draws them;
+            0 if the back end draws none. Shadow maps, mirrored views and probes are left out.
+        seen: different triangles that the rays of the pixels hit first.
+    """
+
+    submitted: int
+    drawn: int
+    seen: int
+
+
 @dataclass(frozen=True, eq=False)
 class FrameRequest:
     """Request of one image; see also `omnisim.rendering.renderer.Renderer.render`.
@@ -242,6 +257,24 @@ class CameraBackend(ABC):
     @abstractmethod
     def hit_source(self, details: HitDetails) -> HitSource:
         """Source of ground truth's hits, with at least these details; created on first use."""
+
+    def count_drawn(self, poses: ScenePoses) -> int:
+        """Draw an image once more, and count the triangles that its virtual cameras draw."""
+        return 0
+
+    def statistics(self, poses: ScenePoses) -> FrameStatistics:
+        """Numbers of triangles behind an image."""
+        parts = [(None, self.world.scene), *enumerate(self.world.objects.values())]
+        submitted = sum(
+            len(part.meshes[one.mesh].triangles)
+            for index, part in parts
+            for one in part.instances
+            if (index, one.name) not in self.setup.hidden
+        )
+        hits = self.hit_source(NO_DETAILS).hits(poses)
+        shown = np.stack((hits.draw_ids, hits.triangles), axis=-1)[hits.draw_ids > 0]
+        seen = np.unique(shown.view("<u8"))  # a pair is one number
+        return FrameStatistics(submitted, self.count_drawn(poses), len(seen))
 
     @abstractmethod
     def faces(self, poses: ScenePoses) -> dict[str, Floats32]:

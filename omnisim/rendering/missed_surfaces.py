@@ -15,7 +15,7 @@ from omnisim.scene import Scene
 from omnisim.scene.parts import instance_bounds_m
 from omnisim.scene.space.enclosure import enclosing_nodes
 from omnisim.scene.space.floor import triangles_within
-from omnisim.scene.space.start_pose import nearest_points
+from omnisim.scene.space.start_pose import DEFAULT_HEIGHT_M, nearest_points
 
 _PROBES = 48  # maximum number of rays per image side
 _TRIANGLES_PER_BATCH = 256
@@ -40,7 +40,8 @@ def viewpoint_notes(scene: Scene, sensor: OmniCamera, world_from_base: Floats) -
     """Notes on an unusual viewpoint or field of view, one line each.
 
     The viewpoint is outside of the scene, inside an object, or nearer to a surface than the near
-    plane; the field is narrower than `MIN_FIELD_DEG`. The scene's own viewpoints are not outside.
+    plane; the field is narrower than `MIN_FIELD_DEG`. The file's cameras, and the start of a scene
+    that is too small to stand in, may be outside.
 
     Args:
         sensor: camera before it takes the scene's near plane.
@@ -52,8 +53,10 @@ def viewpoint_notes(scene: Scene, sensor: OmniCamera, world_from_base: Floats) -
     if not still.instances:
         return notes
     low_m, high_m = still.bounds_m()
-    own = [scene.start.position_m, *(one.position_m for one in scene.cameras)]
-    is_own = bool(np.isclose(own, point_m, rtol=0.0, atol=1e-3).all(axis=1).any())
+    own = [camera.position_m for camera in scene.cameras]
+    if (high_m - low_m).max() < DEFAULT_HEIGHT_M:
+        own.append(scene.start.position_m)
+    is_own = any(np.allclose(place_m, point_m, rtol=0.0, atol=1e-3) for place_m in own)
     beside = (point_m < low_m) | (point_m > np.where([True, True, False], high_m, np.inf))
     near = near_plane_note(scene, sensor, world_from_base)
     if around := _bodies_around(still, point_m):

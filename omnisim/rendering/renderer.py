@@ -32,7 +32,13 @@ from omnisim.rendering.camera.omnicamera import (
     OmniCamera,
 )
 from omnisim.rendering.camera.quality import scene_size_m
-from omnisim.rendering.contract import CameraBackend, CameraSetup, FrameRequest, ScenePoses
+from omnisim.rendering.contract import (
+    CameraBackend,
+    CameraSetup,
+    FrameRequest,
+    FrameStatistics,
+    ScenePoses,
+)
 from omnisim.rendering.instrument import Instrument
 from omnisim.rendering.sensor import Moment, Mount
 from omnisim.rendering.shared_scene import SharedScene
@@ -198,7 +204,7 @@ class Renderer(Instrument[OmniCamera, CameraBackend, RecordedFrame]):
             around = None if motion is None else partial(self._poses_at, motion, now)
             pending = passes.begin(FrameRequest(poses, around, linear, frame_number, exposure_ev))
             if names or boxes_3d:
-                from omnisim.rendering.truth.ground_truth import ground_truth_of
+                from omnisim.rendering.truth import ground_truth_of
 
                 ground_truth = ground_truth_of(passes, names)
                 other_poses = {other: self._poses_in(others[other]) for other in needed}
@@ -373,6 +379,21 @@ class Renderer(Instrument[OmniCamera, CameraBackend, RecordedFrame]):
                 "is taken again"
             ) from None
         return degradation.exposure.next_ev(ev, metered_ev, moment.time_s - moment.previous_s)
+
+    def statistics(
+        self, state: WorldState | ArrayLike | None = None, *, optical: ArrayLike | None = None
+    ) -> FrameStatistics:
+        """Numbers of triangles behind the frame of a state or pose, see `render`.
+
+        Only this call counts: it draws the frame once more and casts its pixels' rays, which takes
+        about as long as an image with ground truth.
+
+        Raises:
+            OmnisimError: as for `render`; or a scene that is too large for ground truth.
+        """
+        now = self._state(self._state_or_optical(state, optical))
+        with self._current() as passes:
+            return passes.statistics(self._poses_in(now))
 
     def faces(self) -> dict[str, Bytes]:
         """Images (size, size, 3) uint8 sRGB of the virtual cameras in the last frame, by name.
@@ -563,7 +584,7 @@ def _fill_channels(
         poses: poses of the camera and the objects, one entry per image.
         others: poses of the "next" and the "previous" images, if channels need them.
     """
-    from omnisim.rendering.truth.ground_truth import ground_truth_of
+    from omnisim.rendering.truth import ground_truth_of
 
     truth = ground_truth_of(passes, arrays)
     for number, channels in enumerate(truth.batch(tuple(arrays), poses, others)):

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from omnisim.core.arrays import Bytes, Floats
+from omnisim.core.files.atomic_file import make_folder
 from omnisim.perception.landmarks.landmark_detector import Detection, write_detections
 from omnisim.perception.localization.filter import FilterParameters
 from omnisim.perception.localization.track import Track, mean_interval, notices, write_track
@@ -18,7 +19,7 @@ from omnisim.plots.localization_plots import (
     errors_figure,
     paths_figure,
 )
-from omnisim.report.report import CaptionedFigure, Measure, Report, Section, make_folder
+from omnisim.report.report import CaptionedFigure, Measure, Report, Section
 from omnisim.runs.run_data import RunData
 
 LATE_STEP = 5  # first step of the reported errors: the paper's start is worse than its odometry

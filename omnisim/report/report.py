@@ -13,8 +13,7 @@ from typing import Any, Literal
 
 import jinja2
 
-from omnisim.core.errors import OutputError
-from omnisim.core.files.atomic_file import atomic_write, check_target
+from omnisim.core.files.atomic_file import atomic_write, check_target, make_folder
 from omnisim.core.version import __version__
 from omnisim.plots.style import Figure, figure_png
 
@@ -249,18 +248,6 @@ def check_report_target(folder: Path) -> None:
         OutputError: it cannot be created or written to.
     """
     check_target(folder / JSON)
-
-
-def make_folder(folder: Path) -> None:
-    """Create a folder if it is missing.
-
-    Raises:
-        OutputError: it cannot be created.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as reason:
-        raise OutputError(f"{folder}: cannot be created: {reason.strerror}") from None
 
 
 def write_json(path: Path, content: object) -> None:

@@ -1,9 +1,8 @@
 """Identity of a scene: digests of what it was made from, never of numbers computed from that.
 
-It is set in one place. `read_scene` calls `identity_of_files` once, at its end; edits continue it
-(`Scene.altered`). A scene made of arrays is identified by them, when `Scene.identity` is asked for.
-The last bits of computed numbers differ between processors, so they count only where arrays are all
-that is known.
+It is set in one place, at the end of `read_scene`; edits continue it (`Scene.altered`). A scene
+made of arrays is identified by them, when `Scene.identity` is asked for. The last bits of computed
+numbers differ between processors, so they count only where arrays are all that is known.
 """
 
 from __future__ import annotations
@@ -13,12 +12,11 @@ import hashlib
 import struct
 from dataclasses import dataclass
 from enum import Enum
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from omnisim.core.files.sources import SourceReader, fingerprint, source_digest
+from omnisim.core.files.sources import fingerprint, source_digest
 from omnisim.scene.light.lighting import background_light
 from omnisim.scene.parts import Instance, Lighting, Material, Mesh
 
@@ -38,20 +36,6 @@ class SourceDigests:
     def baked(self, bake: str) -> SourceDigests:
         """Digests of the scene with baked light, given the digest of its folder."""
         return SourceDigests(source_digest(self.content, bake), self.light)
-
-
-def identity_of_files(
-    folder: Path, files: SourceReader, options: object, light: str
-) -> SourceDigests:
-    """Identity of a loaded scene.
-
-    Args:
-        folder: folder of the scene's file; paths of other files count relative to it.
-        files: reader of all files.
-        options: options of the loader, as plain values.
-        light: digest of the inputs of the scene's light.
-    """
-    return SourceDigests(source_digest(files.digest(folder), options), light)
 
 
 def _plain(value: Any) -> Any:

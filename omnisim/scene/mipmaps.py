@@ -11,21 +11,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core import srgb
 from omnisim.core.arrays import Bytes, Floats32
-from omnisim.core.srgb import (
-    linear_from_srgb,
-    linear_from_srgb8,
-    srgb8_from_linear,
-    srgb_from_linear,
-)
 
 # Linear light in 14 bits: the step is a fifth of the finest step of 8-bit sRGB, and the sum of two
 # values fits in 16 bits.
 _MAX_LINEAR = 2**14 - 1
 _SHADES = np.linspace(0.0, 1.0, 256)
 _LEVELS = np.linspace(0.0, 1.0, _MAX_LINEAR + 1)
-_LINEAR = np.rint(_MAX_LINEAR * linear_from_srgb(_SHADES)).astype(np.uint16)
-_SRGB = srgb8_from_linear(_LEVELS)
+_LINEAR = np.rint(_MAX_LINEAR * srgb.linear_from_srgb(_SHADES)).astype(np.uint16)
+_SRGB = srgb.srgb8_from_linear(_LEVELS)
 _WIDE_ALPHA = np.rint(_MAX_LINEAR * _SHADES).astype(np.uint16)  # alpha is linear already
 _ALPHA = np.rint(255.0 * _LEVELS).astype(np.uint8)
 _ONES, _BITS = np.uint64(0x0001_0001_0001_0001), np.uint64(0x7FFF_7FFF_7FFF_7FFF)  # per channel
@@ -104,8 +99,8 @@ def masked_mipmaps(pixels: Bytes, cutoff: float) -> list[Bytes]:
     Source: Castaño, "Computing alpha mipmaps", 2010.
     """
     alpha = pixels[..., 3].astype(np.float32) / 255.0
-    color = linear_from_srgb8(pixels[..., :3]) * alpha[..., None]
-    plain = linear_from_srgb8(pixels[..., :3])  # for blocks without any coverage
+    color = srgb.linear_from_srgb8(pixels[..., :3]) * alpha[..., None]
+    plain = srgb.linear_from_srgb8(pixels[..., :3])  # for blocks without any coverage
     covered = float((alpha >= cutoff).mean())
     levels = []
     while max(alpha.shape) > 1:
@@ -113,7 +108,7 @@ def masked_mipmaps(pixels: Bytes, cutoff: float) -> list[Bytes]:
         weight = alpha[..., None]
         seen = np.where(weight > 1e-4, color / np.maximum(weight, 1e-4), plain)
         scaled = np.clip(alpha * _alpha_scale(alpha, cutoff, covered), 0.0, 1.0)
-        level = np.concatenate((srgb_from_linear(seen), scaled[..., None]), axis=-1)
+        level = np.concatenate((srgb.srgb_from_linear(seen), scaled[..., None]), axis=-1)
         levels.append(np.rint(255.0 * level).astype(np.uint8))
     return levels
 

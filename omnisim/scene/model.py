@@ -168,9 +168,8 @@ class Scene:
         """Oriented boxes of the instances, like `instance_boxes`, at a world time."""
         if not self.deforms or time_s == 0.0:
             return self.instance_boxes
-        names = {
-            one.name for one in self.instances if self.meshes[one.mesh].deformation is not None
-        }
+        is_rigid = [one.deformation is None for one in self.meshes]
+        names = {one.name for one in self.instances if not is_rigid[one.mesh]}
         deforming = [one for one in self.instances if one.name in names]
         return self.instance_boxes | _boxes(deforming, self.meshes, time_s)
 

@@ -12,7 +12,7 @@ from scipy.ndimage import gaussian_filter
 from omnisim.cameras import CentralCamera
 from omnisim.core.arrays import Bools, Floats
 from omnisim.core.srgb import srgb_from_linear
-from omnisim.plots.style import BLUE, Figure, plot
+from omnisim.plots.style import BLUE, Figure, plot, show_between
 
 _SIGMA_PX, _REACH = 1.5, 3.5  # a window of 11 px
 _C1, _C2 = 0.01**2, 0.03**2
@@ -137,7 +137,5 @@ def displacement_figure(
         *positions_px.T, *shifts_px.T, color=BLUE,
         angles="xy", scale_units="xy", scale=1.0 / 300.0, width=0.003,
     )  # fmt: skip
-    axes.set_xlim(-0.5, camera.width_px - 0.5)
-    axes.set_ylim(camera.height_px - 0.5, -0.5)
-    axes.set_aspect("equal")
+    show_between(axes, (-0.5, camera.height_px - 0.5), (camera.width_px - 0.5, -0.5))
     return figure

@@ -177,16 +177,13 @@ def mirror_caustic(
     """
     length_m = np.hypot(rays.radii_m, rays.heights_m)
     cosine = np.cos(0.5 * (math.pi + beta - rays.angles_rad))  # of the incidence
-    sheets = []
-    for bent in (curvature / cosine, curvature_across * cosine):
+
+    def sheet(bent: Floats) -> AxialPoints:
         behind_m = 1.0 / (1.0 / length_m + 2.0 * bent)
-        sheets.append(
-            AxialPoints(
-                rays.radii_m - behind_m * np.sin(rays.angles_rad),
-                rays.heights_m - behind_m * np.cos(rays.angles_rad),
-            )
-        )
-    return sheets[0], sheets[1]
+        radii_m = rays.radii_m - behind_m * np.sin(rays.angles_rad)
+        return AxialPoints(radii_m, rays.heights_m - behind_m * np.cos(rays.angles_rad))
+
+    return sheet(curvature / cosine), sheet(curvature_across * cosine)
 
 
 def flat_port_caustic(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -10,18 +11,20 @@ from numpy.typing import ArrayLike
 
 from omnisim.cameras import CentralCamera
 from omnisim.cameras.optics import OpticalSystem, ray_jacobians
-from omnisim.core.arrays import Bools, Bytes, Floats
+from omnisim.core import coordinate_frames as frames
+from omnisim.core.arrays import Bools, Bytes, Floats, Floats32
 from omnisim.core.poses import rotation_from_roll_pitch_yaw
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.stage import open_sensor
 from omnisim.scene.model import Instance, Lighting, Material, Mesh, Scene, StartPose
-from omnisim.validation.fixture import Fixture
+from omnisim.validation.fixture import Fixture, mirror_camera
 from omnisim.validation.oracles import omnidir
 
 WHITE = (1.0, 1.0, 1.0, 1.0)
 BLACK = (0.0, 0.0, 0.0, 1.0)
 PATTERN = (8, 6)  # inner corners along a row, and rows
 SQUARE_M = 0.08
+_UNTURNED: Floats = np.eye(3)
 
 
 def plain_scene(name: str, *colored: tuple[Mesh, tuple[float, float, float, float]]) -> Scene:
@@ -32,13 +35,17 @@ def plain_scene(name: str, *colored: tuple[Mesh, tuple[float, float, float, floa
         materials=tuple(
             Material(base_color=color, double_sided=True, unlit=True) for _, color in colored
         ),
-        instances=tuple(
-            Instance(mesh.name, index, np.eye(4)) for index, (mesh, _) in enumerate(colored)
-        ),
+        instances=resting([mesh for mesh, _ in colored]),
         lighting=Lighting((1.0, 1.0, 1.0), ()),
         background=(0.0, 0.0, 0.0),
         start=StartPose((0.0, 0.0, 0.0)),
     )
+
+
+def resting(meshes: Sequence[Mesh]) -> tuple[Instance, ...]:
+    """One instance of each mesh, at rest in the world frame."""
+    rest = np.eye(4)
+    return tuple(Instance(mesh.name, number, rest, rest) for number, mesh in enumerate(meshes))
 
 
 def discs(
@@ -46,7 +53,6 @@ def discs(
     middles_m: Floats,
     viewpoint_m: ArrayLike,
     angular_radius_rad: float,
-    material: int = 0,
     corners: int = 24,
 ) -> Mesh:
     """Mesh of discs at points (n, 3), world frame, of equal angular size, facing the viewpoint."""
@@ -67,15 +73,21 @@ def discs(
         np.stack((disc, count * (1 + k) + disc, count * (1 + (k + 1) % corners) + disc), axis=1)
         for k in range(corners)
     ]
-    return Mesh(name, positions.astype("f4"), np.concatenate(triangles).astype("u4"), material)
+    return Mesh(name, positions.astype("f4"), np.concatenate(triangles).astype("u4"), 0)
 
 
-def quads(name: str, corners_m: ArrayLike, material: int = 0) -> Mesh:
-    """Mesh of quadrilaterals with corners (n, 4, 3) in the world frame, in order around each."""
+def quads(name: str, corners_m: ArrayLike, material: int = 0, colors: Floats | None = None) -> Mesh:
+    """Mesh of quadrilaterals with corners (n, 4, 3) in the world frame, in order around each.
+
+    `colors` (n, 4, 3) are linear RGB.
+    """
     corners = np.asarray(corners_m, dtype=np.float64)
-    first = 4 * np.arange(len(corners))[:, None]
-    triangles = np.concatenate((first + [0, 1, 2], first + [0, 2, 3]))
-    return Mesh(name, corners.reshape(-1, 3).astype("f4"), triangles.astype("u4"), material)
+    first = 4 * np.arange(len(corners))[:, None, None]
+    triangles = (first + np.array(((0, 1, 2), (0, 2, 3)))).reshape(-1, 3).astype("u4")
+    rgba = None
+    if colors is not None:
+        rgba = np.column_stack((colors.reshape(-1, 3), np.ones(4 * len(corners)))).astype("f4")
+    return Mesh(name, corners.reshape(-1, 3).astype("f4"), triangles, material, colors=rgba)
 
 
 def board_corners_m() -> Floats:
@@ -93,40 +105,53 @@ def board_poses(count: int, seed: int = 11) -> list[Floats]:
     poses = []
     for index in range(count):
         azimuth = 2.0 * math.pi * (index * 0.381966 + 0.03 * random.normal())
-        incidence = math.radians(random.uniform(25.0, 80.0))
-        across = math.sin(incidence)
-        outward = np.array(
-            [across * math.cos(azimuth), across * math.sin(azimuth), -math.cos(incidence)]
-        )
+        outward = _outward(math.pi - math.radians(random.uniform(25.0, 80.0)), azimuth)
         side = np.array([-math.sin(azimuth), math.cos(azimuth), 0.0])
-        facing = np.stack((side, np.cross(outward, side), outward), axis=1)
         roll, pitch, yaw = random.uniform(-0.6, 0.6, 3)
-        pose = np.eye(4)
-        pose[:3, :3] = facing @ rotation_from_roll_pitch_yaw(roll, pitch, 2.0 * yaw)
-        pose[:3, 3] = outward * random.uniform(0.55, 0.9)
-        poses.append(pose)
+        tilt = rotation_from_roll_pitch_yaw(roll, pitch, 2.0 * yaw)
+        poses.append(_facing(outward, side, tilt, random.uniform(0.55, 0.9)))
     return poses
 
 
-def board_poses_in_front(count: int, max_rad: float, seed: int = 7) -> list[Floats]:
-    """Random poses (4, 4) optical_from_board of tilted boards, up to `max_rad` off the axis."""
-    random = np.random.default_rng(seed)
+def board_poses_in_front(
+    count: int, max_rad: float, rig_from_optical: Floats = _UNTURNED
+) -> list[Floats]:
+    """Random poses (4, 4) rig_from_board of tilted boards, up to `max_rad` off the optical axis."""
+    random = np.random.default_rng(7)
+    rig_from_camera = np.eye(4)
+    rig_from_camera[:3, :3] = rig_from_optical
     poses = []
     for index in range(count):
         azimuth = 2.0 * math.pi * (index * 0.381966 + 0.03 * random.normal())
-        theta = max_rad * math.sqrt((index + 0.5) / count)
-        across = math.sin(theta)
-        outward = np.array(
-            [across * math.cos(azimuth), across * math.sin(azimuth), math.cos(theta)]
-        )
+        outward = _outward(max_rad * math.sqrt((index + 0.5) / count), azimuth)
         side = np.cross([0.0, 1.0, 0.0], outward)
-        side /= np.linalg.norm(side)
-        facing = np.stack((side, np.cross(outward, side), outward), axis=1)
-        pose = np.eye(4)
-        pose[:3, :3] = facing @ rotation_from_roll_pitch_yaw(*random.uniform(-0.5, 0.5, 3))
-        pose[:3, 3] = outward * random.uniform(0.9, 1.4)
-        poses.append(pose)
+        tilt = rotation_from_roll_pitch_yaw(*random.uniform(-0.5, 0.5, 3))
+        distance_m = random.uniform(0.9, 1.4)
+        pose = _facing(outward, side / np.linalg.norm(side), tilt, distance_m)
+        poses.append(rig_from_camera @ pose)
     return poses
+
+
+def _outward(theta: float, azimuth: float) -> Floats:
+    across = math.sin(theta)
+    return np.array([across * math.cos(azimuth), across * math.sin(azimuth), math.cos(theta)])
+
+
+def _facing(outward: Floats, side: Floats, tilt: Floats, distance_m: float) -> Floats:
+    """Pose (4, 4) of a board that is turned to the origin, and then tilted."""
+    pose = np.eye(4)
+    pose[:3, :3] = np.stack((side, np.cross(outward, side), outward), axis=1) @ tilt
+    pose[:3, 3] = outward * distance_m
+    return pose
+
+
+def board_images(
+    fixture: Fixture, sensor: OmniCamera, rig_from_boards: Sequence[Floats]
+) -> Iterator[Bytes]:
+    """Images (height, width, 3) of the board at each pose (4, 4)."""
+    with open_sensor(board_scene(), sensor, unlit=True, device=fixture.device) as renderer:
+        for number, rig_from_board in enumerate(rig_from_boards):
+            yield renderer.render(np.linalg.inv(rig_from_board), frame_number=number).rgb
 
 
 class DetectedBoards(NamedTuple):
@@ -139,13 +164,11 @@ class DetectedBoards(NamedTuple):
 def detected_boards(fixture: Fixture, sensor: OmniCamera, count: int) -> DetectedBoards:
     """Render boards at random poses, and detect their corners by OpenCV."""
     detected = DetectedBoards([], [])
-    with open_sensor(board_scene(), sensor, unlit=True, device=fixture.device) as renderer:
-        for rig_from_board in board_poses(count):
-            image = renderer.render(np.linalg.inv(rig_from_board)).rgb
-            corners = omnidir.find_corners(np.ascontiguousarray(image[..., 1]), PATTERN)
-            if corners is not None:
-                detected.images.append(image)
-                detected.corners.append(corners)
+    for image in board_images(fixture, sensor, board_poses(count)):
+        corners = omnidir.find_corners(np.ascontiguousarray(image[..., 1]), PATTERN)
+        if corners is not None:
+            detected.images.append(image)
+            detected.corners.append(corners)
     return detected
 
 
@@ -180,6 +203,40 @@ _MIN_M, _MAX_M = 0.4, 8.0
 _CORNERS = 96
 
 
+def world_from_looking_up(sensor: OmniCamera, world_from_base: Floats) -> Floats:
+    """Pose (4, 4) of the optical frame of a camera that looks up at its mirror.
+
+    It has nothing of the camera model, which is under test.
+    """
+    world_from_optical = world_from_base @ sensor.base_from_rig
+    world_from_optical[:3, :3] = world_from_optical[:3, :3] @ frames.RIG_FROM_OPTICAL_LOOKING_UP
+    return world_from_optical
+
+
+class Markers(NamedTuple):
+    """Discs around a camera with a mirror, all inside its image."""
+
+    world_from_optical: Floats  # (4, 4)
+    positions_m: Floats  # (n, 3), world
+    near_px: Floats  # (n, 2) the camera model's projections of the positions
+    scene: Scene
+
+    @classmethod
+    def around(cls, sensor: OmniCamera, world_from_base: Floats, count: int) -> Markers:
+        """At most `count` markers in all directions of the mirror's image."""
+        camera, pose = mirror_camera(sensor), world_from_looking_up(sensor, world_from_base)
+        viewpoint_m, axis = pose[:3, 3], -pose[:3, 2]  # from the mirror toward the pinhole
+        positions = marker_positions(viewpoint_m, axis, camera.mirror.theta_max_rad, count)
+        near_px = camera.pixel_from_ray((positions - viewpoint_m) @ pose[:3, :3]).positions_px
+        clear = inside_valid_area(camera, near_px)
+        scene = marker_scene(positions[clear], viewpoint_m)
+        return cls(pose, positions[clear], near_px[clear], scene)
+
+    def centers_px(self, image: Floats32) -> Floats:
+        """Centers (n, 2) of the markers in a linear image (height, width, 3)."""
+        return centroids(image[..., 1].astype(np.float64), self.near_px)
+
+
 def marker_positions(viewpoint_m: ArrayLike, axis: ArrayLike, max_rad: float, count: int) -> Floats:
     """Points (count, 3) in directions up to `max_rad` from an axis (3,), 0.6 to 12 m away.
 
@@ -200,16 +257,15 @@ def marker_positions(viewpoint_m: ArrayLike, axis: ArrayLike, max_rad: float, co
 
 def marker_scene(positions_m: Floats, viewpoint_m: ArrayLike) -> Scene:
     """Scene of white discs on black, at points (n, 3) of the world frame, facing the viewpoint."""
-    mesh = discs("markers", positions_m, viewpoint_m, MARKER_RADIUS_RAD, corners=96)
+    mesh = discs("markers", positions_m, viewpoint_m, MARKER_RADIUS_RAD, corners=_CORNERS)
     return plain_scene("markers", (mesh, WHITE))
 
 
 def marker_rims(positions_m: Floats, viewpoint_m: ArrayLike) -> Floats:
     """Points (n, 96, 3), world, around the rim of each marker."""
-    corners = 96
-    mesh = discs("rims", positions_m, viewpoint_m, MARKER_RADIUS_RAD, corners=corners)
+    mesh = discs("rims", positions_m, viewpoint_m, MARKER_RADIUS_RAD, corners=_CORNERS)
     rims = mesh.positions[len(positions_m) :].astype(np.float64)
-    return rims.reshape(corners, len(positions_m), 3).swapaxes(0, 1)
+    return rims.reshape(_CORNERS, len(positions_m), 3).swapaxes(0, 1)
 
 
 def rim_centroids_px(rims_px: Floats) -> Floats:

@@ -13,17 +13,9 @@ from omnisim.cameras import PerspectiveCamera
 from omnisim.core.arrays import Floats
 from omnisim.core.poses import pose
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.scene.model import (
-    Instance,
-    Light,
-    Lighting,
-    LightKind,
-    Material,
-    Mesh,
-    Scene,
-    StartPose,
-)
+from omnisim.scene.model import Light, Lighting, LightKind, Material, Mesh, Scene, StartPose
 from omnisim.validation.material_chart import sphere
+from omnisim.validation.plain_scenes import quads, resting
 
 HALF_M = np.array((3.0, 2.5, 1.5))  # half the room's length, width and height
 SQUARES = 6  # along a wall
@@ -32,24 +24,18 @@ _PANE = Material(
     "pane", (0.7, 0.9, 0.8, 1.0), roughness=0.0, specular=1.0, transmission=1.0, double_sided=True
 )
 _GLASS = dataclasses.replace(
-    _PANE,
-    name="glass",
-    base_color=(0.95, 0.97, 1.0, 1.0),
-    thickness_m=1.4,
-    attenuation_color=(0.9, 0.75, 0.6),
-    attenuation_distance_m=1.0,
-)
+    _PANE, name="glass", base_color=(0.95, 0.97, 1.0, 1.0), thickness_m=1.4,
+    attenuation_color=(0.9, 0.75, 0.6), attenuation_distance_m=1.0,
+)  # fmt: skip
 _FLOOR = dataclasses.replace(_CHROME, name="floor", base_color=(0.9, 0.85, 0.8, 1.0))
 WINDOW_X_M, WINDOW_Z_M = (-2.4, 2.2), (-1.0, 1.2)  # in the wall at the end of y
 SKY = (0.55, 0.7, 0.9)
-_WINDOW_PANE = Material(
-    "pane", (0.85, 0.95, 0.9, 1.0), roughness=0.0, specular=1.0, transmission=1.0, double_sided=True
-)
+_WINDOW_PANE = dataclasses.replace(_PANE, base_color=(0.85, 0.95, 0.9, 1.0))
 # thick: drawn by its baked light, as by Lambert's law, in both back ends
 _FROSTED = Material("frosted", roughness=0.8, transmission=1.0, thickness_m=0.01, double_sided=True)
-_WALL_MIRROR = Material(
-    "chrome", (0.9, 0.9, 0.9, 1.0), metallic=1.0, roughness=0.0, double_sided=True
-)
+_WALL_MIRROR = dataclasses.replace(_CHROME, base_color=(0.9, 0.9, 0.9, 1.0))
+Color = tuple[float, float, float]  # linear RGB
+Span = tuple[float, float]
 _GRAY, _RED, _WOOD = (0.7, 0.7, 0.7), (0.7, 0.15, 0.1), (0.55, 0.4, 0.25)
 _LAMP_M, _SHADE_M, _SHADE_HALF_M = (-1.4, -1.0, 1.1), 0.8, 0.6
 
@@ -60,7 +46,7 @@ def rooms() -> dict[str, Scene]:
     def floor(roughness: float) -> Scene:
         corners = np.array([(-2.9, -2.4), (2.9, -2.4), (2.9, 2.4), (-2.9, 2.4)])
         level = np.column_stack((corners, np.full(4, -1.2)))
-        return _room(dataclasses.replace(_FLOOR, roughness=roughness), _plain("floor", level))
+        return _room(dataclasses.replace(_FLOOR, roughness=roughness), quads("floor", [level]))
 
     ball = _moved(sphere(0.7, 96), pose((1.2, 0.0, 0.0)))
     return {
@@ -92,12 +78,11 @@ def _room(material: Material, mesh: Mesh) -> Scene:
     shining = Material("walls", unlit=True, double_sided=True)
     post = _moved(_box((0.15, 0.15, 0.6), (1.0, 0.5, 0.1)), pose((0.6, -1.1, -0.4)))
     meshes = (_walls(), post, dataclasses.replace(mesh, material=1))
-    rest = np.eye(4)
     return Scene(
         name=material.name,
         meshes=meshes,
         materials=(shining, material),
-        instances=tuple(Instance(each.name, i, rest, rest) for i, each in enumerate(meshes)),
+        instances=resting(meshes),
         lighting=Lighting((0.0, 0.0, 0.0), ()),
         background=(0.0, 0.0, 0.0),
         start=StartPose((0.0, 0.0, 0.0)),
@@ -107,7 +92,7 @@ def _room(material: Material, mesh: Mesh) -> Scene:
 @cache  # every room has them
 def _walls() -> Mesh:
     """Walls, floor and ceiling of squares, each with one color by its position."""
-    quads, colors = [], []
+    squares, colors = [], []
     edges = np.linspace(-1.0, 1.0, SQUARES + 1)
     for axis, side in itertools.product(range(3), (-1.0, 1.0)):
         first, second = (other for other in range(3) if other != axis)
@@ -115,21 +100,21 @@ def _walls() -> Mesh:
             corners = np.full((4, 3), side)
             corners[:, first] = edges[[i, i + 1, i + 1, i]]
             corners[:, second] = edges[[j, j, j + 1, j + 1]]
-            quads.append(_facing(corners * HALF_M, inward=True))
+            squares.append(_facing(corners * HALF_M, inward=True))
             color = 0.45 + 0.3 * corners.mean(axis=0) + (0.15 if (i + j) % 2 else -0.1)
             colors.append(np.tile(color, (4, 1)))
-    return _quads("walls", np.array(quads), np.array(colors))
+    return quads("walls", squares, colors=np.array(colors))
 
 
 def _box(half_m: tuple[float, float, float], color: tuple[float, float, float]) -> Mesh:
-    quads = []
+    sides = []
     for axis, side in itertools.product(range(3), (-1.0, 1.0)):
         first, second = (other for other in range(3) if other != axis)
         corners = np.full((4, 3), side)
         corners[:, first], corners[:, second] = (-1, 1, 1, -1), (-1, -1, 1, 1)
-        quads.append(_facing(corners * half_m, inward=False))
+        sides.append(_facing(corners * half_m, inward=False))
     shades = np.linspace(0.5, 1.0, 6)[:, None, None] * np.array(color)
-    return _quads("post", np.array(quads), np.broadcast_to(shades, (6, 4, 3)))
+    return quads("post", sides, colors=np.broadcast_to(shades, (6, 4, 3)))
 
 
 def _facing(corners_m: Floats, inward: bool) -> Floats:
@@ -139,29 +124,10 @@ def _facing(corners_m: Floats, inward: bool) -> Floats:
     return corners_m if is_inward == inward else corners_m[::-1]
 
 
-def _quads(name: str, corners_m: Floats, colors: Floats) -> Mesh:
-    """Mesh of quads with corners (n, 4, 3) in meters and vertex colors (n, 4, 3), linear RGB."""
-    first = 4 * np.arange(len(corners_m))[:, None, None]
-    triangles = (first + np.array(((0, 1, 2), (0, 2, 3)))).reshape(-1, 3)
-    rgba = np.concatenate((colors, np.ones((*colors.shape[:2], 1))), axis=-1)
-    return Mesh(
-        name,
-        corners_m.reshape(-1, 3).astype(np.float32),
-        triangles.astype(np.uint32),
-        0,
-        colors=rgba.reshape(-1, 4).astype(np.float32),
-    )
-
-
 def _panel(center_m: tuple[float, float, float], yaw_deg: float) -> Mesh:
     """Upright panel of 2.4 m × 1.8 m, perpendicular to x and then rotated about z."""
     corners = np.array([(0, -1, -1), (0, 1, -1), (0, 1, 1), (0, -1, 1)]) * (1, 1.2, 0.9)
-    return _moved(_plain("panel", corners), pose(center_m, yaw_deg=yaw_deg))
-
-
-def _plain(name: str, corners_m: Floats) -> Mesh:
-    triangles = np.array(((0, 1, 2), (0, 2, 3)), dtype=np.uint32)
-    return Mesh(name, corners_m.astype(np.float32), triangles, 0)
+    return _moved(quads("panel", [corners]), pose(center_m, yaw_deg=yaw_deg))
 
 
 def _moved(mesh: Mesh, by: Floats) -> Mesh:
@@ -207,11 +173,7 @@ def window_room() -> Scene:
 
 
 def _quad(
-    name: str,
-    center_m: ArrayLike,
-    half_u_m: ArrayLike,
-    half_v_m: ArrayLike,
-    color: tuple[float, float, float] = _GRAY,
+    name: str, center_m: ArrayLike, half_u_m: ArrayLike, half_v_m: ArrayLike, color: Color = _GRAY
 ) -> Scene:
     """Rectangle, visible from both sides, by its middle and half of two sides."""
     center, u, v = (np.asarray(x, dtype=np.float64) for x in (center_m, half_u_m, half_v_m))
@@ -219,27 +181,18 @@ def _quad(
     return Scene.from_arrays(name, corners, [(0, 1, 2), (0, 2, 3)], base_color=color)
 
 
-def _level(
-    name: str,
-    center_m: tuple[float, float, float],
-    half_m: float,
-    color: tuple[float, float, float] = _GRAY,
-) -> Scene:
+def _level(name: str, center_m: ArrayLike, half_m: float, color: Color = _GRAY) -> Scene:
     return _quad(name, center_m, (half_m, 0, 0), (0, half_m, 0), color)
 
 
-def _upright(name: str, x_m: tuple[float, float], z_m: tuple[float, float], y_m: float) -> Scene:
+def _upright(name: str, x_m: Span, z_m: Span, y_m: float) -> Scene:
     (left, right), (low, high) = x_m, z_m
     center = 0.5 * (left + right), y_m, 0.5 * (low + high)
     return _quad(name, center, (0.5 * (right - left), 0, 0), (0, 0, 0.5 * (high - low)))
 
 
 def _sides(
-    name: str,
-    center_m: tuple[float, float],
-    half_m: float,
-    z_m: tuple[float, float],
-    color: tuple[float, float, float] = _GRAY,
+    name: str, center_m: tuple[float, float], half_m: float, z_m: Span, color: Color = _GRAY
 ) -> list[Scene]:
     low, high = z_m
     sides: list[Scene] = []

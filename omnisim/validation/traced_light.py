@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +16,10 @@ from omnisim.core.arrays import Bools, Floats, Floats32
 from omnisim.core.errors import OpticsError
 from omnisim.core.srgb import srgb_from_linear
 from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.shared_scene import BackendName
 from omnisim.report.report import Measure
 from omnisim.scene import Scene
-from omnisim.validation.fixture import mirror_camera
+from omnisim.validation.fixture import Fixture, linear_image, mirror_camera
 
 CAMERAS = ("mirror", "fisheye")
 # Of the paper's mirror, so that its own shadow, which our camera lacks, is a few pixels wide.
@@ -26,9 +28,42 @@ _FISHEYE_THETA_RAD = math.radians(95.0)
 _RIM_PX = 2.0  # excluded, as pixels blend there
 
 
-def sensor_of(camera: str, size_px: int) -> OmniCamera:
-    """Sensor by its name in `CAMERAS`."""
-    return small_mirror(size_px) if camera == "mirror" else fisheye(size_px)
+class View(NamedTuple):
+    """Image of a scene from its start, by one of the `CAMERAS`."""
+
+    camera: str
+    scene: Scene
+    sensor: OmniCamera
+    pose: Floats  # (4, 4) world_from_base
+    inside: Bools  # (height, width) pixels well inside the rim
+
+    def ours(
+        self, fixture: Fixture, scene: Scene | None = None, backend: BackendName = "cube"
+    ) -> Floats32:
+        """Linear image (height, width, 3) by omnisim, of the scene or of a version of it."""
+        scene = self.scene if scene is None else scene
+        frame = fixture.render(scene, self.sensor, self.pose, unlit=False, backend=backend)
+        return linear_image(frame)
+
+    def traced(self, samples: int, bounces: bool = False) -> Floats32:
+        """Linear image (height, width, 3) by Mitsuba, see `traced_light`."""
+        return traced_light(self.scene, self.sensor, self.pose, samples, bounces)
+
+    def traced_twice(self, samples: int) -> tuple[Floats32, Floats32]:
+        """Two images of all light with independent noise."""
+        first, second = (
+            traced_light(self.scene, self.sensor, self.pose, samples, bounces=True, seed=seed)
+            for seed in (0, 1000)
+        )
+        return first, second
+
+
+def views(scene: Scene, size_px: int, cameras: Sequence[str] = CAMERAS) -> Iterator[View]:
+    """Views of a scene from its start, by cameras named in `CAMERAS`."""
+    for camera in cameras:
+        sensor = small_mirror(size_px) if camera == "mirror" else fisheye(size_px)
+        pose = sensor.base_pose(scene.start.position_m, yaw_deg=20.0)
+        yield View(camera, scene, sensor, pose, inside_rim(sensor))
 
 
 def samples_of(samples: Mapping[str, int]) -> list[Measure]:
@@ -92,17 +127,6 @@ def traced_light(
         pose[:3, :3] = pose[:3, :3] @ frames.BASE_FROM_OPTICAL_LOOKING_AHEAD
         return trace_lit_fisheye(scene, model, pose, samples, seed, depth)
     raise OpticsError(f"expected a mirror or a fisheye, got model {model.model_name!r}")
-
-
-def traced_twice(
-    scene: Scene, sensor: OmniCamera, world_from_base: Floats, samples: int
-) -> tuple[Floats32, Floats32]:
-    """Two images of all light, see `traced_light`, with independent noise."""
-    first, second = (
-        traced_light(scene, sensor, world_from_base, samples, bounces=True, seed=seed)
-        for seed in (0, 1000)
-    )
-    return first, second
 
 
 def inside_rim(sensor: OmniCamera) -> Bools:

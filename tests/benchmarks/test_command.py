@@ -54,15 +54,6 @@ def test_a_suite_writes_its_report_and_its_plot(suites, tmp_path, capsys):
     ]  # fmt: skip
 
 
-def test_all_is_in_full(suites, tmp_path):
-    seen = []
-    run = suites["lenses"].run
-    suites["lenses"].run = lambda options: seen.append(options.is_full) or run(options)
-    for arguments in (["lenses"], ["lenses", "--full"], ["all"]):
-        command.main([*arguments, "-o", str(tmp_path)])
-    assert seen == [False, True, True]
-
-
 def test_a_suite_that_misses_a_bound_runs_again(suites, tmp_path, capsys):
     slow, quiet = suites["fps"].run, _suite("fps", 0.5).run
     runs = [slow, quiet]
@@ -80,21 +71,12 @@ def test_all_suites_run_before_one_that_failed_counts(suites, tmp_path, capsys):
     assert capsys.readouterr().err == "error: fps: there is no such scene\n"
 
 
-def test_a_missed_bound_is_status_1(suites, tmp_path):
-    assert command.main(["all", "-o", str(tmp_path)]) == 1
-    assert read_report(tmp_path / "fps.json")["passed"] is False
-    assert (tmp_path / "lenses.png").is_file()
-
-
 @pytest.mark.parametrize(
     ("arguments", "error"),
     [
         (["lense"], "suite 'lense': no such suite; did you mean 'lenses'?"),
-        (["x"], "suite 'x': no such suite; expected fps, lenses or all"),
         (["fps", "--rounds", "0"], "--rounds: expected at least 1, got 0"),
-        (["fps", "--rounds", "many"], "argument --rounds: invalid int value: 'many'"),
         (["fps", "-o", __file__], f"{__file__}: cannot be created: File exists"),
-        ([], "the following arguments are required: suite"),
     ],
 )
 def test_wrong_arguments_are_one_line(suites, arguments, error, capsys):

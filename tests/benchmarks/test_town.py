@@ -5,7 +5,6 @@ import pytest
 
 from benchmarks.errors import BenchmarkError
 from benchmarks.town import build_town
-from benchmarks.town.house import KINDS, house
 
 
 def _corners(scene):
@@ -20,7 +19,7 @@ def _corners(scene):
     )
 
 
-@pytest.mark.parametrize("triangles", [1000, 10_000, 100_000])
+@pytest.mark.parametrize("triangles", [1000, 30_000])
 def test_town_has_about_as_many_triangles_as_asked_for(triangles):
     scene = build_town(triangles)
     assert abs(scene.triangle_count - triangles) <= 500  # half of the largest house and its plot
@@ -38,31 +37,6 @@ def test_towns_are_the_same_every_time_and_around_the_start():
     near = [np.unique(np.round(corners.reshape(-1, 9), 2), axis=0) for corners in near]
     assert len(near[0]) > 1000
     np.testing.assert_allclose(near[0], near[1], atol=0.011)
-
-
-def test_houses_are_seen_from_outside():
-    for kind in KINDS:
-        parts = house(kind)
-        wall = parts[kind.wall]
-        a, b, c = (wall.positions[wall.triangles[:, corner]] for corner in range(3))
-        # the walls alone, without the holes' reveals: outward area on the right of the house only
-        normals, middles = np.cross(b - a, c - a), (a + b + c) / 3.0
-        on_side = np.isclose(np.abs(middles[:, 0]), 0.5 * kind.width_m)
-        assert on_side.any()
-        assert np.all(normals[on_side, 0] * middles[on_side, 0] > 0.0)
-        roof = parts[kind.roof]
-        a, b, c = (roof.positions[roof.triangles[:, corner]] for corner in range(3))
-        slopes = np.cross(b - a, c - a)[np.linalg.norm(np.cross(b - a, c - a), axis=1) > 5.0]
-        assert len(slopes) == 4
-        assert np.all(slopes[:, 2] > 0.0)
-
-
-def test_texture_is_as_wide_as_its_surface():
-    wall = house(KINDS[0])[KINDS[0].wall]
-    edges = wall.triangles[:, [[0, 1], [1, 2]]]
-    lengths = np.linalg.norm(np.diff(wall.positions[edges], axis=2), axis=-1)
-    covered = np.linalg.norm(np.diff(wall.texture_coordinates[edges], axis=2), axis=-1)
-    np.testing.assert_allclose(covered, lengths, atol=1e-4)
 
 
 @pytest.mark.parametrize("triangles", [100, 10**9])

@@ -10,6 +10,7 @@ from omnisim.cameras import PlanarCamera
 from omnisim.cameras.lens_polynomials import first_root
 from omnisim.cameras.mirrors.hyperbolic import image_radius_eq2_px
 from tests.camera_examples import CAMERA_EXAMPLES
+from tests.cameras import formulas
 
 
 def _ray(theta_rad, azimuth_rad=0.7):
@@ -35,11 +36,8 @@ def test_double_sphere_is_the_formula_of_its_paper(name):
     # the paper's limit of the projection is inside that of its inverse, which is ours
     assert math.acos(-w2) < camera.theta_edge_rad < math.acos(-w2) + math.radians(15.0)
     _assert_ends_at(camera, camera.theta_edge_rad)
-    x, y, z = ray = 3.0 * _ray(1.2)
-    d1 = math.sqrt(x * x + y * y + z * z)
-    d2 = math.sqrt(x * x + y * y + (xi * d1 + z) ** 2)
-    q = alpha * d2 + (1.0 - alpha) * (xi * d1 + z)
-    expected = np.array([x, y]) / q * camera.focal_lengths_px + camera.principal_point_px
+    ray = 3.0 * _ray(1.2)
+    expected = formulas.double_sphere(camera, *ray)
     np.testing.assert_allclose(camera.pixel_from_ray(ray).positions_px, expected, atol=1e-9)
 
 
@@ -104,11 +102,8 @@ def test_planar_is_the_hyperbolic_mirror_with_k_2():
     hyperbolic = CAMERA_EXAMPLES["hyperbolic-plane"]
     plane = PlanarCamera(300, 200, hyperbolic.focal_length_px, hyperbolic.principal_point_px)
     pixels = [(10.0, 20.0), (150.0, 99.0), (200.5, 120.0)]
-    np.testing.assert_allclose(
-        plane.ray_from_pixel(pixels).directions,
-        hyperbolic.ray_from_pixel(pixels).directions,
-        atol=1e-12,
-    )
+    ours, theirs = (camera.ray_from_pixel(pixels).directions for camera in (plane, hyperbolic))
+    np.testing.assert_allclose(ours, theirs, atol=1e-12)
 
 
 @pytest.mark.parametrize("power", [3, 5, 8])

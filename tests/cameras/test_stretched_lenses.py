@@ -144,8 +144,8 @@ def _angles(random):
 
 
 def test_rays_of_an_action_camera_hit_the_room_around(needs_opengl):
-    small = dataclasses.replace(ACTION, theta_max_rad=math.radians(80.0))
-    assert _check_hits(small, np.random.default_rng(1), 700_000) > 300_000
+    small = dataclasses.replace(ACTION, theta_max_rad=math.radians(80.0)).scaled(0.5)
+    assert _check_hits(small, np.random.default_rng(1), 180_000) > 80_000
 
 
 @pytest.mark.parametrize("images", [1, 4], ids=["alone", "in a batch"])

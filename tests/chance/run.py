@@ -5,13 +5,7 @@ from collections import Counter
 import numpy as np
 
 from tests.chance.checks import check_camera, check_lidar
-from tests.chance.sensors import (
-    LENSES,
-    OPTICS,
-    lens_by_chance,
-    lidar_by_chance,
-    optics_by_chance,
-)
+from tests.chance.sensors import LENSES, OPTICS, lens_by_chance, lidar_by_chance, optics_by_chance
 from tests.chance.worlds import world_by_chance
 
 FASTEST_MPS = 10.0

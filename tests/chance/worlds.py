@@ -42,23 +42,14 @@ def angles(random, most_deg=180.0):
 
 @dataclasses.dataclass
 class World:
-    """A room with bodies; moving objects have a pose at each time.
+    """A room with bodies; moving objects have a pose at each time."""
 
-    Attributes:
-        scene: static room and bodies.
-        objects: scene of each moving object by name.
-        starts, velocities: pose (4, 4), and velocity in m/s (3,), of each of them.
-        turns_degps: yaw rate of each of them.
-        viewpoint: pose (4, 4) in the free, of the sensor at time 0.
-        speed_mps, turn_degps: the sensor's own velocity (3,) and yaw rate.
-    """
-
-    scene: object
-    objects: dict
-    starts: dict
+    scene: object  # static room and bodies
+    objects: dict  # scene of each moving object by name
+    starts: dict  # pose (4, 4) of each of them, its velocity in m/s (3,), and its yaw rate
     velocities: dict
     turns_degps: dict
-    viewpoint: np.ndarray
+    viewpoint: np.ndarray  # pose (4, 4) of the sensor at time 0, its velocity (3,) and yaw rate
     speed_mps: np.ndarray
     turn_degps: float
 
@@ -77,14 +68,10 @@ class World:
 
     def own_rays(self, time_s):
         """Own rays at all surfaces where they are at a time."""
-        return OwnRays(self.parts(time_s))
-
-    def parts(self, time_s):
-        """Name and corners (m, 3, 3) of each instance where it is at a time."""
         parts = placed(self.scene, np.eye(4))
         for name, where in self.object_poses(time_s).items():
             parts += placed(self.objects[name], where)
-        return parts
+        return OwnRays(parts)
 
 
 def placed(scene, world_from_object):

@@ -16,7 +16,7 @@ LIBRARY = ctypes.CDLL(None)
 pytestmark = pytest.mark.skipif(
     not hasattr(LIBRARY, "gnu_get_libc_version"), reason="this C library is not glibc"
 )
-THREADS, READS = 8, 50
+THREADS, READS = 8, 10
 # The last block alone, with its true checksum: libpng prints its error, and returns it.
 ONLY_AN_END = b"\x89PNG\r\n\x1a\n" + b"\0\0\0\0IEND\xaeB`\x82"
 
@@ -108,16 +108,13 @@ def test_a_child_forked_meanwhile_has_its_own(damaged):
         "    library.fputs(text, ctypes.c_void_p.in_dll(library, 'stderr'))\n"
         "held, done = threading.Event(), threading.Event()\n"
         "def hold():\n"
-        "    with quiet_libraries():\n"
-        "        held.set()\n"
-        "        done.wait()\n"
+        "    with quiet_libraries():\n        held.set()\n        done.wait()\n"
         "thread = threading.Thread(target=hold)\n"
         "thread.start()\n"
         "held.wait()\n"
         "if os.fork() == 0:\n"
         "    tell(b'child\\n')\n"
-        "    with quiet_libraries():\n"
-        "        tell(b'discarded\\n')\n"
+        "    with quiet_libraries():\n        tell(b'discarded\\n')\n"
         "    os._exit(0)\n"
         "os.wait()\n"
         "tell(b'discarded\\n')\n"

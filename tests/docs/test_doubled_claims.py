@@ -2,7 +2,6 @@
 
 import json
 import re
-from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -25,135 +24,106 @@ ACCURACY, PERFORMANCE = WHY + "accuracy.md", WHY + "performance.md"
 BENCHMARKS = "benchmarks/README.md"
 
 
-@dataclass(frozen=True)
-class Measure:
-    """Numbers of a table that other pages repeat; in patterns `#` is a number.
-
-    Attributes:
-        pattern: of the page that the measurement writes.
-        places: pages and patterns that repeat its numbers, or the first of them, in the same order.
-    """
-
-    source: str
-    pattern: str
-    places: tuple[tuple[str, str], ...]
-
-
+# Numbers of a table, `#` in patterns, that other pages repeat: page and pattern that a measurement
+# writes, then those that repeat its numbers, or the first of them, in the same order.
 MEASURES = {
-    "rings": Measure(
+    "rings": (
         ACCURACY,
-        r"exact capture, 360 px: each ring's mean radius against the exact relation "
-        r"\| # px \| ≤ # px",
-        ((README, r"rings at every 5° of incidence \| # px \| # px"),),
+        r"exact capture, 360 px: each ring's mean radius against the exact relation \| # px \| ≤ "
+        r"# px",
+        README, r"rings at every 5° of incidence \| # px \| # px",
     ),
-    "a real mirror": Measure(
+    "a real mirror": (
         ACCURACY,
-        r"\| markers, mean distance \| # px \| ≤ 0.1 px \| \| \| "
-        r"markers, largest distance \| # px \| ≤ 0.2 px",
-        ((README, r"a real mirror traced by Mitsuba: [^|]+\| # px, # px \| 0.1 px, 0.2 px"),),
+        r"\| markers, mean distance \| # px \| ≤ 0.1 px \| \| \| markers, largest distance \| # "
+        r"px \| ≤ 0.2 px",
+        README, r"a real mirror traced by Mitsuba: [^|]+\| # px, # px \| 0.1 px, 0.2 px",
     ),
-    "non-central systems": Measure(
+    "non-central systems": (
         ACCURACY,
-        r"markers, mean distance in any system \| # px \| ≤ 0.05 px \| \| \| "
-        r"markers, largest distance \| # px \| ≤ 0.15 px",
-        ((README, r"non-central mirrors and windows [^|]+\| # px, # px \| 0.05 px, 0.15 px"),),
+        r"markers, mean distance in any system \| # px \| ≤ 0.05 px \| \| \| markers, largest "
+        r"distance \| # px \| ≤ 0.15 px",
+        README, r"non-central mirrors and windows [^|]+\| # px, # px \| 0.05 px, 0.15 px",
     ),
-    "focal length": Measure(
+    "focal length": (
+        ACCURACY, r"calibration: focal length, distance from the stated one \| # % \| ≤ # %",
+        README, r"chessboards: error of the focal length \| # % \| # %",
+    ),
+    "shadows in soccer": (
+        ACCURACY, r"soccer, mirror: default quality \| # dB \| ≥ # dB",
+        README, r"lamps and shadows by Mitsuba: [^|]+\| # dB, [\d.]+ dB \| at least # dB",
+        WHY + "rendering.md", r"inside them come to # dB and",
+    ),
+    "shadows in courtyard": (
+        ACCURACY, r"courtyard, mirror: default quality \| # dB",
+        README, r"lamps and shadows by Mitsuba: [^|]+\| [\d.]+ dB, # dB",
+        WHY + "rendering.md", r"come to [\d.]+ dB and # dB",
+    ),
+    "materials": (
         ACCURACY,
-        r"calibration: focal length, distance from the stated one \| # % \| ≤ # %",
-        ((README, r"chessboards: error of the focal length \| # % \| # %"),),
+        r"a lamp: mean CIEDE2000 \| # \| ≤ 2 \| \| \| even light: mean CIEDE2000 \| # \| ≤ 2 \| "
+        r"\| \| an environment map: mean CIEDE2000 \| # \|",
+        WHY + "rendering.md", r"are # under a lamp, # under even light and # under an env",
     ),
-    "shadows in soccer": Measure(
-        ACCURACY,
-        r"soccer, mirror: default quality \| # dB \| ≥ # dB",
-        (
-            (README, r"lamps and shadows by Mitsuba: [^|]+\| # dB, [\d.]+ dB \| at least # dB"),
-            (WHY + "rendering.md", r"inside them come to # dB and"),
-        ),
-    ),
-    "shadows in courtyard": Measure(
-        ACCURACY,
-        r"courtyard, mirror: default quality \| # dB",
-        (
-            (README, r"lamps and shadows by Mitsuba: [^|]+\| [\d.]+ dB, # dB"),
-            (WHY + "rendering.md", r"come to [\d.]+ dB and # dB"),
-        ),
-    ),
-    "materials": Measure(
-        ACCURACY,
-        r"a lamp: mean CIEDE2000 \| # \| ≤ 2 \| \| \| even light: mean CIEDE2000 \| # \| ≤ 2 "
-        r"\| \| \| an environment map: mean CIEDE2000 \| # \|",
-        ((WHY + "rendering.md", r"are # under a lamp, # under even light and # under an env"),),
-    ),
-    "baked soccer": Measure(
+    "baked soccer": (
         ACCURACY,
         r"soccer, mirror: baked \| # dB .*?similarity \| # .*?soccer, fisheye: baked \| # dB "
         r".*?similarity \| # ",
-        ((WHY + "baked-light.md", r"\| `soccer` \| # dB, # \| # dB, # \|"),),
+        WHY + "baked-light.md", r"\| `soccer` \| # dB, # \| # dB, # \|",
     ),
-    "baked courtyard": Measure(
+    "baked courtyard": (
         ACCURACY,
-        r"courtyard, mirror: baked \| # dB .*?similarity \| # .*?courtyard, fisheye: baked "
-        r"\| # dB .*?similarity \| # ",
-        ((WHY + "baked-light.md", r"\| `courtyard` \| # dB, # \| # dB, # \|"),),
+        r"courtyard, mirror: baked \| # dB .*?similarity \| # .*?courtyard, fisheye: baked \| # "
+        r"dB .*?similarity \| # ",
+        WHY + "baked-light.md", r"\| `courtyard` \| # dB, # \| # dB, # \|",
     ),
-    "two back ends": Measure(
-        ACCURACY,
-        r"worst image \| [\d.]+ dB \| ≥ # dB",
-        (
-            (WHY + "back-ends.md", r"agree to # dB or more"),
-            (HOW_TO + "choose.md", r"agree to \[# dB or more\]"),
-        ),
+    "two back ends": (
+        ACCURACY, r"worst image \| [\d.]+ dB \| ≥ # dB",
+        WHY + "back-ends.md", r"agree to # dB or more",
+        HOW_TO + "choose.md", r"agree to \[# dB or more\]",
     ),
-    "a mesh of 1024 polygons": Measure(
-        WHY + "optics.md",
-        r"\| 1024 \| [\d.]+ px \| [\d.]+ px \| # px \|",
-        (("omnisim/ground_truth/README.md", r"`-n 1024` it is within # px at 360 × 360"),),
+    "a mesh of 1024 polygons": (
+        WHY + "optics.md", r"\| 1024 \| [\d.]+ px \| [\d.]+ px \| # px \|",
+        "omnisim/ground_truth/README.md", r"`-n 1024` it is within # px at 360 × 360",
     ),
-    "the paper's real run": Measure(
+    "the paper's real run": (
         WHY + "self-localization.md",
         r"real setting \| step at which the gate opens, median \| # \| ≥ 6 .*? gate opens, median "
         r"\| # m",
-        ((WHY + "paper.md", r"hand-picked landmarks: step #, # m"),),
+        WHY + "paper.md", r"hand-picked landmarks: step #, # m",
     ),
-    "times of the back ends": Measure(
-        WHY + "back-ends.md",
-        r"in the same process takes # s and # s",
-        ((HOW_TO + "choose.md", r"0.1 s \| .*?\| # s \| The two"),),
+    "times of the back ends": (
+        WHY + "back-ends.md", r"in the same process takes # s and # s",
+        HOW_TO + "choose.md", r"0.1 s \| .*?\| # s \| The two",
     ),
-    "chessboards": Measure(
+    "chessboards": (
         ACCURACY,
         r"aligned, cv2.omnidir: reprojection, RMS \| # px .*? with distortion, RMS \| # px",
-        (
-            (
-                WHY + "non-central-optics.md",
-                r"against # px for the aligned mirror\. With distortion it leaves # px",
-            ),
-        ),
+        WHY + "non-central-optics.md",
+        r"against # px for the aligned mirror\. With distortion it leaves # px",
     ),
-    "a mesh measured": Measure(
+    "a mesh measured": (
         ACCURACY,
-        r"1024 polygons, mean error \| # px \| ≤ [\d.]+ px \| \| \| "
-        r"1024 polygons, largest error \| # px",
-        ((WHY + "optics.md", r"\| 1024 \| # px \| [\d.]+ px \| # px \|"),),
+        r"1024 polygons, mean error \| # px \| ≤ [\d.]+ px \| \| \| 1024 polygons, largest error "
+        r"\| # px",
+        WHY + "optics.md", r"\| 1024 \| # px \| [\d.]+ px \| # px \|",
     ),
-    "polygons of the paper": Measure(
-        WHY + "optics.md",
-        r"\| 1024 \| # px \| [\d.]+ px \| # px \|",
-        ((HOW_TO + "choose.md", r"paper's mesh: # px off on average at 360 × 360 px, # px at"),),
+    "polygons of the paper": (
+        WHY + "optics.md", r"\| 1024 \| # px \| [\d.]+ px \| # px \|",
+        HOW_TO + "choose.md", r"paper's mesh: # px off on average at 360 × 360 px, # px at",
     ),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("claim", MEASURES)
 def test_repeated_numbers_are_those_of_their_source(claim):
-    measure = MEASURES[claim]
-    known = numbers_of(measure.source, measure.pattern)
-    for page, pattern in measure.places:
+    source, measured, *places = MEASURES[claim]
+    known = numbers_of(source, measured)
+    for page, pattern in zip(places[::2], places[1::2], strict=True):
         stated = numbers_of(page, pattern)
         for one, true in zip(stated, known[: len(stated)], strict=True):
             distance = abs(float(one) - float(true))
-            assert distance <= half_unit(one) + 1e-9, f"{page}: {one}, {measure.source}: {true}"
+            assert distance <= half_unit(one) + 1e-9, f"{page}: {one}, {source}: {true}"
 
 
 def _row(name, pattern):
@@ -271,46 +241,46 @@ def test_what_gltf_materials_lack_is_said():
 STATEMENTS = {
     "even light": (
         "has even light: ambient light and two directional lights, without shadows",
-        (HOW_TO + "light.md", WHY + "rendering.md", WHY + "assumptions.md"),
+        HOW_TO + "light.md", WHY + "rendering.md", WHY + "assumptions.md",
     ),
     "even light, short": (
         "even light, without shadows",
-        (README, HOW_TO + "own-scene.md"),
+        README, HOW_TO + "own-scene.md",
     ),
     "reflections": (
         "are approximate, and exact by `--backend rays`",
-        (README, WHY + "assumptions.md"),
+        README, WHY + "assumptions.md",
     ),
     "transmission": (
         "Clear glass transmits: other glass is opaque unless alpha blends it",
-        (README, WHY + "assumptions.md"),
+        README, WHY + "assumptions.md",
     ),
     "emission": (
         "What a surface emits lights others only once it is [baked](baked-light.md)",
-        (WHY + "rendering.md", WHY + "assumptions.md"),
+        WHY + "rendering.md", WHY + "assumptions.md",
     ),
     "holes and glass": (
         "Rays pass through holes of masked surfaces, and through blended surfaces with an alpha "
         "below 0.5",
-        (HOW_TO + "ground-truth.md", WHY + "sensors.md", "omnisim/ground_truth/README.md"),
+        HOW_TO + "ground-truth.md", WHY + "sensors.md", "omnisim/ground_truth/README.md",
     ),
     "sky in rooms": (
         "Without baked light nothing occludes the sky",
-        (WHY + "rendering.md", WHY + "assumptions.md"),
+        WHY + "rendering.md", WHY + "assumptions.md",
     ),
     "no caustics": (
         "there are no caustics",
-        (HOW_TO + "light.md", WHY + "baked-light.md"),
+        HOW_TO + "light.md", WHY + "baked-light.md",
     ),
     "physics": (
         "by 0.5 m or tilts by 45°",
-        (HOW_TO + "drives.md", WHY + "physics.md"),
+        HOW_TO + "drives.md", WHY + "physics.md",
     ),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("claim", STATEMENTS)
 def test_pages_say_the_same(claim):
-    sentence, pages = STATEMENTS[claim]
+    sentence, *pages = STATEMENTS[claim]
     for page in pages:
         assert sentence in words_of(page), f"{page}: {sentence}: not there"

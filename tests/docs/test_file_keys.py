@@ -18,14 +18,9 @@ from omnisim.sensors.sensor_registry import SENSOR_TYPES
 
 EXTENSION = Path(__file__).resolve().parents[2] / "docs" / "_ext"
 FILES = (
-    table_of(FilterParameters),
-    LabelFile,
-    OpticsFile,
-    RobotFile,
-    SceneFile,
-    SensorFile,
-    *SENSOR_TYPES.values(),
-)
+    table_of(FilterParameters), LabelFile, OpticsFile, RobotFile, SceneFile, SensorFile,
+    *SENSOR_TYPES.values(), *map(table_of, EFFECTS.values()), *shape_schemas().values(),
+)  # fmt: skip
 
 
 def _without_help(model):
@@ -41,20 +36,9 @@ def _without_help(model):
 
 
 @pytest.mark.parametrize("model", FILES, ids=lambda model: model.__name__)
-def test_every_key_of_a_file_has_its_help(model):
+def test_every_key_of_a_file_a_degradation_and_a_shape_has_its_help(model):
+    assert model.__doc__
     assert not list(_without_help(model))
-
-
-@pytest.mark.parametrize("effect", EFFECTS.values(), ids=EFFECTS.keys())
-def test_every_key_of_a_degradation_has_its_help(effect):
-    assert effect.__doc__
-    assert not list(_without_help(table_of(effect)))
-
-
-@pytest.mark.parametrize("table", shape_schemas().values(), ids=shape_schemas().keys())
-def test_every_key_of_a_shape_has_its_help(table):
-    assert table.__doc__
-    assert not list(_without_help(table))
 
 
 def test_pages_have_a_row_for_each_key(monkeypatch):

@@ -35,33 +35,6 @@ def test_every_word_of_the_glossary_has_a_page_and_its_place():
     assert all("](" in more for _, _, more in rows)
 
 
-def _groups(page, heading):
-    """Pages that each group of an index links to; the name of a group is in bold."""
-    _, *groups = re.split(heading, page.read_text(encoding="utf-8").partition("<!--")[0])
-    names, texts = groups[::2], groups[1::2]
-    return {
-        name.lower(): re.findall(r"\]\((?:how-to/)?([\w-]+\.md)\)", text)
-        for name, text in zip(names, texts, strict=True)
-    }
-
-
-def test_guides_are_grouped_as_the_question_of_which_page():
-    guides = _groups(DOCS / "how-to" / "index.md", r"(?m)^\*\*(.+)\*\*$")
-    asked = _groups(DOCS / "which-page.md", r"\*\*(.+?)\*\*")
-    assert set(guides) == set(asked)
-    everywhere = [name for pages in guides.values() for name in pages]
-    assert sorted(everywhere) == sorted(
-        path.name for path in (DOCS / "how-to").glob("*.md") if path.stem != "index"
-    )
-    for name in set(everywhere):
-        where = {group for group, pages in asked.items() if name in pages}
-        assert not where or any(name in guides[group] for group in where), name
-
-
-def test_readme_is_short():
-    assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 130
-
-
 def test_every_page_is_reached_from_the_first():
     reached, left = set(), [DOCS / "index.md"]
     while left:
@@ -114,3 +87,26 @@ def test_paths_and_targets_in_the_text_exist():
         missing = [path for path in paths if not (ROOT / path).exists()]
         missing += set(re.findall(r"`make ([\w-]+)`", text)) - targets
         assert not missing, page
+
+
+# Section of CONTRIBUTING.md on how a frame is drawn.
+FRAME = (
+    (ROOT / "CONTRIBUTING.md")
+    .read_text(encoding="utf-8")
+    .partition("## How a frame is drawn\n")[2]
+    .partition("\n## ")[0]
+)
+OPENGL = PACKAGE / "rendering" / "opengl"
+
+
+def test_the_section_on_a_frame_quotes_the_methods_lines_and_names_files_that_exist():
+    code = (OPENGL / "camera_frame.py").read_text(encoding="utf-8")
+    lines = {line.strip() for line in code.splitlines()}
+    blocks = re.findall(r"```python\n(.*?)```", FRAME, flags=re.DOTALL)
+    quoted = [line.strip() for block in blocks for line in block.splitlines()]
+    assert len(quoted) > 10
+    assert not set(quoted) - lines
+    named = re.findall(r"`([a-z_/]+(?:\.py|/))`", FRAME)
+    assert len(named) > 15
+    places = (ROOT, PACKAGE, OPENGL)
+    assert not [name for name in named if not any((place / name).exists() for place in places)]

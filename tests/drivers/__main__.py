@@ -1,6 +1,7 @@
 """Comparison of OpenGL drivers: `python -m tests.drivers virgl --poses 100`, or `gpu`."""
 
 import argparse
+import signal
 import sys
 import tempfile
 from functools import partial
@@ -54,6 +55,7 @@ def _gpu(options: argparse.Namespace) -> bool:
     """Check the graphics card."""
     from tests.drivers.gpu.plan import check_gpu  # its cases import more than others need
 
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # then a summary is written, too
     try:
         return check_gpu(options.out, options.seconds, options.only, options.scale, print_line)
     except ValueError as reason:

@@ -16,26 +16,16 @@ MAX_RELATIVE_RANGE = 1e-5
 
 
 class Difference(NamedTuple):
-    """Difference of the images of one case by two drivers.
-
-    Attributes:
-        images: number of compared images.
-        unlike_itself: images that a driver did not draw the same again, or in a batch.
-        levels: largest difference of a color.
-        colors, instances, ranges: shares of the pixels whose colors, instance numbers or ranges
-            differ; ranges by more than rounding, where the instance is the same.
-        lost: pixels with a range by one driver only.
-        psnr_db: PSNR of the colors; infinite if they are equal.
-    """
+    """Difference of the images of one case by two drivers."""
 
     images: int = 0
-    unlike_itself: int = 0
-    levels: int = 0
-    colors: float = 0.0
+    unlike_itself: int = 0  # images that a driver did not draw the same again, or in a batch
+    levels: int = 0  # largest difference of a color
+    colors: float = 0.0  # share of the pixels that differ, and so on
     instances: float = 0.0
-    ranges: float = 0.0
-    lost: int = 0
-    psnr_db: float = math.inf
+    ranges: float = 0.0  # by more than rounding, where the instance is the same
+    lost: int = 0  # pixels with a range by one driver only
+    psnr_db: float = math.inf  # of the colors
 
     @property
     def is_within_bounds(self) -> bool:

@@ -99,9 +99,7 @@ def optics_sensor(name: str) -> OmniCamera:
 
 
 def drawings(
-    count: int,
-    single: Callable[[int], Channels],
-    batch: Callable[[], Channels] | None = None,
+    count: int, single: Callable[[int], Channels], batch: Callable[[], Channels] | None = None
 ) -> Drawings:
     """Channels of all poses, and the numbers of poses that were not drawn the same again."""
     first = [single(number) for number in range(count)]

@@ -40,27 +40,21 @@ def test_the_same_images_are_within_the_bounds(files, tmp_path):
         ("rgb", 5, 1, True),
         ("rgb", 6, 1, False),
         ("rgb", 1, 2, False),
-        ("instance", 5, 1, True),
         ("instance", 6, 1, False),
         ("range", 5, 0.1, True),
         ("range", 6, 0.1, False),
         ("range", 5000, 1e-7, True),
         ("range", 1, np.inf, False),
+        ("unlike itself", 1, 1, False),
     ],
 )
 def test_what_differs_in_a_thousandth_of_the_pixels(files, name, pixels, change, within):
     images, write = files
     changed = images[name].copy()
-    flat = changed.reshape(5000, -1)
+    flat = changed.reshape(min(5000, changed.size), -1)
     flat[:pixels] = flat[:pixels] + np.asarray(change).astype(changed.dtype)
     found = difference(write("one"), write("other", **{name: changed}))
     assert found.is_within_bounds == within, found
-
-
-def test_an_image_that_is_unlike_itself_is_too_much(files):
-    _, write = files
-    found = difference(write("one"), write("other", **{"unlike itself": np.array(1)}))
-    assert not found.is_within_bounds
 
 
 def test_a_folder_without_drawings_says_so(tmp_path):

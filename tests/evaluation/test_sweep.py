@@ -139,11 +139,9 @@ def test_a_sweep_resumes_and_names_failures(folder):
     results = list(run_sweep(sweep, wanted, folder / "out", processes=2))
     results.sort(key=lambda one: wanted.index(one.point))
     assert [one.point for one in results] == wanted
-    for result in results[:2]:
-        assert [one.status for one in result.outcomes] == ["ok", "ok"]
-    failed = results[2].outcomes
-    assert [one.status for one in failed] == ["failed", "failed"]
-    assert "rate_hz" in failed[0].reason
+    found = [[one.status for one in result.outcomes] for result in results]
+    assert found == [["ok", "ok"], ["ok", "ok"], ["failed", "failed"]]
+    assert "rate_hz" in results[2].outcomes[0].reason
     outcome = results[0].estimates / "imu" / "outcome.json"
     content = json.loads(outcome.read_text())
     outcome.write_text(json.dumps(content | {"seconds": 99.0}))
@@ -203,52 +201,40 @@ def _is_alive(process):
 def test_a_sweep_on_ray(folder):
     pytest.importorskip("ray")
     (folder / "robot.toml").write_text(ROBOT + IMU)
-    (folder / "plan.toml").write_text(PLAN.replace('"imu"', '"imu", "kiss-icp"'))
+    (folder / "plan.toml").write_text(PLAN)
     words = ["evaluate", "plan.toml", "-o", "out", "--engine", "ray"]
-    done = subprocess.run(
-        [sys.executable, "-m", "omnisim", *words],
-        cwd=folder, capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
+    subprocess.run([sys.executable, "-m", "omnisim", *words], cwd=folder, check=True)
     points = json.loads((folder / "out" / "points.json").read_text())
     assert [point["seed"] for point in points] == [3, 4]
-    for point in points:
-        assert [one["status"] for one in point["outcomes"]][:2] == ["ok", "ok"]
+    assert {one["status"] for point in points for one in point["outcomes"]} == {"ok"}
 
 
 @pytest.mark.parametrize(
-    ("variation", "message"),
+    ("fault", "message"),
     [
-        ("[[vary]]\nkey = 'sensors.gps.rate_hz'\nvalues = [1]\n", "keys; sensors: imu, lidar"),
-        ("[[vary]]\nkey = 'sensors'\nvalues = [1]\n", "expected a sensor of the robot"),
-        ("[[vary]]\nkey = 'calibration.imu.time'\nvalues = [1]\n", "did you mean 'time_offset_s'"),
-        (
-            "[[vary]]\nkey = 'calibration.imu.focal_scale'\nvalues = [9]\n",
-            "vary.0.key.*focal_scale",
-        ),
-        ("[[vary]]\nkey = ['a', 'b']\nvalues = [1]\n", "lists of 2, one for each key"),
-        ("[[vary]]\nkey = 'a'\nvalues = [1, 1]\n", "a different one for each value"),
-        ("[[vary]]\nkey = 'a'\nvalues = [1]\nlabels = ['b', 'c']\n", "expected 1, one for each"),
-        ("[[vary]]\nkey = 'scene'\nvalues = [1]\n", "expected names or files as values, got 1"),
-        ("[[vary]]\nkey = 'sensors.front.file'\nvalues = ['no.toml']\n", "no.toml: no such file"),
-        ("[[vary]]\nkey = 'name.a'\nvalues = [1]\n", "'name' is not a table"),
-        ("[[vary]]\nkey = 'sensors.imu.file.a'\nvalues = [1]\n", "'imu' has no sensor file"),
-        ("[[vary]]\nkey = 'a'\nvalues = []\n", "vary.0.values"),
-        ("[[vary]]\nkey = 'a'\n", "vary.0.values: missing"),
-        ("[vari]\n", "vari: unknown key; did you mean 'vary'?"),
+        ("key = 'sensors.gps.rate_hz'\nvalues = [1]", "keys; sensors: imu, lidar"),
+        ("key = 'sensors'\nvalues = [1]", "expected a sensor of the robot"),
+        ("key = 'calibration.imu.time'\nvalues = [1]", "did you mean 'time_offset_s'"),
+        ("key = 'calibration.imu.focal_scale'\nvalues = [9]", "vary.0.key.*focal_scale"),
+        ("key = ['a', 'b']\nvalues = [1]", "lists of 2, one for each key"),
+        ("key = 'a'\nvalues = [1, 1]", "a different one for each value"),
+        ("key = 'a'\nvalues = [1]\nlabels = ['b', 'c']", "expected 1, one for each"),
+        ("key = 'scene'\nvalues = [1]", "expected names or files as values, got 1"),
+        ("key = 'sensors.front.file'\nvalues = ['no.toml']", "no.toml: no such file"),
+        ("key = 'name.a'\nvalues = [1]", "'name' is not a table"),
+        ("key = 'sensors.imu.file.a'\nvalues = [1]", "'imu' has no sensor file"),
+        ("key = 'a'", "vary.0.values: missing"),
+        ('"imus"', "estimators: estimator 'imus': unknown"),
     ],
 )
-def test_faults_are_named(folder, variation, message):
-    (folder / "plan.toml").write_text(PLAN + variation)
+def test_faults_are_named(folder, fault, message):
+    text = f"{PLAN}[[vary]]\n{fault}\n"
+    if fault.startswith('"'):
+        text = PLAN.replace('"imu"', fault)
+    (folder / "plan.toml").write_text(text)
     with pytest.raises(PlanError, match=message) as caught:
         read_plan(folder / "plan.toml")
     assert str(caught.value).startswith(str(folder / "plan.toml"))
-
-
-def test_unknown_estimators_are_refused(folder):
-    (folder / "plan.toml").write_text(PLAN.replace('"imu"', '"imus"'))
-    with pytest.raises(PlanError, match=r"plan.toml: estimators: estimator 'imus': unknown"):
-        read_plan(folder / "plan.toml")
 
 
 def test_the_plans_that_ship_are_valid():

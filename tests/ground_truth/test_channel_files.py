@@ -1,4 +1,4 @@
-"""Files of ground truth, read back by somebody else's rules."""
+"""Files of ground truth, read back by somebody else's rules and by our own."""
 
 import json
 import struct
@@ -7,12 +7,14 @@ import numpy as np
 import pytest
 
 from omnisim.core.errors import OutputError
-from omnisim.core.files.image_files import read_channels, read_image
+from omnisim.core.files.image_files import read_channels, read_image, write_channels
 from omnisim.ground_truth import CHANNELS, ClassLabel, InstanceLabel, Labels
 from omnisim.ground_truth.boxes import coco_image, merged
+from omnisim.ground_truth.channel_files import StoredChannels, write_exr
 from omnisim.ground_truth.frame import Frame
 from omnisim.ground_truth.previews import preview
 
+METADATA = {"scene": "test"}
 LABELS = Labels(
     (ClassLabel(1, "ball", (255, 0, 0)), ClassLabel(300, "goal", (0, 0, 255))),
     (InstanceLabel(1, "ball_01", 1), InstanceLabel(2, "goal_a", 300), InstanceLabel(3, "x", 300)),
@@ -66,7 +68,12 @@ def _frame(channels):
     rgba = np.full((*shape, 4), 200, dtype=np.uint8)
     linear = np.full((*shape, 3), 0.25, dtype=np.float32)
     has_ray = None if "valid" not in channels else channels["valid"] == 1
-    return Frame(rgba, linear, {"scene": "test"}, channels, LABELS, has_ray)
+    return Frame(rgba, linear, METADATA, channels, LABELS, has_ray)
+
+
+def _described(image):
+    """Description of the channels beside an image."""
+    return json.loads(image.with_suffix(".channels.json").read_text())
 
 
 def test_exr_holds_all_channels(tmp_path):
@@ -90,7 +97,7 @@ def test_exr_holds_all_channels(tmp_path):
 def test_files_beside_a_image_are_described(tmp_path):
     channels = _channels()
     _frame(channels).save(tmp_path / "a.png")
-    document = json.loads((tmp_path / "a.channels.json").read_text())
+    document = _described(tmp_path / "a.png")
     there = {path.name for path in tmp_path.iterdir()}
     named = {name for channel in document["channels"].values() for name in channel["files"]}
     assert there == named | {"a.png", "a.channels.json", "a.coco.json"}
@@ -134,7 +141,7 @@ def test_npy_files_are_the_arrays_and_the_same_as_the_exr(tmp_path, image):
     there = {path.name for path in tmp_path.glob("a.*")}
     arrays = {f"a.{name}.npy" for name in CHANNELS}
     assert there == arrays | {image, "a.channels.json", "a.coco.json"}
-    document = json.loads((tmp_path / "a.channels.json").read_text())
+    document = _described(tmp_path / "a.png")
     for name, values in channels.items():
         found = np.load(tmp_path / f"a.{name}.npy")
         assert found.dtype == values.dtype
@@ -149,24 +156,13 @@ def test_npy_files_are_the_arrays_and_the_same_as_the_exr(tmp_path, image):
     assert document["labels"]["classes"][0]["name"] == "nothing"
 
 
-def test_opencv_takes_the_arrays(tmp_path):
-    cv2 = pytest.importorskip("cv2", reason="OpenCV is not installed")
-    channels = _channels()
-    _frame(channels).save(tmp_path / "a.png", channel_format="npy")
-    for name, values in channels.items():
-        found = np.load(tmp_path / f"a.{name}.npy")
-        if found.dtype == np.uint32:  # which OpenCV 4 lacks
-            found = found.astype(np.int32)
-        np.testing.assert_array_equal(cv2.flip(found, 0), values[::-1])
-
-
 def test_both_formats_leave_the_files_of_each(tmp_path):
     channels = {"range": _channels()["range"]}
     _frame(channels).save(tmp_path / "a.png")
     plain = (tmp_path / "a.range.png").read_bytes()
     _frame(channels).save(tmp_path / "a.png", channel_format="both")
     assert (tmp_path / "a.range.png").read_bytes() == plain
-    described = json.loads((tmp_path / "a.channels.json").read_text())["channels"]["range"]
+    described = _described(tmp_path / "a.png")["channels"]["range"]
     assert described["files"] == ["a.range.png"]
     assert described["npy"]["file"] == "a.range.npy"
     _frame(channels).save(tmp_path / "b.exr", channel_format="both")
@@ -194,7 +190,7 @@ def test_ranges_have_the_finest_scale_that_holds_them(tmp_path, farthest_m, step
     rgba = np.full((2, 2, 4), 255, dtype=np.uint8)
     rgba[1, 0, 3] = 0
     Frame(rgba, None, {}, {"range": ranges}).save(tmp_path / "a.png")
-    described = json.loads((tmp_path / "a.channels.json").read_text())["channels"]["range"]
+    described = _described(tmp_path / "a.png")["channels"]["range"]
     assert described["steps_per_m"] == steps_per_m
     steps = read_image(tmp_path / "a.range.png")[0][..., 0]
     assert steps[0].tolist() == [1, max(1, round(float(ranges[0, 1]) * steps_per_m))]
@@ -212,7 +208,7 @@ def test_pngs_of_numbers_claim_no_color_space_and_ranges_state_their_unit(tmp_pa
             at += 12 + length
         assert not found & {b"sRGB", b"gAMA", b"cHRM", b"iCCP"}, name
     stated = read_image(tmp_path / "a.range.png")[1]
-    described = json.loads((tmp_path / "a.channels.json").read_text())["channels"]["range"]
+    described = _described(tmp_path / "a.png")["channels"]["range"]
     assert stated["unit"] == "m"
     assert stated.items() - {("channel", "range")} <= described.items()
 
@@ -282,3 +278,92 @@ def test_instances_beyond_16_bits_are_refused(tmp_path):
     channels["instance"][3, 3] = 70_000
     with pytest.raises(OutputError, match="70000 instances: 16 bits hold 65535"):
         _frame({name: channels[name] for name in ("range", "instance")}).save(tmp_path / "a.png")
+
+
+@pytest.mark.parametrize(
+    ("image", "channel_format"),
+    [("a.png", "npy"), ("a.png", "both"), ("a.exr", "auto"), ("a.exr", "npy"), ("a.exr", "both")],
+)
+def test_arrays_and_exr_files_are_read_exactly(tmp_path, image, channel_format):
+    channels = _channels()
+    _frame(channels).save(tmp_path / image, channel_format=channel_format)
+    stored = StoredChannels(tmp_path / image, METADATA)
+    assert stored.names == tuple(CHANNELS)
+    assert stored.labels == LABELS
+    for name, values in stored.read(CHANNELS).items():
+        assert values.dtype == channels[name].dtype
+        expected = channels[name]
+        if name == "position" and image == "a.exr" and channel_format != "npy":
+            expected = expected.astype(np.float32)
+        np.testing.assert_array_equal(values, expected, err_msg=name)
+
+
+def test_sidecars_are_read_in_their_own_steps(tmp_path):
+    channels = _channels()
+    _frame(channels).save(tmp_path / "a.png")
+    found = StoredChannels(tmp_path / "a.png", METADATA).read(CHANNELS)
+    bounds = {"range": 1e-3, "range_through": 2.5e-3}  # beyond 131 m a step is 5 mm
+    bounds |= {"normals": 2e-5, "normals_camera": 2e-5, "albedo": 5e-3, "position": 1e-6}
+    bounds |= {"roughness": 1e-5, "metallic": 1e-5}  # of 65534 steps
+    for name, values in found.items():
+        assert values.dtype == channels[name].dtype
+        np.testing.assert_allclose(
+            values, channels[name], rtol=1e-6, atol=bounds.get(name, 0.0), err_msg=name
+        )
+
+
+def test_a_drive_has_them_beside_its_image(tmp_path):
+    channels, camera = _channels(), tmp_path / "omnicam"
+    camera.mkdir()
+    (tmp_path / "manifest.json").write_text("{}")
+    (tmp_path / "labels.json").write_text(json.dumps(LABELS.to_json()))
+    write_exr(camera / "000003.channels.exr", channels, None, METADATA)
+    stored = StoredChannels(camera / "000003.png", METADATA)
+    assert stored.labels == LABELS
+    np.testing.assert_array_equal(stored.read(["range"])["range"], channels["range"])
+
+
+def test_what_is_not_there_or_of_another_image_is_refused(tmp_path):
+    channels = _channels()
+    _frame({"range": channels["range"]}).save(tmp_path / "a.png", channel_format="npy")
+    stored = StoredChannels(tmp_path / "a.png", METADATA)
+    with pytest.raises(OutputError, match=r"a\.png: channel 'flow': not there; it has range"):
+        stored.read(["flow"])
+    with pytest.raises(OutputError, match="scene: differs from the image's: these are channels"):
+        StoredChannels(tmp_path / "a.png", {"scene": "other"})
+    with pytest.raises(OutputError, match="it has none"):
+        StoredChannels(tmp_path / "b.png", METADATA).read(["range"])
+    (tmp_path / "a.range.npy").write_bytes(b"\x93NUMPY")
+    with pytest.raises(OutputError, match=r"a\.range\.npy: expected an array of numbers"):
+        stored.read(["range"])
+    np.save(tmp_path / "a.range.npy", np.array([{}], dtype=object), allow_pickle=True)
+    with pytest.raises(OutputError, match=r"a\.range\.npy: expected an array of numbers"):
+        stored.read(["range"])
+    for text, words in (
+        ("[1]", "expected JSON"),
+        ('{"scene": "test", "channels": [1]}', "channels: expected a table of channels"),
+    ):
+        (tmp_path / "a.channels.json").write_text(text)
+        with pytest.raises(OutputError, match=words):
+            StoredChannels(tmp_path / "a.png", METADATA)
+
+
+@pytest.mark.parametrize("name", ["\x1b[31m\n", "../a.png", 3])
+def test_what_is_no_files_name_is_refused_in_one_line(tmp_path, name):
+    _frame({"range": _channels()["range"]}).save(tmp_path / "a.png")
+    content = _described(tmp_path / "a.png")
+    content["channels"]["range"]["files"] = [name]
+    (tmp_path / "a.channels.json").write_text(json.dumps(content))
+    stored = StoredChannels(tmp_path / "a.png", METADATA)
+    with pytest.raises(OutputError, match=r"a\.png: channel 'range': its file is") as error:
+        stored.read(["range"])
+    assert "\n" not in str(error.value)
+
+
+def test_numbers_that_are_no_labels_are_refused(tmp_path):
+    wrong = np.full((2, 3), np.nan, dtype=np.float32)
+    for value in (-1.0, np.inf, np.nan):
+        wrong[0, 0] = value
+        write_channels(tmp_path / "a.channels.exr", {"instance": wrong}, METADATA)
+        with pytest.raises(OutputError, match="channel 'instance': expected uint32"):
+            StoredChannels(tmp_path / "a.png", METADATA).read(["instance"])

@@ -21,17 +21,15 @@ MASKS = {
     "hole at a corner": ["####", "#.##", "##.#", "####"],
     "whole": ["##", "##"],
 }
+NOISE = np.random.default_rng(3).random((40, 50))
 
 
-@pytest.mark.parametrize("name", MASKS)
-def test_polygons_are_the_mask(name):
-    mask = np.array([[letter == "#" for letter in row] for row in MASKS[name]])
-    np.testing.assert_array_equal(_drawn(polygons_of_mask(mask), *mask.shape), mask)
-
-
-@pytest.mark.parametrize("share", [0.3, 0.6, 0.9])
-def test_polygons_of_noise_are_the_mask(share):
-    mask = np.random.default_rng(3).random((40, 50)) < share
+@pytest.mark.parametrize(
+    "mask",
+    [*(np.array([[*row] for row in rows]) == "#" for rows in MASKS.values()),
+     *(share > NOISE for share in (0.3, 0.6, 0.9))],
+)  # fmt: skip
+def test_polygons_are_the_mask(mask):
     np.testing.assert_array_equal(_drawn(polygons_of_mask(mask), *mask.shape), mask)
 
 

@@ -1,4 +1,4 @@
-"""Types of instruments, for mypy: each sensor opens as its own; see `test_opened_types.py`."""
+"""Types of instruments, for mypy, which `make lint` runs: each sensor opens as its own."""
 
 from pathlib import Path
 from typing import assert_type

@@ -94,7 +94,7 @@ def test_body_moves_with_the_vehicle():
         np.testing.assert_allclose(one[hit], seen[0][hit], rtol=0.0, atol=1e-6)
 
 
-@pytest.mark.parametrize("hidden", [{"hull"}, {"tail", "tube"}, {"cage", "hull", "box"}])
+@pytest.mark.parametrize("hidden", [{"tail", "tube"}, {"cage", "hull", "box"}])
 def test_hidden_instances_are_hidden_from_one_sensor(hidden):
     scene, base = surroundings(), POSES["tilted"]
     # their shadows are not
@@ -109,7 +109,9 @@ def test_hidden_instances_are_hidden_from_one_sensor(hidden):
         np.testing.assert_array_equal(scan.ranges_m, ranges(stage, base))
     np.testing.assert_array_equal(whole, image(scene, base, body=body()))
     assert np.any(frame.rgba != whole)
-    assert scan.metadata["hidden"] == frame.metadata["hidden"] == sorted(hidden)
+    for taken in (scan, frame):
+        assert (taken.metadata["hidden"], taken.metadata["body"]) == (sorted(hidden), "body")
+        assert taken.metadata["world_from_base"] == base.tolist()
 
 
 @pytest.mark.parametrize("is_body_nearer", [True, False])
@@ -144,18 +146,6 @@ def test_lights_and_background_come_from_the_scene():
         linear = renderer.render(pose(), linear=True).linear
     np.testing.assert_allclose(linear[45, 45], 0.5, atol=1e-3)
     np.testing.assert_allclose(linear[45, 2], (0, 0, 1), atol=1e-3)
-
-
-def test_metadata_names_the_body():
-    base = pose((0.5, 0.0, 0.0))
-    with Stage(scene_of([room()]), body()) as stage:
-        scan = stage.open(SCANNER).scan(base)
-        frame = stage.open(CAMERA, hidden={"tail"}).render(base)
-    assert scan.metadata["body"] == frame.metadata["body"] == "body"
-    assert frame.metadata["hidden"] == ["tail"]
-    assert scan.metadata["world_from_base"] == frame.metadata["world_from_base"] == base.tolist()
-    with open_sensor(scene_of([room()]), CAMERA) as renderer:
-        assert "body" not in renderer.render(base).metadata
 
 
 def test_p2at_is_visible_in_the_middle_only():

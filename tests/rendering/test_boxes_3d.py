@@ -8,11 +8,12 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from omnisim import OmniCamera, Stage, load_scene, open_sensor
+from omnisim import OmniCamera, Stage, load_scene
 from omnisim.cameras import EquirectangularCamera
 from omnisim.core.poses import pose
 from omnisim.core.world import WorldState
 from omnisim.scene.model import Instance, Mesh
+from tests.rendering.frames import BACKENDS, frame_of, opened
 from tests.scenes import room, scene_of
 from tests.vehicles import box
 
@@ -98,11 +99,7 @@ def test_boxes_of_a_dynamic_object(frame):
     np.testing.assert_allclose(visible.max(axis=0), 0.5 * crate.visible.size_m, atol=CLOSE_M)
     np.testing.assert_allclose(visible.min(axis=0), -0.5 * crate.visible.size_m, atol=CLOSE_M)
     assert (crate.visible.size_m > 0.45).all()
-
-
-def test_visible_boxes_are_inside_of_the_full_ones(frame):
-    frame, _ = frame
-    for one in frame.boxes_3d:
+    for one in frame.boxes_3d:  # visible boxes are inside of the full ones
         corners = (one.visible.corners_m - one.full.center_m) @ one.full.rotation
         assert (np.abs(corners) <= 0.5 * one.full.size_m + 1e-12).all()
 
@@ -129,10 +126,10 @@ def test_json_has_both_frames(frame, tmp_path):
 def test_boxes_hold_all_that_is_seen_of_their_instances():
     """Pixels of the soccer field's hall."""
     outside_m, ranges_m = [], []
-    with open_sensor(load_scene("soccer"), OmniCamera().resized(240)) as renderer:
-        frame = renderer.render(
-            pose((0.3, -0.4, 0.6)), also=("position", "instance", "range"), boxes_3d=True
-        )
+    frame = frame_of(
+        load_scene("soccer"), OmniCamera().resized(160), pose((0.3, -0.4, 0.6)),
+        also=("position", "instance", "range"), boxes_3d=True,
+    )  # fmt: skip
     assert len(frame.boxes_3d) > 100
     ids = np.unique(frame.channels["instance"])
     assert [one.label.id for one in frame.boxes_3d] == ids[ids > 0].tolist()
@@ -154,10 +151,8 @@ def test_boxes_follow_an_edit_and_are_those_of_cast_rays():
     scene = _framed(meshes, [pose(), pose((0.5, 0.3, 0.0), yaw_deg=30.0)])
     there = pose((0.2, -0.6, 0.3), roll_deg=20.0, yaw_deg=40.0)
     found = {}
-    for backend in ("cube", "rays"):
-        if backend == "rays":
-            pytest.importorskip("embreex", reason="embreex is not installed")
-        with open_sensor(scene, SPHERE, backend=backend) as renderer:
+    for backend in BACKENDS:
+        with opened(scene, SPHERE, backend) as renderer:
             renderer.move("object 1", there)
             found[backend] = renderer.render(NOW, boxes_3d=True).boxes_3d
         assert [one.label.name for one in found[backend]] == ["object 0", "object 1"]

@@ -24,8 +24,8 @@ from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.stage import Stage, open_sensor
 from omnisim.rendering.twist import Twist
-from omnisim.scene.model import Material, Mesh
-from tests.scenes import room, scene_of
+from omnisim.scene.model import Material
+from tests.scenes import room, scene_of, upright
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")
 FOCAL_PX, SIZE_PX = 60.0, (48, 32)
@@ -33,27 +33,32 @@ CAMERA = PerspectiveCamera(*SIZE_PX, FOCAL_PX, (23.5, 15.5))
 TURN_RADPS = 1.2
 
 
-def _wall_on_the_right():
-    """White, 4 m ahead, from the plane y = 0 to the right; black to the left."""
-    corners = np.array([[4, 0, -20], [4, -40, -20], [4, -40, 20], [4, 0, 20]], dtype=np.float32)
-    triangles = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32)
-    return scene_of([Mesh("wall", corners, triangles, 0)], [Material(double_sided=True)])
+def curtain():
+    """White, in the plane x = 0, from y = 0 to the right; black to the left."""
+    return scene_of([upright(20.0)], [Material(double_sided=True)], [poses.pose((0, -20.0, 0))])
 
 
-def _looking_ahead(degradation, **options):
+def looking_ahead(shutter=None):
     # fine enough for an edge: 4 samples to a side of a pixel, 4 samples in each texel
-    options = {"supersampling": 4, "samples": 4, **options}
-    return OmniCamera(CAMERA, polygons=None, degradation=degradation, **options)
+    degradation = Degradation(shutter=shutter)
+    return OmniCamera(CAMERA, supersampling=4, samples=4, degradation=degradation)
 
 
-def _edges_px(image):
+def edges_px(image):
     """Column (height,) at which the white begins, from the light in each row."""
     return SIZE_PX[0] - 0.5 - image[..., 0].sum(axis=1)
 
 
+def middles_s(readout_s):
+    """Times (height,) of the rows of a rolling shutter."""
+    return (np.arange(SIZE_PX[1]) / (SIZE_PX[1] - 1) - 0.5) * readout_s
+
+
+AHEAD = scene_of([]).added("curtain", curtain(), poses.pose((4.0, 0.0, 0.0)))
+
+
 def _turning_left(shutter):
-    sensor = _looking_ahead(Degradation(shutter=shutter))
-    with open_sensor(_wall_on_the_right(), sensor, unlit=True) as renderer:
+    with open_sensor(AHEAD, looking_ahead(shutter), unlit=True) as renderer:
         motion = Twist(angular_radps=(0.0, 0.0, TURN_RADPS)).through(np.eye(4))
         return renderer.render(np.eye(4), linear=True, motion=motion)
 
@@ -67,14 +72,10 @@ def _edge_px(times_s):
 def test_rolling_shutter_slants_an_edge_by_the_rotation(exposure_s):
     """A vertical edge, each row at its own time: to 0.1 px everywhere, 3.6 px aslant."""
     frame = _turning_left(Shutter(exposure_s=exposure_s, readout_s=0.05))
-    rows = np.arange(SIZE_PX[1])
-    middle_s = (rows / (SIZE_PX[1] - 1) - 0.5) * 0.05
-    instants_s = middle_s[:, None] + np.linspace(-0.5, 0.5, 101) * (exposure_s or 0.0)
+    instants_s = middles_s(0.05)[:, None] + np.linspace(-0.5, 0.5, 101) * (exposure_s or 0.0)
     expected = _edge_px(instants_s).mean(axis=1)
-    seen = _edges_px(frame.linear)
+    seen = edges_px(frame.linear)
     assert np.abs(seen - expected).max() <= 0.1
-    slant = np.polyfit(rows, seen - expected, 1)[0] * SIZE_PX[1]
-    assert abs(slant) <= 0.1
     assert seen[-1] - seen[0] > 3.3  # later rows see the edge further right: a turn to the left
     assert frame.metadata["degradation"]["sub_frames"] > 5
 
@@ -87,20 +88,20 @@ def test_exposure_blurs_an_edge_evenly_along_its_motion():
     fine = u[:, None] + np.linspace(-0.5, 0.5, 101)
     expected = np.clip((fine - first) / (last - first), 0.0, 1.0).mean(axis=1)
     assert np.abs(frame.linear[..., 0] - expected).max() < 0.03  # a quarter of a step of 0.5 px
-    assert _edges_px(frame.linear) == pytest.approx(23.5, abs=0.05)
+    assert edges_px(frame.linear) == pytest.approx(23.5, abs=0.05)
 
 
 def test_the_pose_is_that_of_the_middle_of_the_frame():
     """And at rest the shutter does nothing."""
-    still = _looking_ahead(Degradation(shutter=Shutter(exposure_s=0.01, readout_s=0.02)))
-    with open_sensor(_wall_on_the_right(), still, unlit=True) as renderer:
+    still = looking_ahead(Shutter(exposure_s=0.01, readout_s=0.02))
+    with open_sensor(AHEAD, still, unlit=True) as renderer:
         at_rest = renderer.render(np.eye(4), linear=True)
         motion = Twist((0.0, 0.0, 0.0)).through(np.eye(4))
         again = renderer.render(np.eye(4), linear=True, motion=motion)
         assert at_rest.metadata["degradation"]["sub_frames"] == 1
     np.testing.assert_array_equal(at_rest.linear, again.linear)
     moving = _turning_left(Shutter(exposure_s=0.01, readout_s=0.02))
-    assert _edges_px(moving.linear)[15:17].mean() == pytest.approx(23.5, abs=0.1)
+    assert edges_px(moving.linear)[15:17].mean() == pytest.approx(23.5, abs=0.1)
 
 
 def test_twist_moves_along_an_arc():
@@ -114,8 +115,7 @@ def test_twist_moves_along_an_arc():
         Twist((np.nan, 0.0, 0.0))
 
 
-@pytest.mark.parametrize("speed_mps", [1.0, 100.0, 1e4])
-@pytest.mark.parametrize("turn_radps", [0.0, 0.1, 1e3])
+@pytest.mark.parametrize(("speed_mps", "turn_radps"), [(1.0, 0.0), (100.0, 0.1), (1e4, 1e3)])
 def test_a_fast_and_long_motion_is_of_poses(speed_mps, turn_radps):
     motion = Twist((speed_mps, 0.0, 0.0), (0.0, 0.0, turn_radps)).through(np.eye(4))
     for time_s in np.linspace(-3.0, 3.0, 13):
@@ -162,7 +162,7 @@ def test_noise_depends_on_seed_and_frame_alone():
 @pytest.mark.parametrize("name", ["dragonfly2", "webcam", "bad-day"])
 def test_presets_equal_their_reference_from_scene_to_file(name, tmp_path):
     degradation = preset(name)
-    ideal = OmniCamera().resized(120)
+    ideal = OmniCamera().resized(80)
     sensor = ideal.with_degradation(degradation)
     geometry = ImageGeometry.of_camera(sensor.model)
     with Stage(scene_of([room()])) as stage:
@@ -258,27 +258,19 @@ def test_defocus_comes_before_noise_and_motion_through_the_whole_chain():
     assert difference.std() == pytest.approx(shot, rel=0.15)  # of 900: 3 σ are 7 %
 
 
-def test_a_motion_that_is_no_pose_is_refused():
-    sensor = _looking_ahead(
-        Degradation(shutter=Shutter(exposure_s=0.01)), supersampling=1, samples=1
-    )
-    with (
-        open_sensor(_wall_on_the_right(), sensor) as renderer,
-        pytest.raises(OmnisimError, match="pose: expected"),
-    ):
-        renderer.render(np.eye(4), motion=lambda time_s: np.eye(3))
-
-
-@pytest.mark.usefixtures("needs_opengl")
-@pytest.mark.parametrize("exposure_ev", [np.nan, np.inf, 5000.0])
-@pytest.mark.parametrize("degradation", [Degradation(), Degradation(exposure=Exposure(auto=True))])
-def test_an_impossible_exposure_is_refused(exposure_ev, degradation):
+@pytest.mark.parametrize(
+    "degradation",
+    [Degradation(), Degradation(shutter=Shutter(exposure_s=0.01), exposure=Exposure(auto=True))],
+)
+def test_impossible_exposures_and_motions_are_refused(degradation):
     sensor = OmniCamera().resized(16).with_degradation(degradation)
-    with (
-        open_sensor(scene_of([room()]), sensor) as renderer,
-        pytest.raises(OmnisimError, match=r"exposure_ev: expected −30 to 30 stops, got \w+"),
-    ):
-        renderer.render(np.eye(4), exposure_ev=exposure_ev)
+    with open_sensor(scene_of([room()]), sensor) as renderer:
+        for exposure_ev in (np.nan, np.inf, 5000.0):
+            with pytest.raises(OmnisimError, match=r"exposure_ev: expected −30 to 30 .*, got \w+"):
+                renderer.render(np.eye(4), exposure_ev=exposure_ev)
+        if not degradation.is_ideal:
+            with pytest.raises(OmnisimError, match="pose: expected"):
+                renderer.render(np.eye(4), motion=lambda time_s: np.eye(3))
 
 
 def test_ground_truth_is_that_of_the_ideal_camera():

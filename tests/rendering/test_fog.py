@@ -7,16 +7,15 @@ import pytest
 
 from omnisim.cameras import pixel_grid
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.stage import open_sensor
 from omnisim.scene.model import AlphaMode, Fog, Material
 from tests.cameras.optics.examples import SYSTEMS
+from tests.rendering.frames import BACKENDS, each_backend, opened
 from tests.scenes import room, room_color, room_hit, scene_of, square
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")
 
 FOG = Fog((0.3, 0.5, 0.7), (0.9, 0.3, 0.1))
 VIEWPOINT_M = np.array([0.4, -0.3, 0.2])
-BACKENDS = ("cube", "rays")
 
 
 def _foggy(scene, fog=FOG):
@@ -24,9 +23,7 @@ def _foggy(scene, fog=FOG):
 
 
 def _frame(scene, camera, backend, **options):
-    if backend == "rays":
-        pytest.importorskip("embreex")
-    with open_sensor(scene, camera, backend=backend, **options) as renderer:
+    with opened(scene, camera, backend, **options) as renderer:
         pose = renderer.camera.base_pose(VIEWPOINT_M, yaw_deg=25.0)
         return renderer.render(pose, linear=True), pose
 
@@ -36,7 +33,7 @@ def _seen_through(colors, distances_m):
     return FOG.color + (colors - FOG.color) * left
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
+@each_backend
 def test_colors_of_a_room_are_those_of_the_equation(backend):
     camera = OmniCamera(polygons=None).resized(120)
     frame, pose = _frame(_foggy(scene_of([room()])), camera, backend)
@@ -51,7 +48,7 @@ def test_colors_of_a_room_are_those_of_the_equation(backend):
     assert off.mean() < 0.002
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
+@each_backend
 def test_what_is_infinitely_far_away_has_the_color_of_the_fog(backend):
     scene = scene_of([square(0.1)], background=(1.0, 0.0, 0.0))
     camera = OmniCamera(polygons=None).resized(60)
@@ -61,7 +58,7 @@ def test_what_is_infinitely_far_away_has_the_color_of_the_fog(backend):
     assert np.array_equal(*plain)
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
+@each_backend
 def test_light_through_glass_is_as_if_it_came_through_fog_alone(backend):
     """Glass that emits what the fog would, there, changes nothing."""
     distance_m = 0.7
@@ -80,7 +77,6 @@ def test_light_through_glass_is_as_if_it_came_through_fog_alone(backend):
 @pytest.mark.parametrize("name", ["port", "concave"])
 def test_rays_that_do_not_meet_have_their_own_distance(name):
     """Rays that start beside the viewpoint: by distances from there, they would be off by half."""
-    pytest.importorskip("embreex")
     scene = _foggy(scene_of([room()]), Fog((0.0, 0.0, 0.0), (3.0, 2.0, 1.0)))
     camera = OmniCamera.of(SYSTEMS[name]).resized(90)
     cube, rays = (_frame(scene, camera, backend)[0] for backend in BACKENDS)

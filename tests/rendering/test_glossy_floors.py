@@ -8,11 +8,12 @@ from scipy.ndimage import binary_erosion, median_filter
 
 from omnisim.core.poses import pose
 from omnisim.rendering.stage import open_sensor
-from omnisim.scene.model import Light, Lighting, LightKind, Material, Mesh
+from omnisim.scene.model import Light, Lighting, LightKind, Material
 from omnisim.validation import reflective_rooms
 from omnisim.validation.image_differences import psnr_of_levels_db
 from omnisim.validation.material_chart import sphere
-from tests.scenes import room, scene_of, square
+from tests.rendering.frames import each_backend, frame_of
+from tests.scenes import room, scene_of, square, upright
 from tests.slow import slow_but
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")
@@ -37,12 +38,6 @@ VIEWS = (
 FLOOR = 2  # in the channel of instances
 
 
-def _panel(material):
-    corners = np.array([(0, -1, -1), (0, 1, -1), (0, 1, 1), (0, -1, 1)]) * (1.0, 0.8, 0.7)
-    triangles = np.array(((0, 1, 2), (0, 2, 3)), dtype=np.uint32)
-    return Mesh("panel", corners.astype(np.float32), triangles, material)
-
-
 def _room(*others):
     """A room with a glossy floor, and others with their places."""
     meshes = [room(), square(1.9, -1.2, 1), *(mesh for mesh, _ in others)]
@@ -51,14 +46,13 @@ def _room(*others):
     return scene_of(meshes, [WALLS, GLOSS, CHROME, PANE], places, lighting)
 
 
-@pytest.mark.parametrize("view", slow_but(range(4), 0, 3))
-@pytest.mark.parametrize("backend", ["cube", "rays"])
+@pytest.mark.parametrize("view", slow_but(range(4), 0))
+@each_backend
 def test_highlights_in_glass_and_chrome_are_no_specks_on_glossy_floors(backend, view):
     ball = dataclasses.replace(sphere(0.35, 64), material=2), pose((0.9, -0.6, -0.82))
-    scene = _room(ball, (_panel(3), pose((1.0, 0.6, -0.45), yaw_deg=35.0)))
+    scene = _room(ball, (upright((0.8, 0.7), material=3), pose((1.0, 0.6, -0.45), yaw_deg=35.0)))
     sensor = reflective_rooms.camera(120, 2)
-    with open_sensor(scene, sensor, backend=backend) as renderer:
-        image = renderer.render(VIEWS[view], also=("instance",))
+    image = frame_of(scene, sensor, VIEWS[view], backend, also=("instance",))
     levels = image.rgba[..., :3] / 255.0
     above = (levels - median_filter(levels, size=(5, 5, 1))).max(axis=-1)
     floor = binary_erosion(image.channels["instance"] == FLOOR, iterations=2)
@@ -68,7 +62,7 @@ def test_highlights_in_glass_and_chrome_are_no_specks_on_glossy_floors(backend, 
 
 def test_a_glossy_floor_in_a_mirror_has_as_many_rays_as_the_floor_itself():
     """Measured: 40.7 dB beside many samples; 28.2 dB with one ray a sample in the mirror."""
-    mirror = scene_of([_panel(0)], [CHROME])
+    mirror = scene_of([upright((0.8, 0.7))], [CHROME])
     at = pose((0.6, 0.2, -0.3), yaw_deg=15.0, pitch_deg=-15.0)
     scene = reflective_rooms.rooms()["floor of roughness 0.3"].added("mirror", mirror, at)
     images = []

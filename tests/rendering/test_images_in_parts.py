@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from omnisim import OmniCamera, Stage, load_scene, open_sensor
-from omnisim.cameras import EquidistantCamera, EquirectangularCamera, KannalaBrandtCamera
+from omnisim.cameras import EquidistantCamera, EquirectangularCamera
 from omnisim.core.errors import GraphicsError
 from omnisim.core.poses import pose
 from omnisim.core.world import WorldState
@@ -23,16 +23,15 @@ from omnisim.rendering.opengl.capture import image_pass
 from tests.cameras.optics.examples import SYSTEMS
 from tests.rendering.opengl.sheets import dynamic_object, mixed_scene
 from tests.scenes import room, scene_of
+from tests.slow import slow_but
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")
 
 FISHEYE = EquidistantCamera(240, 240, 72.0, (119.5, 119.5), theta_max_rad=1.66)
-ITERATED = KannalaBrandtCamera(240, 180, (72.0, 72.0), (119.5, 89.5), (3.5e-3, 7e-4, -2e-3, 2e-4))
 CAMERAS = {
     "exact mirror": OmniCamera(polygons=None).resized(240),
     "mesh": OmniCamera(polygons=64).resized(240),
     "fisheye": OmniCamera(FISHEYE),
-    "iterated": OmniCamera(ITERATED),
     "equirectangular": OmniCamera(EquirectangularCamera(320, 160)),
     "one sample, mip levels": OmniCamera(FISHEYE, supersampling=1, texels_per_pixel=3.0),
     "four samples per texel": OmniCamera(FISHEYE, samples=4, texels_per_pixel=2.0),
@@ -76,9 +75,9 @@ def _assert_alike(whole, parts, edges=EDGES, steps=STEPS):
     assert (differ > 0).mean() <= steps
 
 
-@pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS.keys())
-def test_an_image_in_parts_is_the_whole_image(stage, camera, whole_and_parts):
-    counts = []
+@pytest.mark.parametrize("name", slow_but(CAMERAS, "mesh", "equirectangular", *list(CAMERAS)[-2:]))
+def test_an_image_in_parts_is_the_whole_image(stage, name, whole_and_parts):
+    counts, camera = [], CAMERAS[name]
 
     def take():
         with stage.open(camera) as renderer:

@@ -15,8 +15,9 @@ from omnisim.scene import load_scene
 from omnisim.scene.model import Material, Mesh
 from omnisim.sensors.lidar.point_files import POINT
 from omnisim.sensors.lidar.spinning_lidar import MAX_SKEW_M, SpinningLidar
-from tests.ray_casting import opaque_part
-from tests.scenes import ROOM_HALF_M, room, scene_of
+from tests.ray_casting import embree_ranges, opaque_part
+from tests.rendering.frames import each_backend, opened
+from tests.scenes import ROOM_HALF_M, room, scene_of, upright
 
 needs_opengl = pytest.mark.usefixtures("needs_opengl")
 EXACT = dataclasses.replace(SpinningLidar.hdl64e().without_errors(), range_min_m=0.0, firings=512)
@@ -25,29 +26,13 @@ START = pose((0.4, -0.3, -0.2), roll_deg=3.0, pitch_deg=-4.0, yaw_deg=30.0)
 
 
 def _embree_ranges(scene, origins_m, directions):
-    """Ranges (n,) of rays (n, 3) each by embreex itself, then in float64; +inf: no hit."""
-    pytest.importorskip("embreex", reason="embreex, the ray caster to compare with, is missing")
-    from embreex.mesh_construction import TriangleMesh
-    from embreex.rtcore_scene import EmbreeScene
-
+    """Ranges (n,) of rays (n, 3) to the surfaces of a scene."""
     corners = [
-        trimesh.transform_points(scene.meshes[one.mesh].positions, one.world_from_mesh)[
-            scene.meshes[one.mesh].triangles
-        ]
+        trimesh.transform_points(mesh.positions, one.world_from_mesh)[mesh.triangles]
         for one in scene.instances
+        for mesh in (scene.meshes[one.mesh],)
     ]
-    corners_m = np.concatenate(corners)
-    embree = EmbreeScene()
-    mesh = TriangleMesh(embree, corners_m.astype(np.float32))  # keeps the vertices alive
-    found = embree.run(origins_m.astype(np.float32), directions.astype(np.float32))
-    del mesh
-    hit = np.flatnonzero(found >= 0)
-    a, b, c = np.moveaxis(corners_m[found[hit]], 1, 0)
-    normals = np.cross(b - a, c - a)
-    ranges_m = np.full(len(directions), np.inf)
-    to_plane = np.einsum("ij,ij->i", normals, a - origins_m[hit])
-    ranges_m[hit] = to_plane / np.einsum("ij,ij->i", normals, directions[hit])
-    return ranges_m
+    return embree_ranges(np.concatenate(corners), origins_m, directions)
 
 
 def _grid(cloud, name="range"):
@@ -67,7 +52,7 @@ def _drive(time_s):
 
 
 @needs_opengl
-@pytest.mark.parametrize("backend", ["cube", "rays"])
+@each_backend
 @pytest.mark.parametrize("speed_mps", [0.0, 1.5])
 @pytest.mark.parametrize("name", ["courtyard", pytest.param("mapping", marks=pytest.mark.slow)])
 def test_points_are_where_exact_rays_hit(name, speed_mps, backend):
@@ -87,7 +72,7 @@ def test_points_are_where_exact_rays_hit(name, speed_mps, backend):
     origins_m = np.broadcast_to(poses[:, :3, 3], directions.shape)
     expected_m = _embree_ranges(scene, origins_m.reshape(-1, 3), directions.reshape(-1, 3))
     expected_m[expected_m > EXACT.range_max_m] = 0.0
-    with open_sensor(scene, EXACT, backend=backend) as renderer:
+    with opened(scene, EXACT, backend) as renderer:
         cloud = renderer.scan(motion)
     error_m = np.abs(_grid(cloud).ravel() - expected_m)
     assert (error_m <= 1e-3).mean() >= (0.997 if speed_mps and backend == "cube" else 0.999)
@@ -114,14 +99,10 @@ def test_a_cloud_is_skewed_by_the_motion():
 
 
 @needs_opengl
-@pytest.mark.parametrize("backend", ["cube", "rays"])
+@each_backend
 def test_objects_move_while_the_lidar_turns(backend):
     """A wall comes nearer by 0.6 m in a revolution: each firing meets it where it is then."""
-    if backend == "rays":
-        pytest.importorskip("embreex", reason="embreex is missing")
-    corners = np.array([[0, -9, -9], [0, 9, -9], [0, 9, 9], [0, -9, 9]], dtype=np.float32)
-    mesh = Mesh("wall", corners, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32), 0)
-    wall = scene_of([mesh], [Material(double_sided=True)])
+    wall = scene_of([upright(9.0)], [Material(double_sided=True)])
 
     def motion(time_s):
         return WorldState({"body": np.eye(4), "wall": pose((5.0 - 6.0 * time_s, 0.0, 0.0))}, time_s)
@@ -140,16 +121,12 @@ def test_objects_move_while_the_lidar_turns(backend):
 
 
 @needs_opengl
-@pytest.mark.parametrize("backend", ["cube", "rays"])
+@each_backend
 @pytest.mark.parametrize("x_m", [-2.0, 2.0])
 def test_surfaces_reflect_on_both_sides(backend, x_m):
     """A single-sided square, seen from its front and from behind; also where it moves."""
-    if backend == "rays":
-        pytest.importorskip("embreex", reason="embreex is missing")
-    corners = np.array([[0, -9, -9], [0, 9, -9], [0, 9, 9], [0, -9, 9]], dtype=np.float32)
-    mesh = Mesh("wall", corners, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32), 0)
-    wall, here = scene_of([mesh], [Material()]), pose((x_m, 0.0, 0.0))
-    with open_sensor(wall, SMALL, backend=backend) as renderer:
+    wall, here = scene_of([upright(9.0)], [Material()]), pose((x_m, 0.0, 0.0))
+    with opened(wall, SMALL, backend) as renderer:
         static = renderer.scan(here).points
     with (
         Stage(scene_of([], []), dynamic_objects={"wall": wall}, backend=backend) as stage,
@@ -181,22 +158,17 @@ def test_firings_turn_clockwise_from_behind():
 
 
 @needs_opengl
-def test_limits_and_an_edited_scene():
+def test_limits_of_range_and_motion_and_an_edited_scene():
     lidar = dataclasses.replace(SMALL, range_min_m=2.5, range_max_m=3.2)
     with open_sensor(scene_of([room()]), lidar) as renderer:
         ranges_m = renderer.scan(np.eye(4)).points["range"]
         assert 2.5 <= ranges_m.min() < ranges_m.max() <= 3.2
+        with pytest.raises(
+            OmnisimError, match=r"^lidar: expected to be turned by at most 0.06 rad"
+        ):
+            renderer.scan(lambda time_s: pose(yaw_deg=6000.0 * time_s))
         renderer.scene = dataclasses.replace(renderer.scene, instances=())
         assert len(renderer.scan(np.eye(4)).points) == 0
-
-
-@needs_opengl
-def test_one_that_turns_too_fast_is_refused():
-    with (
-        open_sensor(scene_of([room()]), SMALL) as renderer,
-        pytest.raises(OmnisimError, match=r"^lidar: expected to be turned by at most 0.06 rad in"),
-    ):
-        renderer.scan(lambda time_s: pose(yaw_deg=6000.0 * time_s))
 
 
 def test_noise_follows_from_seed_and_revolution_alone():
@@ -226,10 +198,7 @@ def test_tables_of_the_manuals():
     ("changes", "words"),
     [
         ({"elevations_deg": (1.0, 1.0)}, "lidar.elevations_deg: expected rising angles"),
-        (
-            {"range_min_m": 200.0},
-            "lidar.range_min_m: expected less than range_max_m = 100, got 200",
-        ),
+        ({"range_min_m": 200.0}, "range_min_m: expected less than range_max_m = 100, got 200"),
         ({"firings": 4}, "lidar.firings: expected"),
         ({"elevations_deg": (90.0,)}, "lidar.elevations_deg"),
     ],
@@ -306,10 +275,8 @@ def test_a_fast_ball_is_where_it_is_at_each_firing(backend, is_behind_glass):
     pytest.importorskip("embreex", reason="embreex is missing")
     sphere = trimesh.creation.icosphere(subdivisions=3, radius=0.8)
     ball = Mesh("ball", sphere.vertices.astype("f4"), sphere.faces.astype("u4"), 0)
-    corners = np.array([[1, -9, -9], [1, 9, -9], [1, 9, 9], [1, -9, 9]], dtype=np.float32)
-    pane = Mesh("pane", corners, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32), 0)
     glass = Material(roughness=0.0, specular=1.0, transmission=1.0, double_sided=True)
-    still = scene_of([pane] if is_behind_glass else [], [glass])
+    still = scene_of([upright(9.0, 1.0)] if is_behind_glass else [], [glass])
 
     def at(time_s):
         return np.array((3.0, 10.0 * (time_s - 0.05), 0.1))

@@ -13,12 +13,12 @@ from scipy.ndimage import maximum_filter, minimum_filter
 from omnisim import OmniCamera
 from omnisim.cameras import PerspectiveCamera
 from omnisim.core.poses import pose
-from omnisim.rendering.stage import open_sensor
 from omnisim.scene.light.environment import Environment, map_directions
 from omnisim.scene.model import Light, Lighting, LightKind, Material, Mesh, Texture
 from omnisim.scene.parts import Wrap
 from omnisim.validation.material_chart import sphere
 from omnisim.validation.traced_light import fisheye
+from tests.rendering.frames import by_both
 from tests.scenes import scene_of
 from tests.vehicles import box, scaled
 
@@ -54,10 +54,7 @@ def images(number):
         lens = PerspectiveCamera(WIDTH_PX, WIDTH_PX, 1.2 * WIDTH_PX, (middle, middle))
         sensor = OmniCamera(lens, near_m=0.05)
     sensor = dataclasses.replace(sensor, supersampling=3, texels_per_pixel=2.9)
-    found = []
-    for backend in ("cube", "rays"):
-        with open_sensor(scene, sensor, backend=backend) as renderer:
-            found.append(renderer.render(at, also=("instance",)))
+    found = by_both(scene, sensor, at, also=("instance",))
     cube, rays = (one.rgba[..., :3].astype(int) for one in found)
     instances = found[1].channels["instance"].astype(int)
     inner = minimum_filter(instances, 3) == maximum_filter(instances, 3)
@@ -66,7 +63,7 @@ def images(number):
 
 @pytest.mark.parametrize("first", [0, 1])
 def test_few_materials_by_chance_are_those_of_rays(first):
-    assert max(differing_share(number) for number in range(first, 6, 2)) <= MAX_SHARE
+    assert max(differing_share(number) for number in (first, first + 2)) <= MAX_SHARE
 
 
 @pytest.mark.slow
@@ -149,13 +146,9 @@ def _prism(sides, material):
         coordinates += list(0.5 + 0.6 * ring)
         fan = [(start, start + at, start + at + 1) for at in range(1, sides - 1)]
         triangles += fan if z > 0 else [one[::-1] for one in fan]
-    return Mesh(
-        "prism",
-        np.array(positions, dtype=np.float32),
-        np.array(triangles, dtype=np.uint32),
-        material,
-        texture_coordinates=np.array(coordinates, dtype=np.float32),
-    )
+    positions, coordinates = (np.array(one, dtype=np.float32) for one in (positions, coordinates))
+    triangles = np.array(triangles, dtype=np.uint32)
+    return Mesh("prism", positions, triangles, material, texture_coordinates=coordinates)
 
 
 def _place(rng, center_m, size):
@@ -181,17 +174,13 @@ def _away_from(rng, centers_m, distance_m):
 def _sun(rng):
     direction = rng.normal(size=3)
     return Light(
-        LightKind.DIRECTIONAL,
-        tuple(rng.uniform(0.5, 1.0, 3)),
-        rng.uniform(0.2, 0.8),
-        direction=direction / np.linalg.norm(direction),
-        casts_shadow=bool(rng.integers(2)),
-    )
+        LightKind.DIRECTIONAL, tuple(rng.uniform(0.5, 1.0, 3)), rng.uniform(0.2, 0.8),
+        direction=direction / np.linalg.norm(direction), casts_shadow=bool(rng.integers(2)),
+    )  # fmt: skip
 
 
 def _lamp_in(rng, centers_m):
-    at_m = _away_from(rng, centers_m, 0.9)
-    return _lamp(rng, at_m, rng.uniform(-1.0, 1.0, 3))
+    return _lamp(rng, _away_from(rng, centers_m, 0.9), rng.uniform(-1.0, 1.0, 3))
 
 
 def _lamp(rng, at_m, toward_m):
@@ -199,14 +188,10 @@ def _lamp(rng, at_m, toward_m):
     direction = toward_m - at_m
     kind = LightKind.SPOT if rng.integers(2) else LightKind.POINT
     return Light(
-        kind,
-        tuple(rng.uniform(0.5, 1.0, 3)),
-        rng.uniform(1.0, 3.0),
-        at_m,
-        direction / np.linalg.norm(direction),
-        cone_cosines=(0.9, 0.6),
+        kind, tuple(rng.uniform(0.5, 1.0, 3)), rng.uniform(1.0, 3.0), at_m,
+        direction / np.linalg.norm(direction), cone_cosines=(0.9, 0.6),
         casts_shadow=bool(rng.integers(2)),
-    )
+    )  # fmt: skip
 
 
 def _sky(rng):
@@ -240,17 +225,13 @@ def _normal_map(rng):
     return leaning
 
 
-def _color(rng):
-    return (*rng.uniform(0.1, 0.9, 3), 1.0)
-
-
 def _sometimes(rng, make, *arguments, **options):
     return make(rng, *arguments, **options) if rng.integers(2) else None
 
 
 def _matte(rng, **options):
     return Material(
-        base_color=_color(rng),
+        base_color=(*rng.uniform(0.1, 0.9, 3), 1.0),
         texture=_sometimes(rng, _texture),
         normal_map=_sometimes(rng, _normal_map),
         normal_scale=rng.uniform(0.3, 1.5),

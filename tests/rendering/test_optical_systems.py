@@ -3,7 +3,6 @@
 import dataclasses
 import math
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,13 +11,10 @@ from omnisim import OmniCamera, load_scene, open_sensor
 from omnisim.cameras import UnifiedCamera, pixel_grid
 from omnisim.cameras.calibration import calibration_of
 from omnisim.cameras.calibration.fit import fit_camera
-from omnisim.cameras.optics import OpticalSystem, Surface
-from omnisim.cameras.optics.shapes import Conic
 from omnisim.core.errors import OmnisimError
 from omnisim.core.poses import pose
 from omnisim.ground_truth.hits import NO_DETAILS
 from omnisim.perception.unwarping import Unwarping, cylinder_view
-from omnisim.rendering.camera.degradations import preset
 from omnisim.rendering.contract import ScenePoses
 from omnisim.rendering.opengl import parallax_camera
 from omnisim.rendering.rays.ray_scene import RayScene
@@ -30,7 +26,8 @@ from omnisim.validation.image_differences import psnr_of_levels_db
 from omnisim.validation.optical_systems import validation_systems
 from omnisim.validation.plain_scenes import centroids, marker_pixels, markers_on_rays
 from tests.cameras.optics.examples import SYSTEMS
-from tests.scenes import room, room_color, room_hit, scene_of
+from tests.rendering.frames import by_both, frame_of
+from tests.scenes import room, room_color, room_hit, scene_of, with_warehouse
 from tests.slow import slow_but
 from tests.vehicles import box, p2at_body
 
@@ -57,15 +54,14 @@ def _world_rays(system, world_from_rig, pixels):
     return origins, rays.directions @ world_from_optical.T, rays.valid
 
 
-@pytest.mark.parametrize("name", ["sphere", "cone", "misaligned hyperbola", "port", "folded"])
+@pytest.mark.parametrize("name", ["cone", "misaligned hyperbola", "folded"])
 def test_image_and_channels(embree, name):
     system = _small(name)
     origins, directions, valid = _world_rays(system, NOW, pixel_grid(72, 72))
     expected = room_hit(origins, directions)
     sensor = OmniCamera(system, supersampling=1)
-    channels = ("range", "z", "position", "normals", "normals_camera", "albedo", "instance")
-    with open_sensor(scene_of([room()]), sensor, backend="rays") as renderer:
-        frame = renderer.render(NOW, linear=True, also=channels)
+    channels = ("range", "z", "position", "normals", "instance")
+    frame = frame_of(scene_of([room()]), sensor, NOW, "rays", linear=True, also=channels)
     np.testing.assert_array_equal(frame.has_ray, valid)
     assert valid.mean() > 0.2
     found = {key: value[valid] for key, value in frame.channels.items()}
@@ -80,7 +76,7 @@ def test_image_and_channels(embree, name):
     assert (facing < 0.0).all()
 
 
-@pytest.mark.parametrize("name", ["sphere", "cone", "tilted port"])
+@pytest.mark.parametrize("name", ["sphere", "tilted port"])
 def test_flow_leads_to_the_pixel_whose_ray_meets_the_point(embree, name):
     system = _small(name)
     meshes, poses = [room(), box("box", 0, half_m=0.4)], [np.eye(4), pose((1.0, 0.6, 0.1))]
@@ -113,52 +109,11 @@ def _shows(scene, origins, directions, lengths_m):
     return RayCaster(scene).cast(rays).ranges_m >= (1.0 - 2e-3) * lengths_m
 
 
-def test_what_is_near_is_seen_from_where_the_mirror_is(embree):
-    """A hand's breadth from a sphere of 100 mm, one viewpoint would be off by pixels."""
-    system = OpticalSystem(
-        SYSTEMS["tilted camera"].camera.scaled(0.5), (Surface(Conic(0.1), pose((0, 0, 0.3))),)
-    )
-    origins, directions, valid = _world_rays(system, NOW, pixel_grid(180, 180))
-    near = pose((0.4, -0.1, 0.35), yaw_deg=20.0)
-    with open_sensor(
-        scene_of([room(), box("box", 0, half_m=0.05)], poses=[np.eye(4), near]),
-        OmniCamera(system, near_m=0.01),
-        backend="rays",
-    ) as renderer:
-        instance = renderer.render(NOW, also=("instance",)).channels["instance"]
-        np.testing.assert_array_equal(
-            instance[valid] == 2, _hits_box(origins[valid], directions[valid], near)
-        )
-        middle = np.mean(origins[valid], axis=0)
-        central = _hits_box(np.broadcast_to(middle, origins[valid].shape), directions[valid], near)
-    exact = instance[valid] == 2
-    assert exact.sum() > 100
-    assert (exact != central).sum() > 20
-
-
-def _hits_box(origins, directions, world_from_box, half_m=0.05):
-    local = (origins - world_from_box[:3, 3]) @ world_from_box[:3, :3]
-    toward = directions @ world_from_box[:3, :3]
-    ends = np.sort(np.stack(((-half_m - local) / toward, (half_m - local) / toward)), 0)
-    return ends[1].min(axis=-1) >= np.maximum(ends[0].max(axis=-1), 0.0)
-
-
-def test_degraded(embree):
-    system = _small("sphere")
-    sensor = OmniCamera(system, degradation=preset("webcam"))
-    with open_sensor(scene_of([room()]), sensor, backend="rays") as renderer:
-        frame = renderer.render(NOW, motion=lambda now_s: NOW)
-        again = renderer.render(NOW, motion=lambda now_s: NOW)
-    assert frame.rgb[frame.valid].std() > 5.0
-    np.testing.assert_array_equal(frame.rgb, again.rgb)
-
-
 def test_motion_by_the_exact_inverse():
     """A step towards a port moves the image by as much as the inverse of its rays says."""
-    assert moved_px(_small("sphere"), [ScenePoses(NOW), ScenePoses(NOW)]) == pytest.approx(
-        0.0, abs=1e-6
-    )
-    assert moved_px(_small("sphere"), [ScenePoses(NOW), ScenePoses(AFTER)]) > 1.0
+    still, moved = ([ScenePoses(NOW), ScenePoses(then)] for then in (NOW, AFTER))
+    assert moved_px(_small("sphere"), still) == pytest.approx(0.0, abs=1e-6)
+    assert moved_px(_small("sphere"), moved) > 1.0
 
 
 STATES = {"next_state": AFTER, "previous_state": BEFORE}
@@ -174,14 +129,6 @@ def _near_boxes():
     return scene_of(meshes, materials, poses)
 
 
-def _frames(system, **options):
-    frames = []
-    for backend in ("cube", "rays"):
-        with open_sensor(_near_boxes(), system, backend=backend) as renderer:
-            frames.append(renderer.render(NOW, **options))
-    return frames
-
-
 def _psnr_db(one, other):
     seen = one.valid & other.valid
     return psnr_of_levels_db(one.rgb[seen], other.rgb[seen])
@@ -190,7 +137,7 @@ def _psnr_db(one, other):
 # As all cameras' images by both back ends; a cone squeezes more edges into fewer pixels.
 @pytest.mark.parametrize(("name", "db"), [("tilted camera", 36.0), ("cone", 33.0), ("port", 36.0)])
 def test_virtual_cameras_show_what_rays_do(embree, name, db):
-    cube, rays = _frames(SYSTEMS[name].scaled(0.5))
+    cube, rays = by_both(_near_boxes(), SYSTEMS[name].scaled(0.5), NOW)
     np.testing.assert_array_equal(cube.valid, rays.valid)
     assert _psnr_db(cube, rays) > db
     assert cube.metadata["undecided"]["cast"]
@@ -204,11 +151,10 @@ def test_nothing_shines_through_beside_edges(embree):
     world_from_optical[:3, :3] = NOW[:3, :3] @ system.rig_from_optical
     pixels = marker_pixels(system, 40)
     scene = markers_on_rays(system, pixels, world_from_optical)
-    middles = []
-    for backend in ("cube", "rays"):
-        with open_sensor(scene, system, backend=backend) as renderer:
-            linear = renderer.render(NOW, linear=True).linear[..., 1]
-        middles.append(centroids(linear.astype(np.float64), pixels))
+    middles = [
+        centroids(frame.linear[..., 1].astype(np.float64), pixels)
+        for frame in by_both(scene, system, NOW, linear=True)
+    ]
     assert len(pixels) > 10
     assert np.linalg.norm(middles[0] - middles[1], axis=1).max() < 0.08
 
@@ -217,8 +163,7 @@ def test_no_seam_shows_in_the_sky():
     """Pixels at a ball's limb are many texels wide: their samples may be past a tile's gutter."""
     system, ground = SYSTEMS["sphere"].scaled(0.5), pose((0.0, 0.0, -101.0))
     scene = scene_of([box("ground", 0, half_m=100.0)], poses=[ground], background=(0.6, 0.7, 0.9))
-    with open_sensor(scene, system) as renderer:
-        frame = renderer.render(NOW, linear=True)
+    frame = frame_of(scene, system, NOW, linear=True)
     directions = _world_rays(system, NOW, pixel_grid(180, 180))[1]
     is_sky = frame.valid & (directions[..., 2] > 0.1)
     assert is_sky.mean() > 0.1
@@ -228,7 +173,7 @@ def test_no_seam_shows_in_the_sky():
 def test_undecided_samples_are_counted_without_rays(embree, monkeypatch):
     monkeypatch.setattr(parallax_camera, "missing_packages", lambda extra: ["a"])
     system = SYSTEMS["tilted camera"].scaled(0.5)
-    cube, rays = _frames(system)
+    cube, rays = by_both(_near_boxes(), system, NOW)
     assert not cube.metadata["undecided"]["cast"]
     assert cube.metadata["undecided"]["samples"] > 0
     assert _psnr_db(cube, rays) > 28.0
@@ -252,7 +197,7 @@ def _off(one, other, tolerance=2e-6):
 @pytest.mark.parametrize("name", slow_but(["sphere", "cone", "port"], "sphere", long=["port"]))
 def test_ground_truth_is_that_of_rays(embree, name):
     """A hand's breadth from boxes."""
-    cube, rays = _frames(SYSTEMS[name].scaled(0.3), also=CHANNELS, **STATES)
+    cube, rays = by_both(_near_boxes(), SYSTEMS[name].scaled(0.3), NOW, also=CHANNELS, **STATES)
     ray = rays.has_ray
     np.testing.assert_array_equal(cube.has_ray, ray)
     for channel in CHANNELS:
@@ -263,7 +208,7 @@ def test_ground_truth_is_that_of_rays(embree, name):
 OWN_CAMERA = {"glass_tube", "mirror_cap", "mirror", "mast", "camera_body"}
 
 
-@pytest.mark.parametrize("casts", [True, False])
+@pytest.mark.parametrize("casts", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_the_robot_itself_is_right(embree, monkeypatch, casts):
     """A sphere of 100 mm, 8 cm from the scanner and a hand's breadth above the deck."""
     if not casts:
@@ -299,11 +244,11 @@ def test_the_robot_itself_is_right(embree, monkeypatch, casts):
 )
 def test_ground_truth_without_rays(embree, monkeypatch, name):
     """No channel needs them; 99.4 % of the pixels are right."""
-    expected = _frames(SYSTEMS[name].scaled(0.3), also=CHANNELS[:-2], **STATES)[1].channels
+    taken = _near_boxes(), SYSTEMS[name].scaled(0.3), NOW
+    expected = frame_of(*taken, "rays", also=CHANNELS[:-2], **STATES).channels
     monkeypatch.setattr(parallax_camera, "missing_packages", lambda extra: ["a"])
     monkeypatch.setitem(sys.modules, "embreex", None)
-    with open_sensor(_near_boxes(), SYSTEMS[name].scaled(0.3)) as renderer:
-        frame = renderer.render(NOW, also=CHANNELS[:-2], **STATES)
+    frame = frame_of(*taken, also=CHANNELS[:-2], **STATES)
     for channel in ("range", "position", "normals", "instance"):
         off = _off(frame.channels[channel], expected[channel])
         assert off[frame.has_ray].mean() <= 6e-3, channel
@@ -311,15 +256,11 @@ def test_ground_truth_without_rays(embree, monkeypatch, name):
     assert off[frame.has_ray].mean() <= 6e-3
 
 
-WAREHOUSE = Path(__file__).parents[3] / "shared" / "assets" / "small_warehouse.glb"
-
-
-@pytest.mark.parametrize("source", slow_but(["soccer", "mapping", WAREHOUSE], long=["mapping"]))
+@pytest.mark.slow
+@with_warehouse("soccer", "mapping")
 @pytest.mark.parametrize("name", ["sphere", "cone", "misaligned hyperbola"])
 def test_same_triangles_as_exact_rays(embree, source, name):
     """At a scene's start, and 0.2 m beside furniture."""
-    if source is WAREHOUSE and not WAREHOUSE.exists():
-        pytest.skip("a real warehouse is not part of the project")
     scene, sensor = load_scene(source), OmniCamera(SYSTEMS[name])
     start = sensor.base_pose(scene.start.position_m, yaw_deg=scene.start.yaw_deg)
     rays = RayScene(scene)
@@ -347,12 +288,6 @@ def test_ground_truth_follows_an_edit(embree):
     for channel in ("range", "instance"):
         off = _off(cube.channels[channel], rays.channels[channel])
         assert off[rays.has_ray].mean() <= 1e-3
-
-
-def test_degraded_by_virtual_cameras(embree):
-    sensor = OmniCamera(SYSTEMS["sphere"].scaled(0.4), degradation=preset("webcam"))
-    cube, rays = _frames(sensor, motion=lambda now_s: NOW)
-    assert _psnr_db(cube, rays) > 30.0
 
 
 def test_what_needs_one_viewpoint_says_so():

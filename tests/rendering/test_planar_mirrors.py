@@ -129,10 +129,7 @@ def _banded(low, high):
 
 @pytest.mark.parametrize(
     "values",
-    [
-        {"roughness": 0.25},
-        {"metallic_roughness_map": _banded(0.2, 0.45), "metallic": 0.2},
-    ],
+    [{"roughness": 0.25}, {"metallic_roughness_map": _banded(0.2, 0.45), "metallic": 0.2}],
     ids=["grazed", "mapped"],
 )
 def test_glossy_boxes_are_those_of_rays(values):

@@ -10,9 +10,10 @@ from omnisim.cameras import EquirectangularCamera, pixel_grid
 from omnisim.core.cube import face_index
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.scene.light.environment import Environment, map_directions
-from omnisim.scene.model import AlphaMode, Light, Lighting, LightKind, Material, Mesh, Texture
+from omnisim.scene.model import AlphaMode, Light, Lighting, LightKind, Material, Texture
 from omnisim.validation import material_chart
-from tests.scenes import next_to_another_face, scene_of, square
+from tests.rendering.frames import BACKENDS, assert_batch_is_frames, by_both, each_backend, frame_of
+from tests.scenes import next_to_another_face, scene_of, square, upright
 
 pytest.importorskip("embreex")
 pytestmark = pytest.mark.usefixtures("needs_opengl", "untraced_reflections")
@@ -99,13 +100,13 @@ def _spheres(lighting, **values):
 
 
 def _image(scene, camera, backend="cube", pose=None):
-    with omnisim.open_sensor(scene, camera, backend=backend) as renderer:
-        return renderer.render(omnisim.pose((0, 0, 0)) if pose is None else pose).rgba
+    pose = np.eye(4) if pose is None else pose
+    return frame_of(scene, camera, pose, backend).rgba.astype(int)
 
 
 def _difference(scene, camera):
     """Differences of the two back ends in steps of 255."""
-    cube, rays = (_image(scene, camera, one).astype(int) for one in ("cube", "rays"))
+    cube, rays = (_image(scene, camera, one) for one in BACKENDS)
     assert cube[..., :3].max() > 100, "expected an image of something"
     return np.abs(cube - rays)[..., :3].max(axis=2)
 
@@ -118,7 +119,7 @@ def _difference_on_spheres(scene, camera):
 
 @pytest.mark.parametrize(
     ("lighting", "material"),
-    [*((lighting, "chart") for lighting in LIGHTINGS), *(("sky", one) for one in MATERIALS)],
+    [("lamps", "chart"), ("even light", "chart"), *(("sky", one) for one in MATERIALS)],
 )
 def test_both_back_ends_agree(lighting, material):
     scene = _spheres(LIGHTINGS[lighting], **MATERIALS[material])
@@ -130,7 +131,7 @@ def test_both_back_ends_agree(lighting, material):
     assert np.percentile(difference, 90 if has_maps else 98) <= 4
 
 
-@pytest.mark.parametrize("backend", ["cube", "rays"])
+@each_backend
 def test_even_maps_are_factors(backend):
     """Gloss and clear coats: sRGB's 188 is 0.503 of light, 128 is 0.502 of a number."""
     gloss = Texture(np.full((4, 4, 4), (188, 255, 128, 128), np.uint8))
@@ -145,12 +146,11 @@ def test_even_maps_are_factors(backend):
         "specular": 128 / 255, "specular_color": (3.0 * 0.5029, 2.0, 0.2159),
         "clearcoat": 128 / 255, "clearcoat_roughness": 64 / 255,
     }  # fmt: skip
-    one, other = (
-        _image(_spheres(LIGHTINGS["lamps"], **values), CAMERA, backend).astype(int)
-        for values in (with_maps, factors)
+    one, other, plain = (
+        _image(_spheres(LIGHTINGS["lamps"], **values), CAMERA, backend)
+        for values in (with_maps, factors, {})
     )
     assert np.abs(one - other).max() <= 2
-    plain = _image(_spheres(LIGHTINGS["lamps"]), CAMERA, backend).astype(int)
     assert np.abs(one - plain).max() > 20
 
 
@@ -181,11 +181,8 @@ def test_gloss_has_no_seam_where_faces_of_the_cube_meet(metallic):
     lens = EquirectangularCamera(256, 128)
     camera = OmniCamera(lens, polygons=None, supersampling=2)
     pose = omnisim.pose((0.3, -0.2, 0.1), roll_deg=20.0, pitch_deg=-10.0, yaw_deg=15.0)
-    images = []
-    for backend in ("cube", "rays"):
-        with omnisim.open_sensor(scene, camera, backend=backend) as renderer:
-            images.append(renderer.render(pose, linear=True).linear)
-    apart = np.abs(images[0] - images[1]).max(axis=-1)
+    cube, ours = by_both(scene, camera, pose, linear=True)
+    apart = np.abs(cube.linear - ours.linear).max(axis=-1)
     rays = lens.ray_from_pixel(pixel_grid(256, 128)).directions @ lens.rig_from_optical.T
     edge = next_to_another_face(face_index(rays))
     assert edge.mean() > 0.03
@@ -196,35 +193,27 @@ def test_gloss_has_no_seam_where_faces_of_the_cube_meet(metallic):
 
 def test_the_back_of_a_sheet_has_the_front_s_bumps_as_dents():
     """The normal of the back is the front's, turned round: a sheet is one surface."""
-    corners = np.array([[0, -1, -1], [0, 1, -1], [0, 1, 1], [0, -1, 1]], "f4")
     uv = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], "f4")
-    sheet = Mesh("sheet", corners, np.array([[0, 1, 2], [0, 2, 3]], "u4"), 0, None, uv)
+    sheet = upright(1.0, texture_coordinates=uv)
     pixels = np.full((4, 4, 4), (200, 128, 230, 255), np.uint8)  # leans towards +u, which is +y
     material = Material(double_sided=True, specular=0.0, normal_map=Texture(pixels, is_linear=True))
-    scene_lit = [
-        scene_of(
-            [sheet], [material],
-            lighting=Lighting(
-                (0.0,) * 3, (Light(LightKind.DIRECTIONAL, (1.0,) * 3, 0.6, direction=direction),)
-            ),
-        )
+    suns = [
+        Light(LightKind.DIRECTIONAL, (1.0,) * 3, 0.6, direction=direction)
         for direction in (_unit(-1.0, -1.0, 0.0), _unit(-1.0, 1.0, 0.0), _unit(1.0, -1.0, 0.0))
-    ]  # fmt: skip
-    camera = CAMERA
+    ]
+    lit = [scene_of([sheet], [material], lighting=Lighting((0.0,) * 3, (sun,))) for sun in suns]
     front, behind = omnisim.pose((2.0, 0, 0), yaw_deg=180.0), omnisim.pose((-2.0, 0, 0))
-    for backend in ("cube", "rays"):
-        towards, away = (
-            _image(scene, camera, backend, front)[40, 20, 0] for scene in scene_lit[:2]
-        )
+    for backend in BACKENDS:
+        towards, away = (_image(scene, CAMERA, backend, front)[40, 20, 0] for scene in lit[:2])
         assert towards > away + 40
         # n of the back is −n of the front: it leans towards −y
-        lit_behind = _image(scene_lit[2], camera, backend, behind)[40, 20, 0]
-        assert abs(int(lit_behind) - int(away)) <= 2
+        assert abs(_image(lit[2], CAMERA, backend, behind)[40, 20, 0] - away) <= 2
 
 
-@pytest.mark.parametrize("backend", ["cube", "rays"])
-@pytest.mark.parametrize("slot", ["normal_map", "clearcoat_normal_map"])
-@pytest.mark.parametrize("casts_shadow", [True, False])
+@each_backend
+@pytest.mark.parametrize(
+    ("slot", "casts_shadow"), [("normal_map", False), ("clearcoat_normal_map", True)]
+)
 def test_light_from_behind_a_surface_does_not_light_it(backend, slot, casts_shadow):
     """A normal map tilts the floor by 60° toward a sun that is 3° below it."""
     uv = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], "f4")
@@ -239,7 +228,7 @@ def test_light_from_behind_a_surface_does_not_light_it(backend, slot, casts_shad
         lighting = Lighting((0.1,) * 3, () if from_below is None else (sun,))
         floor = square(2.0, -1.0, texture_coordinates=uv)
         scene = scene_of([floor], [material], lighting=lighting)
-        images.append(_image(scene, CAMERA.resized(40), backend).astype(int))
+        images.append(_image(scene, CAMERA.resized(40), backend))
     behind, before, dark = images
     np.testing.assert_array_equal(behind, dark)
     assert (before - dark).max() > 10
@@ -248,16 +237,14 @@ def test_light_from_behind_a_surface_does_not_light_it(backend, slot, casts_shad
 def test_an_edited_instance_looks_as_in_a_new_scene():
     """Edited instances are drawn one by one, others as clusters."""
     scene = _spheres(LIGHTINGS["sky"], **MATERIALS["second coordinates"])
-    camera = CAMERA
     pose = scene.pose_of("sphere 4")
     pose[:3, :3] = omnisim.pose((0, 0, 0), yaw_deg=40.0)[:3, :3]
     moved = scene.moved("sphere 4", pose)
-    with omnisim.open_sensor(scene, camera) as renderer:
-        renderer.render(omnisim.pose((0, 0, 0)))
+    with omnisim.open_sensor(scene, CAMERA) as renderer:
+        renderer.render(np.eye(4))
         renderer.scene = moved
-        edited = renderer.render(omnisim.pose((0, 0, 0))).rgba
-    difference = np.abs(edited.astype(int) - _image(moved, camera))
-    assert difference.max() <= 4
+        edited = renderer.render(np.eye(4)).rgba
+    assert np.abs(edited - _image(moved, CAMERA)).max() <= 4
 
 
 @pytest.mark.parametrize("alpha_mode", [AlphaMode.MASK, AlphaMode.BLEND])
@@ -275,18 +262,15 @@ def test_batches_have_the_sky_and_the_gloss_of_single_images():
     camera = OmniCamera().resized(80)
     poses = [omnisim.pose((x, 0.2, 0.1), yaw_deg=30.0 * x) for x in (0.0, 1.0, 2.0)]
     with omnisim.open_sensor(scene, camera) as renderer:
-        batch = renderer.render_batch(poses)
-        for one, pose in zip(batch, poses, strict=True):
-            assert (one[..., :3] == renderer.render(pose).rgba[..., :3]).all()
+        assert_batch_is_frames(renderer, poses)
 
 
-def test_a_matte_scene_has_no_gloss(tmp_path):
+def test_a_matte_scene_has_no_gloss():
     """Materials keep their values, and are drawn as if they had none."""
     full = _spheres(LIGHTINGS["lamps"])
     matte = dataclasses.replace(full, lighting=dataclasses.replace(full.lighting, is_matte=True))
     plain = dataclasses.replace(
         full, materials=tuple(Material("", one.base_color) for one in full.materials)
     )
-    camera = CAMERA
-    for backend in ("cube", "rays"):
-        assert (_image(matte, camera, backend) == _image(plain, camera, backend)).all()
+    for backend in BACKENDS:
+        assert (_image(matte, CAMERA, backend) == _image(plain, CAMERA, backend)).all()

@@ -154,11 +154,7 @@ def test_thick_glass_is_approximate_or_opaque():
 
 
 @pytest.mark.parametrize(
-    ("material", "expected"),
-    [
-        (Material(metallic=1.0, roughness=0.1), 1),
-        (Material(), 0),
-    ],
+    ("material", "expected"), [(Material(metallic=1.0, roughness=0.1), 1), (Material(), 0)]
 )
 def test_dynamic_objects_are_noted_too(material, expected):
     ball = scene_of([sphere(1.0, 8)], [material])

@@ -1,8 +1,5 @@
 """Sensors that share one copy of a scene: each sees what it sees alone, and nothing piles up."""
 
-import os
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -23,8 +20,6 @@ from tests.vehicles import (
     SCANNER,
     body,
     box,
-    mounted_on_p2at,
-    p2at_body,
     surroundings,
 )
 
@@ -35,7 +30,7 @@ def test_shared_stage_renders_as_separate_ones():
     """Cameras of different size and light, scanners, by turns; another stage beside them."""
     scene = surroundings()
     small = OmniCamera(polygons=64).resized(90)
-    bases = list(POSES.values())
+    bases = list(POSES.values())[1:3]
     with open_sensor(scene, CAMERA, body=body()) as renderer:
         large_alone = [renderer.render(base).rgba for base in bases]
     with open_sensor(scene, small, body=body(), unlit=True) as renderer:
@@ -55,67 +50,9 @@ def test_shared_stage_renders_as_separate_ones():
             np.testing.assert_array_equal(scan.ranges_m, scans_alone[index])
         small_one.close()
         scanner.close()
+        with pytest.raises(GraphicsError, match="this GPU takes at most"):
+            stage.open(CAMERA.resized(30000))  # leaves the stage unchanged
         np.testing.assert_array_equal(large_one.render(bases[0]).rgba, large_alone[0])
-        with stage.current():
-            assert stage.context.error == "GL_NO_ERROR"
-
-
-def resident_bytes():
-    pages = Path("/proc/self/statm").read_text(encoding="ascii").split()[1]
-    return int(pages) * os.sysconf("SC_PAGE_SIZE")
-
-
-needs_statm = pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="no /proc")
-
-
-@pytest.mark.slow
-@pytest.mark.long
-@needs_statm
-def test_memory_is_constant_over_a_drive():
-    """300 frames and scans with a real body. The bound is a quarter of what 300 images take: to
-    keep one in four, or anything of their size, would break it. Measured: 0.03 MB of 2.4."""
-    frames = 300
-    camera, base_from_scanner = mounted_on_p2at(90)
-    with Stage(surroundings(), p2at_body()) as stage:
-        eye = stage.open(camera)
-        scanner = stage.open(SCANNER, base_from_sensor=base_from_scanner, hidden={"lms200"})
-
-        def drive(steps):
-            for step in range(steps):
-                base = pose((0.002 * step, 0.0, -1.5), yaw_deg=1.2 * step)
-                image_bytes = eye.render(base).rgba.nbytes
-                scanner.scan(base, step)
-            return image_bytes
-
-        image_bytes = drive(30)  # compiles, and fills what is filled once
-        before = resident_bytes()
-        drive(frames)
-        assert resident_bytes() - before < frames * image_bytes / 4
-
-
-@pytest.mark.slow
-@needs_statm
-def test_closed_renderer_frees_its_memory():
-    """The bound is a quarter of the atlases, not all that a renderer has: to keep one in four would
-    break it. Measured: 12 MB of 71, from there on less with each, as freed memory is used again."""
-    times = 40
-    with Stage(surroundings(), body()) as stage:
-        first = stage.open(CAMERA)
-        before = first.render(pose()).rgba
-        width_px, height_px = first._passes.cube.atlas.size
-        atlas_bytes = 8 * width_px * height_px  # four half floats
-
-        def open_and_close(count):
-            for _ in range(count):
-                with stage.open(CAMERA) as renderer, stage.open(SCANNER) as scanner:
-                    renderer.render(pose())
-                    scanner.scan(pose())
-
-        open_and_close(5)
-        resident = resident_bytes()
-        open_and_close(times)
-        assert resident_bytes() - resident < times * atlas_bytes / 4
-        np.testing.assert_array_equal(first.render(pose()).rgba, before)
         with stage.current():
             assert stage.context.error == "GL_NO_ERROR"
 
@@ -127,29 +64,17 @@ def test_closing_in_any_order():
     camera.render(np.eye(4))
     stage.close()
     stage.close()
-    for use in (
-        lambda: camera.render(np.eye(4)),
-        camera.faces,
-        lambda: scanner.scan(np.eye(4)),
-        lambda: stage.open(),
-        lambda: stage.open(LaserScanner()),
-    ):
+    uses = (camera.render, scanner.scan, lambda _: camera.faces(), lambda _: stage.open())
+    for use in uses:
         with pytest.raises(GraphicsError, match="this stage is closed: open a new one"):
-            use()
+            use(np.eye(4))
     camera.close()
+    with pytest.raises(GraphicsError, match="this renderer is closed"):
+        camera.faces()
     with pytest.raises(GraphicsError, match="this renderer is closed: open a new one"):
         camera.render(np.eye(4))
     scanner.close()
     scanner.close()
-
-
-def test_failed_renderer_leaves_the_stage_unchanged():
-    with Stage(surroundings()) as stage:
-        first = stage.open(CAMERA)
-        before = first.render(pose()).rgba
-        with pytest.raises(GraphicsError, match="this GPU takes at most"):
-            stage.open(CAMERA.resized(30000))
-        np.testing.assert_array_equal(first.render(pose()).rgba, before)
 
 
 def test_invalid_arguments_are_refused():
@@ -207,17 +132,8 @@ def test_a_stage_opens_sensors_of_a_users_own():
         renderer.measure(pose())
 
 
-def test_a_cameras_mount_comes_after_the_one_it_is_opened_on():
-    mount = pose((0.1, 0.2, 0.3), yaw_deg=40.0)
-    with Stage(scene_of([room()]), backend="rays") as stage:
-        camera = stage.open(CAMERA, mount).camera
-        np.testing.assert_array_equal(camera.base_from_rig, mount @ CAMERA.base_from_rig)
-        with pytest.raises(OmnisimError, match="expected a rotation and a translation"):
-            stage.open(CAMERA, 2.0 * np.eye(4))
-
-
-def test_a_vehicles_sensors_are_opened_as_they_are_mounted():
-    robot = Vehicle.load("p2at")
+def test_sensors_are_opened_as_they_are_mounted():
+    robot, mount = Vehicle.load("p2at"), pose((0.1, 0.2, 0.3), yaw_deg=40.0)
     laser = robot.scanner()
     with Stage(scene_of([room()]), robot.body, backend="rays") as stage:
         mounted, given = (
@@ -229,6 +145,11 @@ def test_a_vehicles_sensors_are_opened_as_they_are_mounted():
         np.testing.assert_array_equal(scan.world_from_scanner, laser.base_from_sensor)
         eye = robot.camera()
         assert stage.open(eye).camera.base_from_rig is eye.sensor.base_from_rig
+        # a camera's own mount comes after the one it is opened on
+        camera = stage.open(CAMERA, mount).camera
+        np.testing.assert_array_equal(camera.base_from_rig, mount @ CAMERA.base_from_rig)
+        with pytest.raises(OmnisimError, match="expected a rotation and a translation"):
+            stage.open(CAMERA, 2.0 * np.eye(4))
 
 
 def test_every_instrument_measures_at_moments_and_its_readings_save_themselves(tmp_path):

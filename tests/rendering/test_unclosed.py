@@ -1,6 +1,8 @@
-"""Stages and renderers that are dropped and not closed: they warn, and their memory is freed."""
+"""Stages and renderers that are dropped and not closed, or inherited by forked processes."""
 
 import gc
+import subprocess
+import sys
 import threading
 from contextlib import ExitStack
 
@@ -11,7 +13,6 @@ from omnisim.rendering.opengl.gl.context import _MAX_IDLE as MAX_IDLE
 from tests.scenes import room, scene_of
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")
-
 CAMERA = OmniCamera(polygons=None).resized(24)
 
 
@@ -88,3 +89,64 @@ def run_in_a_thread(task):
 
 def is_open(context):
     return type(context.mglo).__name__ != "InvalidObject"
+
+
+FORKED = """
+import multiprocessing, os, sys
+from omnisim import LaserScanner, OmniCamera, open_sensor
+from omnisim.core.errors import GraphicsError
+from tests.scenes import room, scene_of
+
+scene, camera = scene_of([room()]), OmniCamera(polygons=None).resized(24)
+
+def render(renderer):
+    return renderer.render(renderer.camera.base_pose((0.0, 0.0, 0.0)))
+
+def expect_error(task):
+    try:
+        task()
+    except GraphicsError as reason:
+        assert "'spawn'" in str(reason), reason
+    else:
+        sys.exit("no error")
+"""
+IN_CHILDREN = (
+    "expect_error(lambda: render(renderer))",  # which it has inherited
+    "expect_error(lambda: open_sensor(scene, camera))",
+    "renderer.close(); expect_error(lambda: open_sensor(scene, LaserScanner()))",
+    "del renderer",
+    "pass",
+)
+
+
+def run_code(code):
+    """Run code in a process of its own, which must end by itself."""
+    command = [sys.executable, "-c", FORKED + code]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_a_forked_process_says_that_it_cannot_render():
+    """At once, and so that its parent can render on."""
+    run_code(
+        "renderer = open_sensor(scene, camera)\n"
+        "before = render(renderer).rgba\n"
+        f"for task in {IN_CHILDREN!r}:\n"
+        "    child = os.fork()\n"
+        "    if child == 0:\n        exec(task)\n        sys.exit()\n"
+        "    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0, task\n"
+        "    assert (render(renderer).rgba == before).all(), task\n"
+        "renderer.close()\n"
+    )
+
+
+def test_a_process_that_was_forked_before_it_rendered_can_render():
+    """As each worker of a data loader does that opens a renderer of its own."""
+    run_code(
+        "def work(number):\n"
+        "    with open_sensor(scene, camera) as renderer:\n"
+        "        return render(renderer).rgba.mean()\n"
+        "with multiprocessing.get_context('fork').Pool(2) as pool:\n"
+        "    first, second = pool.map(work, range(2))\n"
+        "assert first == second\n"
+    )

@@ -2,11 +2,13 @@
 
 import json
 import math
+import re
 
 import pytest
 from matplotlib.figure import Figure
 
 from omnisim.core.errors import OutputError
+from omnisim.rendering.opengl.gl.context import graphics_info
 from omnisim.report import machine
 from omnisim.report.report import (
     CaptionedFigure,
@@ -102,3 +104,11 @@ def test_what_was_not_measured_neither_passes_nor_fails(tmp_path, value):
 
 def test_commits_are_looked_up_in_the_checkout():
     assert (machine.ROOT / "pyproject.toml").is_file()
+
+
+def test_a_machine_is_told_by_its_renderer_and_a_name_fit_for_files(context):
+    described = machine.describe_machine(graphics_info(context))
+    assert described["renderer"] == context.info["GL_RENDERER"]
+    assert described["is_software"] is ("llvmpipe" in described["renderer"])
+    assert re.fullmatch("[a-z0-9-]+", described["name"])
+    assert described["renderer"] in machine.machine_line(described)

@@ -23,8 +23,7 @@ from omnisim.runs.run_data import read_run
 from omnisim.runs.run_manifest import first_difference
 from omnisim.scene import load_scene
 from omnisim.sensors.calibration_file import read_mount
-from tests.cameras.optics.examples import EXAMPLES
-from tests.cameras.optics.test_parameters import ALL
+from tests.cameras.optics.examples import ALL, EXAMPLES
 
 EQUI_ANGULAR = next(path for path in EXAMPLES if path.stem == "equi-angular")
 ROUTE = Route("lap", step_m=4.0, step_deg=90.0)

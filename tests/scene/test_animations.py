@@ -10,6 +10,7 @@ from omnisim.core.poses import is_pose
 from omnisim.scene import load_scene
 from omnisim.scene.model import Scene
 from tests.animated_gltf import WORLD_FROM_FILE, Animated
+from tests.scene.world_corners import points_of
 
 TIMES_S = np.array([0.5, 1.0, 2.5, 4.0], "<f4")
 CORNERS = np.array([[0.2, 0, 0], [1, 0.1, 0], [0, 1, 0.4]], "<f4")
@@ -60,10 +61,8 @@ def _corners_m(scene, time_s):
     for one in scene.objects:
         pose = one.motion.pose_at(time_s)
         assert is_pose(pose)
-        for instance in one.shape.instances:
-            matrix = pose @ instance.world_from_mesh
-            positions = one.shape.meshes[instance.mesh].positions.astype(float)
-            corners_m.append(positions @ matrix[:3, :3].T + matrix[:3, 3])
+        for number in range(len(one.shape.instances)):
+            corners_m.append(points_of(one.shape, number) @ pose[:3, :3].T + pose[:3, 3])
     return np.concatenate(corners_m)
 
 
@@ -105,9 +104,9 @@ def test_nodes_move_as_scipy_interpolates(interpolation, mirrored, tmp_path):
         np.testing.assert_allclose(_corners_m(scene, time_s), expected, atol=3e-6)
 
 
-def _turntable(gltf=None):
+def _turntable():
     """A floor at rest, a table that turns, and a cup that slides on it."""
-    gltf = Animated() if gltf is None else gltf
+    gltf = Animated()
     corner = gltf.triangle(positions=CORNERS)
     gltf.node(name="floor", mesh=corner, translation=[0, -1, 0])
     gltf.node(name="table", mesh=corner)

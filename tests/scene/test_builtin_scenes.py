@@ -2,19 +2,16 @@
 
 import importlib
 import re
-from collections import Counter
 
 import numpy as np
 import pytest
+import trimesh
 
 from omnisim.scene import builtin_scenes, load_scene
 from tests.same_shapes import assert_same_shapes
 from tests.scene.builder_hashes import SCENES, is_recorded
+from tests.scene.world_corners import corners_of, material_of
 from tests.slow import slow_but
-
-
-def test_names_of_the_builtin_scenes():
-    assert {"compass", "courtyard", "rings"} <= set(builtin_scenes())
 
 
 @pytest.mark.parametrize("name", builtin_scenes())
@@ -42,32 +39,13 @@ def test_committed_file_is_what_the_builder_builds(name, tmp_path, monkeypatch):
     built, committed = load_scene(script.OUTPUT), load_scene(name)
     assert_same_shapes(built, committed)
     for mine, theirs in zip(built.materials, committed.materials, strict=True):
-        assert (mine.name, mine.base_color, mine.unlit) == (
-            theirs.name,
-            theirs.base_color,
-            theirs.unlit,
-        )
+        for key in ("name", "base_color", "unlit"):
+            assert getattr(mine, key) == getattr(theirs, key)
         assert (mine.texture is None) == (theirs.texture is None)
         if mine.texture is not None:
             # versions of Pillow round a JPEG or the edge of a stroke differently
             off = np.abs(mine.texture.pixels.astype(int) - theirs.texture.pixels)
             assert off.mean() < 0.5
-
-
-def corners_by_node(scene):
-    """Corners (triangles, 3, xyz) in the world of each node."""
-    corners = {}
-    for instance in scene.instances:
-        mesh = scene.meshes[instance.mesh]
-        matrix = instance.world_from_mesh
-        world = mesh.positions.astype(float) @ matrix[:3, :3].T + matrix[:3, 3]
-        corners[instance.name] = world[mesh.triangles]
-    return corners
-
-
-def color_of(scene, node):
-    mesh = next(i.mesh for i in scene.instances if i.name == node)
-    return scene.materials[scene.meshes[mesh].material].base_color[:3]
 
 
 def inward(corners, viewpoint):
@@ -79,10 +57,9 @@ def inward(corners, viewpoint):
 
 
 def test_rings_are_at_the_stated_angles():
-    corners = corners_by_node(load_scene("rings"))
-    spans_deg = {}
-    for node, points in corners.items():
-        offsets = points - (0, 0, 2)
+    scene, spans_deg = load_scene("rings"), {}
+    for node in scene.instance_names:
+        offsets = corners_of(scene, node) - (0, 0, 2)
         # twice the vertices' rounding to 0.01 mm
         np.testing.assert_allclose(np.linalg.norm(offsets, axis=2), 2.0, rtol=0, atol=2e-5)
         x, y, z = np.moveaxis(offsets, -1, 0)
@@ -100,23 +77,17 @@ def test_rings_are_at_the_stated_angles():
 def test_rings_are_closed_and_face_their_center():
     scene = load_scene("rings")
     np.testing.assert_array_equal(scene.start.position_m, (0, 0, 2))
-    corners = np.concatenate(list(corners_by_node(scene).values()))
+    corners = corners_of(scene)
     assert inward(corners, scene.start.position_m).min() > 0.99
-    points, index = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
-    triangles = index.reshape(-1, 3)
-    edges = Counter(map(tuple, np.concatenate([triangles, np.roll(triangles, -1, 1)], 0)[:, :2]))
-    edges += Counter(map(tuple, np.roll(triangles, -2, 1)[:, :2]))
-    assert set(edges.values()) == {1}
-    assert all((end, start) in edges for start, end in edges)  # each has a neighbor, bit by bit
-    assert len(points) - len(edges) // 2 + len(triangles) == 2  # Euler: one sphere, and no more
-
-
-def test_colors_of_the_rings_are_plain():
-    scene = load_scene("rings")
+    sphere = trimesh.Trimesh(corners.reshape(-1, 3), np.arange(corners.size // 3).reshape(-1, 3))
+    sphere.merge_vertices(digits_vertex=12)  # neighbors are equal, bit by bit
+    assert sphere.is_watertight
+    assert sphere.is_winding_consistent
+    assert sphere.euler_number == 2  # one sphere, and no more
     assert all(scene.materials[mesh.material].unlit for mesh in scene.meshes)
-    assert color_of(scene, "sphere") == (1.0, 1.0, 1.0)
-    assert color_of(scene, "lines") == (0.0, 0.0, 0.0)
-    np.testing.assert_allclose(color_of(scene, "horizon"), (204 / 255, 13 / 255, 13 / 255))
+    colors = {"sphere": (1, 1, 1), "lines": (0, 0, 0), "horizon": (0.8, 13 / 255, 13 / 255)}
+    for name, color in colors.items():
+        np.testing.assert_allclose(material_of(scene, name).base_color[:3], color)
 
 
 EAST, NORTH, UP = np.eye(3)
@@ -133,11 +104,10 @@ COMPASS = {
 
 def test_sides_of_the_compass_match_their_names():
     scene = load_scene("compass")
-    corners = corners_by_node(scene)
-    assert corners.keys() == COMPASS.keys()
+    assert set(scene.instance_names) == COMPASS.keys()
     for instance in scene.instances:
         middle, right, up = COMPASS[instance.name]
-        points, mesh = corners[instance.name], scene.meshes[instance.mesh]
+        points, mesh = corners_of(scene, instance.name), scene.meshes[instance.mesh]
         assert inward(points, scene.start.position_m).min() > 0
         u, v = np.moveaxis(mesh.texture_coordinates[mesh.triangles], -1, 0)
         height = 3.0 if up is UP else 6.0
@@ -149,7 +119,7 @@ def test_colors_of_the_compass_are_those_in_its_readme():
     scene = load_scene("compass")
     readme = (SCENES / "compass" / "README.md").read_text(encoding="utf-8")
     for instance in scene.instances:
-        material = scene.materials[scene.meshes[instance.mesh].material]
+        material = material_of(scene, instance.name)
         assert material.unlit
         assert material.base_color == (1.0, 1.0, 1.0, 1.0)
         row = re.search(rf"^\| `{instance.name}` .*\| (.*) \| (.*) \|$", readme, re.MULTILINE)

@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation, Slerp
 
 from omnisim.core.errors import SceneError
 from omnisim.scene import load_scene
 from tests.animated_gltf import WORLD_FROM_FILE, Animated
+from tests.scene.world_corners import points_of
 from tests.skinned_figure import JOINTS, Figure
 
 RANDOM = np.random.default_rng(11)
@@ -76,32 +78,15 @@ def _write(folder, skinned=True, morphed=True, weights=None, sets=2, **animation
     return gltf.write(folder / "a.glb")
 
 
-def _slerped(time_s):
-    last = 0 if time_s < 1.0 else 1
-    share = (time_s - KEYS_S[last]) / (KEYS_S[last + 1] - KEYS_S[last])
-    first, second = TURNS[last], TURNS[last + 1]
-    cosine = first @ second
-    second = second if cosine >= 0 else -second
-    angle = np.arccos(abs(cosine))
-    x, y, z, w = (np.sin((1 - share) * angle) * first + np.sin(share * angle) * second) / np.sin(
-        angle
-    )
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )
-
-
-def _expected(time_s, skinned, morphed):
+def _expected(time_s, skinned, morphed, weights=WEIGHTS, turns=TURNS):
     """Positions and unit normals (6, 3) in the world, by glTF's formulas."""
     positions, normals = VERTICES.astype(float), NORMALS.astype(float)
     if morphed:
-        weights = [np.interp(time_s, KEYS_S, WEIGHTS[:, k]) for k in range(5)]
-        positions = positions + np.tensordot(weights, OFFSETS.astype(float), 1)
-        normals = normals + np.tensordot(weights, NORMAL_OFFSETS.astype(float), 1)
+        now = [np.interp(time_s, KEYS_S, weights[:, k]) for k in range(5)]
+        positions = positions + np.tensordot(now, OFFSETS.astype(float), 1)
+        normals = normals + np.tensordot(now, NORMAL_OFFSETS.astype(float), 1)
+    above = np.eye(4)
+    above[:3, :3] = Slerp(KEYS_S, Rotation.from_quat(turns))(time_s).as_matrix()
     moved, turned = [], []
     for vertex in range(6):
         matrix = np.eye(4)
@@ -111,15 +96,13 @@ def _expected(time_s, skinned, morphed):
             for joint, share in zip(JOINT_OF[vertex], SHARES[vertex], strict=True):
                 node = np.eye(4)
                 node[:3, 3] = PLACES[joint]
-                above = np.eye(4)
-                if joint < 5:
-                    above[:3, :3] = _slerped(time_s)
-                matrix += share * above @ node @ BINDS[joint].astype("<f4").astype(float)
+                parent = above if joint < 5 else np.eye(4)
+                matrix += share * parent @ node @ BINDS[joint].astype("<f4").astype(float)
         matrix = WORLD_FROM_FILE @ matrix
-        moved.append(matrix[:3, :3] @ positions[vertex] + matrix[:3, 3])
         linear = matrix[:3, :3]
-        normal = np.linalg.inv(linear).T @ normals[vertex] * np.sign(np.linalg.det(linear))
-        turned.append(normal * np.sign(np.linalg.det(linear)) / np.linalg.norm(normal))
+        moved.append(linear @ positions[vertex] + matrix[:3, 3])
+        normal = np.linalg.inv(linear).T @ normals[vertex]
+        turned.append(normal / np.linalg.norm(normal))
     return np.array(moved), np.array(turned)
 
 
@@ -153,20 +136,9 @@ def test_vertices_are_by_the_formulas(skinned, morphed, tmp_path):
 def test_what_rests_is_placed_once(tmp_path):
     scene = load_scene(_write(tmp_path, turns=False, moves_weights=False))
     assert not scene.deforms
-    morphed = VERTICES + 0.5 * OFFSETS[0] + 0.25 * OFFSETS[4]
-    (instance,) = scene.instances
-    found = scene.meshes[instance.mesh].positions @ instance.world_from_mesh[:3, :3].T
-    found = found + instance.world_from_mesh[:3, 3]
-    expected = []
-    for vertex in range(6):
-        matrix = np.zeros((4, 4))
-        for joint, share in zip(JOINT_OF[vertex], SHARES[vertex], strict=True):
-            node = np.eye(4)
-            node[:3, 3] = PLACES[joint]
-            matrix += share * node @ BINDS[joint]
-        matrix = WORLD_FROM_FILE @ matrix
-        expected.append(matrix[:3, :3] @ morphed[vertex] + matrix[:3, 3])
-    np.testing.assert_allclose(found, expected, atol=ALMOST)
+    at_rest = np.array([[0.5, 0.0, 0.0, 0.0, 0.25]] * 3), np.array([[0.0, 0.0, 0.0, 1.0]] * 3)
+    expected, _ = _expected(0.0, True, True, *at_rest)
+    np.testing.assert_allclose(points_of(scene), expected, atol=ALMOST)
 
 
 def test_weights_of_another_sum_are_divided(tmp_path):

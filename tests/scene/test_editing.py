@@ -7,6 +7,7 @@ from omnisim.core.errors import SceneError
 from omnisim.core.poses import pose
 from omnisim.scene import Scene, load_scene
 from omnisim.scene.model import AlphaMode
+from tests.scene.world_corners import corners_of
 
 TETRAHEDRON = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
 FACES = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]
@@ -17,34 +18,19 @@ def tetrahedron(name="part", **options):
     return Scene.from_arrays(name, TETRAHEDRON, FACES, **options)
 
 
-def world_corners(scene, name):
-    corners = []
-    for one in scene.instances:
-        if one.name == name:
-            points = scene.meshes[one.mesh].positions @ one.world_from_mesh[:3, :3].T
-            corners.append(points + one.world_from_mesh[:3, 3])
-    return np.concatenate(corners)
-
-
 def test_arrays_become_a_scene():
     uv, colors = np.zeros((4, 2)), np.array([[0.2, 0.4, 0.6]] * 4)
     scene = tetrahedron(normals=TETRAHEDRON, uv=uv, colors=colors, texture=WHITE)
     assert scene.instance_names == ("part",)
-    np.testing.assert_allclose(world_corners(scene, "part"), TETRAHEDRON, atol=1e-7)
+    np.testing.assert_allclose(corners_of(scene), np.array(TETRAHEDRON)[FACES], atol=1e-7)
     (mesh,), (material,) = scene.meshes, scene.materials
     np.testing.assert_array_equal(mesh.colors, np.float32([[0.2, 0.4, 0.6, 1.0]] * 4))
     assert material.base_color == (1.0, 1.0, 1.0, 1.0)
     assert material.alpha_mode is AlphaMode.OPAQUE
     assert material.texture.pixels.shape == (2, 2, 4)
     np.testing.assert_array_equal(scene.bounds_m(), [[0, 0, 0], [1, 1, 1]])
-
-
-def test_bytes_are_srgb_and_numbers_linear():
-    (mesh,) = tetrahedron(colors=np.full((4, 4), 188, np.uint8)).meshes
+    (mesh,) = tetrahedron(colors=np.full((4, 4), 188, np.uint8)).meshes  # bytes are sRGB
     np.testing.assert_allclose(mesh.colors[0], [0.503, 0.503, 0.503, 188 / 255], atol=1e-3)
-
-
-def test_a_clear_color_is_blended():
     (material,) = tetrahedron(base_color=(1, 0, 0, 0.5)).materials
     assert material.alpha_mode is AlphaMode.BLEND
 
@@ -56,10 +42,11 @@ def test_objects_are_added_moved_and_removed():
     assert len(scene.meshes) == 1  # shared
     moved = scene.moved("second", pose((0, 7, 0), yaw_deg=90.0))
     expected = np.array([[0, 7, 0], [0, 8, 0], [-1, 7, 0], [0, 7, 1]])
-    np.testing.assert_allclose(world_corners(moved, "second"), expected, atol=1e-6)
+    np.testing.assert_allclose(corners_of(moved, "second"), expected[FACES], atol=1e-6)
     np.testing.assert_allclose(moved.pose_of("second"), pose((0, 7, 0), yaw_deg=90.0), atol=1e-12)
     assert moved.instances[0] is scene.instances[0]
-    np.testing.assert_allclose(world_corners(scene, "second")[0], [5, 0, 0], atol=1e-6)  # as it was
+    assert corners_of(scene, "second").min() == pytest.approx(0.0)  # as it was
+    assert corners_of(scene, "second")[..., 0].min() == pytest.approx(5.0)
     rest = moved.removed("part").removed("second")
     assert rest.instance_names == ("third",)
     assert len(rest.meshes) == 1
@@ -82,13 +69,13 @@ def test_only_the_named_object_gets_the_color():
 def test_a_loaded_object_turns_about_its_node_and_keeps_its_scale():
     scene = load_scene("courtyard")
     name = "crate_02"
-    before, corners = scene.pose_of(name), world_corners(scene, name)
+    before, corners = scene.pose_of(name), corners_of(scene, name)
     turned = scene.moved(name, pose((1.0, 2.0, 3.0), yaw_deg=40.0))
     displacement = pose((1.0, 2.0, 3.0), yaw_deg=40.0) @ np.linalg.inv(before)
     expected = corners @ displacement[:3, :3].T + displacement[:3, 3]
-    np.testing.assert_allclose(world_corners(turned, name), expected, atol=1e-6)
+    np.testing.assert_allclose(corners_of(turned, name), expected, atol=1e-6)
     back = turned.moved(name, before)
-    np.testing.assert_allclose(world_corners(back, name), corners, atol=1e-6)
+    np.testing.assert_allclose(corners_of(back, name), corners, atol=1e-6)
 
 
 @pytest.mark.parametrize(

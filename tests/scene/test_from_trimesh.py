@@ -9,6 +9,7 @@ from trimesh.visual.material import PBRMaterial, SimpleMaterial
 from omnisim.core.errors import SceneError
 from omnisim.scene import Scene, load_scene
 from omnisim.scene.model import AlphaMode
+from tests.scene.world_corners import corners_of
 
 PIXELS = np.arange(48, dtype=np.uint8).reshape(4, 4, 3)
 
@@ -18,16 +19,6 @@ def textured_box(material):
     uv = np.linspace(0.0, 1.0, 2 * len(box.vertices)).reshape(-1, 2)
     box.visual = trimesh.visual.TextureVisuals(uv, material)
     return box
-
-
-def world_triangles(scene, name):
-    found = []
-    for one in scene.instances:
-        if one.name == name:
-            mesh = scene.meshes[one.mesh]
-            points = mesh.positions @ one.world_from_mesh[:3, :3].T + one.world_from_mesh[:3, 3]
-            found.append(points[mesh.triangles])
-    return np.concatenate(found)
 
 
 def test_a_scene_is_that_of_its_glb_file(tmp_path):
@@ -49,9 +40,7 @@ def test_a_scene_is_that_of_its_glb_file(tmp_path):
     assert set(scene.instance_names) == {"box", "twin"} == set(expected.instance_names)
     assert len(scene.meshes) == 1
     for name in scene.instance_names:
-        np.testing.assert_allclose(
-            world_triangles(scene, name), world_triangles(expected, name), atol=1e-6
-        )
+        np.testing.assert_allclose(corners_of(scene, name), corners_of(expected, name), atol=1e-6)
         np.testing.assert_allclose(scene.pose_of(name), expected.pose_of(name), atol=1e-6)
     ours, theirs = scene.materials[0], expected.materials[0]
     np.testing.assert_allclose(ours.base_color, theirs.base_color, atol=1e-6)
@@ -81,21 +70,19 @@ def test_colors_are_srgb():
     simple = textured_box(SimpleMaterial(diffuse=[188, 0, 255, 255]))
     (material,) = Scene.from_trimesh(simple).materials
     np.testing.assert_allclose(material.base_color, (0.503, 0.0, 1.0, 1.0), atol=1e-3)
-
-
-def test_a_image_made_in_memory_is_a_texture():
-    (material,) = Scene.from_trimesh(
-        textured_box(SimpleMaterial(image=Image.fromarray(PIXELS)))
-    ).materials
+    image = SimpleMaterial(image=Image.fromarray(PIXELS))
+    (material,) = Scene.from_trimesh(textured_box(image)).materials
     np.testing.assert_array_equal(material.texture.pixels[..., :3], PIXELS)
     assert material.base_color == (1.0, 1.0, 1.0, 1.0)
 
 
-def test_normals_are_those_asked_for():
+def test_normals_are_those_asked_for_and_points_are_noticed():
     ball = trimesh.creation.icosphere(1)
     assert Scene.from_trimesh(ball).meshes[0].normals is None
     assert Scene.from_trimesh(ball, smooth=True).meshes[0].normals is not None
     assert Scene.from_trimesh(ball, smooth=False).meshes[0].normals is None
+    points = trimesh.Scene([ball, trimesh.PointCloud(np.zeros((3, 3)))])
+    assert Scene.from_trimesh(points, "mixed").notices == ("mixed: points and lines are not drawn",)
 
 
 @pytest.mark.parametrize(
@@ -111,8 +98,3 @@ def test_normals_are_those_asked_for():
 def test_anything_else_is_refused(source, options, message):
     with pytest.raises(SceneError, match=message):
         Scene.from_trimesh(source, **options)
-
-
-def test_points_are_noticed():
-    source = trimesh.Scene([trimesh.creation.box(), trimesh.PointCloud(np.zeros((3, 3)))])
-    assert Scene.from_trimesh(source, "mixed").notices == ("mixed: points and lines are not drawn",)

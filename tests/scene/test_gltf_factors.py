@@ -40,68 +40,49 @@ def _notice(folder, material):
     return notice.removeprefix(prefix), scene.materials[0]
 
 
-def _volume(**values):
-    return {"extensions": {"KHR_materials_volume": values}}
-
-
 def _extension(name, **values):
     return {"extensions": {f"KHR_materials_{name}": values}}
 
 
+def _metallic(**values):
+    return {"pbrMetallicRoughness": values}
+
+
+def _case(entry, label, value, used, attribute, expected=None):
+    """Entry of a material, its notice, and the attribute with the value that is used."""
+    text = f"{label} {value:g} (used: {used:g})"
+    return entry, text, attribute, float(used) if expected is None else expected
+
+
+def _factor(extension, key, value, used, attribute, expected=None):
+    return _case(_extension(extension, **{key: value}), key, value, used, attribute, expected)
+
+
+GLOW = _extension("emissive_strength", emissiveStrength=1e6)
+DARK = _extension("emissive_strength", emissiveStrength=-2)
 CASES = [
-    (_volume(thicknessFactor=-1), "thicknessFactor -1 (used: 0)", "thickness_m", 0.0),
-    (
-        _volume(attenuationDistance=0),
-        "attenuationDistance 0 (used: inf)", "attenuation_distance_m", math.inf,
-    ),
-    (
-        _volume(attenuationColor=[1, 1.5, 0]),
-        "attenuationColor[1] 1.5 (used: 1)", "attenuation_color", (1.0, 1.0, 0.0),
-    ),
-    (_extension("dispersion", dispersion=-0.1), "dispersion -0.1 (used: 0)", "dispersion", 0.0),
-    (_extension("ior", ior=0.9), "ior 0.9 (used: 1)", "ior", 1.0),
-    (
-        _extension("transmission", transmissionFactor=2),
-        "transmissionFactor 2 (used: 1)", "transmission", 1.0,
-    ),
-    (_extension("clearcoat", clearcoatFactor=-3), "clearcoatFactor -3 (used: 0)", "clearcoat", 0.0),
-    (
-        _extension("specular", specularColorFactor=[-1, 0, 2]),
-        "specularColorFactor[0] -1 (used: 0)", "specular_color", (0.0, 0.0, 2.0),
-    ),
-    (
-        _extension("pbrSpecularGlossiness", glossinessFactor=1.5),
-        "glossinessFactor 1.5 (used: 1)", "roughness", 0.0,
-    ),
-    (
-        {"pbrMetallicRoughness": {"roughnessFactor": -0.5}},
-        "roughnessFactor -0.5 (used: 0)", "roughness", 0.0,
-    ),
-    (
-        {"pbrMetallicRoughness": {"metallicFactor": 1.01}},
-        "metallicFactor 1.01 (used: 1)", "metallic", 1.0,
-    ),
-    ({"alphaCutoff": -0.5}, "alphaCutoff -0.5 (used: 0)", "alpha_cutoff", 0.0),
-    (
-        {"alphaCutoff": -0.5, **_extension("unlit")},
-        "alphaCutoff -0.5 (used: 0)", "alpha_cutoff", 0.0,
-    ),
-    (
-        {"occlusionTexture": {"index": 0, "strength": 2}},
-        "occlusionTexture.strength 2 (used: 1)", "occlusion_strength", 1.0,
-    ),
-    (
-        {"normalTexture": {"index": 0, "scale": -1e4}},
-        "normalTexture.scale -10000 (used: -1000)", "normal_scale", -1000.0,
-    ),
-    (
-        {"emissiveFactor": [1, 1, 1], **_extension("emissive_strength", emissiveStrength=-2)},
-        "emissiveStrength -2 (used: 0)", "emissive", (0.0, 0.0, 0.0),
-    ),
-    (
-        {"emissiveFactor": [0, 0, 1], **_extension("emissive_strength", emissiveStrength=1e6)},
-        "emissiveFactor · emissiveStrength 1e+06 (used: 65504)", "emissive", (0.0, 0.0, 65504.0),
-    ),
+    _factor("volume", "thicknessFactor", -1, 0, "thickness_m"),
+    _factor("volume", "attenuationDistance", 0, math.inf, "attenuation_distance_m"),
+    _factor("dispersion", "dispersion", -0.1, 0, "dispersion"),
+    _factor("ior", "ior", 0.9, 1, "ior"),
+    _factor("transmission", "transmissionFactor", 2, 1, "transmission"),
+    _factor("clearcoat", "clearcoatFactor", -3, 0, "clearcoat"),
+    _factor("pbrSpecularGlossiness", "glossinessFactor", 1.5, 1, "roughness", 0.0),
+    _case(_extension("volume", attenuationColor=[1, 1.5, 0]), "attenuationColor[1]", 1.5, 1,
+          "attenuation_color", (1.0, 1.0, 0.0)),
+    _case(_extension("specular", specularColorFactor=[-1, 0, 2]), "specularColorFactor[0]", -1, 0,
+          "specular_color", (0.0, 0.0, 2.0)),
+    _case(_metallic(roughnessFactor=-0.5), "roughnessFactor", -0.5, 0, "roughness"),
+    _case(_metallic(metallicFactor=1.01), "metallicFactor", 1.01, 1, "metallic"),
+    _case({"alphaCutoff": -0.5}, "alphaCutoff", -0.5, 0, "alpha_cutoff"),
+    _case({"alphaCutoff": -1, **_extension("unlit")}, "alphaCutoff", -1, 0, "alpha_cutoff"),
+    _case({"occlusionTexture": {"index": 0, "strength": 2}}, "occlusionTexture.strength", 2, 1,
+          "occlusion_strength"),
+    _case({"normalTexture": {"index": 0, "scale": -1e4}}, "normalTexture.scale", -1e4, -1e3,
+          "normal_scale"),
+    _case({"emissiveFactor": [1, 1, 1], **DARK}, "emissiveStrength", -2, 0, "emissive", (0.0,) * 3),
+    _case({"emissiveFactor": [0, 0, 1], **GLOW}, "emissiveFactor · emissiveStrength", 1e6, 65504,
+          "emissive", (0.0, 0.0, 65504.0)),
 ]  # fmt: skip
 
 
@@ -139,7 +120,7 @@ def test_materials_that_are_not_drawn_are_not(tmp_path):
 
 def test_no_number_is_an_error(tmp_path):
     with pytest.raises(SceneError, match=r"thicknessFactor: expected a finite number, got nan"):
-        _load(tmp_path, _volume(thicknessFactor=math.nan))
+        _load(tmp_path, _extension("volume", thicknessFactor=math.nan))
 
 
 def test_an_index_of_zero_gives_the_reflectance_itself(tmp_path):

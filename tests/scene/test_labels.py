@@ -12,23 +12,11 @@ from omnisim.scene.labels import class_name, find_labels, label_rules, read_labe
 from tests.scenes import room, scene_of
 
 
-@pytest.mark.parametrize(
-    ("name", "expected"),
-    [
-        ("chair_01", "chair"),
-        ("chair.002", "chair"),
-        ("chair-3", "chair"),
-        ("chair 4", "chair"),
-        ("chair5", "chair"),
-        ("wall_east_02.001", "wall_east"),
-        ("lamp_01_tubes", "lamp_01_tubes"),
-        ("Bucket_01_020/Bucket_01_visual_33", "Bucket"),
-        ("12", "12"),
-        ("", ""),
-    ],
-)
-def test_a_class_is_the_name_without_its_numbers(name, expected):
-    assert class_name(name) == expected
+def test_a_class_is_the_name_without_its_numbers():
+    for name in ("chair_01", "chair.002", "chair-3", "chair 4", "chair5", "chair/leg_2"):
+        assert class_name(name) == "chair"
+    for name in ("wall_east", "lamp_01_tubes", "12", ""):
+        assert class_name(name) == name
 
 
 def _named(*names, labels=()):
@@ -83,9 +71,8 @@ def test_built_in_scenes_label_everything_and_every_label_is_used(name):
     assert labels.source == "table"
     assert labels.unlabeled == ()
     used = set(labels.class_of_instance[1:].tolist())
-    assert {label.name for label in labels.classes if label.id not in used} == {
-        "vehicle", "unlabeled",
-    }  # fmt: skip
+    unused = {label.name for label in labels.classes if label.id not in used}
+    assert unused == {"vehicle", "unlabeled"}
     colors = np.array([label.color for label in labels.classes])
     assert len(np.unique(colors, axis=0)) == len(colors)
 
@@ -104,24 +91,18 @@ def test_soccers_landmarks_have_a_class_for_each_color():
                 assert of_instance[f"{landmark.name}_{band.color}"] == f"beacon_{band.color}"
 
 
+TABLE = '[[labels]]\nname = "a"\nnodes = ["x"]\n'
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
         ('[[labels]]\nname = "a"\n', "labels.0.nodes: missing"),
         ('[[labels]]\nname = "a"\nnodes = []\n', "nodes"),
-        (
-            '[[labels]]\nname = "a"\nnodes = ["x"]\nid = 0\n',
-            "labels.0.id: expected a number ≥ 1, got 0",
-        ),
-        (
-            '[[labels]]\nname = "a"\nnodes = ["x"]\ncolor = [0, 0, 256]\n',
-            "color.2: expected a number ≤ 255, got 256",
-        ),
-        ('[[labels]]\nname = "a"\nnode = ["x"]\n', "did you mean 'nodes'?"),
-        (
-            '[[labels]]\nname = "a"\nnodes = ["x"]\n[[labels]]\nname = "a"\nnodes = ["y"]\n',
-            "name = 'a': expected each name once",
-        ),
+        (TABLE + "id = 0\n", "labels.0.id: expected a number ≥ 1, got 0"),
+        (TABLE + "color = [0, 0, 256]\n", "color.2: expected a number ≤ 255, got 256"),
+        (TABLE.replace("nodes", "node"), "did you mean 'nodes'?"),
+        (TABLE + TABLE, "name = 'a': expected each name once"),
         ("", "labels: missing"),
     ],
 )

@@ -11,15 +11,11 @@ from omnisim.scene import primitives
 CAPSULE = math.pi * 0.3**2 * 1.4 + 4 / 3 * math.pi * 0.3**3
 SOLIDS = {
     "box": (primitives.box((0.5, 1.0, 2.0)), 8.0, (0.5, 1.0, 2.0)),
-    "ellipsoid": (
-        primitives.ellipsoid((0.5, 1.0, 2.0)),
-        4 / 3 * math.pi,
-        (0.5, 1.0, 2.0),
-    ),
+    "ellipsoid": (primitives.ellipsoid((0.5, 1.0, 2.0)), 4 / 3 * math.pi, (0.5, 1.0, 2.0)),
     "cylinder": (primitives.cylinder(0.3, 0.7), math.pi * 0.3**2 * 1.4, (0.3, 0.3, 0.7)),
     "cone": (primitives.cone(0.3, 0.7), math.pi * 0.3**2 * 1.4 / 3, (0.3, 0.3, 0.7)),
     "capsule": (primitives.capsule(0.3, 0.7), CAPSULE, (0.3, 0.3, 1.0)),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", SOLIDS)

@@ -6,6 +6,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
+import trimesh
 
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.robots import load_robot
@@ -13,20 +14,14 @@ from omnisim.scene import load_scene
 from omnisim.scene.model import AlphaMode
 from tests.same_shapes import assert_same_shapes
 from tests.scene.builder_hashes import SCENES, is_recorded
+from tests.scene.world_corners import corners_of, material_of
 
 ROBOTS = ("p2at", "superscout")
 # Length, width, height of the body without the camera, of what is stated in the README.
 BODY_M = {"p2at": (0.626, 0.505, 0.240), "superscout": (0.410, 0.410, 0.360)}
 CAMERA = {"camera_body", "glass_tube", "mast", "mirror", "mirror_cap"}
-ON_DECK = {
-    "antenna",
-    "control_panel",
-    "emergency_stop",
-    "lms200",
-    "lms200_mount",
-    "top_plate",
-    "user_panel",
-}
+ON_DECK = {"antenna", "control_panel", "emergency_stop", "lms200", "lms200_mount", "top_plate",
+           "user_panel"}  # fmt: skip
 MM = 1e-3
 
 
@@ -44,13 +39,12 @@ def robot(request):
     name = request.param
     scene = load_scene(SCENES / name / robot_table(name)["body"])
     assert scene.notices == ()
-    corners = {}
-    for instance in scene.instances:
-        mesh, matrix = scene.meshes[instance.mesh], instance.world_from_mesh
-        world = mesh.positions.astype(float) @ matrix[:3, :3].T + matrix[:3, 3]
-        corners[instance.name] = world[mesh.triangles]
-    assert len(corners) == len(scene.instances)
-    return name, corners
+    assert len(scene.instance_names) == len(scene.instances)
+    blended = [one for one in scene.instance_names
+               if material_of(scene, one).alpha_mode is AlphaMode.BLEND]  # fmt: skip
+    assert blended == ["glass_tube"]
+    assert not any(material.double_sided for material in scene.materials)
+    return name, {one: corners_of(scene, one) for one in scene.instance_names}
 
 
 def bounds(corners):
@@ -136,62 +130,35 @@ def test_mirror_and_lens_match_the_sensor_file(robot):
 def test_solids_are_closed(robot):
     """Each edge is passed as often one way as the other: no hole shows an inside that is culled."""
     for node, triangles in robot[1].items():
-        keys = np.round(triangles.reshape(-1, 3), 5)
-        index = np.unique(keys, axis=0, return_inverse=True)[1].reshape(-1, 3)
-        edges = Counter()
-        for turn in range(3):
-            edges.update(map(tuple, np.roll(index, turn, axis=1)[:, :2].tolist()))
-        open_edges = [edge for edge in edges if edges[edge] != edges[edge[::-1]]]
-        assert open_edges == [], node
-        volume = np.einsum("ij,ij->", np.cross(triangles[:, 0], triangles[:, 1]), triangles[:, 2])
-        assert volume > 0, node
+        solid = trimesh.Trimesh(
+            triangles.reshape(-1, 3), np.arange(triangles.size // 3).reshape(-1, 3)
+        )
+        solid.merge_vertices(digits_vertex=5)
+        edges = Counter(map(tuple, solid.edges.tolist()))
+        assert [edge for edge in edges if edges[edge] != edges[edge[::-1]]] == [], node
+        assert solid.volume > 0, node
 
 
-def test_file_is_small(robot):
-    name, corners = robot
-    assert 3_000 <= sum(map(len, corners.values())) <= 10_000
-    assert (SCENES / name / f"{name}.glb").stat().st_size < 600_000
-
-
-@pytest.mark.parametrize("name", ROBOTS)
-def test_only_the_glass_is_blended(name):
-    scene = load_scene(SCENES / name / f"{name}.glb")
-    blended = {
-        instance.name
-        for instance in scene.instances
-        if scene.materials[scene.meshes[instance.mesh].material].alpha_mode is AlphaMode.BLEND
-    }
-    assert blended == {"glass_tube"}
-    assert not any(material.double_sided for material in scene.materials)
-
-
-@pytest.mark.parametrize("name", ROBOTS)
-def test_robot_file_names_its_sensors(name):
-    robot = load_robot(name)
-    assert robot.name == name
-    wanted = {"p2at": ["omnicam", "lms200"], "superscout": ["omnicam"]}
-    assert list(robot.sensor_names) == wanted[name]
+def test_robot_files_name_their_sensors():
+    assert load_robot("p2at").sensor_names == ("omnicam", "lms200")
+    assert load_robot("superscout").sensor_names == ("omnicam",)
 
 
 def test_laser_scanner_is_around_its_scan_and_sees_past_the_robot():
     table = sensors_of("p2at")["lms200"]
     scan = np.array(table["position_m"])
-    assert scan[0] == 0.160
-    assert table["yaw_deg"] == 0.0
+    assert (scan[0], table["yaw_deg"]) == (0.160, 0.0)
     scene = load_scene(SCENES / "p2at" / "p2at.glb")
-    for instance in scene.instances:
-        mesh, matrix = scene.meshes[instance.mesh], instance.world_from_mesh
-        points = mesh.positions.astype(float) @ matrix[:3, :3].T + matrix[:3, 3]
-        if instance.name == "lms200":
-            low, high = points.min(axis=0), points.max(axis=0)
-            assert np.all(low < scan)
-            assert np.all(scan < high)
+    for name in scene.instance_names:
+        corners = corners_of(scene, name)
+        if name == "lms200":
+            low, high = bounds([corners])
+            assert np.all((low < scan) & (scan < high))
             np.testing.assert_allclose(high - low, (0.155, 0.155, 0.210), rtol=0, atol=MM)
         else:  # nothing else is both ahead of the scan's origin and at its height
-            ahead = points[mesh.triangles].max(axis=1)[:, 0] >= scan[0]
-            heights = points[mesh.triangles][ahead][..., 2]
+            heights = corners[corners[..., 0].max(axis=1) >= scan[0], :, 2]
             crosses = (heights.min(axis=1) <= scan[2]) & (scan[2] <= heights.max(axis=1))
-            assert not crosses.any(), instance.name
+            assert not crosses.any(), name
 
 
 @pytest.mark.parametrize("name", ROBOTS)

@@ -39,29 +39,22 @@ def _obj_with_material_file(folder):
 
 
 def _collada(folder):
+    """COLLADA whose effect has an image for a diffuse color; trimesh writes colors only."""
     box = trimesh.creation.box()
     material = trimesh.visual.material.SimpleMaterial(image=Image.new("RGB", (2, 2)))
     box.visual = trimesh.visual.TextureVisuals(np.zeros((len(box.vertices), 2)), material)
-    path = folder / "a.dae"
-    path.write_text(_with_image(box.export(file_type="dae").decode()))
-    return path, IMAGE
-
-
-def _with_image(text):
-    """COLLADA whose effects have an image for a diffuse color; trimesh writes colors only."""
+    text = box.export(file_type="dae").decode()
     surface = (
         '<newparam sid="s"><surface type="2D"><init_from>i</init_from></surface></newparam>'
         '<newparam sid="t"><sampler2D><source>s</source></sampler2D></newparam>'
     )
-    text = re.sub(r"(<profile_COMMON>)", r"\1" + surface, text)
-    text = re.sub(
-        r"<diffuse>.*?</diffuse>",
-        '<diffuse><texture texture="t" texcoord="u"/></diffuse>',
-        text,
-        flags=re.DOTALL,
-    )
     images = '<library_images><image id="i"><init_from>asset</init_from></image></library_images>'
-    return text.replace("<library_effects>", images + "<library_effects>")
+    color = '<diffuse><texture texture="t" texcoord="u"/></diffuse>'
+    text = text.replace("<profile_COMMON>", f"<profile_COMMON>{surface}")
+    text = re.sub(r"(?s)<diffuse>.*?</diffuse>", color, text)
+    path = folder / "a.dae"
+    path.write_text(text.replace("<library_effects>", f"{images}<library_effects>"))
+    return path, IMAGE
 
 
 def _gltf(folder):
@@ -87,19 +80,14 @@ def _folder(path, content, monkeypatch):
     return "is not there"
 
 
-def _empty(path, content, monkeypatch):
-    path.write_bytes(b"")
-    return "is an empty file"
+def _holding(content, reason):
+    """Fault of an asset with other content."""
 
+    def write(path, _, monkeypatch):
+        path.write_bytes(content)
+        return reason
 
-def _damaged(path, content, monkeypatch):
-    path.write_bytes(b"\x89PNG\r\n\x1a\n not really")
-    return "is not an image that can be read|has no materials"
-
-
-def _ktx(path, content, monkeypatch):
-    path.write_bytes(b"\xabKTX 20\xbb\r\n\x1a\n" + bytes(64))
-    return "is a KTX 2 image, which is not supported|has no materials"
+    return write
 
 
 def _forbidden(path, content, monkeypatch):
@@ -116,7 +104,20 @@ def _forbidden(path, content, monkeypatch):
     return "cannot be read: Permission denied"
 
 
+_empty = _holding(b"", "is an empty file")
+_damaged = _holding(
+    b"\x89PNG\r\n\x1a\n not really", "is not an image that can be read|has no materials"
+)
+_ktx = _holding(
+    b"\xabKTX 20\xbb\r\n\x1a\n" + bytes(64),
+    "is a KTX 2 image, which is not supported|has no materials",
+)
+# an image, and all that reads it, has each fault; the others go through the same resolver
 FAULTS = (_missing, _folder, _empty, _damaged, _ktx, _forbidden)
+CASES = [(make, fault) for make in (_obj_with_texture, _gltf) for fault in FAULTS]
+CASES += [(make, fault) for make in (_obj_with_hole_map, _obj_with_material_file, _collada)
+          for fault in (_missing, _damaged)]  # fmt: skip
+NAMES = ("missing", "folder", "empty", "damaged", "ktx", "forbidden")
 
 
 @pytest.mark.parametrize("make", FORMATS, ids=lambda make: make.__name__)
@@ -126,8 +127,9 @@ def test_readable_assets_need_no_notice(make, tmp_path):
     assert load_scene(path).notices == ()
 
 
-@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.__name__)
-@pytest.mark.parametrize("make", FORMATS, ids=lambda make: make.__name__)
+@pytest.mark.parametrize(
+    ("make", "fault"), CASES, ids=[f"{m.__name__}-{NAMES[FAULTS.index(f)]}" for m, f in CASES]
+)
 def test_assets_that_cannot_be_read_are_noticed(make, fault, tmp_path, monkeypatch):
     path, content = make(tmp_path)
     reason = fault(tmp_path / "asset", content, monkeypatch)
@@ -138,9 +140,7 @@ def test_assets_that_cannot_be_read_are_noticed(make, fault, tmp_path, monkeypat
     assert re.fullmatch(rf"{path.name}: asset ({reason}): drawn without it", notice)
 
 
-@pytest.mark.parametrize(
-    "fault", [each for each in FAULTS if each is not _ktx], ids=lambda fault: fault.__name__
-)
+@pytest.mark.parametrize("fault", [_missing, _empty, _damaged])
 def test_buffers_that_cannot_be_read_are_refused(fault, tmp_path, monkeypatch):
     gltf = GltfBuilder()
     gltf.node(mesh=gltf.triangle())
@@ -175,9 +175,7 @@ def test_textures_without_coordinates_are_noticed(make, tmp_path):
 
 
 def test_a_name_of_two_lines_is_told_in_one(tmp_path):
-    gltf = GltfBuilder()
-    gltf.node(mesh=gltf.triangle())
-    path = gltf.write(tmp_path / "a.gltf")
+    path, _ = _gltf(tmp_path)
     tree = json.loads(path.read_text())
     tree["buffers"][0]["uri"] = "a\nb"
     path.write_text(json.dumps(tree))

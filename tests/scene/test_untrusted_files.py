@@ -1,6 +1,5 @@
 """SECURITY.md: what a scene of a stranger may name, and what becomes of it."""
 
-import json
 import socket
 
 import numpy as np
@@ -8,6 +7,7 @@ import pytest
 
 from omnisim.core.files.image_files import write_image
 from omnisim.scene import load_scene
+from tests.scene.gltf_builder import GltfBuilder
 
 
 @pytest.fixture(autouse=True)
@@ -23,39 +23,15 @@ def no_net(monkeypatch):
 
 
 def _gltf(folder, uri):
-    """Write a square whose texture has an address; returns the file."""
+    """Write a triangle whose texture has an address; returns the file."""
     folder.mkdir(exist_ok=True)
-    corners = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype=np.float32)
-    places = corners[:, :2].copy()
-    indices = np.array([0, 1, 2, 0, 2, 3], dtype=np.uint32)
-    parts = [corners.tobytes(), places.tobytes(), indices.tobytes()]
-    (folder / "a.bin").write_bytes(b"".join(parts))
-    starts = np.cumsum([0, *map(len, parts)]).tolist()
-    types = [("VEC3", 5126, 4), ("VEC2", 5126, 4), ("SCALAR", 5125, 6)]
-    (folder / "a.gltf").write_text(json.dumps({
-        "asset": {"version": "2.0"},
-        "buffers": [{"uri": "a.bin", "byteLength": starts[-1]}],
-        "bufferViews": [
-            {"buffer": 0, "byteOffset": start, "byteLength": len(part)}
-            for start, part in zip(starts, parts, strict=False)
-        ],
-        "accessors": [
-            {"bufferView": k, "componentType": kind, "count": count, "type": name}
-            for k, (name, kind, count) in enumerate(types)
-        ],
-        "images": [{"uri": uri}],
-        "textures": [{"source": 0}],
-        "materials": [
-            {"pbrMetallicRoughness": {"metallicFactor": 0, "baseColorTexture": {"index": 0}}}
-        ],
-        "meshes": [{"primitives": [
-            {"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 0}
-        ]}],
-        "nodes": [{"mesh": 0}],
-        "scenes": [{"nodes": [0]}],
-        "scene": 0,
-    }))  # fmt: skip
-    return folder / "a.gltf"
+    gltf = GltfBuilder()
+    uv = gltf.accessor(np.zeros((3, 2), "<f4"), "VEC2")
+    gltf.tree |= {"images": [{"uri": uri}], "textures": [{"source": 0}]}
+    values = {"metallicFactor": 0, "baseColorTexture": {"index": 0}}
+    gltf.tree["materials"] = [{"pbrMetallicRoughness": values}]
+    gltf.node(mesh=gltf.triangle(material=0, TEXCOORD_0=uv))
+    return gltf.write(folder / "a.gltf")
 
 
 def test_a_path_may_lead_out_of_the_folder(tmp_path):

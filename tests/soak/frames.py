@@ -1,5 +1,6 @@
 """Frames without end, single and in batches of changing sizes: memory stays what it was."""
 
+import ctypes
 import dataclasses
 from collections import Counter
 from typing import NamedTuple
@@ -9,7 +10,6 @@ import numpy as np
 from omnisim import OmniCamera, Renderer, load_scene, pose
 from omnisim.rendering.stage import Stage
 from tests.rendering.opengl.sheets import LAMP, SUN, dynamic_object, mixed_scene
-from tests.soak.gl_objects import gl_objects
 from tests.soak.renderers import resident_bytes
 
 # Bytes, whatever the number of frames: what batches of changing sizes free comes back in parts,
@@ -33,16 +33,30 @@ SCENES = {
 }
 
 
+KINDS = (
+    "Buffer", "Framebuffer", "Program", "Renderbuffer", "Sampler", "Shader", "Texture",
+    "VertexArray",
+)  # fmt: skip
+MAX_NAMES = 1 << 13
+
+
+def gl_objects() -> Counter[str]:
+    """Objects of the current context by kind, of any owner: their names are small numbers."""
+    egl = ctypes.CDLL("libEGL.so.1")
+    egl.eglGetProcAddress.restype = ctypes.c_void_p
+    found: Counter[str] = Counter()
+    for kind in KINDS:
+        address = egl.eglGetProcAddress(f"glIs{kind}".encode())
+        exists = ctypes.CFUNCTYPE(ctypes.c_ubyte, ctypes.c_uint)(address)
+        found[kind] = sum(exists(name) for name in range(1, MAX_NAMES))
+    return found
+
+
 class Growth(NamedTuple):
-    """Most of the last third of a run above the most of the second.
+    """Most of the last third of a run above the most of the second."""
 
-    Attributes:
-        memory: resident bytes.
-        objects: of OpenGL, by kind; those that grew.
-    """
-
-    memory: float
-    objects: Counter[str]
+    memory: float  # resident bytes
+    objects: Counter[str]  # of OpenGL, by kind; those that grew
 
     @property
     def is_flat(self) -> bool:
@@ -51,13 +65,7 @@ class Growth(NamedTuple):
 
 
 def frames(times: int, scene: str = "sheets", print_line=print) -> Growth:
-    """Render `times` frames of two cameras in a scene.
-
-    Args:
-        times: about how many; batches are not cut.
-        scene: of `SCENES`.
-        print_line: called with the progress.
-    """
+    """Render about `times` frames of two cameras in a scene."""
     poses = np.stack([pose((0.05 * k - 1.0, 0.0, 0.8), yaw_deg=9.0 * k) for k in range(40)])
     done, printed, most = 0, 0, [0, 0, 0]
     objects = [Counter(), Counter(), Counter()]

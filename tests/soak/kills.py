@@ -64,11 +64,7 @@ def start(folder: Path) -> subprocess.Popen[str]:
 
 
 def finish(folder: Path) -> None:
-    """Drive to the end.
-
-    Raises:
-        RuntimeError: the command fails.
-    """
+    """Drive to the end."""
     process = start(folder)
     _, errors = process.communicate(timeout=MAX_S)
     if process.returncode != 0:
@@ -76,13 +72,7 @@ def finish(folder: Path) -> None:
 
 
 def kill(folder: Path, moments: random.Random, duration_s: float, files: int) -> int | None:
-    """Resume a drive and kill it at a random moment.
-
-    Args:
-        folder: of the run.
-        moments: decides when, and by which signal.
-        duration_s: of an undisturbed drive.
-        files: of an undisturbed drive.
+    """Resume a drive and kill it at a random moment, by time or by the number of its files.
 
     Returns:
         Files that were there at the moment, or None: the drive had ended before.
@@ -110,12 +100,6 @@ def _count(folder: Path) -> int:
 
 def kills(folder: Path, times: int, seed: int, print_line=print) -> None:
     """Kill drives `times` times; a run is driven to its end after some, and compared.
-
-    Args:
-        folder: an empty one, for the runs.
-        times: all kills.
-        seed: of the moments.
-        print_line: called with the progress after each run.
 
     Raises:
         RuntimeError: a run that does not end, or with other bytes; it stays in the folder.

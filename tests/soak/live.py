@@ -18,11 +18,6 @@ MAX_GROWTH = 60e6
 def live(times: int, seed: int, print_line=print) -> float:
     """Do `times` random things on the page, with a second page that comes and goes.
 
-    Args:
-        times: actions.
-        seed: of them.
-        print_line: called with the progress.
-
     Returns:
         Growth of the resident memory in bytes after the first `WARM_SHARE` of them.
     """

@@ -24,10 +24,6 @@ def resident_bytes() -> int:
 def renderers(times: int, print_line=print) -> float:
     """Open and drop `times` renderers of a camera, and of a laser scanner every tenth time.
 
-    Args:
-        times: more than `WARM`.
-        print_line: called with the progress.
-
     Returns:
         Growth of the resident memory in bytes to a renderer, after the first `WARM`.
     """

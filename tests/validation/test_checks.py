@@ -48,22 +48,9 @@ def _missed(key, fixture):
         "polygons",
         "optics",
         long=(
-            "arcade",
-            "baked",
-            "materials",
-            "noise",
-            "optics-calibration",
-            "optics-path-tracer",
-            "optics-triangles",
-            "path-tracer",
-            "quality",
-            "rays",
-            "reflections",
-            "second-rasterizer",
-            "shadows",
-            "sharpness",
-            "twin",
-            "unwarping",
+            *("arcade", "baked", "materials", "noise", "optics-calibration", "optics-path-tracer"),
+            *("optics-triangles", "path-tracer", "quality", "rays", "reflections"),
+            *("second-rasterizer", "shadows", "sharpness", "twin", "unwarping"),
         ),
     ),
 )
@@ -88,33 +75,34 @@ def test_a_wrong_mirror_is_found_out(key, fixture, monkeypatch):
     assert _missed(key, fixture)
 
 
-def test_a_surface_that_faces_aside_is_found_out(fixture, monkeypatch):
-    """Its normals are turned by a ten millionth of a degree."""
-    normals, turned = Surface.normals, poses.pose((0.0, 0.0, 0.0), roll_deg=1e-7)[:3, :3]
+def _turn_normals(monkeypatch, roll_deg):
+    normals, turned = Surface.normals, poses.pose((0.0, 0.0, 0.0), roll_deg=roll_deg)[:3, :3]
     monkeypatch.setattr(Surface, "normals", lambda self, points: normals(self, points) @ turned)
-    assert any("closed form" in name for name in _missed("optics", fixture))
+
+
+@pytest.mark.parametrize(
+    ("key", "roll_deg", "measure"),
+    [
+        ("optics", 1e-7, "closed form"),
+        pytest.param(  # a fraction of a pixel
+            "optics-path-tracer", 0.1, "markers", marks=[pytest.mark.slow, pytest.mark.long]
+        ),
+    ],
+)
+def test_a_system_that_faces_aside_is_found_out(key, roll_deg, measure, fixture, monkeypatch):
+    _turn_normals(monkeypatch, roll_deg)
+    assert any(measure in name for name in _missed(key, fixture))
 
 
 @pytest.mark.slow
 @pytest.mark.long
 def test_a_mirror_that_reflects_aside_is_found_out(fixture, monkeypatch):
-    """Its normals are turned by half a degree: what OpenCV calibrates is no central mirror."""
-    normals, turned = Surface.normals, poses.pose((0.0, 0.0, 0.0), roll_deg=0.5)[:3, :3]
-    monkeypatch.setattr(Surface, "normals", lambda self, points: normals(self, points) @ turned)
-    mirror = optics.mirror_table(0.0, 0.0)
-    aligned = optics.boards_in_mirror(fixture, mirror)
+    """The mirror that OpenCV calibrates is then no central one."""
+    _turn_normals(monkeypatch, 0.5)
+    aligned = optics.boards_in_mirror(fixture, optics.mirror_table(0.0, 0.0))
     size_px = optics.BOARD_IMAGE_PX
     found = omnidir.calibrate(board_corners_m(), aligned.corners, (size_px, size_px))
     assert found.rms_px > optics.RMS_BOUND_PX
-
-
-@pytest.mark.slow
-@pytest.mark.long
-def test_a_system_that_faces_aside_is_found_out(fixture, monkeypatch):
-    """A tenth of a degree is a fraction of a pixel."""
-    normals, turned = Surface.normals, poses.pose((0.0, 0.0, 0.0), roll_deg=0.1)[:3, :3]
-    monkeypatch.setattr(Surface, "normals", lambda self, points: normals(self, points) @ turned)
-    assert any("markers" in name for name in _missed("optics-path-tracer", fixture))
 
 
 @pytest.mark.slow
@@ -160,29 +148,16 @@ def test_a_turned_image_is_found_out(fixture, monkeypatch):
     [
         ("markers", "gl_FragCoord.xy - 0.5 + u_first_px", "gl_FragCoord.xy + u_first_px"),
         ("markers", "sample_at(pixel, ivec2(column, row))", "sample_at(pixel, ivec2(column, 0))"),
-        pytest.param(
-            "polygons",
-            "pixel_times_depth + (0.5 - u_first_px) * seen.z",
-            "pixel_times_depth - u_first_px * seen.z",
-            marks=pytest.mark.slow,
-        ),
-        pytest.param(
-            "rings",
-            "tangent * u_uv_from_tangent",
-            "1.003 * tangent * u_uv_from_tangent",
-            marks=pytest.mark.slow,
-        ),
-        pytest.param(
-            "orientation", "rig.x > 0.0 ? 0 : 2", "rig.x > 0.0 ? 2 : 0", marks=pytest.mark.slow
+        *(
+            pytest.param(*bent, marks=pytest.mark.slow)
+            for bent in (
+                ("polygons", "(0.5 - u_first_px) * seen.z", "(0.0 - u_first_px) * seen.z"),
+                ("rings", "tangent * u_uv_from_tangent", "1.003 * tangent * u_uv_from_tangent"),
+                ("orientation", "rig.x > 0.0 ? 0 : 2", "rig.x > 0.0 ? 2 : 0"),
+            )
         ),
     ],
-    ids=[
-        "half a pixel",
-        "a row of samples",
-        "half a pixel, mesh",
-        "face tangent",
-        "swapped faces",
-    ],
+    ids=["half a pixel", "a row of samples", "half a pixel, mesh", "face tangent", "swapped faces"],
 )
 def test_a_wrong_shader_is_found_out(key, written, bent, fixture, monkeypatch):
     expand, hits = shader_files._expand, []

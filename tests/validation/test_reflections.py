@@ -8,12 +8,7 @@ pytest.importorskip("embreex", reason="embreex, which casts the rays, is missing
 
 from omnisim.rendering.rays.shading import ray_optics
 from omnisim.validation import reflective_rooms
-from omnisim.validation.checks.traced_images import (
-    MIN_DB,
-    min_by_cube_db,
-    rendered,
-    traced_paths,
-)
+from omnisim.validation.checks.traced_images import MIN_DB, min_by_cube_db, rendered, traced_paths
 from omnisim.validation.image_differences import psnr_db
 
 

@@ -71,7 +71,7 @@ class _Omnisim(Group):
                 ("--version", _print_version, "Print the version.", {"is_flag": True}),
                 ("--install-completion", _install, "Install completion for the shell.",
                  {"is_flag": True}),
-                ("--show-completion", _show_script, "Print the script of completion for a shell.",
+                ("--show-completion", _show_script, "Print the completion script of a shell.",
                  {"metavar": "bash|zsh|fish"}),
             )
         ]  # fmt: skip
@@ -126,7 +126,7 @@ def _show_script(ctx: click.Context, option: click.Parameter, shell: str | None)
 
 
 def _install(ctx: click.Context, option: click.Parameter, is_given: bool) -> None:
-    """Write the script of completion, and its call into the shell's start-up file."""
+    """Write the completion script, and its call into the shell's start-up file."""
     if not is_given:
         return
     shell, home = Path(os.environ.get("SHELL", "")).name, Path.home()
@@ -137,7 +137,7 @@ def _install(ctx: click.Context, option: click.Parameter, is_given: bool) -> Non
     before = home / start_up
     text = before.read_text(encoding="utf-8") if call and before.exists() else ""
     if call and call not in text:
-        before.write_text(f"{text.rstrip()}\\n\\n{call}\\n".lstrip(), encoding="utf-8")
+        before.write_text(f"{text.rstrip()}\n\n{call}\n".lstrip(), encoding="utf-8")
     click.echo(f"{home / file}: completes in new terminals")
     ctx.exit()
 

@@ -18,6 +18,7 @@ from omnisim.core.errors import did_you_mean
 
 HELP_FLAGS = ("-h", "--help", "--help-all")
 MAX_COLUMNS = 100
+_HYPHEN = "\u2011"  # at which click breaks no line
 
 
 def _help_options(hidden: int) -> list[click.Option]:
@@ -100,8 +101,7 @@ class Command(click.Command):
                 panels["Options"].append((", ".join(option.opts), option.help or ""))
         for panel, rows in panels.items():
             if rows:
-                with formatter.section(panel):
-                    formatter.write_dl(rows, col_max=32)
+                _write_rows(formatter, panel, rows)
 
 
 class Group(click.Group):
@@ -170,24 +170,31 @@ class Group(click.Group):
         _write_start(formatter, self.help or "", ())
         formatter.write_usage(ctx.command_path, "COMMAND …")
         for heading, rows in self.headings().items():
-            with formatter.section(heading):
-                formatter.write_dl(list(rows), col_max=32)
+            _write_rows(formatter, heading, rows)
         rows = [
             (", ".join(option.opts), option.help or "")
             for option in self.params
             if isinstance(option, click.Option) and not option.hidden
         ]
-        with formatter.section("Options"):
-            formatter.write_dl(rows)
+        _write_rows(formatter, "Options", rows)
 
 
 def _write_start(formatter: click.HelpFormatter, summary: str, examples: Iterable[str]) -> None:
-    formatter.write_text(summary)
+    formatter.write_text(summary.replace("-", _HYPHEN))
     formatter.write_paragraph()
     for example in examples:
         formatter.write(f"  {example}\n")
     if examples:
         formatter.write_paragraph()
+
+
+def _write_rows(
+    formatter: click.HelpFormatter, heading: str, rows: Iterable[tuple[str, str]]
+) -> None:
+    """Write names and help texts below a heading; no word is broken at its hyphens."""
+    with formatter.section(heading):
+        formatter.write_dl([(name, text.replace("-", _HYPHEN)) for name, text in rows], col_max=32)
+    formatter.buffer[:] = [text.replace(_HYPHEN, "-") for text in formatter.buffer]
 
 
 def _shown(entry: Entry) -> list[RequestField]:

@@ -15,20 +15,12 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from omnisim.apps.live import view_maker
 from omnisim.apps.live.camera_document import FILE_NAME, SCENE_FILE
 from omnisim.apps.live.controls import control_groups
-from omnisim.apps.live.live_messages import Part, Probe, Save, pack
-from omnisim.apps.live.live_source import LiveSource
-from omnisim.apps.live.run_source import LiveFrame, RunSource
+from omnisim.apps.live.live_messages import Part, Probe, Save, Statistics, pack
+from omnisim.apps.live.live_source import LiveSource, RunSource
 from omnisim.apps.live.session import Draw, Job, Session
-from omnisim.apps.live.view_maker import (
-    UNWARPED,
-    FloorMap,
-    ViewMaker,
-    draw_floor_map,
-    probe,
-    profile,
-)
 from omnisim.core.arrays import Bytes
 from omnisim.core.errors import OmnisimError
 from omnisim.core.files.image_files import image_bytes, png_bytes
@@ -51,14 +43,21 @@ class Engine:
         session: session with the requested states.
         open_source: function that opens the source of images, called in the render thread.
         publish: function that sends a message to all pages, called in the render thread.
+
+    Attributes:
+        source: source of images, once the thread has started.
     """
+
+    source: AnySource
 
     def __init__(self, session: Session, open_source: Callable[[], AnySource], publish: Publish):
         self._session, self._open_source, self._publish = session, open_source, publish
-        self._views = ViewMaker()
-        self._map: FloorMap | None = None
-        self._truth: tuple[int, LiveFrame] | None = None  # number and image of the last fine state
-        self._last: LiveFrame | None = None
+        self._views = view_maker.ViewMaker()
+        self._map: view_maker.FloorMap | None = None
+        self._truth: tuple[int, view_maker.LiveFrame] | None = (
+            None  # number and image of the last fine state
+        )
+        self._last: view_maker.LiveFrame | None = None
         self._times_ms: dict[str, float] = {}
         self._thread = threading.Thread(target=self._run, name="omnisim-engine", daemon=True)
         self._error: BaseException | None = None
@@ -75,15 +74,6 @@ class Engine:
         if self._error is not None:
             raise self._error
 
-    def about(self) -> dict[str, Any]:
-        """Properties of the source for the page, such as title, robot and steps; after `start`."""
-        return self._source.about()
-
-    @property
-    def channel_names(self) -> tuple[str, ...]:
-        """Ground-truth channels of the source; requires `start`."""
-        return tuple(self._source.channel_names)
-
     def stop(self, timeout_s: float) -> bool:
         """Stop after the current image; False if the thread still runs after `timeout_s`."""
         self._session.stop()
@@ -93,7 +83,7 @@ class Engine:
 
     def _run(self) -> None:
         try:
-            self._source = self._open_source()
+            self.source = self._open_source()
         except BaseException as error:  # `start` raises it
             self._error = error
             return
@@ -112,7 +102,7 @@ class Engine:
                     traceback.print_exc()
                     self._fail(work, OmnisimError(f"{type(error).__name__}: {error}"))
         finally:
-            self._source.close()
+            self.source.close()
 
     def _fail(self, work: Draw | Job, error: OmnisimError) -> None:
         message = pack("error", {"text": str(error)})
@@ -127,7 +117,7 @@ class Engine:
 
     def _draw(self, draw: Draw) -> None:
         self._times_ms, begin_s, is_new = {}, time.perf_counter(), False
-        source, state = self._source, draw.state
+        source, state = self.source, draw.state
         use = partial(source.use, state.document) if isinstance(source, LiveSource) else None
         if use is not None and self._timed("camera", use):
             self._session.accept(state.document)
@@ -163,7 +153,7 @@ class Engine:
         if shows_map:
             self._renew_map(frame)
 
-    def _parts(self, draw: Draw, frame: LiveFrame) -> list[Part]:
+    def _parts(self, draw: Draw, frame: view_maker.LiveFrame) -> list[Part]:
         """Parts of a message: the camera's image and the views; a failed view has the reason."""
         if frame.png is not None:
             parts = [Part("camera", "image/png", frame.png, {})]
@@ -177,7 +167,7 @@ class Engine:
 
         for name in draw.state.views:
             try:
-                if name in UNWARPED:
+                if name in view_maker.UNWARPED:
                     parts.append(self._timed(name, partial(view, name)))
                 elif name in CHANNELS:
                     parts.append(self._timed(name, partial(_channel, name, draw, frame)))
@@ -189,7 +179,7 @@ class Engine:
     def _ground_m(self) -> float:
         return 0.0 if self._map is None else self._map.ground_m
 
-    def _renew_map(self, frame: LiveFrame) -> None:
+    def _renew_map(self, frame: view_maker.LiveFrame) -> None:
         """Draw and publish the map if there is none yet, or if the viewpoint is near its edge."""
         position_m = frame.viewpoint.position_m
         at = np.array(position_m[:2])
@@ -197,19 +187,19 @@ class Engine:
             margin = MAP_INSIDE * (old.high_m - old.low_m)
             if np.all((at >= old.low_m + margin) & (at <= old.high_m - margin)):
                 return
-        self._map = new = draw_floor_map(self._source.stage, position_m)
+        self._map = new = view_maker.draw_floor_map(self.source.stage, position_m)
         about = {
             "low_m": new.low_m.tolist(), "high_m": new.high_m.tolist(), "ground_m": new.ground_m,
         }  # fmt: skip
         self._publish("map", pack("map", about, [_jpeg("map", new.rgb, VIEW_JPEG)]), 0)
 
     def _publish_camera(self, draw: Draw) -> None:
-        source = self._source
+        source = self.source
         assert isinstance(source, LiveSource)
         model, scene = source.camera.model, source.scene if source.has_light else None
         content = {
             "groups": control_groups(draw.state.document, source.camera, scene),
-            "profile": profile(model),
+            "profile": view_maker.profile(model),
             "text": draw.state.document.text,
             "width_px": model.width_px,
             "height_px": model.height_px,
@@ -219,7 +209,11 @@ class Engine:
         self._publish("camera", pack("camera", content), 0)
 
     def _answer(self, job: Job) -> None:
-        source, draw = self._source, Draw(job.state, True)
+        source, draw = self.source, Draw(job.state, True)
+        if isinstance(job.message, Statistics):
+            counted = source.statistics(draw)
+            job.reply(pack("statistics", {"change": job.state.change, **counted}))
+            return
         if isinstance(job.message, Save):
             if job.message.what == "toml":
                 files = {FILE_NAME: job.state.document.checked_text().encode()}
@@ -251,7 +245,7 @@ class Engine:
         if frame is None:  # no image yet
             return
         height_m = frame.viewpoint.position_m[2] - self._ground_m
-        answer = probe(job.message, frame, self._views, job.state.gaze, height_m)
+        answer = view_maker.probe(job.message, frame, self._views, job.state.gaze, height_m)
         job.reply(pack("probe", answer))
         if job.message.follow and "yaw_deg" in answer and job.message.view != "perspective":
             self._session.look_at(answer["yaw_deg"], answer["pitch_deg"])
@@ -264,7 +258,7 @@ class Engine:
             self._times_ms[name] = 1e3 * (time.perf_counter() - begin_s)
 
 
-def _seen(frame: LiveFrame) -> list[list[float]]:
+def _seen(frame: view_maker.LiveFrame) -> list[list[float]]:
     """Outline (x, y), m, for the map: the farthest visible point in each direction."""
     points = frame.channels.get("position")
     if points is None:
@@ -294,7 +288,7 @@ def _jpeg(name: str, rgb: Bytes, quality: int) -> Part:
     return Part(name, "image/jpeg", image_bytes(Path("a.jpg"), rgb, None, quality), {})
 
 
-def _channel(name: str, draw: Draw, frame: LiveFrame) -> Part:
+def _channel(name: str, draw: Draw, frame: view_maker.LiveFrame) -> Part:
     """Part with a channel's preview and legend: PNG for fine images, else JPEG."""
     if name not in frame.channels:
         return Part(name, "", b"", {"reason": "not recorded at this step"})

@@ -12,6 +12,7 @@ import secrets
 import signal
 import socket
 import threading
+import time
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
@@ -27,8 +28,7 @@ from websockets.http11 import Request, Response
 from omnisim.apps.live import live_messages as messages
 from omnisim.apps.live.camera_document import CameraDocument, preset_lists
 from omnisim.apps.live.engine import AnySource, Engine
-from omnisim.apps.live.live_source import LiveSettings, LiveSource, start_place
-from omnisim.apps.live.run_source import RunSource
+from omnisim.apps.live.live_source import LiveSettings, LiveSource, RunSource, start_place
 from omnisim.apps.live.session import Session
 from omnisim.apps.live.viewpoint_motion import FreeFlight, Ground, Pilot, Place, WheelDrive
 from omnisim.core.errors import OmnisimError, OutputError
@@ -244,12 +244,12 @@ class LiveServer:
             elif isinstance(message, messages.RequestControl):
                 if self._driver is page:
                     return
-                if self._driver is not None and self._now_s() - self._driven_s < IDLE_S:
+                if self._driver is not None and time.monotonic() - self._driven_s < IDLE_S:
                     raise OutputError("another browser is in control right now")
                 self._session.rest()
                 self._driver = page
                 self._tell_roles()
-            elif isinstance(message, messages.Save):
+            elif isinstance(message, messages.Save | messages.Statistics):
                 self._session.look_up(message, reply)
             elif isinstance(message, messages.Probe):
                 if page is not self._driver:
@@ -258,7 +258,7 @@ class LiveServer:
             elif page is not self._driver:
                 raise OutputError("another browser is in control: press “Take control”")
             else:
-                self._driven_s = self._now_s()
+                self._driven_s = time.monotonic()
                 self._session.apply(message)
         except OmnisimError as error:
             self._send(page, messages.pack("error", {"text": str(error)}))
@@ -271,9 +271,6 @@ class LiveServer:
         for page in self._pages:
             content = {"drives": page is self._driver, "pages": len(self._pages)}
             self._send(page, messages.pack("roles", content))
-
-    def _now_s(self) -> float:
-        return asyncio.get_running_loop().time()
 
 
 def new_token() -> str:
@@ -356,10 +353,10 @@ class LivePage:
             OmnisimError: no OpenGL, or the scene exceeds its limits.
         """
         self.engine.start()
-        self._about |= self.engine.about()
-        self._about |= {
+        source = self.engine.source
+        self._about |= source.about() | {
             "presets": preset_lists(),
-            "channels": {name: CHANNELS[name].about for name in self.engine.channel_names},
+            "channels": {name: CHANNELS[name].about for name in source.channel_names},
             "views": [view for view in messages.VIEWS if view not in CHANNELS],
         }
 

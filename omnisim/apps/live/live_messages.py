@@ -137,6 +137,10 @@ class Save(Message):
     what: Annotated[str, Field(pattern="^(toml|image)$")]
 
 
+class Statistics(Message):
+    """Request for the numbers of triangles behind the image."""
+
+
 class Replay(Message):
     """Step of a recorded run to show."""
 
@@ -171,6 +175,7 @@ MESSAGES: dict[str, type[Message]] = {
     "look": Gaze,
     "probe": Probe,
     "save": Save,
+    "statistics": Statistics,
     "replay": Replay,
     "clock": Clock,
     "wheel": RequestControl,

@@ -1,4 +1,4 @@
-"""Rendered images of the live page, coarse and fine, from an editable camera; and a film."""
+"""Images of the live page: of an editable camera, coarse and fine, or of a recorded run; a film."""
 
 from __future__ import annotations
 
@@ -22,24 +22,27 @@ from omnisim.apps.live.camera_document import (
     scene_text,
     without_overridden,
 )
-from omnisim.apps.live.run_source import LiveFrame
 from omnisim.apps.live.session import Draw, PageState
-from omnisim.apps.live.view_maker import ViewMaker
+from omnisim.apps.live.view_maker import LiveFrame, ViewMaker
 from omnisim.apps.live.viewpoint_motion import DIGITS_M, MAX_TRIANGLES, Place
 from omnisim.cameras import NonCentralCamera
-from omnisim.core.arrays import Bytes
-from omnisim.core.errors import OmnisimError, SceneError
+from omnisim.core.arrays import Bytes, Floats
+from omnisim.core.errors import OmnisimError, RunError, SceneError
 from omnisim.core.files.image_files import image_bytes
-from omnisim.core.poses import inverse
+from omnisim.core.poses import inverse, pose_from_rotation
+from omnisim.core.trajectories import read_trajectory
 from omnisim.core.world import WorldState
 from omnisim.ground_truth import CHANNELS
+from omnisim.ground_truth.channel_files import StoredChannels
 from omnisim.ground_truth.frame import Frame
 from omnisim.ground_truth.previews import preview
 from omnisim.plots.video_file import check_video_target, write_video
+from omnisim.rendering.camera.captured_image import read_captured_image
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage
 from omnisim.robots.vehicle import Vehicle
+from omnisim.runs.run_folder import GROUND_TRUTH, RunFolder
 from omnisim.scene import Scene
 
 ADVANCE_M = 0.1  # motion to the next image for flow, as in `omnisim render`
@@ -176,6 +179,14 @@ class LiveSource:
             frame.save(Path(folder) / "image.png", previews=True)
             return {path.name: path.read_bytes() for path in sorted(Path(folder).iterdir())}
 
+    def statistics(self, draw: Draw) -> dict[str, Any]:
+        """Numbers of triangles behind the fine image of a state: submitted, drawn, seen."""
+        self.use(draw.state.document)
+        renderer = self._renderer(None)
+        base = self._base(renderer, draw.state.place)
+        state = WorldState({renderer.vehicle: base}, draw.state.time_s)
+        return renderer.statistics(state)._asdict()
+
     def command(self, state: PageState, frame: LiveFrame) -> str:
         """Shell commands that render the same image; they first write edited files."""
         document = state.document
@@ -274,6 +285,93 @@ class LiveSource:
             next_state=states["next"],
             previous_state=states["previous"],
         )
+
+
+class RunSource:
+    """Images of a run's camera, with the recorded channels.
+
+    Args:
+        scene: file or name of the scene, if it has moved; None: the recorded one.
+        camera_name: name of the run's camera; None: the first.
+        device: index of the GPU, for the map.
+
+    Raises:
+        OmnisimError: no run, no camera, no images yet, or a damaged file.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        scene: str | None = None,
+        camera_name: str | None = None,
+        device: int | None = None,
+    ):
+        self._run = RunFolder.read(folder)
+        self._camera_name = self._run.camera(camera_name)
+        recorded = self._run.manifest.scene
+        self.scene = recorded.load(scene)
+        self.steps = self._run.measurements_done(self._camera_name)
+        if self.steps == 0:
+            raise RunError(f"{folder}: has no images yet: run its command again to resume it")
+        first = read_captured_image(self._image(0))
+        self.camera = OmniCamera(first.camera, polygons=None)
+        self.channel_names = self._run.channels_at(0, self._camera_name)
+        self.stage = Stage(self.scene, device=device)
+
+    def take(self, draw: Draw, channels: Collection[str]) -> LiveFrame:
+        """Read the image of a step, with the requested channels that were recorded."""
+        path = self._image(min(draw.state.step, self.steps - 1))
+        frame = read_captured_image(path)
+        stored = StoredChannels(path, frame.metadata)
+        names = [name for name in stored.names if name in set(channels)]
+        base = np.eye(4) if frame.world_from_base is None else frame.world_from_base
+        arm_m = np.zeros(3)
+        if frame.world_from_optical is not None:
+            arm_m = base[:3, :3].T @ (frame.world_from_optical[:3, 3] - base[:3, 3])
+        base_from_optical = pose_from_rotation(frame.base_from_optical, arm_m)
+        png = path.read_bytes() if draw.is_fine else None
+        truth = (stored.read(tuple(names)), stored.labels) if names else ({}, None)
+        return LiveFrame(self.camera.model, base_from_optical, base, frame.pixels, png, *truth)
+
+    def files(self, draw: Draw) -> dict[str, bytes]:
+        """Contents of the camera's files at a step, by file name."""
+        stem = self._run.stem(self._camera_name, min(draw.state.step, self.steps - 1))
+        return {path.name: path.read_bytes() for path in sorted(stem.parent.glob(f"{stem.name}.*"))}
+
+    def statistics(self, draw: Draw) -> dict[str, Any]:
+        """None, as nothing is drawn.
+
+        Raises:
+            RunError: always.
+        """
+        raise RunError("triangles are not counted in the images of a recorded run")
+
+    def command(self, state: PageState, frame: LiveFrame) -> str:
+        """Name of the image's file, as a shell comment."""
+        return f"# {self._image(min(state.step, self.steps - 1))}"
+
+    def about(self) -> dict[str, Any]:
+        """Title, steps and driven path of the run."""
+        path: list[list[float]] = []
+        if self._run.has(GROUND_TRUTH):
+            truth: Floats = read_trajectory(self._run.path / GROUND_TRUTH).positions_m
+            path = np.round(truth[:, :2], 3).tolist()
+        return {
+            "scene": self.scene.name,
+            "robot": self._run.manifest.title,
+            "outline_m": None,
+            "steps": self.steps,
+            "driven_m": path,
+            "has_clock": False,
+            "is_editable": False,
+        }
+
+    def close(self) -> None:
+        """Free the GPU memory."""
+        self.stage.close()
+
+    def _image(self, step: int) -> Path:
+        return self._run.file(self._camera_name, step, ".png")
 
 
 def start_place(settings: LiveSettings, at: Place | None) -> Place:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 SIZE_PX, HEIGHT_PX = 400, 760
 
 
-class LiveView:
+class LiveView(AbstractContextManager["LiveView"]):
     """Page shown in a notebook's cell until it is closed.
 
     Attributes:
@@ -43,10 +44,6 @@ class LiveView:
     def close(self) -> None:
         """Stop serving and free the GPU memory; a second call does nothing."""
         self._page.close()
-
-    def __enter__(self) -> LiveView:
-        """Enter a `with` block."""
-        return self
 
     def __exit__(self, *reason: object) -> None:
         """Close at the end of the block."""

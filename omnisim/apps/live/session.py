@@ -138,7 +138,9 @@ class Session:
             self._condition.notify()
 
     def look_up(
-        self, message: messages.Probe | messages.Save, reply: Callable[[bytes], None]
+        self,
+        message: messages.Probe | messages.Save | messages.Statistics,
+        reply: Callable[[bytes], None],
     ) -> None:
         """Queue a question about the current state; any page may ask.
 
@@ -150,7 +152,7 @@ class Session:
             if isinstance(message, messages.Probe):
                 self._probe = job  # replaces the previous one, as the mouse has moved
             elif len(self._jobs) >= MAX_JOBS:
-                raise OutputError("save: too many at once: others are still being written")
+                raise OutputError("too many requests at once: others are still being answered")
             else:
                 self._jobs.append(job)
             self._condition.notify()

@@ -1,31 +1,27 @@
-"""Unwarped views of the camera's image, and the pixel under the mouse in all of them."""
+"""Unwarped views of the page's image, the pixel under the mouse in all of them, and drawings."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from omnisim.apps.live.live_messages import Gaze, Probe
-from omnisim.apps.live.run_source import LiveFrame, degrees
+from omnisim.apps.live.viewpoint_motion import Place
 from omnisim.cameras import CentralCamera, HyperbolicCamera, NonCentralCamera, PerspectiveCamera
 from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.cameras.optics import OpticalSystem, Surface, caustic_points
 from omnisim.cameras.optics.surface import Fate
 from omnisim.core.arrays import Bytes, Floats
 from omnisim.core.errors import OmnisimError, OpticsError
-from omnisim.core.poses import pose_from_rotation
-from omnisim.perception.unwarping import (
-    Unwarping,
-    View,
-    birdseye_view,
-    cylinder_view,
-    highest_elevation_deg,
-    perspective_view,
-)
+from omnisim.core.poses import pose_from_rotation, roll_pitch_yaw_from_rotation
+from omnisim.ground_truth import Labels
+from omnisim.perception import unwarping
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.stage import Stage
 from omnisim.scene import Scene
@@ -41,25 +37,48 @@ _KEPT = 8  # maximum number of cached remap tables, coarse and fine
 Json = dict[str, Any]
 
 
-class _Key(NamedTuple):
-    """Cache key of a remap table: ID of the camera model, rotation on the vehicle, and view."""
+@dataclass(frozen=True, eq=False)
+class LiveFrame:
+    """Image with its camera and pose, live or replayed."""
 
-    model: int
-    rotation: bytes
-    name: str
-    view: tuple[float, ...]
-    is_fine: bool
+    model: CentralCamera  # model of the camera
+    # (4, 4) pose of the camera's optical frame on its vehicle
+    base_from_optical: Floats
+    world_from_base: Floats  # (4, 4) pose of the vehicle's base
+    rgb: Bytes  # (height, width, 3) uint8 sRGB
+    png: bytes | None  # contents of the image file; None for a coarse image
+    channels: Mapping[str, NDArray[Any]]  # ground truth by name
+    labels: Labels | None  # labels of the IDs in the channels; None: no labels
+
+    @property
+    def world_from_optical(self) -> Floats:
+        """Pose (4, 4) of the camera's optical frame in the world."""
+        return self.world_from_base @ self.base_from_optical
+
+    @property
+    def viewpoint(self) -> Place:
+        """Position of the effective viewpoint and attitude of the vehicle, as for `render`."""
+        x, y, z = self.world_from_optical[:3, 3].tolist()
+        angles = np.degrees(roll_pitch_yaw_from_rotation(self.world_from_base[:3, :3]))
+        roll, pitch, yaw = (float(angle) + 0.0 for angle in angles)
+        return Place((x, y, z), yaw, pitch, roll)
+
+
+def degrees(radians: float) -> float:
+    """Convert an angle to degrees, rounded to thousandths."""
+    return round(math.degrees(radians), 3) + 0.0
 
 
 class ViewMaker:
     """Creates views of images, and caches their remap tables while the camera stays the same."""
 
     def __init__(self) -> None:
-        # The camera is kept as well: after its deletion, another one could have its id.
-        self._tables: dict[_Key, tuple[CentralCamera, Unwarping]] = {}
-        self._highest: dict[_Key, tuple[CentralCamera, float]] = {}
+        # By ID of the camera model, rotation on the vehicle, view and so on. The camera is kept as
+        # well: after its deletion, another one could have its ID.
+        self._tables: dict[tuple[object, ...], tuple[CentralCamera, unwarping.Unwarping]] = {}
+        self._highest: dict[tuple[object, ...], tuple[CentralCamera, float]] = {}
 
-    def view(self, name: str, frame: LiveFrame, gaze: Gaze, height_m: float) -> View:
+    def view(self, name: str, frame: LiveFrame, gaze: Gaze, height_m: float) -> unwarping.View:
         """Virtual camera of a view, with its rotation.
 
         Args:
@@ -73,18 +92,20 @@ class ViewMaker:
         """
         if name == "panorama":
             rotation = frame.base_from_optical[:3, :3]
-            key = _Key(id(frame.model), rotation.tobytes(), "panorama", (), False)
+            key = id(frame.model), rotation.tobytes()
             if key not in self._highest:
                 if len(self._highest) >= _KEPT:
                     self._highest.clear()
-                highest_rad = math.radians(max(highest_elevation_deg(frame.model, rotation), 5.0))
+                highest_rad = math.radians(
+                    max(unwarping.highest_elevation_deg(frame.model, rotation), 5.0)
+                )
                 self._highest[key] = (frame.model, highest_rad)
-            return cylinder_view(PANORAMA_PX, LOWEST_RAD, self._highest[key][1])
+            return unwarping.cylinder_view(PANORAMA_PX, LOWEST_RAD, self._highest[key][1])
         if name == "perspective":
             fov_rad, yaw_rad, pitch_rad = np.radians((gaze.fov_deg, gaze.yaw_deg, gaze.pitch_deg))
-            return perspective_view(*PERSPECTIVE_PX, fov_rad, yaw_rad, pitch_rad)
+            return unwarping.perspective_view(*PERSPECTIVE_PX, fov_rad, yaw_rad, pitch_rad)
         height_m = max(height_m, MIN_HEIGHT_M)
-        return birdseye_view(BIRDSEYE_PX, EXTENT_PER_HEIGHT * height_m, height_m)
+        return unwarping.birdseye_view(BIRDSEYE_PX, EXTENT_PER_HEIGHT * height_m, height_m)
 
     def image(
         self, name: str, frame: LiveFrame, gaze: Gaze, height_m: float, is_fine: bool
@@ -101,18 +122,18 @@ class ViewMaker:
         if name == "perspective":
             numbers = (gaze.yaw_deg, gaze.pitch_deg, gaze.fov_deg)
         # no height in the key of a map: its extent grows with the height, so its table is the same
-        key = _Key(id(frame.model), rotation.tobytes(), name, numbers, is_fine)
+        key = id(frame.model), rotation.tobytes(), name, numbers, is_fine
         if key not in self._tables:
             view = self.view(name, frame, gaze, height_m)
             if len(self._tables) >= _KEPT:
                 del self._tables[next(iter(self._tables))]
             rotation_in, samples = rotation.T @ view.base_from_view, FINE_SAMPLES if is_fine else 1
-            table = Unwarping(frame.model, view.camera, rotation_in, samples=samples)
+            table = unwarping.Unwarping(frame.model, view.camera, rotation_in, samples=samples)
             self._tables[key] = (frame.model, table)
         return self._tables[key][1](frame.rgb)
 
 
-def direction_in(view: View, u: float, v: float) -> Floats:
+def direction_in(view: unwarping.View, u: float, v: float) -> Floats:
     """Direction (3,) of a view's ray, base frame; u and v are shares of the width and height.
 
     Raises:
@@ -125,7 +146,7 @@ def direction_in(view: View, u: float, v: float) -> Floats:
     return view.base_from_view @ rays.directions
 
 
-def place_in(view: View, direction: Floats) -> tuple[float, float] | None:
+def place_in(view: unwarping.View, direction: Floats) -> tuple[float, float] | None:
     """Position of a direction (3,), base frame, in a view; None: outside.
 
     The position (u, v) is given as shares of the view's width and height.
@@ -153,7 +174,7 @@ def probe(
     """
     if message.view == "map":
         return {"marks": {}}
-    cameras = {"camera": View(frame.model, frame.base_from_optical[:3, :3])}
+    cameras = {"camera": unwarping.View(frame.model, frame.base_from_optical[:3, :3])}
     is_central = not isinstance(frame.model, NonCentralCamera)
     for name in UNWARPED if is_central else ():
         try:

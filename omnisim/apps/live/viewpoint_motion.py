@@ -9,7 +9,6 @@ import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -36,11 +35,6 @@ MAX_POSITION_M = 1e5
 EYE_M = 0.1  # distance that free flight keeps from surfaces, if it begins farther away
 # Decimals of positions in meters and of angles in degrees, so that commands repeat them exactly.
 DIGITS_M, DIGITS_DEG = 4, 3
-
-
-class _HasPose(Protocol):
-    @property
-    def pose(self) -> Floats: ...
 
 
 class Ground:
@@ -81,7 +75,7 @@ class Ground:
         near = heights[np.abs(heights - near_m) <= reach_m]
         return float(near.max()) if len(near) else near_m
 
-    def contact(self, current: _HasPose, target: _HasPose) -> str:
+    def contact(self, current: Place, target: Place) -> str:
         """Name of an instance that the body touches at the target pose but not at the current one.
 
         Empty without such an instance.
@@ -192,25 +186,27 @@ class Place:
 class Pilot(ABC):
     """Motion of the viewpoint or the robot."""
 
-    def __init__(self, place: Place):
+    def __init__(self, place: Place, degrees_of_freedom: int):
         self.place = place  # current pose
         self.has_walls = True  # surfaces stop free flight; robots always stop at what they touch
         self.command = MotionCommand()  # requested by keys
         self.goal_m: tuple[float, float] | None = None  # clicked point (x, y) on the ground
         self.blocked_by = ""  # instance that blocks the motion; empty: none
+        self._speeds = np.zeros(degrees_of_freedom)
 
     @property
-    @abstractmethod
     def is_moving(self) -> bool:
-        """True while the pose is about to change."""
+        """True while a key is pressed, a goal is set, or a speed is not zero."""
+        return not self.command.is_rest or self.goal_m is not None or bool(np.any(self._speeds))
 
     @abstractmethod
     def advance(self, seconds: float) -> None:
         """Advance the motion by a time in seconds."""
 
     def stop(self) -> None:
-        """Clear the keys and the goal."""
+        """Clear the keys, the goal and the speeds."""
         self.command, self.goal_m = MotionCommand(), None
+        self._speeds[:] = 0.0
 
     def turn(self, yaw_deg: float, pitch_deg: float) -> None:
         """Turn by angles, without acceleration, as the mouse drags the image."""
@@ -228,20 +224,14 @@ class FreeFlight(Pilot):
     """
 
     def __init__(self, place: Place, ground: Ground | None = None):
-        super().__init__(place)
+        super().__init__(place, 5)  # speeds ahead, left, up in m/s; yaw, pitch in °/s
         self._ground = ground
         self._clearance_m = 0.0  # distance to keep from surfaces: the largest so far, up to EYE_M
-        self._speeds = np.zeros(5)  # ahead, left, up in m/s; yaw, pitch in °/s
-
-    @property
-    def is_moving(self) -> bool:
-        """True while a key is pressed, a goal is set, or the speed is not zero."""
-        return not self.command.is_rest or self.goal_m is not None or bool(np.any(self._speeds))
 
     def stop(self) -> None:
-        """Clear the keys, the goal, the speed and the distance kept from surfaces."""
+        """Clear the keys, the goal, the speeds and the distance kept from surfaces."""
         super().stop()
-        self._speeds[:] = self._clearance_m = 0.0
+        self._clearance_m = 0.0
 
     def advance(self, seconds: float) -> None:
         """Advance by a time in seconds; speeds approach those of the keys within about 0.2 s."""
@@ -290,20 +280,8 @@ class WheelDrive(Pilot):
     """Robot on wheels with limited speed and acceleration, level on the floor below its base."""
 
     def __init__(self, place: Place, kinematics: Kinematics, ground: Ground):
-        super().__init__(place)
+        super().__init__(place, 2)  # speed in m/s, turn rate in rad/s
         self._limits, self._ground = kinematics, ground
-        self._speed_mps = self._rate_radps = 0.0
-
-    @property
-    def is_moving(self) -> bool:
-        """True while a key is pressed, a goal is set, or the speed is not zero."""
-        has_speed = bool(self._speed_mps or self._rate_radps)
-        return not self.command.is_rest or self.goal_m is not None or has_speed
-
-    def stop(self) -> None:
-        """Clear the keys and the goal, and stop at once."""
-        super().stop()
-        self._speed_mps = self._rate_radps = 0.0
 
     def turn(self, yaw_deg: float, pitch_deg: float) -> None:
         """Turn by the yaw angle, without acceleration; ignores the pitch angle."""
@@ -315,24 +293,22 @@ class WheelDrive(Pilot):
         if seconds <= 0.0:
             return
         limits = self._limits
-        speed, rate = self._requested_speeds()
-        step_mps = limits.max_acceleration_mps2 * seconds
-        step_radps = limits.max_turn_acceleration_radps2 * seconds
-        self._speed_mps = _toward(self._speed_mps, speed, step_mps)
-        self._rate_radps = _toward(self._rate_radps, rate, step_radps)
-        if not (self._speed_mps or self._rate_radps):
+        rates = limits.max_acceleration_mps2, limits.max_turn_acceleration_radps2
+        steps = seconds * np.array(rates)
+        self._speeds += np.clip(np.subtract(self._requested_speeds(), self._speeds), -steps, steps)
+        speed_mps, rate_radps = self._speeds.tolist()
+        if not (speed_mps or rate_radps):
             return
         x, y, z = self.place.position_m
         yaw = math.radians(self.place.yaw_deg)
-        middle = yaw + 0.5 * self._rate_radps * seconds
-        x += self._speed_mps * seconds * math.cos(middle)
-        y += self._speed_mps * seconds * math.sin(middle)
+        middle = yaw + 0.5 * rate_radps * seconds
+        x += speed_mps * seconds * math.cos(middle)
+        y += speed_mps * seconds * math.sin(middle)
         z = self._ground.height_m((x, y), z)
-        next_place = Place((x, y, z), math.degrees(yaw + self._rate_radps * seconds)).rounded()
+        next_place = Place((x, y, z), math.degrees(yaw + rate_radps * seconds)).rounded()
         self.blocked_by = self._ground.contact(self.place, next_place)
         if self.blocked_by:
-            self._speed_mps = self._rate_radps = 0.0
-            self.goal_m = None
+            self._speeds[:], self.goal_m = 0.0, None
         else:
             self.place = next_place
 
@@ -359,8 +335,3 @@ class WheelDrive(Pilot):
             return 0.0, rate
         braking = math.sqrt(2.0 * limits.max_acceleration_mps2 * length)
         return min(limits.max_speed_mps, braking, 2.0 * length), rate
-
-
-def _toward(value: float, target: float, step: float) -> float:
-    """Move `value` toward `target` by at most `step`."""
-    return min(value + step, target) if target > value else max(value - step, target)

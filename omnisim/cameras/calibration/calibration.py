@@ -29,13 +29,8 @@ from omnisim.cameras.calibration.calibration_formats import detect_format, forma
 from omnisim.cameras.calibration.documents import counted, parse_number, pose, read_text
 from omnisim.cameras.calibration.encode import encode_cameras
 from omnisim.cameras.calibration.fit import Fit, fit_camera
-from omnisim.cameras.calibration.formats.format import (
-    ANY,
-    PINHOLE,
-    Fixed,
-    FovLens,
-    error_context,
-)
+from omnisim.cameras.calibration.formats import format as base
+from omnisim.cameras.calibration.formats.format import error_context
 from omnisim.cameras.calibration.metadata import CameraMetadata, camera_from_lens, read_metadata
 from omnisim.cameras.models.field_of_view import field_notes
 from omnisim.core.arrays import Floats
@@ -369,7 +364,7 @@ def read_cameras(
     for one in parsed:
         own = metadata.get(one.name, CameraMetadata(camera=one.name)).model_copy(update=given)
         place, lens, own_notes = f"{source}: {one.name}", one.lens, one.notes
-        if isinstance(lens, FovLens):
+        if isinstance(lens, base.FovLens):
             lens, note = _nearest_model(lens, place)
             own_notes = (*own_notes, note)
         with error_context(place):
@@ -385,13 +380,13 @@ def read_cameras(
     return Calibration(tuple(cameras), form.name, source, tuple(notes))
 
 
-def _nearest_model(lens: FovLens, source: str) -> tuple[CentralCamera, str]:
+def _nearest_model(lens: base.FovLens, source: str) -> tuple[CentralCamera, str]:
     """Model of omnisim nearest to a lens of another model, and a note about its residuals."""
     place = f"{source}: {lens.model_name}"
     best: Fit[CentralCamera] | None = None
-    candidates: tuple[tuple[type[CentralCamera], Fixed], ...] = (
-        (UnifiedCamera, ANY), (UnifiedCamera, PINHOLE), (KannalaBrandtCamera, ANY),
-        (EucmCamera, ANY),
+    candidates: tuple[tuple[type[CentralCamera], base.Fixed], ...] = (
+        (UnifiedCamera, base.ANY), (UnifiedCamera, base.PINHOLE), (KannalaBrandtCamera, base.ANY),
+        (EucmCamera, base.ANY),
     )  # fmt: skip
     for model, fixed in candidates:
         try:

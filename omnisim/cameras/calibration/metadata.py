@@ -36,6 +36,7 @@ from omnisim.cameras import (
     StereographicCamera,
     UnifiedCamera,
 )
+from omnisim.cameras.calibration import documents
 from omnisim.cameras.calibration.calibrated_camera import (
     OPTICS,
     CentralError,
@@ -43,14 +44,7 @@ from omnisim.cameras.calibration.calibrated_camera import (
     Residuals,
     find_pose,
 )
-from omnisim.cameras.calibration.documents import (
-    ForeignTable,
-    Matrix,
-    parse,
-    parse_json,
-    pose,
-    rows,
-)
+from omnisim.cameras.calibration.documents import ForeignTable
 from omnisim.cameras.calibration.equivalents import equivalent, is_plain
 from omnisim.cameras.calibration.formats.format import MetadataPlace
 from omnisim.cameras.mirrors import HyperbolicMirror
@@ -103,7 +97,7 @@ class CameraMetadata(ForeignTable):
     max_px: Number | None = None
     cone_deg: Number | None = None
     at_distances: tuple[DistanceMetadata, ...] = ()
-    optics_from_camera: Matrix | None = None
+    optics_from_camera: documents.Matrix | None = None
 
     @property
     def residuals(self) -> Residuals | None:
@@ -119,7 +113,7 @@ class CameraMetadata(ForeignTable):
         matrix = find_pose(poses, OPTICS, self.camera)
         if matrix is None:
             return self
-        return self.model_copy(update={"optics_from_camera": rows(matrix)})
+        return self.model_copy(update={"optics_from_camera": documents.rows(matrix)})
 
     def poses(self, others: Sequence[NamedPose], place: str) -> tuple[NamedPose, ...]:
         """Poses in the file, plus the pose in the source optics if the format cannot hold it.
@@ -129,7 +123,7 @@ class CameraMetadata(ForeignTable):
         """
         if self.optics_from_camera is None or any(one.target == OPTICS for one in others):
             return tuple(others)
-        matrix = pose(self.optics_from_camera, f"{place}: optics_from_camera")
+        matrix = documents.pose(self.optics_from_camera, f"{place}: optics_from_camera")
         return (*others, NamedPose(OPTICS, self.camera, matrix))
 
 
@@ -157,12 +151,12 @@ def read_metadata(text: str, place: MetadataPlace, source: str) -> dict[str, Cam
     """
     where = f"{source}: omnisim's metadata"
     if place is MetadataPlace.KEY:
-        entries = parse_json(text, source).get("omnisim", [])
+        entries = documents.parse_json(text, source).get("omnisim", [])
         if not isinstance(entries, list):
             raise CalibrationError(f"{where}: expected a list, got {type(entries).__name__}")
     else:
-        entries = [parse_json(line, where) for line in _COMMENTS[place][2].findall(text)]
-    parsed = (parse(entry, CameraMetadata, where) for entry in entries)
+        entries = [documents.parse_json(line, where) for line in _COMMENTS[place][2].findall(text)]
+    parsed = (documents.parse(entry, CameraMetadata, where) for entry in entries)
     return {metadata.camera: metadata for metadata in parsed}
 
 

@@ -12,17 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from omnisim.cameras.mirrors.hyperbolic_mirror import HyperbolicMirror
+from omnisim.core import cube
 from omnisim.core.arrays import Floats, Ints
 from omnisim.core.coordinate_frames import MIRROR_FROM_OPTICAL, RIG_FROM_OPTICAL_LOOKING_UP
-from omnisim.core.cube import (
-    CELL_TANGENT,
-    FACE_FROM_RIG,
-    FACE_NAMES,
-    LAYOUT_CELLS,
-    LAYOUT_COLUMNS,
-    LAYOUT_ROWS,
-    face_tangents,
-)
 from omnisim.core.errors import OpticsError
 from omnisim.core.short_repr import short_repr
 
@@ -185,15 +177,17 @@ _ON_EDGE = 1e-12
 def unfold(mirror: HyperbolicMirror, mesh: MirrorMesh) -> UnfoldedMirrorMesh:
     """Clip a mirror's mesh along the cube edges and compute its texture coordinates."""
     clipper = _Clipper(mirror, mesh.vertices_m)
-    parts = [clipper.clip_to_face(face, mesh.triangles) for face in range(len(FACE_NAMES))]
+    parts = [clipper.clip_to_face(face, mesh.triangles) for face in range(len(cube.FACE_NAMES))]
     positions = np.array(clipper.positions)
     vertices, coordinates, triangles, base = [], [], [], 0
     for face, corners in enumerate(parts):
         used, local = np.unique(corners, return_inverse=True)
         vertices.append(positions[used])
-        tangents = face_tangents(positions[used] @ RIG_FROM_MIRROR.T, face)
-        inside = 0.5 + 0.5 * np.clip(tangents, -1.0, 1.0) / CELL_TANGENT  # clip: rounding only
-        coordinates.append((inside + LAYOUT_CELLS[face]) / (LAYOUT_COLUMNS, LAYOUT_ROWS))
+        tangents = cube.face_tangents(positions[used] @ RIG_FROM_MIRROR.T, face)
+        inside = 0.5 + 0.5 * np.clip(tangents, -1.0, 1.0) / cube.CELL_TANGENT  # clip: rounding only
+        coordinates.append(
+            (inside + cube.LAYOUT_CELLS[face]) / (cube.LAYOUT_COLUMNS, cube.LAYOUT_ROWS)
+        )
         triangles.append(local.reshape(-1, 3) + base)
         base += len(used)
     stacked, corners = np.concatenate(vertices), np.concatenate(triangles).astype(np.int64)
@@ -209,7 +203,7 @@ class _Clipper:
         self.positions = list(positions)  # (3,) of each vertex in m, mirror frame, new ones last
         self._crossings: dict[tuple[int, int, tuple[float, ...]], int] = {}
         # signed distances (6 faces, n, 4 planes) in m from the planes; 0 on an edge
-        planes = np.array([_edge_planes(face) for face in range(len(FACE_NAMES))])
+        planes = np.array([_edge_planes(face) for face in range(len(cube.FACE_NAMES))])
         distances = np.einsum("fpj,nj->fnp", planes, positions)
         near = np.abs(distances) <= _ON_EDGE * np.linalg.norm(positions, axis=1)[:, None]
         self._fixed = np.where(near, 0.0, distances)
@@ -267,7 +261,7 @@ class _Clipper:
 
 def _edge_planes(face: int) -> Floats:
     """Normals (4, 3) in the mirror frame of the planes that bound a face, pointing inwards."""
-    right, down, forward = FACE_FROM_RIG[face]
+    right, down, forward = cube.FACE_FROM_RIG[face]
     return np.array([forward - right, forward + right, forward - down, forward + down]) @ (
         RIG_FROM_MIRROR
     )

@@ -24,21 +24,13 @@ import numpy as np
 from pydantic import Field
 
 from omnisim.cameras.camera import Rays, Uniforms
-from omnisim.cameras.parametric_camera import (
-    PlaneCamera,
-    PlanePoints,
-    TwoFocalCamera,
-    cosine_limit,
-    lift_alpha,
-    plane_limit,
-    project_alpha,
-)
+from omnisim.cameras.parametric_camera import AlphaCamera, PlanePoints
 from omnisim.core.arrays import Floats
 from omnisim.core.files.parameters import Fraction, Number
 
 
 @dataclass(frozen=True)
-class DoubleSphereCamera(TwoFocalCamera, PlaneCamera):
+class DoubleSphereCamera(AlphaCamera):
     """Wide-angle lens as two projections onto unit spheres whose centers are ξ apart."""
 
     xi: Annotated[Number, Field(gt=-1.0, lt=1.0)]
@@ -50,12 +42,12 @@ class DoubleSphereCamera(TwoFocalCamera, PlaneCamera):
     @property
     def theta_edge_rad(self) -> float:
         """Angle from the axis where the domain ends, acos(−w')."""
-        w, xi = -cosine_limit(self.alpha), self.xi
+        w, xi = -self.cosine_limit, self.xi
         t = math.sqrt(1.0 - xi * xi * (1.0 - w * w)) - w * xi
         return math.acos(max(-1.0, -(w * t + xi)))
 
     def _rays_from_plane(self, plane: Floats) -> Rays:
-        second = lift_alpha(plane, self.alpha)
+        second = self._lift(plane)
         across = np.sum(second.directions[..., :2] ** 2, axis=-1)
         z = second.directions[..., 2]
         length = z * self.xi + np.sqrt(1.0 - self.xi * self.xi * across)
@@ -67,13 +59,8 @@ class DoubleSphereCamera(TwoFocalCamera, PlaneCamera):
         d1 = np.linalg.norm(directions, axis=-1)
         z = self.xi * d1 + directions[..., 2]
         d2 = np.sqrt(directions[..., 0] ** 2 + directions[..., 1] ** 2 + z * z)
-        return project_alpha(directions, z, d2, self.alpha, d1)
+        return self._project(directions, z, d2, d1)
 
     def uniforms(self) -> Uniforms:
         """Values for `shaders/camera/double_sphere.glsl`."""
-        return {
-            **super().uniforms(),
-            "u_xi": self.xi,
-            "u_alpha": self.alpha,
-            "u_radius_max": plane_limit(self.alpha),
-        }
+        return {**super().uniforms(), "u_xi": self.xi}

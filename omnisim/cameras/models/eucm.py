@@ -18,20 +18,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from omnisim.cameras.camera import Rays, Uniforms
-from omnisim.cameras.parametric_camera import (
-    PlaneCamera,
-    PlanePoints,
-    TwoFocalCamera,
-    lift_alpha,
-    plane_limit,
-    project_alpha,
-)
+from omnisim.cameras.parametric_camera import AlphaCamera, PlanePoints
 from omnisim.core.arrays import Floats
 from omnisim.core.files.parameters import AboveZero, Fraction
 
 
 @dataclass(frozen=True)
-class EucmCamera(TwoFocalCamera, PlaneCamera):
+class EucmCamera(AlphaCamera):
     """Wide-angle lens with the shape parameters α and β."""
 
     alpha: Fraction
@@ -41,7 +34,7 @@ class EucmCamera(TwoFocalCamera, PlaneCamera):
     model_name = "eucm"
 
     def _rays_from_plane(self, plane: Floats) -> Rays:
-        lifted = lift_alpha(plane * np.sqrt(self.beta), self.alpha)
+        lifted = self._lift(plane * np.sqrt(self.beta))
         directions = lifted.directions / (np.sqrt(self.beta), np.sqrt(self.beta), 1.0)
         directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
         return Rays(directions, lifted.valid)
@@ -49,13 +42,8 @@ class EucmCamera(TwoFocalCamera, PlaneCamera):
     def _plane_from_rays(self, directions: Floats) -> PlanePoints:
         x, y, z = np.moveaxis(directions, -1, 0)
         distance = np.sqrt(self.beta * (x * x + y * y) + z * z)
-        return project_alpha(directions, z, distance, self.alpha, distance)
+        return self._project(directions, z, distance, distance)
 
     def uniforms(self) -> Uniforms:
         """Values for `shaders/camera/eucm.glsl`."""
-        return {
-            **super().uniforms(),
-            "u_alpha": self.alpha,
-            "u_root_beta": float(np.sqrt(self.beta)),
-            "u_radius_max": plane_limit(self.alpha),
-        }
+        return {**super().uniforms(), "u_root_beta": float(np.sqrt(self.beta))}

@@ -19,13 +19,7 @@ from numpy.typing import ArrayLike
 
 from omnisim.cameras import CentralCamera, Rays
 from omnisim.cameras.camera import as_pixels
-from omnisim.cameras.mirrors.mirror_mesh import (
-    RING_EXPONENT,
-    MeshError,
-    UnfoldedMirrorMesh,
-    fewest_polygons,
-    sectors_and_rings,
-)
+from omnisim.cameras.mirrors import mirror_mesh
 from omnisim.cameras.optics.centrality import common_point, ray_jacobians
 from omnisim.cameras.optics.profiles import profile_lengths_m
 from omnisim.cameras.optics.surface import Fate, Paths, Surface, deflected, trace
@@ -59,10 +53,12 @@ class SurfaceMesh(NamedTuple):
         is_point = bool(np.ptp(self.vertices_m[: self.sectors], axis=0).max() == 0.0)
         return np.maximum(self.triangles, self.sectors - 1) if is_point else self.triangles
 
-    def as_seen(self, rim_center_m: tuple[float, float], rim_m: float) -> UnfoldedMirrorMesh:
+    def as_seen(
+        self, rim_center_m: tuple[float, float], rim_m: float
+    ) -> mirror_mesh.UnfoldedMirrorMesh:
         """Mesh with z toward the camera; texture coordinates map the rim's square to [0, 1]."""
         texture = 0.5 + 0.5 * (self.vertices_m[:, :2] - rim_center_m) / rim_m
-        return UnfoldedMirrorMesh(
+        return mirror_mesh.UnfoldedMirrorMesh(
             self.vertices_m * _TURN, self.normals * _TURN, texture, self.triangles
         )
 
@@ -91,7 +87,7 @@ def tessellate_surface(surface: Surface, polygons: int, camera_m: Floats) -> Sur
         OpticsError: there is no rim, a hole is not centered on the rim, or a mesh with this polygon
             count does not exist.
     """
-    sectors, rings = sectors_and_rings(polygons)
+    sectors, rings = mirror_mesh.sectors_and_rings(polygons)
     radii = _ring_radii_m(surface, rim_of_mesh(surface), rings, camera_m)[:, None]
     azimuths = np.tile(np.arange(sectors) * (2.0 * math.pi / sectors), (rings + 1, 1))
     points_m = _on_surface(surface, radii, azimuths)
@@ -153,8 +149,8 @@ def _ring_radii_m(surface: Surface, rim_m: float, rings: int, camera_m: Floats) 
 
 def _spaced(ends: Floats, count: int) -> Floats:
     """Values (count + 1,) between two ends (2,), spaced by the ring exponent."""
-    first, last = ends ** (1.0 / RING_EXPONENT)
-    return (first + (last - first) * np.arange(count + 1) / count) ** RING_EXPONENT
+    first, last = ends ** (1.0 / mirror_mesh.RING_EXPONENT)
+    return (first + (last - first) * np.arange(count + 1) / count) ** mirror_mesh.RING_EXPONENT
 
 
 def _bisected(function: Callable[[Floats], Floats], values: Floats, last: float) -> Floats:
@@ -418,7 +414,7 @@ class SystemMeshErrors:
         share = np.outer(np.arange(1, _ERROR_SAMPLES + 1), _SEQUENCE_STEPS) % 1.0
         self._pixels = share * size - 0.5
 
-    def of(self, polygons: int) -> MeshError:
+    def of(self, polygons: int) -> mirror_mesh.MeshError:
         """Errors over the pixels that the mesh shows; the maximum includes the outline.
 
         Raises:
@@ -430,14 +426,14 @@ class SystemMeshErrors:
         errors_px = np.linalg.norm(np.einsum("nij,nj->ni", self._by_direction, off), axis=1)
         errors_px = errors_px[rays.valid & np.isfinite(errors_px)]
         if len(errors_px) == 0:
-            return MeshError(np.inf, np.inf, np.inf)
+            return mirror_mesh.MeshError(np.inf, np.inf, np.inf)
         percentile_95_px = float(np.percentile(errors_px, 95.0))
         largest_px = max(_MISSED * float(errors_px.max()), _lost_px(mesh))
-        return MeshError(float(errors_px.mean()), percentile_95_px, largest_px)
+        return mirror_mesh.MeshError(float(errors_px.mean()), percentile_95_px, largest_px)
 
     def needed_polygons(self, max_error_px: float, max_polygons: int) -> int | None:
         """Smallest polygon count, four sectors per ring, within an error; None: over the limit."""
-        return fewest_polygons(
+        return mirror_mesh.fewest_polygons(
             lambda rings: self.of(4 * rings * rings).max_px <= max_error_px,
             math.isqrt(max_polygons // 4),
         )

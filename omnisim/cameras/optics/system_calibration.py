@@ -381,9 +381,6 @@ def pose_from_directions(directions: Floats, points_m: Floats) -> Floats:
     """Pose (4, 4) of a flat board, from unit directions (n, 3) of its corners (n, 2), n at least 4.
 
     Source: the homography of a plane by direct linear transformation, Hartley and Zisserman 2004,
-    with unit directions, in the camera's frame, instead of image coordinates.
-
-    Source: the homography of a plane by direct linear transformation, Hartley and Zisserman 2004,
     with unit directions instead of image coordinates.
     """
     plane = np.column_stack((points_m, np.ones(len(points_m))))

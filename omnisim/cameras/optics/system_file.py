@@ -11,17 +11,9 @@ from pydantic import ConfigDict, Field, model_validator
 
 from omnisim.cameras import CAMERA_MODELS, CentralCamera
 from omnisim.cameras.camera_table import camera_from_calibration, camera_from_table
+from omnisim.cameras.optics import shapes
 from omnisim.cameras.optics.profiles import read_profile
-from omnisim.cameras.optics.shapes import (
-    Asphere,
-    Cone,
-    Conic,
-    Hyperbolic,
-    Plane,
-    Polynomial,
-    Shape,
-    TabulatedProfile,
-)
+from omnisim.cameras.optics.shapes import Shape, TabulatedProfile
 from omnisim.cameras.optics.surface import Medium, Place, Surface
 from omnisim.cameras.optics.system import ORIENTATIONS, OpticalSystem
 from omnisim.core import poses
@@ -152,8 +144,8 @@ class DomeShape(Table):
 
 
 _PARAMETRIC: dict[str, type[Parameters]] = {
-    "conic": Conic, "hyperbolic": Hyperbolic, "cone": Cone, "plane": Plane,
-    "polynomial": Polynomial, "asphere": Asphere,
+    "conic": shapes.Conic, "hyperbolic": shapes.Hyperbolic, "cone": shapes.Cone,
+    "plane": shapes.Plane, "polynomial": shapes.Polynomial, "asphere": shapes.Asphere,
 }  # fmt: skip
 SHAPE_TABLES: dict[str, type[Table]] = {
     "sphere": SphereShape, "table": TableShape, "port": PortShape, "dome": DomeShape,
@@ -212,8 +204,8 @@ class SurfaceTable(AlignmentTable):
                 raise SensorFileError(f"{source}: {key}.{message}")
             return self._window(shape, self.medium, f"{source}: {key}")
         surface_shape = self._shape(shape, source, key)
-        vertex_m = surface_shape.vertex_m if isinstance(surface_shape, Hyperbolic) else 0.0
-        if not self.is_placed and not isinstance(surface_shape, Hyperbolic):
+        vertex_m = surface_shape.vertex_m if isinstance(surface_shape, shapes.Hyperbolic) else 0.0
+        if not self.is_placed and not isinstance(surface_shape, shapes.Hyperbolic):
             raise SensorFileError(f"{source}: {key}.position_m: missing")
         pose = self.system_from_part((0.0, 0.0, vertex_m))
         return [self._surface(surface_shape, pose, self.medium)]
@@ -222,7 +214,7 @@ class SurfaceTable(AlignmentTable):
         if isinstance(table, TableShape):
             return table.make_profile(Path(source).parent, f"{source}: {key}")
         values = dict(table)
-        kind = Conic if isinstance(table, SphereShape) else _PARAMETRIC[self.shape]
+        kind = shapes.Conic if isinstance(table, SphereShape) else _PARAMETRIC[self.shape]
         try:
             shape = kind(**values)
         except OpticsError as reason:
@@ -237,20 +229,19 @@ class SurfaceTable(AlignmentTable):
             raise SensorFileError(f"{where}.position_m: missing")
         center = self.system_from_part((0.0, 0.0, 0.0))
         if isinstance(window, PortShape):
-            outer = center @ poses.pose((0.0, 0.0, window.thickness_m))
-            shapes: list[Shape] = [Plane(), Plane()]
-            placed = [center, outer]
-        else:
-            if window.thickness_m >= window.radius_m:
-                raise SensorFileError(
-                    f"{where}.thickness_m: expected less than radius_m = {window.radius_m:g}, "
-                    f"got {window.thickness_m:g}"
-                )
+            sides: list[Shape] = [shapes.Plane(), shapes.Plane()]
+            placed = [center, center @ poses.pose((0.0, 0.0, window.thickness_m))]
+        elif window.thickness_m < window.radius_m:
             radii_m = window.radius_m - window.thickness_m, window.radius_m
-            shapes = [Conic(-radius_m) for radius_m in radii_m]
+            sides = [shapes.Conic(-radius_m) for radius_m in radii_m]
             placed = [center @ poses.pose((0.0, 0.0, radius_m)) for radius_m in radii_m]
-        media = window.wall, medium
-        return [self._surface(*part) for part in zip(shapes, placed, media, strict=True)]
+        else:
+            raise SensorFileError(
+                f"{where}.thickness_m: expected less than radius_m = {window.radius_m:g}, "
+                f"got {window.thickness_m:g}"
+            )
+        parts = zip(sides, placed, (window.wall, medium), strict=True)
+        return [self._surface(*part) for part in parts]
 
     def _surface(self, shape: Shape, pose: Floats, medium: Medium | None) -> Surface:
         name = self.name or self.shape

@@ -65,6 +65,18 @@ def check_new_folder(path: Path) -> None:
         raise OutputError(f"{path}: cannot be written: {reason.strerror}") from None
 
 
+def make_folder(folder: Path) -> None:
+    """Create a folder if it is missing.
+
+    Raises:
+        OutputError: it cannot be created.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as reason:
+        raise OutputError(f"{folder}: cannot be created: {reason.strerror}") from None
+
+
 def remove_partials() -> None:
     """Remove the files and folders that are being written."""
     for partial in tuple(partials):

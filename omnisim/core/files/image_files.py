@@ -126,11 +126,8 @@ def png_bytes(pixels: Bytes) -> bytes:
     """
     if pixels.dtype != np.uint8 or pixels.ndim != 3:
         raise OutputError(f"PNG: expected (height, width, 3) uint8, got {pixels.shape}")
-    attributes: Attributes = {
-        "oiio:ColorSpace": "srgb_rec709_scene",
-        "png:compressionLevel": _PNG_LEVEL,
-    }
-    return _encode(Path("image.png"), pixels, attributes)
+    color = {"oiio:ColorSpace": "srgb_rec709_scene"}
+    return _encode(Path("image.png"), pixels, {**color, "png:compressionLevel": _PNG_LEVEL})
 
 
 def write_numbers(
@@ -258,10 +255,8 @@ def write_radiance(path: Path, pixels: NDArray[np.float16]) -> None:
     if pixels.dtype != np.float16 or pixels.ndim != 3 or pixels.shape[2] != 3:
         raise OutputError(f"{path}: expected (height, width, 3) float16, got {pixels.shape}")
     attributes: Attributes = {
-        "Compression": "zip",
-        "DateTime": _NO_DATE,
-        "oiio:ColorSpace": "lin_rec709_scene",
-    }
+        "Compression": "zip", "DateTime": _NO_DATE, "oiio:ColorSpace": "lin_rec709_scene",
+    }  # fmt: skip
     _write(path, pixels, attributes, None)
 
 

@@ -50,6 +50,7 @@ from pydantic_core import CoreSchema, core_schema
 from omnisim.core.errors import OmnisimError, OpticsError
 from omnisim.core.files.table_faults import MIN_POSITIVE, fault_lines
 
+_LIMITS = annotated_types.Ge, annotated_types.Gt, annotated_types.Le, annotated_types.Lt
 MAX_NUMBER = 1e9  # products and quotients of a few such numbers fit in float32, as on the GPU
 
 Number = Annotated[float, Field(strict=True)]  # rejects "11" and true; integers are accepted
@@ -366,9 +367,7 @@ def _rule_in_degrees(rule: Any) -> Any:
     if isinstance(rule, Typical):
         low, high = in_degrees(rule.low), in_degrees(rule.high)
         return dataclasses.replace(rule, low=low, high=high)
-    if isinstance(
-        rule, annotated_types.Ge | annotated_types.Gt | annotated_types.Le | annotated_types.Lt
-    ):
+    if isinstance(rule, _LIMITS):
         (limit,) = dataclasses.astuple(rule)
         if MIN_POSITIVE < abs(limit) < MAX_NUMBER:  # these two stand for 0 and for no limit
             return type(rule)(in_degrees(limit))
@@ -417,17 +416,17 @@ def parse_table(
         return model.model_validate(data, context=in_python)
     except pydantic.ValidationError as reason:
         faults = reason.errors()
-    keys = [fault["loc"] for fault in faults]
+
+    def is_list_at_fault(outer: tuple[int | str, ...]) -> bool:
+        inner = (fault["loc"] for fault in faults if len(fault["loc"]) > len(outer))
+        return any(key[: len(outer)] == outer for key in inner)
+
     raise error(
         "\n".join(
             (f"{source}: " if source else "") + line
             for fault in faults
             for line in fault_lines(fault, schema, at)
             # invalid items of a list are not counted as items
-            if not (fault["type"] == "too_short" and _has_inner(keys, fault["loc"]))
+            if not (fault["type"] == "too_short" and is_list_at_fault(fault["loc"]))
         )
     )
-
-
-def _has_inner(keys: list[tuple[int | str, ...]], outer: tuple[int | str, ...]) -> bool:
-    return any(len(key) > len(outer) and key[: len(outer)] == outer for key in keys)

@@ -102,9 +102,12 @@ def _expected(
         is_item = bool(names) and names[-1].isdecimal()
         return f"a table, [[{key.rpartition('.')[0]}]]" if is_item else f"a table, [{key}]"
     if kind == "tuple_type":
-        if _holds_tables(model, names):
+        table = _table_at(model, names[:-1])
+        field = table.model_fields.get(names[-1]) if table else None
+        annotation = field.annotation if field else None
+        is_open = len(names) == 1 and any(get_origin(one) is dict for one in get_args(annotation))
+        if is_open or _table_at(model, names) is not None:
             return f"tables, [[{key}]]"
-        annotation = _annotation(model, names)
         if _are_words(annotation):
             return 'a list of words, ["a", "b"]'
         pair = "[u, v]" if key.endswith("_px") else "[x, y]"
@@ -149,20 +152,6 @@ def headers_with(model: type[pydantic.BaseModel], key: str, path: str = "") -> I
         if key in inner.model.model_fields:
             yield f"[[{below}]]" if inner.is_list else f"[{below}]"
         yield from headers_with(inner.model, key, below)
-
-
-def _holds_tables(model: type[pydantic.BaseModel], names: list[str]) -> bool:
-    """True if `names` is the path of a list of tables, with fixed or with arbitrary keys."""
-    field = model.model_fields.get(names[-1]) if len(names) == 1 else None
-    is_open = field is not None and any(get_origin(a) is dict for a in get_args(field.annotation))
-    return is_open or _table_at(model, names) is not None
-
-
-def _annotation(model: type[pydantic.BaseModel], names: list[str]) -> Any:
-    """Type of the key at the path `names`, or None."""
-    table = _table_at(model, names[:-1])
-    field = table.model_fields.get(names[-1]) if table else None
-    return None if field is None else field.annotation
 
 
 def _is_pair(annotation: Any) -> bool:

@@ -21,11 +21,11 @@ from omnisim.ground_truth.frame import Frame
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.pixel_rays import PixelRays
 from omnisim.rendering.rays.caster import DepthLimits
-from omnisim.rendering.rays.pixel_hits import whole_areas_px
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
+from omnisim.rendering.rays.scene_rays import whole_areas_px
 from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage
-from omnisim.rendering.truth.ground_truth import instances_of_draws
+from omnisim.rendering.truth import instances_of_draws
 from omnisim.scene import Scene
 
 PROBE_PX = 48  # shorter side of the range images that judge samples of plans without ranges

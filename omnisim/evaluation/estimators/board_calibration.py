@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Sequence
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -87,14 +87,10 @@ class OpencvFisheyeCalibration(BoardCalibration):
 
         names = cv2.fisheye if hasattr(cv2.fisheye, "CALIB_FIX_SKEW") else cv2  # else: OpenCV 5
         flags = names.CALIB_RECOMPUTE_EXTRINSIC | names.CALIB_FIX_SKEW
-        points = [view.points_3d_m[None] for view in views]
-        pixels = [view.pixels_px[None] for view in views]
-        try:
-            _, matrix, coefficients, _, _ = cv2.fisheye.calibrate(
-                points, pixels, size_px, np.eye(3), np.zeros(4), flags=flags, criteria=_criteria()
-            )
-        except cv2.error as reason:
-            raise EstimatorError(f"cv2.fisheye.calibrate: {_first_line(reason)}") from None
+        start = np.eye(3), np.zeros(4)
+        _, matrix, coefficients, _, _ = _calibrated(
+            "fisheye", views, size_px, *start, flags=flags, criteria=_criteria()
+        )
         focals, middle = (matrix[0, 0], matrix[1, 1]), (matrix[0, 2], matrix[1, 2])
         if min(focals) <= 0.0:
             raise EstimatorError(f"cv2.fisheye.calibrate: diverged to {focals[0]:.4g} px/rad")
@@ -110,15 +106,10 @@ class OpencvOmnidirCalibration(BoardCalibration):
         """Fit the unified model with distortion."""
         import cv2
 
-        points = [view.points_3d_m[None] for view in views]
-        pixels = [view.pixels_px[None] for view in views]
-        try:
-            _, matrix, xi, coefficients, *_ = cv2.omnidir.calibrate(
-                points, pixels, size_px, np.eye(3), np.zeros(1), np.zeros(4),
-                cv2.omnidir.CALIB_FIX_SKEW, _criteria(),
-            )  # fmt: skip
-        except cv2.error as reason:
-            raise EstimatorError(f"cv2.omnidir.calibrate: {_first_line(reason)}") from None
+        start = np.eye(3), np.zeros(1), np.zeros(4)
+        _, matrix, xi, coefficients, *_ = _calibrated(
+            "omnidir", views, size_px, *start, cv2.omnidir.CALIB_FIX_SKEW, _criteria()
+        )
         focals, middle = (matrix[0, 0], matrix[1, 1]), (matrix[0, 2], matrix[1, 2])
         distortion = tuple(coefficients.ravel().tolist())
         return UnifiedCamera(*size_px, focals, middle, float(xi.ravel()[0]), distortion)
@@ -130,5 +121,14 @@ def _criteria() -> tuple[int, int, float]:
     return cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, ITERATIONS, PRECISION
 
 
-def _first_line(reason: Exception) -> str:
-    return str(reason).strip().splitlines()[0]
+def _calibrated(module: str, views: Sequence[BoardView], *arguments: Any, **options: Any) -> Any:
+    """Result of `calibrate` in a module of OpenCV, for the corners of views."""
+    import cv2
+
+    points = [view.points_3d_m[None] for view in views]
+    pixels = [view.pixels_px[None] for view in views]
+    try:
+        return getattr(cv2, module).calibrate(points, pixels, *arguments, **options)
+    except cv2.error as reason:
+        line = str(reason).strip().splitlines()[0]
+        raise EstimatorError(f"cv2.{module}.calibrate: {line}") from None

@@ -19,7 +19,7 @@ from omnisim.datasets.export.export_format import ExportSettings
 from omnisim.datasets.export.export_formats import format_named
 from omnisim.datasets.export.lens_camera import LensCamera
 from omnisim.datasets.export.recording import Recording
-from omnisim.evaluation.estimators.camera_center import CameraTracker
+from omnisim.evaluation.estimator import CameraTracker
 
 if TYPE_CHECKING:
     import pycolmap

@@ -28,8 +28,8 @@ from omnisim.core.poses import inverse, pose_from_rotation
 from omnisim.core.trajectories import Trajectory
 from omnisim.datasets.export.lens_camera import LensCamera
 from omnisim.datasets.export.recording import Recording
+from omnisim.evaluation.estimator import CameraTracker
 from omnisim.evaluation.estimators import orb_slam3_program as program
-from omnisim.evaluation.estimators.camera_center import CameraTracker
 from omnisim.sensors.imu.imu import Imu
 
 # ORB descriptors of rendered images, for place recognition; `.ci/train_orb_vocabulary.py` makes it.

@@ -352,11 +352,7 @@ def edge_rise_px(image: Bytes, start_px: Floats, end_px: Floats, clear: float = 
     v, u = np.indices(part.shape)
     offsets = np.stack((u + low[0], v + low[1]), axis=-1) - middle
     inside = (np.abs(offsets @ along) <= half) & (np.abs(offsets @ across) <= reach)
-    return _rise_px((offsets @ across)[inside], part[inside], reach)
-
-
-def _rise_px(distances: Floats, levels: Floats, reach: float) -> float:
-    """Rise, px, of gray levels (n,) by distances (n,) up to `reach`; NaN: no clear one."""
+    distances, levels = (offsets @ across)[inside], part[inside]
     sides = levels[distances < -0.5 * reach], levels[distances > 0.5 * reach]
     if min(map(len, sides)) < 3:
         return math.nan

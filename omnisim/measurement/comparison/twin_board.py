@@ -74,10 +74,9 @@ def board_scene(
     triangles = np.concatenate((first + [0, 1, 2], first + [0, 2, 3])).astype("u4")
     colors = np.ones((len(quads), 4), dtype=np.float32)
     colors[:, :3] = levels.reshape(-1, 1)
-    mesh = Mesh("board", quads.astype("f4"), triangles, 0, colors=colors)
     return Scene(
         name="board",
-        meshes=(mesh,),
+        meshes=(Mesh("board", quads.astype("f4"), triangles, 0, colors=colors),),
         materials=(Material(base_color=(1.0,) * 4, double_sided=True, unlit=True),),
         instances=(Instance("board", 0, np.eye(4)),),
         lighting=Lighting((1.0, 1.0, 1.0), ()),
@@ -345,8 +344,11 @@ def _april_grid(board: AprilGrid, quarter_turns: int) -> PrintedPattern:
         (crossings, crossings, True),
         (gaps, gaps, False),
     )
-    clear = min(border / tag, board.spacing)
-    return PrintedPattern(x, y, cells, patches, _sides(tags), clear)
+    left, top, right, bottom = tags.T
+    corners = ((left, top), (right, top), (right, bottom), (left, bottom), (left, top))
+    points = np.stack([np.stack(corner, axis=-1) for corner in corners], axis=1)
+    sides = np.stack((points[:, :-1], points[:, 1:]), axis=2).reshape(-1, 2, 2)
+    return PrintedPattern(x, y, cells, patches, sides, min(border / tag, board.spacing))
 
 
 def _checkers(rows: int, columns: int, first: int) -> Bools:
@@ -367,14 +369,6 @@ def _strips(rectangles: Floats, width: float) -> Floats:
     for side, sign in enumerate((1.0, 1.0, -1.0, -1.0)):
         strips[:, side, (side + 2) % 4] = rectangles[:, side] + sign * width
     return strips.reshape(-1, 4)
-
-
-def _sides(rectangles: Floats) -> Floats:
-    """Sides (4 n, 2, 2) of rectangles (n, 4), by their ends."""
-    left, top, right, bottom = rectangles.T
-    corners = ((left, top), (right, top), (right, bottom), (left, bottom), (left, top))
-    points = np.stack([np.stack(corner, axis=-1) for corner in corners], axis=1)
-    return np.stack((points[:, :-1], points[:, 1:]), axis=2).reshape(-1, 2, 2)
 
 
 def _grid_edges(x: Floats, y: Floats) -> Floats:

@@ -208,8 +208,13 @@ def _april_grid(image: Bytes, board: AprilGrid) -> Corners:
     turns = [
         (lower_left[:, None] + np.roll(corners, turn, axis=0)).reshape(-1, 2) for turn in range(4)
     ]
-    points = min(turns, key=lambda one: _plane_residual(one[is_kept], fine[is_kept]))
-    return _checked(points, fine, is_kept)
+
+    def residual_px(points: Floats) -> float:  # of the best affine map to the pixels
+        affine = np.column_stack((points, np.ones(len(points))))[is_kept]
+        fitted = affine @ np.linalg.lstsq(affine, fine[is_kept], rcond=None)[0]
+        return float(np.linalg.norm(fine[is_kept] - fitted))
+
+    return _checked(min(turns, key=residual_px), fine, is_kept)
 
 
 def _window(reach_px: float) -> int:
@@ -246,13 +251,6 @@ def _checked(points: Floats, pixels: Floats, is_kept: Bools) -> Corners:
     if not signs or min(signs) <= 0.0:
         raise MeasurementError("its corners are in no plane's order")
     return points, pixels
-
-
-def _plane_residual(points: Floats, pixels: Floats) -> float:
-    """Norm of the residuals of the best affine map from points to pixels, px."""
-    affine = np.column_stack((points, np.ones(len(points))))
-    residuals = pixels - affine @ np.linalg.lstsq(affine, pixels, rcond=None)[0]
-    return float(np.linalg.norm(residuals))
 
 
 def _mirror_hint(image: Bytes, detect: Any, index: int) -> str:

@@ -319,7 +319,6 @@ def _diagonal(matrices: Floats) -> Floats:
 
 _WIDEST_RAD = np.geomspace(0.15, 3.0, 32)  # angles of the farthest corner that are tried
 _MAX_BOARDS = 20  # used to choose among them
-_MAX_RADIUS_RAD = 0.98 * math.pi
 
 
 def initial_adjustment(views: Sequence[BoardView], size_px: tuple[int, int]) -> Adjustment:
@@ -335,7 +334,14 @@ def initial_adjustment(views: Sequence[BoardView], size_px: tuple[int, int]) -> 
     for widest in _WIDEST_RAD:
         focal = float(radius / widest)
         lens = KannalaBrandtCamera(*size_px, (focal, focal), center, (0.0,) * 4)
-        residuals = [_first_residual_px(lens, view) for view in some]
+        residuals = []  # angular errors of each board, times the focal length
+        for view in some:
+            directions = _directions(lens, view)
+            pose = pose_from_directions(directions, view.points_m)
+            predicted = view.points_3d_m @ pose[:3, :3].T + pose[:3, 3]
+            predicted /= np.linalg.norm(predicted, axis=1, keepdims=True)
+            errors = np.linalg.norm(predicted - directions, axis=1)
+            residuals.append(focal * float(np.sqrt(np.mean(errors**2))))
         candidates.append((float(np.median(residuals)), lens))
     first = min(candidates, key=lambda candidate: candidate[0])[1]
     poses = np.stack(
@@ -366,13 +372,3 @@ def _directions(camera: KannalaBrandtCamera, view: BoardView) -> Floats:
     theta = np.linalg.norm(offsets, axis=1, keepdims=True)
     across = offsets * np.sinc(theta / math.pi)
     return np.concatenate((across, np.cos(theta)), axis=1)
-
-
-def _first_residual_px(camera: KannalaBrandtCamera, view: BoardView) -> float:
-    """Root mean square of a board's angular errors, times the focal length, px."""
-    directions = _directions(camera, view)
-    pose = pose_from_directions(directions, view.points_m)
-    predicted = view.points_3d_m @ pose[:3, :3].T + pose[:3, 3]
-    predicted /= np.linalg.norm(predicted, axis=1, keepdims=True)
-    errors = np.linalg.norm(predicted - directions, axis=1)
-    return camera.focal_lengths_px[0] * float(np.sqrt(np.mean(errors**2)))

@@ -200,6 +200,11 @@ def measure_optics(
     corners = Corners.of(used)
     rms = rms_px(fit.errors_px)
     basis = f"{len(corners.label)} corners in {len(used)} images"
+    quantities = []
+    for fitted in fit.parameters:  # of a key such as `surfaces.0.tilt_deg.1`
+        names = [part for part in fitted.name.split(".") if not part.isdecimal()]
+        unit = _UNITS.get(names[-1].rpartition("_")[2], "")
+        quantities.append(Quantity(fitted.name, fitted.value, fitted.sigma, unit, basis))
     hidden = "fits without a fifth of the images do not show all corners"
     unobservable = (Unobservable("held_out_rms_px", hidden),) if math.isnan(held_out_px) else ()
     return MeasuredGeometry(
@@ -212,8 +217,7 @@ def measure_optics(
         -fit.errors_px,  # measured minus predicted
         held_out_px,
         (*copies, *outlying),
-        tuple(Quantity(one.name, one.value, one.sigma, _unit(one.name), basis)
-              for one in fit.parameters),
+        tuple(quantities),
         unobservable,
     )  # fmt: skip
 
@@ -244,12 +248,6 @@ def _held_out_rms_px(
 
 def _boards(views: Sequence[BoardView]) -> list[BoardCorners]:
     return [BoardCorners(view.points_m, view.pixels_px) for view in views]
-
-
-def _unit(key: str) -> str:
-    """Unit of the parameter of a key such as `surfaces.0.tilt_deg.1`."""
-    names = [part for part in key.split(".") if not part.isdecimal()]
-    return _UNITS.get(names[-1].rpartition("_")[2], "")
 
 
 # Rejection of images and corners that do not fit one lens and one rigid board.

@@ -134,7 +134,17 @@ def _bag_files(bag: Path, topic: str, folder: Path) -> list[Path]:
                 one for one in reader.connections if one.msgtype in (_RAW_TYPE, _COMPRESSED_TYPE)
             ]
             names = sorted({one.topic for one in images})
-            name = _topic(bag, topic, names)
+            if not names:
+                raise MeasurementError(f"{bag}: expected a topic of images, got none")
+            if topic and topic not in names:
+                raise MeasurementError(f"{bag}: topic {topic}: expected one of {', '.join(names)}")
+            if not topic and len(names) > 1:
+                example = f"{bag}{_TOPIC}{names[0]}"
+                raise MeasurementError(
+                    f"{bag}: images of several topics, {', '.join(names)}: give one, such as "
+                    f"{example}"
+                )
+            name = topic or names[0]
             used = [one for one in images if one.topic == name]
             chosen = _chosen(sum(one.msgcount for one in used))
             messages = (
@@ -145,20 +155,6 @@ def _bag_files(bag: Path, topic: str, folder: Path) -> list[Path]:
             return _message_files(bag, messages, folder)
     except (AnyReaderError, OldReaderError, ReaderError, SerdeError, OSError, ValueError) as reason:
         raise MeasurementError(f"{bag}: cannot be read as a bag: {reason}") from None
-
-
-def _topic(bag: Path, topic: str, names: list[str]) -> str:
-    """Choose the image topic: the selected one, or the only one."""
-    if not names:
-        raise MeasurementError(f"{bag}: expected a topic of images, got none")
-    if topic and topic not in names:
-        raise MeasurementError(f"{bag}: topic {topic}: expected one of {', '.join(names)}")
-    if not topic and len(names) > 1:
-        raise MeasurementError(
-            f"{bag}: images of several topics, {', '.join(names)}: give one, such as "
-            f"{bag}{_TOPIC}{names[0]}"
-        )
-    return topic or names[0]
 
 
 def _message_files(bag: Path, messages: Iterable[tuple[int, Any]], folder: Path) -> list[Path]:
@@ -228,7 +224,8 @@ def read_photo(path: Path) -> NDArray[Any]:
         MeasurementError: the file is missing or damaged, or rawpy is not installed.
     """
     if path.suffix.lower() in RAW_SUFFIXES:
-        return _demosaiced(path)
+        with _open(path) as raw:
+            return _demosaiced(path, raw)
     if path.suffix == FRAME_SUFFIX:
         return np.load(path, allow_pickle=False)
     try:
@@ -252,22 +249,17 @@ def read_mosaic(path: Path) -> NDArray[Any]:
     return mosaic[..., None] if mosaic.ndim == 2 else mosaic
 
 
-def _demosaiced(path: Path) -> NDArray[Any]:
+def _demosaiced(path: Path, raw: Any) -> NDArray[Any]:
     import rawpy
 
-    with _open(path) as raw:
-        try:
-            rgb: NDArray[Any] = raw.postprocess(
-                gamma=(1, 1),
-                no_auto_bright=True,
-                output_bps=16,
-                output_color=rawpy.ColorSpace.raw,
-                user_wb=[1.0, 1.0, 1.0, 1.0],
-                adjust_maximum_thr=0.0,  # the file's white level, not the image's maximum, is white
-                user_flip=0,
-            )
-        except rawpy.LibRawError as reason:
-            raise MeasurementError(f"{path}: cannot be read: {reason}") from None
+    try:
+        rgb: NDArray[Any] = raw.postprocess(
+            gamma=(1, 1), no_auto_bright=True, output_bps=16, user_flip=0,
+            output_color=rawpy.ColorSpace.raw, user_wb=[1.0, 1.0, 1.0, 1.0],
+            adjust_maximum_thr=0.0,  # the file's white level, not the image's maximum, is white
+        )  # fmt: skip
+    except rawpy.LibRawError as reason:
+        raise MeasurementError(f"{path}: cannot be read: {reason}") from None
     return rgb
 
 

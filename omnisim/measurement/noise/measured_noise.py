@@ -376,8 +376,12 @@ def photon_transfer(flats: Sequence[FrameStatistics], dark: DarkSignal) -> Photo
             f"{span:.2g}: take flats at more different exposures"
         )
     _check_linear(times[used], means[used])
-    gain, gain_sigma = _slope(means[used], variances[used], sigmas[used])
-    _check_curvature(means[used], variances[used], sigmas[used], gain)
+    x, y, weights = means[used], variances[used], sigmas[used] ** -2
+    gain = float((weights * x * y).sum() / (weights * x * x).sum())  # through the origin
+    residual = (y - gain * x) / sigmas[used]
+    excess = max(1.0, float(residual @ residual) / max(len(x) - 1, 1))
+    gain_sigma = float(np.sqrt(excess / (weights * x * x).sum()))
+    _check_curvature(x, y, sigmas[used], gain)
     return PhotonTransfer(means, variances, used, gain, gain_sigma, end_dn)
 
 
@@ -405,16 +409,6 @@ def _check_curvature(means: Floats, variances: Floats, sigmas: Floats, gain: flo
             f"flats: the variance per mean changes by {100 * change:.0f} % over the levels, "
             f"expected less than {100 * MAX_CURVATURE:.0f} %: {_LINEAR}"
         )
-
-
-def _slope(means: Floats, variances: Floats, sigmas: Floats) -> tuple[float, float]:
-    """Slope of a line through the origin, and its standard deviation."""
-    weights = sigmas**-2
-    slope = float((weights * means * variances).sum() / (weights * means * means).sum())
-    residual = (variances - slope * means) / sigmas
-    excess = max(1.0, float(residual @ residual) / max(len(means) - 1, 1))
-    sigma = np.sqrt(excess / (weights * means * means).sum())
-    return slope, float(sigma)
 
 
 def _line(x: Floats, y: Floats, sigmas: Floats) -> tuple[Floats, Floats]:

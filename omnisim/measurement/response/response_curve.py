@@ -106,7 +106,15 @@ def measure_response(
     knots, light = _solved_curve(levels, times, used)
     curves["curve"] = lambda values: np.interp(values, knots, light)
     errors = {name: _error(curve, levels, times, used) for name, curve in curves.items()}
-    best = _simplest(errors)
+    # the function with the smallest error, or a simpler one that is nearly as good
+    nearly = [
+        name
+        for name in ("linear", "srgb")
+        if errors[name] <= 1.05 * min(errors["gamma"], errors[name]) + 2e-4
+    ]
+    best = (*nearly, "gamma")[0]
+    if errors[best] > math.hypot(errors["curve"], MAX_ERROR):
+        best = "curve"
     encodings = {
         "linear": Encoding(gamma=1.0),
         "srgb": Encoding(gamma="srgb"),
@@ -152,17 +160,6 @@ def _best_gamma(levels: Floats, times: Floats, used: Bools) -> float:
         return _error(lambda values: np.clip(values, 0.0, 1.0) ** gamma, levels, times, used)
 
     return float(minimize_scalar(error, bounds=(0.3, 4.0), method="bounded").x)
-
-
-def _simplest(errors: dict[str, float]) -> str:
-    """Name of the function with the smallest error, or of a simpler one that is nearly as good."""
-    for name in ("linear", "srgb"):
-        if errors[name] <= 1.05 * min(errors["gamma"], errors[name]) + 2e-4:
-            break
-    else:
-        name = "gamma"
-    limit = math.hypot(errors["curve"], MAX_ERROR)
-    return name if errors[name] <= limit else "curve"
 
 
 def _solved_curve(levels: Floats, times: Floats, used: Bools) -> tuple[Floats, Floats]:
@@ -387,19 +384,19 @@ def fit_profile(light: Floats, squared: Floats, offsets: Floats, brightest: floa
     ]
     judged = polynomials[-1].is_kept
     even = light / (1.0 + offsets @ polynomials[-1].gradient)
-    rate = min(_RATES, key=lambda one: _misfit(even[judged], squared[judged], float(one)))
-    wide = _fit(light, squared, offsets, MIN_TERMS + 1, float(rate), brightest)
+
+    def misfit(rate: float) -> float:  # sum of squared errors of a profile
+        terms = _terms(squared[judged], MIN_TERMS + 1, rate)
+        side = terms.T @ even[judged]
+        rest = side @ np.linalg.solve(terms.T @ terms, side)
+        return float(even[judged] @ even[judged] - rest)
+
+    rate = min(_RATES.tolist(), key=misfit)
+    wide = _fit(light, squared, offsets, MIN_TERMS + 1, rate, brightest)
     profiles = [*polynomials[:2], wide, *polynomials[2:]]  # by their number of unknowns
     errors = [float(np.sqrt(np.mean(np.square(one.residuals[judged])))) for one in profiles]
     limit = max(_MAX_ERROR_RATIO * min(errors), _MIN_ERROR * brightest)
     return next(one for one, rms in zip(profiles, errors, strict=True) if rms <= limit)
-
-
-def _misfit(light: Floats, squared: Floats, rate: float) -> float:
-    """Sum of squared errors of a profile fitted to light (blocks,)."""
-    terms = _terms(squared, MIN_TERMS + 1, rate)
-    side = terms.T @ light
-    return float(light @ light - side @ np.linalg.solve(terms.T @ terms, side))
 
 
 def _terms(squared: Floats, count: int, rate: float) -> Floats:

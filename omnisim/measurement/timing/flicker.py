@@ -103,12 +103,16 @@ def measure_timing(
             f"modulation: expected more than 0, at most 1, got {lamp_modulation:g}"
         )
     both = {"rows": profiles.rows, "columns": profiles.columns}
-    peaks = {lines: _peak(_without_scene(light)) for lines, light in both.items()}
-    lines = max(peaks, key=lambda axis: peaks[axis].ratio)
+    ratios, frequencies = {}, {}  # power of the strongest frequency over the median power
+    for lines, light in both.items():
+        power = _powers(_without_scene(light))
+        frequencies[lines] = int(np.argmax(power)) / (_FINE * light.shape[1])  # periods per line
+        ratios[lines] = float(power.max()) / (float(np.median(power[power > 0.0])) + 1e-30)
+    lines = max(ratios, key=lambda axis: ratios[axis])
     light = both[lines]
-    if peaks[lines].ratio < MIN_RATIO:
+    if ratios[lines] < MIN_RATIO:
         return _global_shutter(profiles, flicker_hz, name)
-    bands = _fit(light, peaks[lines].frequency)
+    bands = _fit(light, frequencies[lines])
     # reject frames that differ by more than bands and their harmonics, as of a pulsed lamp
     rest = _powers(1.0 + bands.profile - bands.fitted)
     order = np.arange(len(rest)) / (_FINE * bands.profile.shape[1] * bands.frequency)
@@ -145,13 +149,6 @@ def measure_timing(
     )
 
 
-class _Peak(NamedTuple):
-    """Strongest frequency of bands, periods per line; its power over the median power."""
-
-    frequency: float
-    ratio: float
-
-
 class _Bands(NamedTuple):
     """Fitted bands."""
 
@@ -167,14 +164,6 @@ def _without_scene(light: Floats) -> Floats:
     """Light (frames, lines), divided by each frame's mean, then by the mean frame (the scene)."""
     frames = light / light.mean(axis=1, keepdims=True)
     return frames / np.maximum(frames.mean(axis=0), 1e-9)
-
-
-def _peak(profile: Floats) -> _Peak:
-    """Strongest frequency of the power spectrum summed over the frames."""
-    power = _powers(profile)
-    best = int(np.argmax(power))
-    noise = float(np.median(power[power > 0.0])) + 1e-30
-    return _Peak(best / (_FINE * profile.shape[1]), float(power[best]) / noise)
 
 
 def _powers(profile: Floats) -> Floats:

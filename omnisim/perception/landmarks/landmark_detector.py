@@ -104,40 +104,27 @@ class LandmarkDetector:
         classes = self.classes(panorama)
         regions = find_regions(classes, len(self.model.colors), MIN_PX)
         doubled = wrapped_around(panorama)
-        measured: list[tuple[Landmark, LandmarkMeasurement]] = []
+        found: list[Detection] = []
         in_pillars: set[int] = set()
         for lower, upper in _stacked(regions):
             landmark = self._pillars.get((lower.color, upper.color))
             if landmark is None:
                 continue
-            finding = measure_pillar(self.panorama, doubled, lower, upper, landmark)
-            if finding is not None:
-                measured.append((landmark, finding))
+            detection = _measure_pillar(self.panorama, doubled, lower, upper, landmark)
+            if detection is not None:
+                found.append(detection)
                 in_pillars |= {id(lower), id(upper)}
         for region in regions:
             landmark = self._wide.get(region.color)
-            if landmark is None or id(region) in in_pillars:
-                continue
-            finding = measure_wide(self.panorama, doubled, region, landmark)
-            if finding is not None:
-                measured.append((landmark, finding))
-        best: dict[str, tuple[Landmark, LandmarkMeasurement]] = {}
-        for landmark, finding in measured:  # a landmark exists only once
-            other = best.get(landmark.name)
-            if other is None or finding.area_px > other[1].area_px:
-                best[landmark.name] = (landmark, finding)
-        return [self._detection(landmark, finding) for landmark, finding in best.values()]
-
-    def _detection(self, landmark: Landmark, finding: LandmarkMeasurement) -> Detection:
-        width = self.panorama.camera.width_px
-        start = finding.left // width * width  # boxes start within the panorama
-        return Detection(
-            landmark.name, wrap_angle(float(self.panorama.bearings_rad(finding.column))),
-            finding.range_m, finding.range_eq2_m,
-            finding.column_sigma_px / self.panorama.camera.focal_length_px, finding.range_sigma_m,
-            *(finding.left - start, finding.right - start, finding.top, finding.bottom),
-            finding.area_px,
-        )  # fmt: skip
+            if landmark is not None and id(region) not in in_pillars:
+                detection = _measure_wide(self.panorama, doubled, region, landmark)
+                found += [] if detection is None else [detection]
+        largest: dict[str, Detection] = {}
+        for detection in found:  # a landmark exists only once
+            other = largest.get(detection.landmark)
+            if other is None or detection.area_px > other.area_px:
+                largest[detection.landmark] = detection
+        return list(largest.values())
 
 
 def _add(known: dict[Key, Landmark], key: Key, landmark: Landmark) -> None:
@@ -212,25 +199,33 @@ MAX_SIGMAS = 4.0  # maximum disagreement of the edges of one landmark
 MAX_M = 30.0  # maximum range: beyond, landmarks of these sizes are below a pixel
 
 
-@dataclass(frozen=True)
-class LandmarkMeasurement:
-    """A landmark as measured, see `Detection`; columns may exceed the panorama's right edge."""
+def _detection(
+    panorama: Panorama,
+    landmark: Landmark,
+    column: float,
+    ranges_m: tuple[float, float, float],
+    box: tuple[int, int, int, int],
+    area_px: int,
+) -> Detection:
+    """Detection at a column, which may exceed the panorama's right edge, as may the box's.
 
-    column: float  # column at its bearing, with a fraction
-    column_sigma_px: float
-    range_m: float
-    range_eq2_m: float
-    range_sigma_m: float
-    left: int
-    right: int
-    top: int
-    bottom: int
-    area_px: int
+    Ranges are by the exact relation and by Eq. 2, and the standard deviation. The box is left,
+    right, top and bottom.
+    """
+    camera = panorama.camera
+    range_m, range_eq2_m, sigma_m = ranges_m
+    left, right, top, bottom = box
+    start = left // camera.width_px * camera.width_px  # boxes start within the panorama
+    return Detection(
+        landmark.name, wrap_angle(float(panorama.bearings_rad(column))), range_m, range_eq2_m,
+        COLUMN_SIGMA_PX / camera.focal_length_px, sigma_m,
+        left - start, right - start, top, bottom, area_px,
+    )  # fmt: skip
 
 
-def measure_pillar(
+def _measure_pillar(
     panorama: Panorama, pixels: Bytes, lower: Region, upper: Region, landmark: Landmark
-) -> LandmarkMeasurement | None:
+) -> Detection | None:
     """Measure a pillar from regions of its two upper bands; None: it has another size.
 
     `pixels` are the panorama's, sRGB, with its left half repeated on the right.
@@ -265,14 +260,11 @@ def measure_pillar(
     fitted = _fit_range(panorama, edges)
     if fitted is None:
         return None
-    range_m, range_eq2_m, sigma_m = fitted
-    width_px = 2.0 * radius_m / range_m * panorama.camera.focal_length_px
+    width_px = 2.0 * radius_m / fitted[0] * panorama.camera.focal_length_px
     if not 0.4 * width_px - 1.5 <= right - left <= 1.8 * width_px + 2.5:
         return None
-    return LandmarkMeasurement(
-        column, COLUMN_SIGMA_PX, range_m, range_eq2_m, sigma_m,
-        left, right, upper.top, lower.bottom, lower.area_px + upper.area_px,
-    )  # fmt: skip
+    box = left, right, upper.top, lower.bottom
+    return _detection(panorama, landmark, column, fitted, box, lower.area_px + upper.area_px)
 
 
 def _inner(region: Region, first: int) -> slice:
@@ -332,9 +324,9 @@ def _fit_range(
     return None
 
 
-def measure_wide(
+def _measure_wide(
     panorama: Panorama, pixels: Bytes, region: Region, landmark: Landmark
-) -> LandmarkMeasurement | None:
+) -> Detection | None:
     """Measure a wide landmark of one color on the ground; None: the region cannot be the landmark.
 
     `pixels` are the panorama's, sRGB, with its left half repeated on the right.
@@ -376,11 +368,11 @@ def measure_wide(
     sigma_m = math.hypot(sigma_m, CORNER_SIGMA_M)
     if is_cut:  # the top that is seen may be that of its far end
         sigma_m += longest
-    return LandmarkMeasurement(
-        region.left + 0.5 * (width - 1), COLUMN_SIGMA_PX, range_m,
-        float(panorama.ranges_eq2_m(panorama.rows(range_m, height_m), height_m)), sigma_m,
-        region.left, region.right, region.top, region.bottom, region.area_px,
-    )  # fmt: skip
+    range_eq2_m = float(panorama.ranges_eq2_m(panorama.rows(range_m, height_m), height_m))
+    box = region.left, region.right, region.top, region.bottom
+    column = region.left + 0.5 * (width - 1)
+    ranges_m = range_m, range_eq2_m, sigma_m
+    return _detection(panorama, landmark, column, ranges_m, box, region.area_px)
 
 
 def _lower_edges(pixels: Bytes, bottom: Indices, columns: Indices) -> Floats:

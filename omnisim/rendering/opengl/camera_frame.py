@@ -8,7 +8,7 @@ levels. `CameraFrame` makes the image of it: sampling, exposure, degradation, re
 from __future__ import annotations
 
 from collections.abc import Generator, Sequence
-from contextlib import closing
+from contextlib import closing, nullcontext
 from typing import TYPE_CHECKING
 
 import moderngl
@@ -21,8 +21,7 @@ from omnisim.core.short_repr import counted
 from omnisim.rendering.atlas.image_parts import ImagePart
 from omnisim.rendering.atlas.tile_plan import Tile, TilePlan
 from omnisim.rendering.contract import Readback, ScenePoses, SubFrames
-from omnisim.rendering.opengl.capture.atlas_levels import AtlasLevels
-from omnisim.rendering.opengl.capture.image_pass import image_pass
+from omnisim.rendering.opengl.capture.image_pass import AtlasLevels, image_pass
 from omnisim.rendering.opengl.capture.mesh_and_lens import PixelMap
 from omnisim.rendering.opengl.gl.buffers import gpu_allocation
 from omnisim.rendering.opengl.gl.framebuffers import (
@@ -48,7 +47,7 @@ from omnisim.rendering.opengl.gl.pixel_readback import (
     read_once,
 )
 from omnisim.rendering.opengl.scene_view import SceneView, TileRenderer, VirtualCameras
-from omnisim.rendering.opengl.surfaces.sky_pass import SkyPass
+from omnisim.rendering.opengl.surfaces.scene_drawer import SkyPass
 from omnisim.rendering.opengl.surfaces.surface_program import SurfacePrograms
 from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
 
@@ -171,6 +170,24 @@ class AtlasLayers:
         self.drawn: tuple[SceneView, moderngl.Framebuffer] | None = None
 
 
+class TriangleCounter:
+    """Counts the triangles that are submitted within `with` blocks, and waits for the GPU.
+
+    Attributes:
+        triangles: their number, of all blocks.
+    """
+
+    def __init__(self, context: moderngl.Context):
+        self._query, self.triangles = context.query(primitives=True), 0
+
+    def __enter__(self) -> None:
+        self._query.__enter__()
+
+    def __exit__(self, *raised: object) -> None:
+        self._query.__exit__(*raised)
+        self.triangles += self._query.primitives
+
+
 class CubePass:
     """Draws what the virtual cameras at the effective viewpoint see: tiles, in one atlas texture.
 
@@ -185,10 +202,13 @@ class CubePass:
         plan: see the arguments.
         atlas: linear RGBA half floats, top row of each face's image first.
         levels: its mip levels.
+        counter: counts the triangles of `draw`; None: they are not counted.
 
     Raises:
         GraphicsError: the atlas is larger than the GPU allows.
     """
+
+    counter: TriangleCounter | None = None
 
     def __init__(
         self,
@@ -320,7 +340,8 @@ class CubePass:
                 for mirrors in view.mirrors:
                     mirrors.render(view, shot)
                 view.tiles.begin(target, [(*self._background, 1.0)])
-                view.draw(target, some)
+                with self.counter or nullcontext():
+                    view.draw(target, some)
                 if self._is_multisampled:
                     resolve(self._resolved, target)
         (self if layers is None else layers).levels.draw(len(shots))

@@ -24,7 +24,7 @@ from omnisim.rendering.contract import (
     SubFrames,
     seen_background,
 )
-from omnisim.rendering.opengl.camera_frame import CameraFrame, CubePass
+from omnisim.rendering.opengl.camera_frame import CameraFrame, CubePass, TriangleCounter
 from omnisim.rendering.opengl.capture.mesh_and_lens import PixelMap
 from omnisim.rendering.opengl.gl.context import collect_garbage, graphics_info
 from omnisim.rendering.opengl.gl.gpu_textures import check_image_size
@@ -95,6 +95,15 @@ class OpenGLCamera(CameraBackend, Generic[HitsT]):
             held.camera_rays = self._camera_rays
             collect_garbage(self._drawn.buffers.context)
         return held
+
+    def count_drawn(self, poses: ScenePoses) -> int:
+        """Draw an image once more, and count the triangles that its virtual cameras draw."""
+        counter = self.cube.counter = TriangleCounter(self._drawn.buffers.context)
+        try:
+            self.frame.draw(poses, linear=False)
+        finally:
+            self.cube.counter = None
+        return counter.triangles
 
     @cached_property
     def _camera_rays(self) -> CameraRays:

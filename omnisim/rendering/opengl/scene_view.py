@@ -23,9 +23,8 @@ from omnisim.rendering.opengl.culling.cluster_culling import (
     Views,
 )
 from omnisim.rendering.opengl.gl.buffers import written_buffer
-from omnisim.rendering.opengl.gl.reversed_depth import CLEAR_DEPTH
 from omnisim.rendering.opengl.gl.shader_files import columns_first
-from omnisim.rendering.opengl.gl.state import GlState
+from omnisim.rendering.opengl.gl.state import CLEAR_DEPTH, GlState
 from omnisim.rendering.opengl.surfaces.cluster_drawer import (
     BlendedDrawer,
     BucketProgram,
@@ -34,8 +33,7 @@ from omnisim.rendering.opengl.surfaces.cluster_drawer import (
     arrays_of,
     can_sort,
 )
-from omnisim.rendering.opengl.surfaces.scene_drawer import P, SceneDrawer
-from omnisim.rendering.opengl.surfaces.sky_pass import SkyPass
+from omnisim.rendering.opengl.surfaces.scene_drawer import P, SceneDrawer, SkyPass
 from omnisim.rendering.opengl.surfaces.surface_program import (
     SurfaceProgram,
     SurfacePrograms,

@@ -2,6 +2,6 @@
 
 In the order of a ray: `ray_backend` opens a scene and aims rays at a camera's samples; `ray_scene`
 follows each through surfaces; `caster` finds the triangles that it hits, in the tables of
-`geometry`; `shading` lights them. `pixel_hits` and `beams` make ground truth and scans of hits.
-`scene_rays` is what another back end asks for.
+`geometry`; `shading` lights them. `cast_beams` makes scans of hits, and `scene_rays` ground truth,
+also for a back end that draws.
 """

@@ -41,9 +41,8 @@ from omnisim.rendering.degraded_camera import DegradedCamera
 from omnisim.rendering.pixel_rays import Band, PixelRays, moved_points, starts_of_rays
 from omnisim.rendering.rays.cast_beams import Beams, LidarCaster
 from omnisim.rendering.rays.caster import DepthLimits
-from omnisim.rendering.rays.pixel_hits import cast_hits, cast_occlusion
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
-from omnisim.rendering.rays.scene_rays import CastCamera, CastScene
+from omnisim.rendering.rays.scene_rays import CastCamera, CastScene, cast_hits, cast_occlusion
 from omnisim.rendering.rays.shading.ray_optics import Paths
 from omnisim.scene import Scene
 

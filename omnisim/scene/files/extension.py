@@ -16,39 +16,19 @@ from omnisim.core.errors import SceneError, TrajectoryError, did_you_mean
 from omnisim.core.files.sources import SourceReader
 from omnisim.core.files.toml_file import find_beside
 from omnisim.core.poses import inverse, pose_from_rotation, rotation_from_yaw
-from omnisim.scene.files.scene_file import (
-    MaterialTable,
-    ObjectPathTable,
-    ObjectTable,
-    ObjectTrajectoryTable,
-    SceneFile,
-)
+from omnisim.scene import model
+from omnisim.scene.files import scene_file
 from omnisim.scene.formats.imported_scene import ImportedObject
 from omnisim.scene.light.light_tables import LampTable, SunTable
 from omnisim.scene.light.lighting import FILL_AMBIENT, expose, is_even
 from omnisim.scene.light.sky import sun_illuminance_lx, sun_position
-from omnisim.scene.model import (
-    AlphaMode,
-    DynamicObject,
-    Fog,
-    Instance,
-    Landmark,
-    Light,
-    Lighting,
-    LightKind,
-    Material,
-    NamedStart,
-    Scene,
-    ScenePath,
-    Texture,
-)
 from omnisim.scene.motion.object_motion import Along, FreeBody, Orbit, Rest, Rolling, Shuttle
 from omnisim.scene.surface_kind import SurfaceKind, kind_of
 
-Named = Sequence[NamedStart | ScenePath | Landmark | DynamicObject]
+Named = Sequence[model.NamedStart | model.ScenePath | model.Landmark | model.DynamicObject]
 
 
-def extend(base: Scene, additions: Scene, source: str) -> Scene:
+def extend(base: model.Scene, additions: model.Scene, source: str) -> model.Scene:
     """Scene that combines the starts, paths and landmarks of two scenes.
 
     Args:
@@ -70,7 +50,9 @@ def extend(base: Scene, additions: Scene, source: str) -> Scene:
     )
 
 
-def with_objects(scene: Scene, objects: tuple[DynamicObject, ...], source: str) -> Scene:
+def with_objects(
+    scene: model.Scene, objects: tuple[model.DynamicObject, ...], source: str
+) -> model.Scene:
     """Scene with additional dynamic objects.
 
     Raises:
@@ -82,14 +64,14 @@ def with_objects(scene: Scene, objects: tuple[DynamicObject, ...], source: str) 
     return dataclasses.replace(scene, objects=(*scene.objects, *objects))
 
 
-def with_moving_instances(scene: Scene, objects: Sequence[ImportedObject]) -> Scene:
+def with_moving_instances(scene: model.Scene, objects: Sequence[ImportedObject]) -> model.Scene:
     """Scene in which a file's moving instances become dynamic objects."""
     if not objects:
         return scene
     moving = {number for one in objects for number in one.instances}
     static_numbers = [number for number in range(len(scene.instances)) if number not in moving]
     new_objects = tuple(
-        DynamicObject(
+        model.DynamicObject(
             one.name,
             dataclasses.replace(
                 _part(scene, one.instances, inverse(one.motion.pose_at(0.0))),
@@ -103,7 +85,7 @@ def with_moving_instances(scene: Scene, objects: Sequence[ImportedObject]) -> Sc
     return dataclasses.replace(_part(scene, static_numbers, np.eye(4)), objects=new_objects)
 
 
-def _part(scene: Scene, numbers: Sequence[int], part_from_world: Floats) -> Scene:
+def _part(scene: model.Scene, numbers: Sequence[int], part_from_world: Floats) -> model.Scene:
     """Scene with some of the instances, and only the meshes and materials that they use."""
     instances = [scene.instances[number] for number in numbers]
     mesh_at = {number: at for at, number in enumerate(sorted({one.mesh for one in instances}))}
@@ -116,7 +98,7 @@ def _part(scene: Scene, numbers: Sequence[int], part_from_world: Floats) -> Scen
         ),
         materials=tuple(scene.materials[number] for number in material_at),
         instances=tuple(
-            Instance(
+            model.Instance(
                 one.name,
                 mesh_at[one.mesh],
                 part_from_world @ one.world_from_mesh,
@@ -142,7 +124,9 @@ def _check_distinct(
 _WITH_GLOSS = ("roughness", "ior", "specular_color")
 
 
-def with_materials(scene: Scene, tables: Sequence[MaterialTable], source: Path) -> Scene:
+def with_materials(
+    scene: model.Scene, tables: Sequence[scene_file.MaterialTable], source: Path
+) -> model.Scene:
     """Scene with changed materials, also of its dynamic objects.
 
     Args:
@@ -165,7 +149,8 @@ def with_materials(scene: Scene, tables: Sequence[MaterialTable], source: Path) 
     changes_of: dict[str, dict[str, Any]] = {}
     for number, table in enumerate(tables):
         for pattern in table.names:
-            matched = [name for name in names if _matches(name, pattern)]
+            wildcards = pattern.replace("[", "[[]")  # only * and ? are wildcards
+            matched = [name for name in names if fnmatchcase(name, wildcards)]
             if not matched:
                 hint = did_you_mean(pattern, names, "the scene has")
                 raise SceneError(
@@ -173,7 +158,7 @@ def with_materials(scene: Scene, tables: Sequence[MaterialTable], source: Path) 
                 )
             for name in matched:
                 changes_of.setdefault(name, {}).update(table.changes)
-    changed: dict[int, Material] = {}
+    changed: dict[int, model.Material] = {}
     for shape in shapes:
         for material in shape.materials:
             if material.name in changes_of and id(material) not in changed:
@@ -187,7 +172,7 @@ def with_materials(scene: Scene, tables: Sequence[MaterialTable], source: Path) 
     return dataclasses.replace(scene, objects=objects, notices=tuple(dict.fromkeys(notices)))
 
 
-def changes_light(before: Scene, after: Scene) -> bool:
+def changes_light(before: model.Scene, after: model.Scene) -> bool:
     """True if other materials change the light on static surfaces, and so a bake.
 
     The roughness and strength of gloss do not, unless it is a mirror: bakes spread what it reflects
@@ -199,22 +184,18 @@ def changes_light(before: Scene, after: Scene) -> bool:
     return any(_lit_properties(one) != _lit_properties(other) for one, other in pairs)
 
 
-def _matches(name: str, pattern: str) -> bool:
-    return fnmatchcase(name, pattern.replace("[", "[[]"))
-
-
-def _changed(material: Material, changes: Mapping[str, Any]) -> Material:
+def _changed(material: model.Material, changes: Mapping[str, Any]) -> model.Material:
     """Material with other properties; one that begins to transmit light is no longer blended."""
     properties = dict(changes)
     alpha = material.base_color[3]
-    if properties.get("transmission") and material.alpha_mode is AlphaMode.BLEND:
-        properties["alpha_mode"], alpha = AlphaMode.OPAQUE, 1.0
+    if properties.get("transmission") and material.alpha_mode is model.AlphaMode.BLEND:
+        properties["alpha_mode"], alpha = model.AlphaMode.OPAQUE, 1.0
     red, green, blue = properties.get("base_color", material.base_color[:3])
     properties["base_color"] = (red, green, blue, alpha)
     return dataclasses.replace(material, **properties)
 
 
-def _without_effect(material: Material, changes: Mapping[str, Any], source: str) -> list[str]:
+def _without_effect(material: model.Material, changes: Mapping[str, Any], source: str) -> list[str]:
     """Notices on changes that a material does not show."""
     where = f"{source}: materials: {material.name!r}"
     if material.unlit:
@@ -225,29 +206,29 @@ def _without_effect(material: Material, changes: Mapping[str, Any], source: str)
     return [f"{where}: no effect of {', '.join(keys)} without specular or metallic"] if keys else []
 
 
-def _with_changed(scene: Scene, changed: Mapping[int, Material]) -> Scene:
+def _with_changed(scene: model.Scene, changed: Mapping[int, model.Material]) -> model.Scene:
     materials = tuple(changed.get(id(one), one) for one in scene.materials)
     return dataclasses.replace(scene, materials=materials)
 
 
-def _lit_properties(material: Material) -> tuple[Any, ...]:
+def _lit_properties(material: model.Material) -> tuple[Any, ...]:
     """Plain properties on which light depends; textures and arrays are left out."""
     if not (material.transmission or kind_of(material) & SurfaceKind.MIRROR):
         return material.base_color, material.alpha_mode, material.emissive
     values = (getattr(material, field.name) for field in dataclasses.fields(material))
-    return tuple(one for one in values if not isinstance(one, Texture | np.ndarray))
+    return tuple(one for one in values if not isinstance(one, model.Texture | np.ndarray))
 
 
 # Dynamic objects of a scene's TOML file: their shapes and motions.
 
 
 # Loader of an object's shape from a file, with an up axis and an animation.
-LoadShape = Callable[[Path, str | None, str | None], Scene]
+LoadShape = Callable[[Path, str | None, str | None], model.Scene]
 
 
 def load_object(
-    table: ObjectTable, folder: Path, load_shape: LoadShape, reader: SourceReader
-) -> DynamicObject:
+    table: scene_file.ObjectTable, folder: Path, load_shape: LoadShape, reader: SourceReader
+) -> model.DynamicObject:
     """Load a dynamic object of a scene's TOML file.
 
     Args:
@@ -271,17 +252,17 @@ def load_object(
     except TrajectoryError as reason:
         raise SceneError(f"{where}: {reason}") from None
     if table.rolling_radius_m is not None and not isinstance(motion, Rest):
-        return DynamicObject(table.name, shape, Rolling(motion, table.rolling_radius_m))
-    return DynamicObject(table.name, shape, motion)
+        return model.DynamicObject(table.name, shape, Rolling(motion, table.rolling_radius_m))
+    return model.DynamicObject(table.name, shape, motion)
 
 
 def _motion(
-    table: ObjectTable, folder: Path, reader: SourceReader
+    table: scene_file.ObjectTable, folder: Path, reader: SourceReader
 ) -> Along | Orbit | Shuttle | Rest:
     match table.motion:
         case None:
             return table.build(Rest if table.mass_kg is None else FreeBody)
-        case ObjectPathTable() as path:
+        case scene_file.ObjectPathTable() as path:
             from omnisim.core.trajectories import Trajectory
 
             yaw_deg = path.yaw_deg or (0.0,) * len(path.times_s)
@@ -294,7 +275,7 @@ def _motion(
             rotations = rotation_from_yaw(np.radians(yaw_deg))
             poses = pose_from_rotation(rotations, np.array(path.positions_m))
             return Along(Trajectory(np.array(path.times_s), poses), path.repeats)
-        case ObjectTrajectoryTable() as along:
+        case scene_file.ObjectTrajectoryTable() as along:
             from omnisim.core.trajectories import read_trajectory
 
             return Along(read_trajectory(reader.note(folder / along.file)), along.repeats)
@@ -312,7 +293,7 @@ def _motion(
 _VISIBLE_CONTRAST = 0.05
 
 
-def lit_scene(scene: Scene, settings: SceneFile) -> Scene:
+def lit_scene(scene: model.Scene, settings: scene_file.SceneFile) -> model.Scene:
     """Scene with the light and fog of its TOML file.
 
     Lamps added to a base scene with a sky use the base scene's exposure.
@@ -344,11 +325,11 @@ def lit_scene(scene: Scene, settings: SceneFile) -> Scene:
         others = {}
         if fog.visibility_m is not None:
             others["attenuation_per_m"] = (-math.log(_VISIBLE_CONTRAST) / fog.visibility_m,) * 3
-        lighting = dataclasses.replace(lighting, fog=fog.build(Fog, **others))
+        lighting = dataclasses.replace(lighting, fog=fog.build(model.Fog, **others))
     return scene if lighting is scene.lighting else dataclasses.replace(scene, lighting=lighting)
 
 
-def _with_lamps(scene: Scene, lamps: tuple[Light, ...]) -> Lighting:
+def _with_lamps(scene: model.Scene, lamps: tuple[model.Light, ...]) -> model.Lighting:
     """Lighting of a scene with additional lamps, which replace even light."""
     before = scene.lighting
     was_even = is_even(before)
@@ -361,20 +342,20 @@ def _with_lamps(scene: Scene, lamps: tuple[Light, ...]) -> Lighting:
     )
 
 
-def _lamp(table: LampTable) -> Light:
+def _lamp(table: LampTable) -> model.Light:
     others: dict[str, Any] = {"casts_shadow": table.shadows}
     if table.position_m is not None:
         others["position_m"] = np.array(table.position_m)
     if table.direction is not None:
         others["direction"] = np.array(table.direction) / np.linalg.norm(table.direction)
-    if table.kind is LightKind.SPOT:
+    if table.kind is model.LightKind.SPOT:
         inner = math.radians(table.inner_deg or 0.0)
         outer = math.radians(45.0 if table.outer_deg is None else table.outer_deg)
         others["cone_cosines"] = (math.cos(inner), math.cos(outer))
-    return table.build(Light, **others)
+    return table.build(model.Light, **others)
 
 
-def _sun(table: SunTable) -> list[Light]:
+def _sun(table: SunTable) -> list[model.Light]:
     """Sun as a list of one light, empty if it is below the horizon."""
     position = sun_position(table.time, table.latitude_deg, table.longitude_deg)
     if position.elevation_deg <= 0.0:
@@ -382,8 +363,8 @@ def _sun(table: SunTable) -> list[Light]:
     level = table.illuminance_lx or sun_illuminance_lx(position.elevation_deg)
     return [
         table.build(
-            Light,
-            kind=LightKind.DIRECTIONAL,
+            model.Light,
+            kind=model.LightKind.DIRECTIONAL,
             intensity=level,
             direction=position.direction(table.north_deg),
             casts_shadow=table.shadows,

@@ -7,7 +7,7 @@ import math
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,34 +17,18 @@ from omnisim.core.files.parameters import parse_table
 from omnisim.core.files.sources import SourceReader, source_digest
 from omnisim.core.files.toml_file import base_source, find_beside, read_tables
 from omnisim.core.package_files import SCENES, built_in
-from omnisim.scene.files.extension import (
-    changes_light,
-    extend,
-    lit_scene,
-    load_object,
-    with_materials,
-    with_moving_instances,
-    with_objects,
-)
+from omnisim.scene import model
+from omnisim.scene.files import extension
 from omnisim.scene.files.readers import check_format, read_file
 from omnisim.scene.files.scene_file import SceneFile
 from omnisim.scene.formats.gltf.nodes import NO_ANIMATION, AnimationChoice
 from omnisim.scene.formats.imported_scene import FileAxes, ImportedScene, place
-from omnisim.scene.identity import identity_of_files
+from omnisim.scene.identity import SourceDigests
 from omnisim.scene.labels import label_rules
 from omnisim.scene.light.baked import with_baked_light
 from omnisim.scene.light.light_tables import SkyTable, SunTable
 from omnisim.scene.light.lighting import DEFAULT_BACKGROUND, expose, with_environment
 from omnisim.scene.light.sky import with_sky
-from omnisim.scene.model import (
-    MAX_LIGHTS,
-    ColorBand,
-    Landmark,
-    Lighting,
-    Scene,
-    StartPose,
-    bounds_m,
-)
 from omnisim.scene.space.start_pose import default_start, find_start
 
 MAX_NOTICE = 300
@@ -65,7 +49,7 @@ def load_scene(
     animation: str | None = None,
     sky: str | Path | None = None,
     baked: str | Path | None = None,
-) -> Scene:
+) -> model.Scene:
     """Load a scene from a mesh file, a scene TOML file or a built-in name.
 
     The world is in meters with z up: a Y-up point (x, y, z) becomes (x, −z, y).
@@ -105,7 +89,7 @@ def read_scene(
     sky: str | Path | None = None,
     baked: str | Path | None = None,
     reader: SourceReader | None = None,
-) -> Scene:
+) -> model.Scene:
     """Load a scene like `load_scene` but without warnings, for callers that print its notices.
 
     Args:
@@ -132,7 +116,8 @@ def read_scene(
     if reader is not None:
         reader.update(own_reader)
         reader.update(bake_reader)
-    identity = identity_of_files(files.folder, own_reader, options, light)
+    content = source_digest(own_reader.digest(files.folder), options)
+    identity = SourceDigests(content, light)
     if bake is not None:
         identity = identity.baked(bake_reader.digest(bake))
     return scene.identified(identity)
@@ -153,7 +138,7 @@ class _Options(NamedTuple):
 class _Built(NamedTuple):
     """Scene from files, before it is identified."""
 
-    scene: Scene
+    scene: model.Scene
     light: str  # digest of the inputs of its light: those of the mesh file, and keys that change it
 
 
@@ -189,18 +174,19 @@ def _build(
     built = _with_materials(built, files, options, reader, outer)
     scene, light = _lit(built, files, folder, reader)
 
-    def load_shape(path: Path, axis: str | None, animation: str | None) -> Scene:
+    def load_shape(path: Path, axis: str | None, animation: str | None) -> model.Scene:
         played = animation or NO_ANIMATION
         shape = _Options(FileAxes(axis), options.resources, played, is_shape=True, keeps_sky=False)
         return _build(_resolve(path, reader), shape, reader, outer).scene
 
     try:
         objects = tuple(
-            load_object(table, files.folder, load_shape, reader) for table in files.settings.objects
+            extension.load_object(table, files.folder, load_shape, reader)
+            for table in files.settings.objects
         )
     except SceneError as reason:
         raise SceneError(f"{files.toml}: {reason}") from None
-    scene = with_objects(scene, objects, str(files.toml))
+    scene = extension.with_objects(scene, objects, str(files.toml))
     baked = files.settings.light.baked
     if baked is not None and options.takes_baked:
         scene = with_baked_light(scene, files.folder / baked, reader, light)
@@ -210,29 +196,21 @@ def _build(
 def _lit(built: _Built, files: SceneSource, folder: Path, reader: SourceReader) -> _Built:
     """Scene lit by its settings; its light follows from their keys and from the sky's map."""
     settings, sky_reader = files.settings, SourceReader()
-    scene = lit_scene(built.scene, settings)
+    scene = extension.lit_scene(built.scene, settings)
     if settings.sky is not None:
         toml = str(files.toml or files.mesh_file)
         scene = with_sky(
             scene, settings.sky, settings.light, settings.sun, toml, folder, sky_reader
         )
         reader.update(sky_reader)
-    keys = _light_keys(settings)
-    light = source_digest(built.light, keys, sky_reader.digest(folder)) if keys else built.light
-    return _Built(scene, light)
-
-
-def _light_keys(settings: SceneFile) -> dict[str, Any]:
-    """Non-default keys of a scene file that affect the light on surfaces.
-
-    The path of a sky map is excluded: its content counts.
-    """
     keys = settings.model_dump(
         mode="json", include=_LIGHT_KEYS, exclude_defaults=True, exclude={"light": {"baked"}}
     )
-    if settings.sky is not None:
+    if settings.sky is not None:  # of a map, the content counts, not its path
         keys["sky"] = settings.sky.model_dump(mode="json", exclude={"file"})
-    return {key: value for key, value in keys.items() if value or key == "sky"}
+    keys = {key: value for key, value in keys.items() if value or key == "sky"}
+    light = source_digest(built.light, keys, sky_reader.digest(folder)) if keys else built.light
+    return _Built(scene, light)
 
 
 def _build_extended(
@@ -249,21 +227,8 @@ def _build_extended(
         base, light = _build(_resolve(files.base, reader), options, reader, outer)
     except SceneError as reason:
         raise SceneError(f"{files.toml}: extends = {settings.extends!r}: {reason}") from None
-    extended = extend(
-        base,
-        dataclasses.replace(
-            base,
-            name=files.name,
-            lighting=_lighting(base.lighting, settings),
-            background=settings.background or base.background,
-            start=_start(settings) or base.start,
-            starts=settings.starts,
-            paths=settings.paths,
-            landmarks=_landmarks(settings),
-            labels=label_rules(settings.labels) or base.labels,
-        ),
-        str(files.toml),
-    )
+    named = dataclasses.replace(base, name=files.name)
+    extended = extension.extend(base, _with_settings(named, settings), str(files.toml))
     return _Built(extended, light)
 
 
@@ -280,12 +245,12 @@ def _with_materials(
     """
     tables, toml = files.settings.materials, files.toml
     assert toml is not None
-    changed = with_materials(built.scene, tables, toml)
-    if not changes_light(built.scene, changed):
+    changed = extension.with_materials(built.scene, tables, toml)
+    if not extension.changes_light(built.scene, changed):
         return _Built(changed, built.light)
     if changed.lighting.baked is not None:
         unbaked = _build_extended(files, options._replace(takes_baked=False), reader, outer)
-        changed = with_materials(unbaked.scene, tables, toml)
+        changed = extension.with_materials(unbaked.scene, tables, toml)
         notice = f"{toml.name}: materials change the light: without the bake of the base scene"
         changed = dataclasses.replace(changed, notices=(*changed.notices, notice))
     keys = [one.model_dump(mode="json") for one in tables]
@@ -308,7 +273,7 @@ def _build_mesh_file(files: SceneSource, options: _Options, reader: SourceReader
             read, matrix = read_file(path, file_reader, axes, options.resources, choice, chosen)
             has_unit = axes.meters_per_unit is not None
             scene = _scene(files.name, path, read, matrix, settings, options.is_shape, has_unit)
-            scene = with_moving_instances(scene, read.objects)
+            scene = extension.with_moving_instances(scene, read.objects)
         except SceneError as reason:
             raise SceneError(f"{path}: {reason}") from None
     except OSError as reason:  # no permission, or a name too long
@@ -329,17 +294,19 @@ def _scene(
     settings: SceneFile,
     is_shape: bool,
     has_unit: bool,
-) -> Scene:
+) -> model.Scene:
     """Scene from a file's contents and the settings of its TOML file, which may state its unit."""
     instances = place(read, matrix)
     if not is_shape and not has_unit:
         unit = float(np.linalg.norm(matrix[:3, 0]))
-        read.notices.extend(_size_notices(bounds_m(read.meshes, instances), unit))
-    if len(read.lights) > MAX_LIGHTS:
-        read.notices.append(f"has {len(read.lights)} lights: the {MAX_LIGHTS} strongest shine")
+        read.notices.extend(_size_notices(model.bounds_m(read.meshes, instances), unit))
+    if len(read.lights) > model.MAX_LIGHTS:
+        read.notices.append(
+            f"has {len(read.lights)} lights: the {model.MAX_LIGHTS} strongest shine"
+        )
     # a shape needs no start pose, so the search for one is skipped
     start = (
-        default_start(bounds_m(read.meshes, instances))
+        default_start(model.bounds_m(read.meshes, instances))
         if is_shape or settings.start is not None or read.start is not None
         else find_start(read.meshes, instances)
     )
@@ -347,20 +314,35 @@ def _scene(
     background = read.background or (lighting.ambient if read.dome else DEFAULT_BACKGROUND)
     if read.environment is not None:
         lighting = with_environment(lighting, read.environment)
-    return Scene(
-        name=name,
-        meshes=read.meshes,
-        materials=read.materials,
-        instances=instances,
-        lighting=_lighting(lighting, settings),
-        background=settings.background or background,
-        start=_start(settings) or read.start or start,
+    scene = model.Scene(
+        name,
+        read.meshes,
+        read.materials,
+        instances,
+        lighting,
+        background,
+        read.start or start,
         notices=tuple(printable(f"{path.name}: {notice}", MAX_NOTICE) for notice in read.notices),
+        labels=read.labels,
+        cameras=read.cameras,
+    )
+    return _with_settings(scene, settings)
+
+
+def _with_settings(scene: model.Scene, settings: SceneFile) -> model.Scene:
+    """Scene with the shading, background, poses, landmarks and labels of its TOML file."""
+    start, shading = settings.start, settings.light.shading
+    return dataclasses.replace(
+        scene,
+        lighting=scene.lighting
+        if shading is None
+        else dataclasses.replace(scene.lighting, is_matte=shading == "matte"),
+        background=settings.background or scene.background,
+        start=scene.start if start is None else start.build(model.StartPose),
         starts=settings.starts,
         paths=settings.paths,
         landmarks=_landmarks(settings),
-        labels=label_rules(settings.labels) or read.labels,
-        cameras=read.cameras,
+        labels=label_rules(settings.labels) or scene.labels,
     )
 
 
@@ -375,27 +357,16 @@ def _size_notices(bounds: Floats, meters_per_unit: float) -> list[str]:
     return [f"is {sides} m: if those are {unit}, set meters_per_unit = {likely:g}, else {stated:g}"]
 
 
-def _lighting(lighting: Lighting, settings: SceneFile) -> Lighting:
-    """Lighting with the `shading` setting of a TOML file."""
-    if settings.light.shading is None:
-        return lighting
-    return dataclasses.replace(lighting, is_matte=settings.light.shading == "matte")
-
-
-def _start(settings: SceneFile) -> StartPose | None:
-    return None if settings.start is None else settings.start.build(StartPose)
-
-
-def _landmarks(settings: SceneFile) -> tuple[Landmark, ...]:
+def _landmarks(settings: SceneFile) -> tuple[model.Landmark, ...]:
     """Landmarks with the palette's colors; each band starts at the top of the previous one."""
     landmarks = []
     for table in settings.landmarks:
         bottoms_m = (0.0, *(band.top_m for band in table.bands[:-1]))
         bands = tuple(
-            ColorBand(band.color, settings.palette[band.color], bottom_m, band.top_m)
+            model.ColorBand(band.color, settings.palette[band.color], bottom_m, band.top_m)
             for bottom_m, band in zip(bottoms_m, table.bands, strict=True)
         )
-        landmarks.append(Landmark(table.name, table.position_m, table.footprint_m, bands))
+        landmarks.append(model.Landmark(table.name, table.position_m, table.footprint_m, bands))
     return tuple(landmarks)
 
 

@@ -90,23 +90,20 @@ def read_file(
     # every reader except glTF's is slow to import, or requires an extra
     with large_textures():
         data = b"" if found == "usd" else reader.read(path)
+        matrix = world_from_file(suffix, data, axes)  # a stage states its own
         if found == "gltf":
-            matrix = world_from_file(suffix, data, axes)
             read = read_gltf(data, textures, assets, matrix, animation)
         elif found == "sdf":
             from omnisim.scene.formats.sdf.reader import read_sdf
 
-            matrix = world_from_file(suffix, data, axes)
             read = read_sdf(path, data, textures, resources, matrix)
         elif found == "urdf":
             from omnisim.scene.formats.urdf.reader import read_urdf
 
             read = read_urdf(path, data, textures, resources, urdf_materials)
-            matrix = world_from_file(suffix, data, axes)
         elif found == "mjcf":
             from omnisim.scene.formats.mjcf.reader import read_mjcf
 
-            matrix = world_from_file(suffix, data, axes)
             read = read_mjcf(path, matrix, reader)
         elif found == "usd":
             from omnisim.scene.formats.usd.reader import read_usd
@@ -120,7 +117,6 @@ def read_file(
                 read.notices.append(
                     "states no up axis: y is up, as COLLADA says; RViz and Gazebo take z (up_axis)"
                 )
-            matrix = world_from_file(suffix, data, axes)
     if not read.instances:
         raise SceneError("; ".join(["has no triangles to draw", *read.notices[:1]]))
     notices = [*assets.notices, *textures.notices, *material_notices(read), *read.notices]

@@ -10,19 +10,9 @@ from pydantic import AfterValidator, Field, ValidationInfo, field_validator, mod
 
 from omnisim.core.errors import did_you_mean
 from omnisim.core.files.parameters import AboveZero, Flag, Name, Number, Point, Table, overriding
+from omnisim.scene import parts
 from omnisim.scene.light.light_tables import FogTable, LampTable, LightTable, SkyTable, SunTable
 from omnisim.scene.motion.object_motion import FreeBody, Orbit, Shuttle
-from omnisim.scene.parts import (
-    ColorBand,
-    LabelRule,
-    Landmark,
-    LinearRgb,
-    Material,
-    NamedStart,
-    ScenePath,
-    Shares,
-    StartPose,
-)
 
 
 def _distinct(key: str) -> AfterValidator:
@@ -38,12 +28,12 @@ def _distinct(key: str) -> AfterValidator:
     return AfterValidator(check)
 
 
-@overriding(StartPose, defaults={})
+@overriding(parts.StartPose, defaults={})
 class StartTable(Table):
     """Default camera pose. If omitted, it is near the middle of the scene, clear of surfaces."""
 
 
-@overriding(ColorBand, "color", "top_m", defaults={})
+@overriding(parts.ColorBand, "color", "top_m", defaults={})
 class ColorBandTable(Table):
     """Color of a landmark, in [palette], up to a height above its base.
 
@@ -55,7 +45,7 @@ class ColorBandTable(Table):
         top_m: float
 
 
-@overriding(Landmark, defaults={})
+@overriding(parts.Landmark, defaults={})
 class LandmarkTable(Table):
     """Object recognized by its colors: bands from bottom to top."""
 
@@ -144,7 +134,7 @@ class ObjectTable(Table):
         return next((value for _, value in self if isinstance(value, MotionTable)), None)
 
 
-@overriding(LabelRule, defaults={"color": None, "id": None}, order=("name", "nodes", "color"))
+@overriding(parts.LabelRule, defaults={"color": None, "id": None}, order=("name", "nodes", "color"))
 class LabelTable(Table):
     """Class of instances; `omnisim/scene/labels.py` explains the keys."""
 
@@ -169,7 +159,7 @@ KEYS = (
 )  # fmt: skip
 
 
-@overriding(Material, *KEYS)
+@overriding(parts.Material, *KEYS)
 class MaterialTable(Table):
     """Change of materials of the mesh file or of the base scene.
 
@@ -179,7 +169,7 @@ class MaterialTable(Table):
 
     names: Annotated[tuple[Name, ...], Field(min_length=1)]
     """Patterns of material names with the wildcards `*` and `?`."""
-    base_color: Shares | None = None
+    base_color: parts.Shares | None = None
     """Linear RGB; multiplied with the texture."""
 
     @property
@@ -217,7 +207,7 @@ class SceneFile(Table):
     urdf_materials: Literal["robot", "mesh"] | None = None
     """Materials of a URDF's meshes: those of the robot, or the meshes' own where they have some, as
     in RViz. Default: robot, with a note."""
-    background: LinearRgb | None = None
+    background: parts.LinearRgb | None = None
     """Linear RGB of rays without a hit. Default: a pale sky."""
     light: LightTable = Field(default_factory=LightTable)
     lamps: tuple[LampTable, ...] = ()
@@ -226,9 +216,9 @@ class SceneFile(Table):
     fog: FogTable | None = None
     materials: tuple[MaterialTable, ...] = ()
     start: StartTable | None = None
-    starts: Annotated[tuple[NamedStart, ...], _distinct("name")] = ()
-    paths: Annotated[tuple[ScenePath, ...], _distinct("name")] = ()
-    palette: dict[Name, LinearRgb] = Field(default_factory=dict)
+    starts: Annotated[tuple[parts.NamedStart, ...], _distinct("name")] = ()
+    paths: Annotated[tuple[parts.ScenePath, ...], _distinct("name")] = ()
+    palette: dict[Name, parts.LinearRgb] = Field(default_factory=dict)
     """Linear RGB of the landmarks' colors, by name."""
     landmarks: Annotated[tuple[LandmarkTable, ...], _distinct("name")] = ()
     labels: LabelTables = ()

@@ -18,18 +18,8 @@ from omnisim.core.errors import OmnisimError, SceneError
 from omnisim.core.poses import roll_pitch_yaw_from_rotation
 from omnisim.core.short_repr import counted
 from omnisim.core.srgb import linear_from_srgb
+from omnisim.scene import parts
 from omnisim.scene.motion.object_motion import ObjectMotion
-from omnisim.scene.parts import (
-    AlphaMode,
-    CameraPose,
-    Instance,
-    LabelRule,
-    Light,
-    Lighting,
-    Material,
-    Mesh,
-    StartPose,
-)
 
 # Color of surfaces without one: a light gray, 80 % in sRGB.
 PLAIN_GRAY = float(linear_from_srgb(0.8))
@@ -49,25 +39,25 @@ class ImportedScene(NamedTuple):
     """Contents of a mesh file."""
 
     # meshes, materials: as in `Scene`
-    meshes: tuple[Mesh, ...]
-    materials: tuple[Material, ...]
+    meshes: tuple[parts.Mesh, ...]
+    materials: tuple[parts.Material, ...]
     # instances in the file's axes and unit: `world_from_mesh` is still file_from_mesh, and
     # `world_from_node` is file_from_node
-    instances: tuple[Instance, ...]
+    instances: tuple[parts.Instance, ...]
     notices: list[str]  # one line for each feature that is not rendered
-    lights: tuple[Light, ...] = ()  # lights in the world frame
+    lights: tuple[parts.Light, ...] = ()  # lights in the world frame
     # lighting in place of `lights`, for files with brightness levels of their own; None: no such
     # levels
-    lighting: Lighting | None = None
+    lighting: parts.Lighting | None = None
     # linear RGB of rays without a hit; None: not in the file
     background: tuple[float, float, float] | None = None
     # linear RGB luminance of uniform light from all directions, cd/m²; None: no such light
     dome: tuple[float, float, float] | None = None
     # (rows, 2 rows, 3) luminance of the dome by direction, in world axes; None: uniform
     environment: Floats32 | None = None
-    start: StartPose | None = None  # start pose from the file's camera; None: no camera
-    cameras: tuple[CameraPose, ...] = ()  # camera poses in the world frame
-    labels: tuple[LabelRule, ...] = ()  # class rules from the file
+    start: parts.StartPose | None = None  # start pose from the file's camera; None: no camera
+    cameras: tuple[parts.CameraPose, ...] = ()  # camera poses in the world frame
+    labels: tuple[parts.LabelRule, ...] = ()  # class rules from the file
     objects: tuple[ImportedObject, ...] = ()  # groups of instances that move over time
 
 
@@ -82,7 +72,7 @@ def material_notices(read: ImportedScene) -> list[str]:
     unseen = {
         one.name: None
         for one in (read.materials[mesh.material] for mesh in used_meshes)
-        if one.alpha_mode is AlphaMode.BLEND and one.base_color[3] == 0.0
+        if one.alpha_mode is parts.AlphaMode.BLEND and one.base_color[3] == 0.0
     }
     notices = [f"material {name!r} is invisible: its opacity is 0" for name in unseen]
     if black:
@@ -106,7 +96,7 @@ def make_mesh(
     colors: ArrayLike | None = None,
     second_texture_coordinates: ArrayLike | None = None,
     dropped: Omissions | None = None,
-) -> tuple[Mesh, Floats]:
+) -> tuple[parts.Mesh, Floats]:
     """Mesh centered on its bounding box, and the center (3,) of that box.
 
     Centering in float64 keeps micrometer precision in float32, even for a town in map coordinates.
@@ -143,7 +133,7 @@ def make_mesh(
             dropped.count(f"{what} not drawn: not finite, or not one for each vertex", "mesh")
         return None
 
-    mesh = Mesh(
+    mesh = parts.Mesh(
         name=name,
         positions=np.ascontiguousarray(points - center, dtype=np.float32),
         triangles=np.ascontiguousarray(corners, dtype=np.uint32),
@@ -158,7 +148,7 @@ def make_mesh(
     return mesh, center
 
 
-def place(read: ImportedScene, world_from_file: Floats) -> tuple[Instance, ...]:
+def place(read: ImportedScene, world_from_file: Floats) -> tuple[parts.Instance, ...]:
     """Instances of a file, placed in the world; node frames get the world's axes and unit.
 
     Raises:
@@ -171,7 +161,7 @@ def place(read: ImportedScene, world_from_file: Floats) -> tuple[Instance, ...]:
         if not np.abs(world_from_mesh).max() < MAX_COORDINATE:  # false for NaN as well
             raise SceneError(f"node {one.name!r}: expected a pose below {MAX_COORDINATE:g}")
         world_from_node = world_from_file @ one.world_from_node @ file_from_world
-        placed.append(Instance(one.name, one.mesh, world_from_mesh, world_from_node))
+        placed.append(parts.Instance(one.name, one.mesh, world_from_mesh, world_from_node))
     for material in read.materials:
         if not np.isfinite((*material.base_color, material.alpha_cutoff)).all():
             raise SceneError(f"material {material.name!r}: expected finite colors")
@@ -298,10 +288,10 @@ class Cameras:
 
     def __init__(self) -> None:
         self.notices: list[str] = []
-        self._poses: dict[str, CameraPose] = {}
+        self._poses: dict[str, parts.CameraPose] = {}
 
     @property
-    def poses(self) -> tuple[CameraPose, ...]:
+    def poses(self) -> tuple[parts.CameraPose, ...]:
         """Poses with distinct names, in the order of the file."""
         return tuple(self._poses.values())
 
@@ -313,9 +303,6 @@ class Cameras:
             world_from_camera: (4, 4) pose; left out if its axes are degenerate.
             lens: lens, or the reason why there is none.
         """
-        free, number = name, 1
-        while free in self._poses:
-            free, number = f"{name}_{number}", number + 1
         if not np.abs(world_from_camera).max() < MAX_COORDINATE:  # false for NaN as well
             return
         ahead, up = -world_from_camera[:3, 2], world_from_camera[:3, 1]
@@ -330,8 +317,9 @@ class Cameras:
             for angle in np.degrees(roll_pitch_yaw_from_rotation(rotation)).tolist()
         )
         x, y, z = world_from_camera[:3, 3].tolist()
+        free = unique_name(name, set(self._poses), first=1)
         known = None if isinstance(lens, str) else lens
-        self._poses[free] = CameraPose(free, (x, y, z), yaw, pitch, roll, known)
+        self._poses[free] = parts.CameraPose(free, (x, y, z), yaw, pitch, roll, known)
         if isinstance(lens, str):
             self.notices.append(
                 f"camera {free!r}: its pose is a viewpoint, its lens is not: {lens}"

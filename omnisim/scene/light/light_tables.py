@@ -5,25 +5,21 @@ from __future__ import annotations
 from datetime import datetime
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from omnisim.core.files.parameters import Flag, Name, Number, Point, Positive, Table, overriding
 from omnisim.scene.parts import Fog, Light, LightKind, LinearRgb
 
 
-def _native(value: Any) -> Any:
+def _with_offset(value: Any) -> Any:
     if not isinstance(value, datetime):
         raise ValueError(f"expected a time as 2026-06-21T12:00:00+02:00, got {value!r}")
-    return value
-
-
-def _with_offset(value: datetime) -> datetime:
     if value.tzinfo is None:
         raise ValueError(f"expected a time with an offset from UTC, got {value.isoformat()}")
     return value
 
 
-Time = Annotated[datetime, BeforeValidator(_native), AfterValidator(_with_offset)]
+Time = Annotated[datetime, BeforeValidator(_with_offset)]
 
 
 class LightTable(Table):

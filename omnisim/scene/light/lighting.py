@@ -8,16 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from omnisim.core.arrays import Floats, Floats32, triangle_crosses
+from omnisim.scene import parts
 from omnisim.scene.light.environment import Environment
-from omnisim.scene.parts import (
-    MAX_LIGHTS,
-    Instance,
-    Light,
-    Lighting,
-    LightKind,
-    Material,
-    Mesh,
-)
 
 # A pale clear sky near the horizon, linear RGB.
 DEFAULT_BACKGROUND = (0.56, 0.71, 0.87)
@@ -26,11 +18,11 @@ FILL_AMBIENT = (0.25, 0.25, 0.25)
 # Files without lights: bright overcast daylight from everywhere, a sun from behind the left
 # shoulder and a weaker one from the other side, so that no two walls of a corner are equally
 # bright.
-DEFAULT_LIGHTING = Lighting(
+DEFAULT_LIGHTING = parts.Lighting(
     (0.38, 0.39, 0.42),
     tuple(
-        Light(
-            LightKind.DIRECTIONAL,
+        parts.Light(
+            parts.LightKind.DIRECTIONAL,
             color,
             intensity,
             direction=direction / np.linalg.norm(direction),
@@ -48,11 +40,11 @@ SAMPLED_TRIANGLES = 20_000
 
 
 def expose(
-    lights: tuple[Light, ...],
-    meshes: tuple[Mesh, ...],
-    instances: tuple[Instance, ...],
+    lights: tuple[parts.Light, ...],
+    meshes: tuple[parts.Mesh, ...],
+    instances: tuple[parts.Instance, ...],
     dome: tuple[float, float, float] | None = None,
-) -> Lighting:
+) -> parts.Lighting:
     """Lighting by a file's lights, with an exposure that overexposes little of the lit surface.
 
     Files state lights in lux and candela, but images have no such scale. The exposure maps a
@@ -72,7 +64,7 @@ def expose(
         return _ambient_only(sky_lux) if sky_lux.any() else DEFAULT_LIGHTING
     centers, normals, areas = _surface_samples(meshes, instances)
     by_light = np.array([illuminance(light, centers, normals) for light in lights])
-    strongest = np.sort(np.argsort(-(by_light @ areas), kind="stable")[:MAX_LIGHTS])
+    strongest = np.sort(np.argsort(-(by_light @ areas), kind="stable")[: parts.MAX_LIGHTS])
     lights = tuple(lights[index] for index in strongest)
     total = by_light[strongest].sum(axis=0)
     lit = total > 0.0
@@ -84,23 +76,20 @@ def expose(
     if sky_lux.any():
         exposure = 1.0 / float(white + sky_lux.max())
         red, green, blue = (exposure * sky_lux).tolist()
-        return Lighting((red, green, blue), lights, exposure)
-    return Lighting(FILL_AMBIENT, lights, exposure=(1.0 - max(FILL_AMBIENT)) / float(white))
+        return parts.Lighting((red, green, blue), lights, exposure)
+    return parts.Lighting(FILL_AMBIENT, lights, exposure=(1.0 - max(FILL_AMBIENT)) / float(white))
 
 
-def is_even(lighting: Lighting) -> bool:
-    """True for even light, the substitute for lamps in scenes without any."""
-    return [_shine(one) for one in lighting.lights] == [
-        _shine(one) for one in DEFAULT_LIGHTING.lights
-    ]
+def is_even(lighting: parts.Lighting) -> bool:
+    """True for even light, the substitute for lamps in scenes without any, whatever its shadows."""
+    found, even = (
+        [(one.kind, one.color, one.intensity, *one.direction.tolist()) for one in lights]
+        for lights in (lighting.lights, DEFAULT_LIGHTING.lights)
+    )
+    return found == even
 
 
-def _shine(light: Light) -> tuple[object, ...]:
-    """Plain values of a light, without its shadow flag, for comparison."""
-    return light.kind, light.color, light.intensity, *light.direction.tolist()
-
-
-def light_summary(lighting: Lighting) -> str:
+def light_summary(lighting: parts.Lighting) -> str:
     """Text that lists the lamps by type, or describes the light of a scene without lamps."""
     kinds = [light.kind.value for light in lighting.lights]
     if kinds and not is_even(lighting):
@@ -122,27 +111,27 @@ def background_light(color: tuple[float, float, float]) -> tuple[float, float, f
     return color if max(color) > 1.0 else (0.0, 0.0, 0.0)
 
 
-def is_bright(material: Material) -> bool:
+def is_bright(material: parts.Material) -> bool:
     """True for emission brighter than white: a lamp's tubes, but not a screen."""
     return not material.unlit and max(material.emissive) > 1.0
 
 
-def with_environment(lighting: Lighting, luminance: Floats32) -> Lighting:
+def with_environment(lighting: parts.Lighting, luminance: Floats32) -> parts.Lighting:
     """Lighting with an environment map, cd/m², in place of its ambient light."""
     radiance = (math.pi * lighting.exposure * luminance).astype(np.float32)
     return replace(lighting, ambient=(0.0, 0.0, 0.0), environment=Environment(radiance))
 
 
-def _ambient_only(lux: Floats) -> Lighting:
+def _ambient_only(lux: Floats) -> parts.Lighting:
     """Lighting by ambient light only, whose brightest channel is white."""
     if not lux.any():
-        return Lighting(FILL_AMBIENT, ())
+        return parts.Lighting(FILL_AMBIENT, ())
     red, green, blue = (lux / lux.max()).tolist()
-    return Lighting((red, green, blue), (), exposure=1.0 / float(lux.max()))
+    return parts.Lighting((red, green, blue), (), exposure=1.0 / float(lux.max()))
 
 
 def _surface_samples(
-    meshes: tuple[Mesh, ...], instances: tuple[Instance, ...]
+    meshes: tuple[parts.Mesh, ...], instances: tuple[parts.Instance, ...]
 ) -> tuple[Floats, Floats, Floats]:
     """Centers (n, 3), unit normals (n, 3) and areas (n,) of triangles sampled over the scene."""
     total = sum(len(meshes[instance.mesh].triangles) for instance in instances)
@@ -162,11 +151,11 @@ def _surface_samples(
 
 
 @np.errstate(over="ignore")
-def illuminance(light: Light, centers: Floats, normals: Floats) -> Floats:
+def illuminance(light: parts.Light, centers: Floats, normals: Floats) -> Floats:
     """Illuminance (n,), lx, of surfaces from either side; reference for `lighting.glsl`."""
     level = light.intensity * max(light.color)
     falloff: Floats
-    if light.kind is LightKind.DIRECTIONAL:
+    if light.kind is parts.LightKind.DIRECTIONAL:
         falloff = np.abs(normals @ light.direction)
         return level * falloff
     away = centers - light.position_m
@@ -175,7 +164,7 @@ def illuminance(light: Light, centers: Floats, normals: Floats) -> Floats:
     falloff = np.abs(np.sum(normals * away, axis=1)) / distance**2
     if math.isfinite(light.range_m):
         falloff *= np.clip(1.0 - (distance / light.range_m) ** 4, 0.0, 1.0)
-    if light.kind is LightKind.SPOT:
+    if light.kind is parts.LightKind.SPOT:
         inner, outer = light.cone_cosines
         falloff *= np.clip((away @ light.direction - outer) / max(inner - outer, 1e-3), 0, 1) ** 2
     return level * falloff

@@ -56,7 +56,9 @@ def with_sky(
     )
     if sky.file is not None:
         path = find_beside(folder, sky.file, f"{toml}: sky.file", SceneError)
-        radiance = _turned(_read_map(reader.note(path)), sky.yaw_deg)
+        radiance = _read_map(reader.note(path))
+        # by whole columns, counter-clockwise seen from above
+        radiance = np.roll(radiance, round(-sky.yaw_deg / 360.0 * radiance.shape[1]), axis=1)
         lighting = _with_map(lighting, radiance, sky.brightness)
     elif sun is not None:
         lighting = _around_sun(lighting, sky, sun, light, toml)
@@ -68,13 +70,9 @@ def with_sky(
 def _with_map(
     lighting: Lighting, radiance: Floats32, brightness: float, sun: float = 0.0
 ) -> Lighting:
-    """Lighting with a map, scaled to a given brightness of a level white surface.
+    """Lighting with a map, scaled to a brightness of a level white surface under map and sun.
 
-    Args:
-        lighting: lighting without the map.
-        radiance: radiance of the map.
-        brightness: brightness of the surface under the map and the sun.
-        sun: luminance of the surface under the sun alone, in the map's unit.
+    `sun` is the luminance of that surface under the sun alone, in the map's unit.
     """
     level = sun + _level_luminance(radiance)
     scale = brightness / level if level > 0.0 else 1.0
@@ -86,7 +84,12 @@ def _with_own_sun(lighting: Lighting, table: SkyTable, light_table: LightTable) 
 
     Without other lamps, the exposure is that of the sun in lux.
     """
-    toward_sun = _direction(table.sun_azimuth_deg, table.sun_elevation_deg)
+    azimuth = math.radians(table.sun_azimuth_deg)
+    elevation = math.radians(table.sun_elevation_deg)
+    across = math.cos(elevation)
+    toward_sun = np.array(
+        [across * math.cos(azimuth), across * math.sin(azimuth), math.sin(elevation)]
+    )
     radiance = clear_sky(toward_sun, table.turbidity)
     light = sun_illuminance(toward_sun, table.turbidity)
     level = float(_LUMINANCE @ light) * toward_sun[2] / math.pi
@@ -144,18 +147,6 @@ def _read_map(path: Path) -> Floats32:
     if not (np.isfinite(pixels).all() and (pixels >= 0.0).all()):
         raise SceneError(f"{path}: expected finite radiance of at least 0")
     return pixels
-
-
-def _turned(radiance: Floats32, yaw_deg: float) -> Floats32:
-    """Map (height, width, 3), rotated counter-clockwise seen from above, by whole columns."""
-    columns = round(-yaw_deg / 360.0 * radiance.shape[1])
-    return np.roll(radiance, columns, axis=1)
-
-
-def _direction(azimuth_deg: float, elevation_deg: float) -> Floats:
-    azimuth, elevation = math.radians(azimuth_deg), math.radians(elevation_deg)
-    level = math.cos(elevation)
-    return np.array([level * math.cos(azimuth), level * math.sin(azimuth), math.sin(elevation)])
 
 
 # Radiance of a clear sky.

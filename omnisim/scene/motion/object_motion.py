@@ -150,9 +150,6 @@ class Rolling:
             start = rotation_from_yaw(motion.angle_at(0.0))
             in_turning = _rotation(np.array([rolled_rad, 0.0, -turned]))
             return rotation_from_yaw(motion.angle_at(time_s)) @ in_turning @ start.T
-        return self._along_at(motion, time_s)
-
-    def _along_at(self, motion: Along, time_s: float) -> Floats:
         trajectory, laps = motion.trajectory, 0
         times_s, positions_m = trajectory.times_s, trajectory.positions_m
         if motion.repeats and len(times_s) > 1:

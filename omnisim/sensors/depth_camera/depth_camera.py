@@ -46,7 +46,7 @@ from omnisim.rendering.contract import CameraBackend, CameraSetup, ScenePoses
 from omnisim.rendering.instrument import Instrument
 from omnisim.rendering.sensor import Moment, Mount, SensorSettings
 from omnisim.rendering.shared_scene import SharedScene
-from omnisim.rendering.truth.ground_truth import ground_truth_of
+from omnisim.rendering.truth import ground_truth_of
 from omnisim.sensors.sensor_table import SensorTable
 
 MAX_RANGE_M = 65.535  # 16 bits of millimeters

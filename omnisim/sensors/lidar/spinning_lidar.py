@@ -35,7 +35,7 @@ from omnisim.rendering.contract import BeamCaster, LabelCache
 from omnisim.rendering.instrument import Instrument
 from omnisim.rendering.sensor import Moment, Mount, SensorSettings
 from omnisim.rendering.shared_scene import SharedScene
-from omnisim.rendering.truth.ground_truth import instances_of_draws
+from omnisim.rendering.truth import instances_of_draws
 from omnisim.rendering.twist import MovingBoxes
 from omnisim.sensors.device_data import check_number, round_ranges, stated_parameters
 from omnisim.sensors.lidar.point_files import POINT, write_points

@@ -19,28 +19,23 @@ from omnisim.cameras import (
 )
 from omnisim.cameras.calibration import calibration_of
 from omnisim.cameras.mirrors import HyperbolicMirror
-from omnisim.core import coordinate_frames as frames
 from omnisim.core import poses
 from omnisim.core.arrays import Bytes, Floats
 from omnisim.plots.style import gallery
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.stage import open_sensor
 from omnisim.report.report import CaptionedFigure, Measure, Section
 from omnisim.validation.fixture import Fixture, linear_image, max_abs, mean_abs, mirror_camera
 from omnisim.validation.image_differences import displacement_figure
 from omnisim.validation.oracles import omnidir
 from omnisim.validation.plain_scenes import (
     PATTERN,
+    Markers,
     board_corners_m,
+    board_images,
     board_poses,
     board_poses_in_front,
-    board_scene,
-    centroids,
     detected_boards,
-    inside_valid_area,
-    marker_positions,
     marker_rims,
-    marker_scene,
     rim_centroids_px,
 )
 
@@ -121,19 +116,14 @@ class MarkerImage(NamedTuple):
 def marker_image(fixture: Fixture) -> MarkerImage:
     """Render and measure markers in all directions."""
     sensor = OmniCamera().with_polygons(None).resized(SIZE_PX)
-    camera = mirror_camera(sensor)
-    world_from_base = poses.pose((3.0, -2.0, 1.1), roll_deg=4.0, pitch_deg=-7.0, yaw_deg=33.0)
-    world_from_rig = world_from_base @ sensor.base_from_rig
-    world_from_optical = world_from_rig[:3, :3] @ frames.RIG_FROM_OPTICAL_LOOKING_UP
-    viewpoint_m = world_from_rig[:3, 3]
-    axis = -world_from_optical[:, 2]  # from the mirror toward the pinhole
-    positions = marker_positions(viewpoint_m, axis, camera.mirror.theta_max_rad, MARKERS)
-    near_px = camera.pixel_from_ray((positions - viewpoint_m) @ world_from_optical).positions_px
-    clear = inside_valid_area(camera, near_px)
-    frame = fixture.render(marker_scene(positions[clear], viewpoint_m), sensor, world_from_base)
-    measured = centroids(linear_image(frame)[..., 1].astype(np.float64), near_px[clear])
-    around = (marker_rims(positions[clear], viewpoint_m) - viewpoint_m) @ world_from_optical
-    return MarkerImage(camera, measured, around)
+    pose = poses.pose((3.0, -2.0, 1.1), roll_deg=4.0, pitch_deg=-7.0, yaw_deg=33.0)
+    markers = Markers.around(sensor, pose, MARKERS)
+    measured_px = markers.centers_px(linear_image(fixture.render(markers.scene, sensor, pose)))
+    viewpoint_m = markers.world_from_optical[:3, 3]
+    around_m = marker_rims(markers.positions_m, viewpoint_m) - viewpoint_m
+    return MarkerImage(
+        mirror_camera(sensor), measured_px, around_m @ markers.world_from_optical[:3, :3]
+    )
 
 
 # Chessboard corners in rendered images, against OpenCV's projection with the calibration file.
@@ -213,25 +203,21 @@ def _off_px(
     """Distances (n,) in px of detected from projected corners; number of boards; the last image."""
     camera = board_camera.camera
     is_mirror = isinstance(camera, HyperbolicCamera)
-    rig_from_optical = camera.rig_from_optical
-    if is_mirror:
-        poses = [rig_from_optical.T @ rig_from_board[:3] for rig_from_board in board_poses(count)]
-    else:
-        poses = board_poses_in_front(count, board_camera.boards_up_to_rad)
+    poses = (
+        board_poses(count)
+        if is_mirror
+        else board_poses_in_front(count, board_camera.boards_up_to_rad, camera.rig_from_optical)
+    )
     offs, shown = [np.empty(0)], None
     sensor = OmniCamera(camera, polygons=None, samples=SAMPLES, texels_per_pixel=TEXELS)
-    with (
-        tempfile.TemporaryDirectory() as folder,
-        open_sensor(board_scene(), sensor, unlit=True, device=fixture.device) as renderer,
-    ):
+    with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "calibration.yaml"
         calibration_of(camera).save(path, board_camera.format)
-        for optical_from_board in poses:
-            rig_from_board = np.eye(4)
-            rig_from_board[:3] = rig_from_optical @ optical_from_board[:3]
-            image = renderer.render(np.linalg.inv(rig_from_board)).rgba
+        images = board_images(fixture, sensor, poses)
+        for rig_from_board, image in zip(poses, images, strict=True):
             detected = omnidir.find_corners(np.ascontiguousarray(image[..., 1]), PATTERN)
-            points = board_corners_m() @ optical_from_board[:3, :3].T + optical_from_board[:3, 3]
+            optical_from_board = camera.rig_from_optical.T @ rig_from_board[:3]
+            points = board_corners_m() @ optical_from_board[:, :3].T + optical_from_board[:, 3]
             in_file = points @ omnidir.OMNIDIR_FROM_OPTICAL if is_mirror else points
             theta = np.arctan2(np.hypot(in_file[:, 0], in_file[:, 1]), in_file[:, 2])
             is_behind = board_camera.format == "opencv_fisheye" and theta.max() > MAX_FISHEYE_RAD
@@ -243,5 +229,5 @@ def _off_px(
             orders = (grid, grid[::-1], grid[:, ::-1], grid[::-1, ::-1])  # the best one counts
             off = [np.linalg.norm(projected - order.reshape(-1, 2), axis=1) for order in orders]
             offs.append(min(off, key=np.sum))
-            shown = image[..., :3]
+            shown = image
     return np.concatenate(offs), len(offs) - 1, shown

@@ -23,16 +23,7 @@ from omnisim.validation.fixture import BACKENDS, Fixture, linear_image
 from omnisim.validation.image_differences import converged_psnr_db, psnr_db, ssim
 from omnisim.validation.oracles.mitsuba_light import matte_on_both_sides
 from omnisim.validation.reflective_rooms import window_room
-from omnisim.validation.traced_light import (
-    CAMERAS,
-    beside,
-    inside_rim,
-    samples_of,
-    sensor_of,
-    small_mirror,
-    traced_light,
-    traced_twice,
-)
+from omnisim.validation.traced_light import beside, samples_of, views
 
 FOLDER = Path(__file__).parents[1] / "lit"
 SCENES, QUICK_SCENES = ("soccer", "courtyard"), ("soccer",)
@@ -76,17 +67,14 @@ def check_shadows(fixture: Fixture, title: str) -> Section:
     samples = QUICK_SAMPLES if fixture.is_quick else SAMPLES
     for name in QUICK_SCENES if fixture.is_quick else SCENES:
         scene = matte_on_both_sides(load_scene(FOLDER / f"{name}.toml"))
-        for camera in CAMERAS:
-            sensor = sensor_of(camera, size_px)
-            pose = sensor.base_pose(scene.start.position_m, yaw_deg=20.0)
-            traced = traced_light(scene, sensor, pose, samples[camera])
-            ours = linear_image(fixture.render(scene, sensor, pose, unlit=False))
-            inside, label = inside_rim(sensor), f"{name}, {camera}"
-            level_db = psnr_db(traced, ours, inside)
+        for view in views(scene, size_px):
+            traced, ours = view.traced(samples[view.camera]), view.ours(fixture)
+            level_db = psnr_db(traced, ours, view.inside)
+            label = f"{name}, {view.camera}"
             measures.append(
                 Measure(f"{label}: default quality", level_db, "dB", BOUND_DB, at_least=True)
             )
-            images |= beside(label, traced, ours, inside)
+            images |= beside(label, traced, ours, view.inside)
         measures.append(_edges(fixture, name))
     measures += [Measure("size", size_px, "px"), *samples_of(samples)]
     return Section(
@@ -109,15 +97,12 @@ def _edges(fixture: Fixture, name: str) -> Measure:
     lit = matte_on_both_sides(load_scene(FOLDER / f"{name}.toml"))
     scene = gray_in_one_light(lit, LOW_LAMPS[name])
     bare = dataclasses.replace(scene, lighting=scene.lighting.without_shadows())
-    sensor = small_mirror(EDGES_SIZE_PX)
-    pose = sensor.base_pose(scene.start.position_m, yaw_deg=20.0)
-    with open_sensor(scene, sensor, device=fixture.device) as renderer:
-        frame = renderer.render(pose, linear=True, also=("instance", "normals"))
-    unshadowed = linear_image(fixture.render(bare, sensor, pose, unlit=False))
-    counted = inside_rim(sensor) & inside_surfaces(
-        frame.channels["instance"], frame.channels["normals"], unshadowed
-    )
-    traced = traced_light(scene, sensor, pose, EDGES_SAMPLES)
+    (view,) = views(scene, EDGES_SIZE_PX, ["mirror"])
+    with open_sensor(scene, view.sensor, device=fixture.device) as renderer:
+        frame = renderer.render(view.pose, linear=True, also=("instance", "normals"))
+    unshadowed, traced = view.ours(fixture, bare), view.traced(EDGES_SAMPLES)
+    surfaces = frame.channels["instance"], frame.channels["normals"]
+    counted = view.inside & inside_surfaces(*surfaces, unshadowed)
     ours, theirs = (lit_share(image, unshadowed) for image in (linear_image(frame), traced))
     distance_px = edge_distance_px(ours, theirs, counted)
     return Measure(f"{name}, edges of shadows, mean", distance_px, "px", EDGES_BOUND_PX)
@@ -200,22 +185,28 @@ def check_baked(fixture: Fixture, title: str) -> Section:
     for name in QUICK_SCENES if fixture.is_quick else SCENES:
         scene = matte_on_both_sides(load_scene(FOLDER / f"{name}.toml"))
         lit = in_baked_light(scene, settings)
-        for camera in CAMERAS:
-            sensor = sensor_of(camera, size_px)
-            pose = sensor.base_pose(scene.start.position_m, yaw_deg=20.0)
-            traced = traced_light(scene, sensor, pose, samples[camera], bounces=True)
-            ours = linear_image(fixture.render(lit, sensor, pose, unlit=False))
-            inside = inside_rim(sensor)
-            label, level_db = f"{name}, {camera}", psnr_db(traced, ours, inside)
-            likeness = ssim(traced, ours, inside)
+        for view in views(scene, size_px):
+            both = view.traced(samples[view.camera], bounces=True), view.ours(fixture, lit)
+            level_db, likeness = psnr_db(*both, view.inside), ssim(*both, view.inside)
+            label = f"{name}, {view.camera}"
             measures += [
                 Measure(f"{label}: baked", level_db, "dB", BAKED_BOUND_DB, at_least=True),
                 Measure(f"{label}: structural similarity", likeness, "", BOUND_SSIM, at_least=True),
             ]
-            images |= beside(label, traced, ours, inside)
-    by_window, seen_by_window = _by_window(fixture)
+            images |= beside(label, *both, view.inside)
+    scene = window_room()
+    lit = in_baked_light(scene, WINDOW_SETTINGS)
+    for view in views(scene, QUICK_WINDOW_SIZE_PX if fixture.is_quick else WINDOW_SIZE_PX):
+        first, second = view.traced_twice(WINDOW_SAMPLES[view.camera])
+        label = f"window, {view.camera}"
+        for backend in BACKENDS:
+            ours = view.ours(fixture, lit, backend)
+            value = converged_psnr_db(ours, first, second, view.inside)
+            name = f"{label}, back end {backend}: baked"
+            measures.append(Measure(name, value, "dB", BAKED_BOUND_DB, at_least=True))
+        mean = (0.5 * (first + second)).astype(np.float32)
+        images |= beside(label, mean, ours, view.inside)
     measures += [
-        *by_window,
         Measure("size", size_px, "px"),
         *samples_of(samples),
         Measure("rays from a texel", settings.samples),
@@ -228,31 +219,10 @@ def check_baked(fixture: Fixture, title: str) -> Section:
         "a room in the light of a window, a mirror and a lamp behind frosted glass, by both back "
         "ends.",
         measures,
-        figures=[CaptionedFigure("baked-scenes", gallery(images | seen_by_window, 6, side_in=2.7),
+        figures=[CaptionedFigure("baked-scenes", gallery(images, 6, side_in=2.7),
                  "Lit scenes traced by Mitsuba in a mirror and through a fisheye, omnisim's images "
                  "in baked light, and their difference × 8.")],
     )  # fmt: skip
-
-
-def _by_window(fixture: Fixture) -> tuple[list[Measure], dict[str, NDArray[np.generic]]]:
-    """Measures and images of a room with a window, a mirror and frosted glass."""
-    scene, measures = window_room(), list[Measure]()
-    images: dict[str, NDArray[np.generic]] = {}
-    lit = in_baked_light(scene, WINDOW_SETTINGS)
-    for camera in CAMERAS:
-        sensor = sensor_of(camera, QUICK_WINDOW_SIZE_PX if fixture.is_quick else WINDOW_SIZE_PX)
-        pose = sensor.base_pose(scene.start.position_m, yaw_deg=20.0)
-        first, second = traced_twice(scene, sensor, pose, WINDOW_SAMPLES[camera])
-        inside = inside_rim(sensor)
-        for backend in BACKENDS:
-            frame = fixture.render(lit, sensor, pose, unlit=False, backend=backend)
-            ours = linear_image(frame)
-            value = converged_psnr_db(ours, first, second, inside)
-            label = f"window, {camera}, back end {backend}: baked"
-            measures.append(Measure(label, value, "dB", BAKED_BOUND_DB, at_least=True))
-        mean = (0.5 * (first + second)).astype(np.float32)
-        images |= beside(f"window, {camera}", mean, ours, inside)
-    return measures, images
 
 
 def in_baked_light(scene: Scene, settings: BakeSettings) -> Scene:

@@ -138,13 +138,12 @@ def ciede2000(first: Floats, second: Floats) -> Floats:
     far_apart = np.abs(h1 - h2) > 180.0
     hue = np.where(is_gray, h1 + h2, 0.5 * (h1 + h2) + np.where(far_apart, 180.0, 0.0))
     light, chroma = 0.5 * (l1 + l2), 0.5 * (c1 + c2)
-    weight = (
-        1.0
-        - 0.17 * np.cos(np.radians(hue - 30.0))
-        + 0.24 * np.cos(np.radians(2.0 * hue))
-        + 0.32 * np.cos(np.radians(3.0 * hue + 6.0))
-        - 0.20 * np.cos(np.radians(4.0 * hue - 63.0))
-    )
+    weight: Floats = 1.0 + sum(
+        part * np.cos(np.radians(times * hue + phase_deg))
+        for part, times, phase_deg in (
+            (-0.17, 1.0, -30.0), (0.24, 2.0, 0.0), (0.32, 3.0, 6.0), (-0.20, 4.0, -63.0)
+        )
+    )  # fmt: skip
     off = (light - 50.0) ** 2
     of_light = (l2 - l1) / (1.0 + 0.015 * off / np.sqrt(20.0 + off))
     of_chroma = (c2 - c1) / (1.0 + 0.045 * chroma)

@@ -321,13 +321,9 @@ def same_triangles(
         )
         undecided = sources[1].undecided[judge.has_ray]
     stage.collect()
-    return SameTriangles(
-        float(cast.mean()),
-        float(alone.mean()),
-        float(alone[~undecided].mean()),
-        float(cast[undecided].mean()) if undecided.any() else np.nan,
-        float(undecided.mean()),
-    )
+    cast_undecided = float(cast[undecided].mean()) if undecided.any() else np.nan
+    means = (float(values.mean()) for values in (cast, alone, alone[~undecided]))
+    return SameTriangles(*means, cast_undecided, float(undecided.mean()))
 
 
 def pose_beside_nearest(sensor: OmniCamera, rays: RayScene, start: Floats) -> Floats:
@@ -386,10 +382,8 @@ _PARAMETERS = (*_ASIDE, _ALONG, *_TILTS)
 def check_calibration(fixture: Fixture, title: str) -> Section:
     """Calibrate from the same boards through the aligned and the misaligned mirror."""
     size = (BOARD_IMAGE_PX, BOARD_IMAGE_PX)
-    aligned, tilted = (
-        boards_in_mirror(fixture, mirror_table(*misalignment))
-        for misalignment in ((0.0, 0.0), (TILT_DEG, SHIFT_M))
-    )
+    aligned = boards_in_mirror(fixture, mirror_table(0.0, 0.0))
+    tilted = boards_in_mirror(fixture, mirror_table(TILT_DEG, SHIFT_M))
     points_m = board_corners_m()
     plain = omnidir.calibrate(points_m, aligned.corners, size)
     tilted_plain = omnidir.calibrate(points_m, tilted.corners, size)
@@ -450,17 +444,13 @@ def check_calibration(fixture: Fixture, title: str) -> Section:
 def mirror_table(tilt_deg: float, shift_m: float) -> dict[str, Any]:
     """Table of an optics file with the paper's mirror, tilted about x and shifted along x."""
     camera = {
-        "model": "perspective",
-        "width_px": BOARD_IMAGE_PX,
-        "height_px": BOARD_IMAGE_PX,
+        "model": "perspective", "width_px": BOARD_IMAGE_PX, "height_px": BOARD_IMAGE_PX,
         "focal_length_px": 1330.0 / 360.0 * BOARD_IMAGE_PX,
-    }
+    }  # fmt: skip
     mirror = {
-        "shape": "hyperbolic",
-        "rim_radius_m": 0.0119,
-        "decenter_m": [shift_m, 0.0, 0.0],
-        "tilt_deg": [tilt_deg, 0.0, 0.0],
-    }
+        "shape": "hyperbolic", "rim_radius_m": 0.0119,
+        "decenter_m": [shift_m, 0.0, 0.0], "tilt_deg": [tilt_deg, 0.0, 0.0],
+    }  # fmt: skip
     return {"origin_m": [0.0, 0.0, 0.09284], "camera": camera, "surfaces": [mirror]}
 
 

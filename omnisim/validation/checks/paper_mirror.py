@@ -68,6 +68,17 @@ def check_rings(fixture: Fixture, title: str) -> Section:
     eq2_off = wide.radii_px.mean(axis=1) - wide.eq2_px
     relative = 100.0 * (wide.eq2_px / wide.exact_px - 1.0)
     large = render(fixture, scene, OmniCamera().with_polygons(None).resized(720))
+    columns = (
+        rings.angles_deg, rings.exact_px, rings.mean_error_px, by_mesh.mean_error_px, rings.eq2_px
+    )  # fmt: skip
+    rows = tuple(
+        (
+            f"{angle:.0f}°",
+            *(f"{px:.3f}" for px in (radius, radius + off_exact, radius + off_mesh, eq2)),
+            *(f"{px:+.3f}" for px in (off_exact, off_mesh, eq2 - radius)),
+        )
+        for angle, radius, off_exact, off_mesh, eq2 in zip(*columns, strict=True)
+    )
     return Section(
         title,
         "Radii of rings at every 5° of incidence, as in Fig. 7, measured at 720 azimuths. They "
@@ -90,7 +101,10 @@ def check_rings(fixture: Fixture, title: str) -> Section:
                     max_abs(wide.mean_error_px), "px", EXACT_BOUND_PX),
             Measure("ξ", camera.mirror.xi),
         ),
-        (_table(rings, by_mesh),),
+        (ResultTable("Radii in pixels of a 360 × 360 image, and their differences from the exact "
+                     "relation",
+                     ("θ", "exact relation", "measured, exact capture", "measured, 1024 polygons",
+                      "Eq. 2", "exact capture −", "1024 polygons −", "Eq. 2 −"), rows),),
         (
             CaptionedFigure("fig7-rings", gallery({"": large.rgb}, 1, side_in=6.5),
                     "Lines of equal incidence, 5° apart, in the exact mirror; 90° is red."),
@@ -130,26 +144,6 @@ def exact_radius_px(camera: HyperbolicCamera, angles_deg: Floats) -> Floats:
     k, theta = camera.mirror.k, np.radians(angles_deg)
     xi, psi = math.sqrt(k * (k - 2.0)) / (k - 1.0), 1.0 / (k - 1.0)
     return camera.focal_length_px * psi * np.sin(theta) / (xi + np.cos(theta))
-
-
-def _table(exact: Rings, mesh: Rings) -> ResultTable:
-    columns = (
-        exact.angles_deg, exact.exact_px, exact.mean_error_px, mesh.mean_error_px, exact.eq2_px,
-    )  # fmt: skip
-    rows = tuple(
-        (
-            f"{angle:.0f}°",
-            *(f"{px:.3f}" for px in (radius, radius + off_exact, radius + off_mesh, eq2)),
-            *(f"{px:+.3f}" for px in (off_exact, off_mesh, eq2 - radius)),
-        )
-        for angle, radius, off_exact, off_mesh, eq2 in zip(*columns, strict=True)
-    )
-    return ResultTable(
-        "Radii in pixels of a 360 × 360 image, and their differences from the exact relation",
-        ("θ", "exact relation", "measured, exact capture", "measured, 1024 polygons", "Eq. 2",
-         "exact capture −", "1024 polygons −", "Eq. 2 −"),
-        rows,
-    )  # fmt: skip
 
 
 def _figure(wide: Rings, exact: Rings, mesh: Rings) -> Figure:

@@ -305,10 +305,6 @@ def _noise(light: Light, geometry: ImageGeometry, level: float, step: int) -> Li
     return noisy
 
 
-def _vignetting(light: Light, geometry: ImageGeometry, level: float, step: int) -> Light:
-    return Vignetting(coefficients=(-level, 0.0, 0.0)).apply(light, geometry)
-
-
 def _darkness(light: Light, geometry: ImageGeometry, level: float, step: int) -> Light:
     """Changing light: a wave of `level` stops over 24 steps."""
     ev = -0.5 * level * (1.0 - math.cos(2.0 * math.pi * step / 24.0))
@@ -327,11 +323,12 @@ CAUSES = (
     Cause("defocus", "px radius", (1.0, 2.0, 4.0), _defocus),
     Cause("motion blur", "° of a turn", (1.0, 3.0, 8.0), _motion_blur),
     Cause("noise", "electrons full well", (4000.0, 600.0, 100.0), _noise),
-    Cause("vignetting", "light lost at the rim", (0.2, 0.45, 0.7), _vignetting),
+    Cause("vignetting", "light lost at the rim", (0.2, 0.45, 0.7),
+          lambda light, geometry, level, _: Vignetting((-level, 0.0, 0.0)).apply(light, geometry)),
     Cause("changing light", "stops", (0.5, 1.0, 2.0), _darkness),
     Cause("white balance", "red gain", (0.05, 0.12, 0.25), _white_balance),
     Cause("JPEG", "quality", (80.0, 40.0, 12.0), lambda light, *_: light),
-)
+)  # fmt: skip
 
 
 def sweep(

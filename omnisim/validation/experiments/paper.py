@@ -8,19 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
+from omnisim.core.files.atomic_file import make_folder
 from omnisim.perception.landmarks.color_model import Costs, save_model
 from omnisim.perception.localization.filter import LandmarkMap, LocalizationFilter, read_parameters
 from omnisim.perception.localization.track import notices
 from omnisim.plots import localization_plots as plots
 from omnisim.report.machine import machine_of_device
-from omnisim.report.report import (
-    CaptionedFigure,
-    Measure,
-    Report,
-    ResultTable,
-    Section,
-    make_folder,
-)
+from omnisim.report.report import CaptionedFigure, Measure, Report, ResultTable, Section
 from omnisim.runs.run_data import train_on_run
 from omnisim.validation.experiments import landmark_sections
 from omnisim.validation.experiments.experiment_runs import (

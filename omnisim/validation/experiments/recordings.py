@@ -8,6 +8,7 @@ filter takes as certain, and biased odometry. All numbers are ours; the paper gi
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -15,7 +16,6 @@ from pathlib import Path
 
 import numpy as np
 
-from omnisim.core.arrays import Floats
 from omnisim.core.errors import RunError
 from omnisim.core.poses import pose
 from omnisim.core.trajectories.odometry import Odometry
@@ -26,6 +26,7 @@ from omnisim.runs.drive import Drive
 from omnisim.runs.route import Route
 from omnisim.runs.run_data import RunData, read_run
 from omnisim.scene import load_scene, model
+from omnisim.validation.plain_scenes import quads
 
 Progress = Callable[[str, int], Callable[[Iterable[int]], Iterable[int]]]
 SCENE = "soccer"
@@ -111,13 +112,9 @@ def _paper_vehicle(robot: str) -> Vehicle:
 
 
 def _record(
-    folder: Path,
-    scene: model.Scene,
-    vehicle: Vehicle,
-    path: str,
-    device: int | None,
+    folder: Path, scene: model.Scene, vehicle: Vehicle, path: str, device: int | None,
     progress: Progress,
-) -> RunData:
+) -> RunData:  # fmt: skip
     drive = Drive(scene, vehicle, Route(path), device=device, channels=("instance",))
     plan = drive.plan()
     steps = plan.record(folder)
@@ -127,8 +124,7 @@ def _record(
         steps = plan.record(folder, force=True)
         done = next(steps)
     total = len(plan.truth)
-    counted = progress(f"drive: {folder.name}", total)(range(total))
-    for count in counted:
+    for count in progress(f"drive: {folder.name}", total)(range(total)):
         if count >= done:
             next(steps, None)
     for _ in steps:  # finish the recording
@@ -173,16 +169,10 @@ def with_wrong_start(odometry: Odometry) -> Odometry:
 
 def _box(name: str, edge_m: float, material: int) -> model.Mesh:
     """Flat-shaded cube about the origin."""
-    half = 0.5 * edge_m
-    positions: list[Floats] = []
-    triangles: list[tuple[int, int, int]] = []
-    for axis in range(3):
-        for side in (-1.0, 1.0):
-            normal, right = np.eye(3)[axis] * side, np.eye(3)[(axis + 1) % 3]
-            up = np.cross(normal, right)
-            first = len(positions)
-            for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1)):
-                positions.append(half * (normal + a * right + b * up))
-            triangles += [(first, first + 1, first + 2), (first, first + 2, first + 3)]
-    corners = np.array(positions, dtype=np.float32)
-    return model.Mesh(name, corners, np.array(triangles, dtype=np.uint32), material)
+    sides = []
+    for axis, side in itertools.product(range(3), (-1.0, 1.0)):
+        normal, right = np.eye(3)[axis] * side, np.eye(3)[(axis + 1) % 3]
+        up = np.cross(normal, right)
+        places = ((-1, -1), (1, -1), (1, 1), (-1, 1))
+        sides.append([0.5 * edge_m * (normal + a * right + b * up) for a, b in places])
+    return quads(name, sides, material)

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from omnisim.cameras import EquidistantCamera, HyperbolicCamera, PerspectiveCamera
-from omnisim.core.arrays import Floats, Floats32, Indices, Ints
+from omnisim.core.arrays import Floats, Floats32, Ints
 from omnisim.core.errors import SceneError
 from omnisim.core.poses import check_pose
 from omnisim.scene import Scene
@@ -137,7 +137,8 @@ def lit_world(scene: Scene, viewpoint_m: Floats, units_per_m: float, depth: int)
         content[f"lamp {number}"] = _lamp(light, level, viewpoint_m, units_per_m)
     bsdfs: dict[tuple[int, str], mi.BSDF] = {}  # of all instances of a material
     for number, instance in enumerate(scene.instances):
-        content[f"surface {number}"] = _surface(scene, instance, viewpoint_m, units_per_m, bsdfs)
+        meshes = _surfaces(scene, instance, viewpoint_m, units_per_m, bsdfs)
+        content |= {f"surface {number}, {part}": mesh for part, mesh in enumerate(meshes)}
     if scene.lighting.environment is not None:
         content["sky"] = sky(scene.lighting.environment)
     elif any(scene.lighting.ambient):
@@ -158,20 +159,25 @@ def _lamp(light: Light, exposure: float, viewpoint_m: Floats, units_per_m: float
     return {"type": "point", "position": position, "intensity": color}
 
 
-def _surface(
+def _surfaces(
     scene: Scene,
     instance: Instance,
     viewpoint_m: Floats,
     units_per_m: float,
     bsdfs: dict[tuple[int, str], mi.BSDF],
-) -> mi.Mesh:
-    """Mesh of an instance; adds the BSDF of its material to `bsdfs` if it is not there."""
+) -> list[mi.Mesh]:
+    """Mesh of an instance; one per color if it is unlit, and so emits its color.
+
+    Adds the BSDF of its material to `bsdfs` if it is not there.
+    """
     mesh = scene.meshes[instance.mesh]
     material = scene.materials[mesh.material]
     linear = instance.world_from_mesh[:3, :3]
     positions_m = mesh.positions @ linear.T + (instance.world_from_mesh[:3, 3] - viewpoint_m)
-    triangles, normals = mesh.triangles.astype(np.int64), None
-    coordinates = colors = None
+    vertices, triangles = positions_m * units_per_m, mesh.triangles.astype(np.int64)
+    if material.unlit:
+        return _shining(material, vertices, triangles, mesh.colors)
+    coordinates = colors = normals = None
     kind = "plain"
     if material.texture is not None and mesh.texture_coordinates is not None:
         coordinates, kind = mesh.texture_coordinates, "textured"
@@ -194,8 +200,24 @@ def _surface(
             raise SceneError(f"material {material.name!r}: emissive_map: expected none for Mitsuba")
         light = {"type": "area", "radiance": scenes.rgb(material.emissive)}
         properties["mesh_emitter"] = mi.load_dict(light)
-    vertices = positions_m * units_per_m
-    return scenes.mesh_of(vertices, triangles, properties, normals, coordinates, colors)
+    return [scenes.mesh_of(vertices, triangles, properties, normals, coordinates, colors)]
+
+
+def _shining(
+    material: Material, vertices: Floats, triangles: Ints, colors: Floats32 | None
+) -> list[mi.Mesh]:
+    """One-sided emitters, one per triangle color: Mitsuba 3.9 crashes on vertex colors."""
+    own = np.tile(np.array(material.base_color[:3], dtype=np.float32), (len(triangles), 1))
+    if colors is not None:
+        own *= colors[triangles[:, 0], :3]
+    distinct, groups = np.unique(own, axis=0, return_inverse=True)
+    meshes = []
+    for number, color in enumerate(distinct):
+        corners = triangles[groups.ravel() == number].ravel()
+        faces = np.arange(len(corners)).reshape(-1, 3)
+        light = scenes.emitter(scenes.rgb(tuple(color.tolist())))
+        meshes.append(scenes.mesh_of(vertices[corners], faces, light))
+    return meshes
 
 
 def _bsdf(material: Material, kind: str, is_matte: bool) -> dict[str, Any]:
@@ -241,6 +263,7 @@ def trace_lit_fisheye(
     """
     pose = check_pose(world_from_optical)
     size_px = 2 * math.ceil(TEXELS * camera.focal_length_px)  # of a face, 2 wide at distance 1
+    face = PerspectiveCamera.with_field_of_view(size_px, size_px, 0.5 * math.pi)
     side = 2 * TEXELS  # rays are evenly spaced over the pixels, as many per pixel's side
     sizes_px = camera.width_px, camera.height_px
     u, v = ((np.arange(count * side) + 0.5) / side - 0.5 for count in sizes_px)
@@ -258,35 +281,16 @@ def trace_lit_fisheye(
         for number in np.unique(faces).tolist():
             on_face = faces == number
             low, high = texels[on_face].min(axis=0), texels[on_face].max(axis=0) + 1
-            axes = _FACES[number] @ pose[:3, :3].T
-            sensor = _face(axes, size_px, low, high - low, samples)
+            units_from_face = np.eye(4)
+            units_from_face[:3, :3] = pose[:3, :3] @ _FACES[number].T
+            whole = scenes.pinhole(face, units_from_face, 1e-3 * UNITS_PER_M, samples)
+            sensor = scenes.cropped(whole, *low.tolist(), *(high - low).tolist())
+            sensor["far_clip"] = 1e5 * UNITS_PER_M
             image = scenes.rendered(loaded, samples, seed + number, sensor)
             column, row = (texels[on_face] - low).T
             samples_rgb[on_face] = image[row, column]
     height, width = camera.height_px, camera.width_px
     return samples_rgb.reshape(height, side, width, side, 3).mean(axis=(1, 3))
-
-
-def _face(
-    axes: Floats, size_px: int, corner_px: Indices, crop_px: Indices, samples: int
-) -> dict[str, Any]:
-    """Perspective camera of a part of a face; `axes` has rows right, down and forward."""
-    (left, top), (width, height) = corner_px.tolist(), crop_px.tolist()
-    crop = {
-        "crop_offset_x": left, "crop_offset_y": top, "crop_width": width, "crop_height": height
-    }  # fmt: skip
-    return {
-        "type": "perspective",
-        "to_world": mi.ScalarTransform4f().look_at(
-            origin=[0.0, 0.0, 0.0], target=axes[2].tolist(), up=(-axes[1]).tolist()
-        ),
-        "fov_axis": "x",
-        "fov": 90.0,
-        "near_clip": 1e-3 * UNITS_PER_M,
-        "far_clip": 1e5 * UNITS_PER_M,
-        "film": scenes.film(size_px, size_px) | crop,
-        "sampler": {"type": "multijitter", "sample_count": samples},
-    }
 
 
 def trace_reflections(
@@ -301,61 +305,9 @@ def trace_reflections(
         samples: samples per pixel; a square number.
         seed: equal seeds give equal images.
     """
-    is_absorbing = any(map(absorbs, scene.materials))
     forward, left, up, position = world_from_base[:3].T
     to_world = np.stack((-left, -up, forward, position), axis=1)
     with scenes.scalar_variant():
-        content: dict[str, Any] = {
-            "type": "scene",
-            "integrator": {"type": "volpath" if is_absorbing else "path", "max_depth": DEPTH},
-            "sensor": scenes.pinhole(camera, to_world, 0.01, samples),
-        }
-        for number, instance in enumerate(scene.instances):
-            for part, surface in enumerate(_surfaces(scene, instance)):
-                content[f"surface {number}, {part}"] = surface
+        content = lit_world(scene, np.zeros(3), 1.0, DEPTH)
+        content["sensor"] = scenes.pinhole(camera, to_world, 0.01, samples)
         return scenes.rendered(content, samples, seed)
-
-
-def _surfaces(scene: Scene, instance: Instance) -> list[mi.Mesh]:
-    """Meshes of an instance: one per color if it emits light, else one."""
-    mesh = scene.meshes[instance.mesh]
-    material = scene.materials[mesh.material]
-    linear, offset_m = instance.world_from_mesh[:3, :3], instance.world_from_mesh[:3, 3]
-    positions = mesh.positions @ linear.T + offset_m
-    triangles = mesh.triangles.astype(np.int64)
-    if material.unlit:
-        return _shining(material, positions, triangles, mesh.colors)
-    bsdf = mi.load_dict(_mirror_bsdf(material))
-    properties = {"mesh_bsdf": bsdf, "face_normals": mesh.normals is None}
-    if absorbs(material):
-        properties["interior"] = mi.load_dict(medium(material))
-    normals = None if mesh.normals is None else mesh.normals @ linear.T
-    return [scenes.mesh_of(positions, triangles, properties, normals=normals)]
-
-
-def _shining(
-    material: Material, positions: Floats, triangles: Ints, colors: Floats32 | None
-) -> list[mi.Mesh]:
-    """One-sided emitters, one per triangle color: Mitsuba 3.9 crashes on vertex colors."""
-    factor = np.array(material.base_color[:3], dtype=np.float32)
-    white = np.ones((len(triangles), 3), dtype=np.float32)
-    own = factor * (white if colors is None else colors[triangles[:, 0], :3])
-    distinct, groups = np.unique(own, axis=0, return_inverse=True)
-    meshes = []
-    for number, color in enumerate(distinct):
-        corners = triangles[groups.ravel() == number].ravel()
-        faces = np.arange(len(corners)).reshape(-1, 3)
-        meshes.append(
-            scenes.mesh_of(
-                positions[corners], faces, scenes.emitter(scenes.rgb(tuple(color.tolist())))
-            )
-        )
-    return meshes
-
-
-def _mirror_bsdf(material: Material) -> dict[str, Any]:
-    if material.transmission > 0.0:
-        return glass_bsdf(material)
-    smooth = scenes.metal(1.0) | {"specular_reflectance": scenes.rgb(material.base_color[:3])}
-    nested = principled(material) if material.roughness > 0.0 else smooth
-    return {"type": "twosided", "nested": nested}

@@ -22,7 +22,7 @@ from omnisim.core.arrays import Floats, Floats32
 from omnisim.scene.light.environment import Environment
 from omnisim.scene.model import Lighting, Material
 from omnisim.scene.surface_kind import SurfaceKind, kind_of, transmitted
-from omnisim.validation.oracles.mitsuba_scene import pinhole, rendered, rgb, scalar_variant
+from omnisim.validation.oracles.mitsuba_scene import cropped, pinhole, rendered, rgb, scalar_variant
 
 _ANGLES = 64  # at which reflectance is averaged
 
@@ -70,14 +70,7 @@ def trace_sphere(
         if lighting.environment is not None:
             content["sky"] = sky(lighting.environment)
         axes = np.array([[0.0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0]])  # along x, z up
-        content["sensor"] = sensor = pinhole(camera, axes, 0.01, samples)
-        left, top, width, height = crop_px
-        sensor["film"] |= {
-            "crop_offset_x": left,
-            "crop_offset_y": top,
-            "crop_width": width,
-            "crop_height": height,
-        }
+        content["sensor"] = cropped(pinhole(camera, axes, 0.01, samples), *crop_px)
         return rendered(content, samples, 0)
 
 

@@ -270,9 +270,8 @@ def trace_mirror(
     """Trace the image (height, width, 3), linear RGB, of a camera that looks at a mirror.
 
     The mirror has flat facets with interpolated normals. For the paper's mirror at 512 × 512 px,
-    the facets move a ray by 0.0005 px on average and 0.0012 px at most; Mitsuba's float32 rays to a
-    scene 1 m away are off by 0.0006 px on average and 0.0014 px at most
-    (`tests/validation/oracles`). A few rays in 100 000 pass between two facets.
+    facets and float32 move rays to a scene 1 m away by less than 0.0008 px on average and 0.002 px
+    at most (`tests/validation/oracles`). A few rays in 100 000 pass between two facets.
 
     Args:
         scene: scene with opaque surfaces only, see `opaque_only`.

@@ -27,18 +27,6 @@ RINGS, SECTORS = 256, 1024  # of a mirror's mesh
 VERTEX_COLOR = "vertex_color"
 
 
-def film(width_px: int, height_px: int) -> dict[str, Any]:
-    """Film with averages over the squares of pixels."""
-    return {
-        "type": "hdrfilm",
-        "width": width_px,
-        "height": height_px,
-        "pixel_format": "rgb",
-        "component_format": "float32",
-        "rfilter": {"type": "box"},
-    }
-
-
 def pinhole(
     camera: PerspectiveCamera | HyperbolicCamera,
     units_from_camera: Floats,
@@ -72,9 +60,22 @@ def pinhole(
         "principal_point_offset_x": 0.5 - (u + 0.5) / width,
         "principal_point_offset_y": 0.5 - (v + 0.5) / height,
         "near_clip": near,
-        "film": film(width, height),
+        "film": {  # averages over the squares of pixels
+            "type": "hdrfilm",
+            "width": width,
+            "height": height,
+            "pixel_format": "rgb",
+            "component_format": "float32",
+            "rfilter": {"type": "box"},
+        },
         "sampler": {"type": "multijitter", "sample_count": samples},
     }
+
+
+def cropped(sensor: dict[str, Any], left: int, top: int, width: int, height: int) -> dict[str, Any]:
+    """Part of a perspective camera's image."""
+    crop = {"crop_offset_x": left, "crop_offset_y": top, "crop_width": width, "crop_height": height}
+    return sensor | {"film": sensor["film"] | crop}
 
 
 def rendered(

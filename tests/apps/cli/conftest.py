@@ -33,3 +33,42 @@ def omnisim(monkeypatch, capsys, tmp_path):
         return status, captured.out, captured.err
 
     return run
+
+
+@pytest.fixture
+def ran(omnisim):
+    """Runs a command that works; returns standard output and error."""
+
+    def run(*arguments):
+        status, out, error = omnisim(*arguments)
+        assert status == 0, error
+        return out, error
+
+    return run
+
+
+@pytest.fixture
+def quiet(ran):
+    """Runs a command that works and has no notes; returns standard output."""
+
+    def run(*arguments):
+        out, error = ran(*arguments)
+        assert error == ""
+        return out
+
+    return run
+
+
+@pytest.fixture
+def refused(omnisim, tmp_path):
+    """Runs a command that is refused in one line and writes nothing; returns the line."""
+
+    def run(*arguments):
+        before = sorted(tmp_path.rglob("*"))
+        status, out, error = omnisim(*arguments)
+        assert (status, out, error.count("\n")) == (1, "", 1), (arguments, error)
+        assert error.startswith("error: ")
+        assert sorted(tmp_path.rglob("*")) == before
+        return error.removeprefix("error: ").rstrip("\n")
+
+    return run

@@ -25,13 +25,13 @@ def test_the_commands_are_those_of_the_table():
 
 
 @pytest.mark.parametrize("path", ENTRIES)
-def test_help_begins_with_two_commands_that_are_understood(omnisim, path):
+def test_help_has_examples_and_what_matters_first_and_all_on_request(omnisim, path):
     entry = ENTRIES[path]
     assert len(entry.examples) == (2 if entry.fields else 1)
-    _, text, _ = omnisim(*path.split(), "--help")
+    text, everything = (omnisim(*path.split(), flag)[1] for flag in ("--help", "--help-all"))
     lines = text.splitlines()
-    start = lines.index("")
-    assert [line.strip() for line in lines[start + 1 :]][: len(entry.examples)] == entry.examples
+    start = lines.index("") + 1
+    assert [line.strip() for line in lines[start:]][: len(entry.examples)] == entry.examples
     for example in entry.examples:
         words = shlex.split(example.partition(" > ")[0])[1:]
         name = words.pop(0)
@@ -42,18 +42,11 @@ def test_help_begins_with_two_commands_that_are_understood(omnisim, path):
             assert f"{name} {child}" == path
             parsed = parsed.commands[child]
         parsed.make_context(name, words)
-
-
-@pytest.mark.parametrize("path", ENTRIES)
-def test_help_shows_what_matters_first_and_all_on_request(omnisim, path):
-    entry = ENTRIES[path]
-    options = [field for field in entry.fields if not field.is_argument]
-    assert set(entry.first) <= {field.name for field in options}
-    assert len(entry.first) in range(8, 13) if len(options) > SHORT else not entry.first
-    assert all(field.name in entry.first for field in options if entry.first and field.is_required)
-    _, text, _ = omnisim(*path.split(), "--help")
-    _, everything, _ = omnisim(*path.split(), "--help-all")
-    for field in options:
+    fields = [field for field in entry.fields if not field.is_argument]
+    assert set(entry.first) <= {field.name for field in fields}
+    assert len(entry.first) in range(8, 13) if len(fields) > SHORT else not entry.first
+    assert all(field.name in entry.first for field in fields if entry.first and field.is_required)
+    for field in fields:
         assert re.search(rf"{field.flags[-1]}\b", everything)
         is_shown = not entry.first or field.name in entry.first
         row = rf"^  (?:-\w, )?{field.label}(?![\w-])"
@@ -61,45 +54,38 @@ def test_help_shows_what_matters_first_and_all_on_request(omnisim, path):
     assert ("--help-all" in text) == bool(entry.first)
 
 
-@pytest.mark.parametrize("path", ENTRIES)
-def test_a_flag_has_no_type_and_every_other_option_says_what_it_takes(path):
-    for field in FIELDS[path]:
-        assert bool(field.metavar) != field.is_flag, field.name
-
-
-@pytest.mark.parametrize("path", ENTRIES)
-def test_each_help_is_a_sentence_that_ends_with_its_default(path):
-    assert ENTRIES[path].summary.endswith(".")
-    for field in FIELDS[path]:
-        text = field.text
-        assert text.endswith("."), f"{field.name}: {text}"
-        assert text[0].isupper() or text[0].isdigit(), f"{field.name}: {text}"
-        assert "by default" not in text, f"{field.name}: {text}"
-        assert text.count("Default: ") <= 1, f"{field.name}: {text}"
-
-
-def test_camera_is_a_file_and_camera_name_a_name_in_every_command():
+def test_each_help_is_a_sentence_with_its_default_and_what_the_option_takes():
     for path, fields in FIELDS.items():
+        assert ENTRIES[path].summary.endswith(".")
         for field in fields:
-            if "--camera" in field.flags:
-                assert field.metavar == "FILE", path
-            if "--camera-name" in field.flags:
-                assert field.metavar.startswith("NAME"), path
+            fault = f"{path} {field.name}: {field.text}"
+            assert bool(field.metavar) != field.is_flag, fault
+            assert re.match("[A-Z0-9].*[.]$", field.text, re.DOTALL), fault
+            assert "by default" not in field.text, fault
+            assert field.text.count("Default: ") <= 1, fault
 
 
-def test_no_option_is_named_twice():
+def test_camera_is_a_file_camera_name_a_name_and_no_option_named_twice():
     for path, fields in FIELDS.items():
-        flags = [flag for field in fields for flag in field.flags]
-        assert len(set(flags)) == len(flags), path
+        metavars = [(flag, field.metavar) for field in fields for flag in field.flags]
+        assert dict(metavars).get("--camera", "FILE") == "FILE", path
+        assert dict(metavars).get("--camera-name", "NAME").startswith("NAME"), path
+        assert len(dict(metavars)) == len(metavars), path
 
 
-def test_groups_without_a_command_show_their_help(omnisim):
+@pytest.mark.parametrize("columns", [80, 100])
+def test_no_word_is_broken_at_a_hyphen(ran, monkeypatch, columns):
+    monkeypatch.setenv("COLUMNS", str(columns))
+    text, _ = ran("validate", "--help")
+    assert "optics-calibration" in text
+    assert not re.search(r"\w-\n", text)
+
+
+def test_groups_without_a_command_show_their_help(ran):
     for name in GROUPS:
-        status, text, _ = omnisim(name)
-        assert status == 0
+        text, _ = ran(name)
         assert all(f"  {child} " in text for child in command_named(name).commands)
-    status, text, _ = omnisim()
-    assert status == 0
+    text, _ = ran()
     assert all(f"  {name} " in text for name in app.list_commands(None))
 
 
@@ -118,6 +104,6 @@ def test_an_option_in_degrees_refers_to_a_field_in_radians():
         turn_tick_deg: Annotated[float, of("core.trajectories.odometry.OdometryErrors")] = OWN
 
     (field,) = request_fields(Group)
-    (key,) = (one for one in keys_of(table_of(OdometryErrors)) if one.name == "turn_tick_deg")
+    (key,) = (key for key in keys_of(table_of(OdometryErrors)) if key.name == "turn_tick_deg")
     assert (field.text, field.default) == (f"{key.help} Default: 0.", key.default)
     assert field.limits == {"ge": key.low.value, "le": key.high.value}

@@ -8,6 +8,7 @@ import time
 import pytest
 
 from omnisim.apps.cli import INTERRUPTED
+from tests.slow import slow_but
 
 CODE = "from omnisim.apps.cli.start import main\nprint('started', flush=True)\nmain()"
 RENDER = ("render", "rings", "--size", "2000", "--quality", "default", "-o", "a.png")
@@ -31,16 +32,15 @@ def assert_interrupted(process, folder):
     assert not list(folder.iterdir())
 
 
-def check_interrupt(folder, delay_s):
-    process = start(folder, CODE, *RENDER)
+MOMENTS_S = [0.06 * step + 0.03 for step in range(20)]
+
+
+@pytest.mark.parametrize("delay_s", slow_but(MOMENTS_S, MOMENTS_S[0], MOMENTS_S[8]))
+def test_at_any_moment(tmp_path, delay_s):
+    process = start(tmp_path, CODE, *RENDER)
     time.sleep(delay_s)
     process.send_signal(signal.SIGINT)
-    assert_interrupted(process, folder)
-
-
-@pytest.mark.parametrize("delay_s", [0.02, 0.15, 0.5, 0.7])
-def test_at_the_start(tmp_path, delay_s):
-    check_interrupt(tmp_path, delay_s)
+    assert_interrupted(process, tmp_path)
 
 
 INTERRUPTS = """
@@ -57,7 +57,7 @@ runpy.run_module('omnisim', run_name='__main__', alter_sys=True)
 """
 
 
-@pytest.mark.parametrize("module", ["omnisim.apps.cli.app", "omnisim.core.errors", "click"])
+@pytest.mark.parametrize("module", ["omnisim.apps.cli.app", "click"])
 def test_while_modules_are_imported(tmp_path, module):
     assert_interrupted(start(tmp_path, INTERRUPTS, module), tmp_path)
 
@@ -96,12 +96,6 @@ def test_nothing_is_imported_before_it_is_handled():
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     tiny = ["omnisim", "omnisim.apps", "omnisim.apps.cli", "omnisim.apps.cli.start"]
     assert done.stdout.split() == [*tiny, "omnisim.core", "omnisim.core.lazy_names"]
-
-
-@pytest.mark.slow
-def test_at_any_moment(tmp_path):
-    for step in range(20):
-        check_interrupt(tmp_path, 0.06 * step + 0.03)
 
 
 # As an extension does that imports an optional module: what escapes is taken for its absence.

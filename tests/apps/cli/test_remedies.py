@@ -8,6 +8,7 @@ found missing.
 import difflib
 import re
 import shlex
+import shutil
 import sys
 import tomllib
 from pathlib import Path
@@ -16,7 +17,9 @@ import pytest
 
 from omnisim.apps.cli.command import Command
 from omnisim.apps.cli.options import ENTRIES, CommandLineError
+from omnisim.cameras.calibration import calibration_of
 from omnisim.core.errors import OmnisimError
+from omnisim.rendering.camera.omnicamera import OmniCamera
 from tests.apps.cli import test_usage_errors  # noqa: F401 - imports the requests of all commands
 from tests.apps.cli.image_files import write_images
 
@@ -61,7 +64,7 @@ BY_HAND = {
     "export none --to euroc -o o --start-time noon":
         "export none --to euroc -o o --start-time 2026-01-31T12:00:00",
     "calibration convert a.png --optics ball.toml --to ros -o o.yaml":
-        "calibration convert --optics ball.toml --to omnisim -o o.json",
+        "calibration convert a.png --to omnisim -o o.json",
     "render a.obj -o o.png --device 77": "render a.obj -o o.png --device 0",
     "render a.obj -o o.png --device 99999999999": "render a.obj -o o.png --device 0",
 }  # fmt: skip
@@ -121,12 +124,20 @@ def _tried_in_files(line):
     return None if found is None else found.groups()
 
 
-@pytest.fixture
-def inputs(tmp_path, omnisim):
-    write_images(tmp_path)
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """Folder of the table's files, images and a calibration."""
+    folder = tmp_path_factory.mktemp("files")
+    write_images(folder)
     for name, text in (TABLE["files"] | FILES).items():
-        (tmp_path / name).write_text(text, encoding="utf-8")
-    assert omnisim("calibration", "convert", "a.png", "--to", "omnisim", "-o", "lens.json")[0] == 0
+        (folder / name).write_text(text, encoding="utf-8")
+    calibration_of(OmniCamera().model).save(folder / "lens.json", "omnisim")
+    return folder
+
+
+@pytest.fixture
+def inputs(files, tmp_path):
+    shutil.copytree(files, tmp_path, dirs_exist_ok=True)
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""Errors that `omnisim sensor --check` and `omnisim info` state, against the rays of the GPU."""
+"""Errors that `omnisim sensor --check` states, against the rays of the GPU."""
 
 import re
 from pathlib import Path
@@ -28,14 +28,13 @@ def _check_words(context, words, sensor):
 
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.parent.name)
-def test_stated_error_of_every_shipped_sensor_file_is_true(omnisim, context, path):
-    status, out, error = omnisim("sensor", "--check", str(path))
-    assert (status, error) == (0, "")
+def test_stated_error_of_every_shipped_sensor_file_is_true(quiet, context, path):
+    out = quiet("sensor", "--check", path)
     assert "(auto)" in out
     _check_words(context, out, OmniCamera.from_file(path))
 
 
-@pytest.mark.parametrize("polygons", [16, 100, 1024])
+@pytest.mark.parametrize("polygons", [16, 1024])
 def test_stated_error_of_a_fixed_mesh_is_true(omnisim, context, tmp_path, polygons):
     path = tmp_path / "s.toml"
     path.write_text(f"[mirror]\npolygons = {polygons}\n[camera]\nwidth_px = 500\n")
@@ -51,8 +50,3 @@ def test_exact_and_too_fine_meshes_say_so(omnisim, tmp_path):
     path.write_text("[camera]\nfocal_length_px = 1e7\n")
     words = "exact (auto: 0.1 px need more than 1048576 polygons), none\n"
     assert f"  mesh     {words}" in omnisim("sensor", "--check", "s.toml")[1]
-
-
-@pytest.mark.usefixtures("needs_opengl")
-def test_stated_error_of_the_default_camera_is_true(omnisim, context):
-    _check_words(context, omnisim("info")[1], OmniCamera())

@@ -31,16 +31,22 @@ position_m = [0.0, 0.0, 0.15]
 """
 
 
-def test_check_prints_a_line_for_each_part(omnisim, tmp_path):
-    shutil.copy(EXAMPLES / "equi-angular.toml", tmp_path)
-    shutil.copy(EXAMPLES / "equi-angular.csv", tmp_path)
-    (tmp_path / "a.toml").write_text('[optics]\nfile = "equi-angular.toml"\n')
+@pytest.fixture
+def systems(tmp_path):
+    """Sensor files: a.toml names an optics file, b.toml has the system in place."""
+    for suffix in ("toml", "csv"):
+        shutil.copy(EXAMPLES / f"equi-angular.{suffix}", tmp_path)
+    text = '[optics]\nfile = "equi-angular.toml"\npolygons = "auto"\n'
+    (tmp_path / "a.toml").write_text(text)
     (tmp_path / "b.toml").write_text(IN_PLACE)
-    status, out, _ = omnisim("sensor", "--check", "a.toml")
-    assert status == 0
+    return tmp_path
+
+
+@pytest.mark.usefixtures("systems")
+def test_check_prints_a_line_for_each_part(ran):
+    out, _ = ran("sensor", "--check", "a.toml")
     assert "shape = table, r_m = 501 values, z_m = 501 values, tip = smooth" in out
-    status, out, _ = omnisim("sensor", "--check", "b.toml")
-    assert status == 0
+    out, _ = ran("sensor", "--check", "b.toml")
     assert "looking" in out
     assert "r_m = [0.0, 0.005, 0.01, 0.015, 0.02]" in out
 
@@ -50,47 +56,40 @@ def test_check_prints_a_line_for_each_part(omnisim, tmp_path):
     "options",
     [("--sensor", "sensor.toml"), ("--optics", "optics.toml", "--preset", "webcam")],
 )
-def test_trajectories(omnisim, tmp_path, options):
+def test_trajectories(ran, tmp_path, options):
     (tmp_path / "sensor.toml").write_text(IN_PLACE)
     shutil.copy(EXAMPLES / "dome-port.toml", tmp_path / "optics.toml")
     poses = np.array([np.eye(4), np.eye(4)])
     poses[:, :3, 3] = (0.0, 0.0, 1.0), (0.2, 0.0, 1.0)
     write_trajectory(tmp_path / "poses.tum", Trajectory(np.array([0.0, 0.5]), poses))
     command = ("record", "soccer", *options, "--trajectory", "poses.tum", "--size", 36, "-o", "run")
-    status, _, err = omnisim(*command)
-    assert status == 0, err
+    ran(*command)
     taken = read_captured_image(tmp_path / "run" / "camera" / "000001.png")
     again = OmniCamera.from_file(tmp_path / "run" / "camera" / "sensor.toml")
     assert taken.camera.parameters() == again.model.parameters()
-    first = (tmp_path / "run" / "camera" / "000000.png").read_bytes()
-    (tmp_path / "run" / "camera" / "000000.png").unlink()
-    assert omnisim(*command)[0] == 0
-    assert (tmp_path / "run" / "camera" / "000000.png").read_bytes() == first
+    first = tmp_path / "run" / "camera" / "000000.png"
+    before = first.read_bytes()
+    first.unlink()
+    ran(*command)
+    assert first.read_bytes() == before
 
 
-def test_either_file_is_the_system(omnisim, tmp_path):
+def test_either_file_is_the_system(ran, systems):
     """Sensor files where optics files go, and optics files where sensor files do."""
-    shutil.copy(EXAMPLES / "equi-angular.toml", tmp_path)
-    shutil.copy(EXAMPLES / "equi-angular.csv", tmp_path)
-    (tmp_path / "a.toml").write_text('[optics]\nfile = "equi-angular.toml"\npolygons = "auto"\n')
-    (tmp_path / "b.toml").write_text(IN_PLACE)
-    system = read_optics_file(tmp_path / "equi-angular.toml")
+    system = read_optics_file(systems / "equi-angular.toml")
     for read in (
-        read_optics_file(tmp_path / "a.toml"),
-        OmniCamera.of(tmp_path / "equi-angular.toml").model,
-        OmniCamera.from_file(tmp_path / "a.toml").model,
+        read_optics_file(systems / "a.toml"),
+        OmniCamera.of(systems / "equi-angular.toml").model,
+        OmniCamera.from_file(systems / "a.toml").model,
     ):
         assert read.parameters() == system.parameters()
-    in_place = OmniCamera.from_file(tmp_path / "b.toml").model
-    assert read_optics_file(tmp_path / "b.toml").parameters() == in_place.parameters()
-    assert OmniCamera.of(tmp_path / "equi-angular.toml").polygons is None
-    status, out, _ = omnisim("optics", "check", "b.toml")
-    assert (status, "36 × 36 px, 1 mirror" in out) == (0, True)
+    in_place = OmniCamera.from_file(systems / "b.toml").model
+    assert read_optics_file(systems / "b.toml").parameters() == in_place.parameters()
+    assert OmniCamera.of(systems / "equi-angular.toml").polygons is None
+    assert "36 × 36 px, 1 mirror" in ran("optics", "check", "b.toml")[0]
 
 
 def test_a_sensor_file_that_names_itself_is_no_optics_file(omnisim, tmp_path):
     (tmp_path / "a.toml").write_text('[optics]\nfile = "a.toml"\n')
     for command in (("sensor", "--check", "a.toml"), ("optics", "check", "a.toml")):
-        status, _, err = omnisim(*command)
-        assert status == 1
-        assert "a.toml: camera: missing" in err
+        assert "error: a.toml: camera: missing" in omnisim(*command)[2]

@@ -48,10 +48,10 @@ def test_a_sensor_file_is_checked_without_scenes_images_and_graphics(tmp_path):
 
 @pytest.mark.usefixtures("needs_opengl")
 def test_a_drive_imports_nothing_of_other_commands(tmp_path):
+    (tmp_path / "way.csv").write_text("x_m,y_m\n0,0\n1,0\n")
     _run(
-        tmp_path, RARE_LIBRARIES,
-        "drive", "soccer", "--robot", "superscout", "--path", "lap_clockwise",
-        "--size", "24", "--quality", "fast", "--step", "3", "--turn-step", "90", "-o", "run",
+        tmp_path, RARE_LIBRARIES, "drive", "compass", "--robot", "superscout", "--path", "way.csv",
+        "--size", "16", "--quality", "fast", "--ground", "0", "-o", "run",
     )  # fmt: skip
     assert (tmp_path / "run" / "omnicam" / "000000.png").is_file()
 
@@ -61,10 +61,10 @@ def test_an_error_is_one_line_after_the_process_has_ended():
         "import sys\nfrom omnisim.apps.cli.app import main\n"
         "sys.argv = ['omnisim', 'render', 'ringz', '-o', 'a.png']\nmain()"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    done = _python(code)
     assert done.returncode == 1
     assert done.stderr.startswith("error: ringz: no such scene file")
-    assert len(done.stderr.splitlines()) == 1
+    assert done.stderr.count("\n") == 1
 
 
 @pytest.mark.parametrize("later", ["atexit.register(print, 'later')", "THREAD.start()"])
@@ -76,7 +76,7 @@ def test_what_is_to_run_at_exit_runs(later):
         f"def main():\n    {later}\n    print('now')\n    sys.exit(3)\n"
         "app.main = main\nstart.main()"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    done = _python(code)
     assert (done.returncode, done.stderr) == (3, "")
     assert done.stdout.splitlines() == ["now", "later"]
 
@@ -87,7 +87,7 @@ def test_the_memory_is_left_to_the_operating_system():
         "class Big:\n    def __del__(self):\n        print('freed')\n"
         "big = Big()\nsys.argv = ['omnisim', '--version']\nmain()"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    done = _python(code)
     assert (done.returncode, done.stdout) == (0, f"omnisim {__version__}\n")
 
 
@@ -101,8 +101,12 @@ def _run(folder, rare, *arguments):
         f"found = set({rare!r}) & set(sys.modules)\n"
         "sys.exit(f'imported: {sorted(found)}' if found else 0)"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, check=False
-    )
+    done = _python(code, folder)
     assert done.returncode == 0, done.stderr
     assert not done.stderr  # nor does a library say anything when the process ends
+
+
+def _python(code, folder=None):
+    return subprocess.run(
+        [sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, check=False
+    )

@@ -15,7 +15,7 @@ OPTICS = Path(__file__).resolve().parents[3] / "examples" / "optics"
 REFUSAL = "needs moderngl: pip install 'omnisim-camera[opengl]'; back end 'rays' needs no OpenGL\n"
 # Before all else: neither can be imported.
 BLOCKED = "import sys\nsys.modules['moderngl'] = sys.modules['glcontext'] = None\n"
-FRAME = """
+PROGRAM = """
 import numpy as np
 import omnisim
 camera = omnisim.OmniCamera().resized(32)
@@ -23,9 +23,6 @@ with omnisim.open_sensor("courtyard", camera, backend="rays") as renderer:
     pose = camera.base_pose((0.0, 0.0, 1.0), yaw_deg=30.0)
     frame = renderer.render(pose, also=("range", "instance"))
 np.savez("frame.npz", rgb=frame.rgb, valid=frame.valid, **frame.channels)
-"""
-MEASUREMENTS = """
-import numpy as np
 from omnisim.sensors import DepthCamera, LaserScanner, RangeSensor, SpinningLidar
 from omnisim.rendering import Stage
 from omnisim.core.poses import pose
@@ -73,9 +70,9 @@ def test_what_draws_by_opengl_ends_in_one_line(omnisim, monkeypatch, command, wh
 
 
 @pytest.mark.slow
-def test_the_courtyard_is_rendered_with_ground_truth(tmp_path):
+def test_the_courtyard_is_rendered_with_ground_truth_and_other_sensors_measure(tmp_path):
     pytest.importorskip("embreex")
-    _run(tmp_path, FRAME)
+    _run(tmp_path, PROGRAM)
     without = np.load(tmp_path / "frame.npz")
     camera = OmniCamera().resized(32)
     with open_sensor("courtyard", camera, backend="rays") as renderer:
@@ -85,12 +82,6 @@ def test_the_courtyard_is_rendered_with_ground_truth(tmp_path):
     assert without.files == list(expected)
     for name, values in expected.items():
         np.testing.assert_array_equal(without[name], values)
-
-
-@pytest.mark.slow
-def test_lasers_lidars_sonars_and_depth_cameras_measure(tmp_path):
-    pytest.importorskip("embreex")
-    _run(tmp_path, MEASUREMENTS)
 
 
 @pytest.mark.slow

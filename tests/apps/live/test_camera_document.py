@@ -15,7 +15,8 @@ from omnisim.apps.live.camera_document import (
     with_preset,
 )
 from omnisim.cameras import pixel_grid
-from omnisim.core.errors import OmnisimError, OutputError, SensorFileError
+from omnisim.core.errors import OutputError, SensorFileError
+from omnisim.core.files.toml_file import toml_text
 from omnisim.rendering.camera.omnicamera import OmniCamera
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -74,20 +75,14 @@ def test_a_value_in_a_list_of_tables_is_set():
 
 @pytest.mark.parametrize("path", ["", "mirror.k", "sensor", "sensor.mirror.k.x", "size_px.x"])
 def test_an_impossible_path_is_refused(path):
-    document = CameraDocument().with_value("sensor.mirror.k", 3.0)
     with pytest.raises(SensorFileError, match="expected a key"):
-        document.with_value(path, 1.0)
+        CameraDocument().with_value("sensor.mirror.k", 3.0).with_value(path, 1.0)
 
 
 @pytest.mark.parametrize("size", [100_000, 15, 1.5, "big", True])
 def test_an_impossible_size_is_refused(size):
     with pytest.raises(SensorFileError, match="size_px: expected 16 to 2048 px"):
         CameraDocument().with_value("size_px", size)
-
-
-def test_an_impossible_value_is_refused_when_the_camera_is_made():
-    with pytest.raises(OmnisimError, match=r"mirror\.k: expected a number ≥ 2"):
-        CameraDocument().with_value("sensor.mirror.k", 1.0).camera()
 
 
 def test_relative_files_become_absolute(tmp_path):
@@ -97,8 +92,6 @@ def test_relative_files_become_absolute(tmp_path):
                    "focal_length_px": 150.0},
         "surfaces": [{"shape": "table", "file": "profile.csv", "position_m": [0.0, 0.0, 0.1]}],
     }  # fmt: skip
-    from omnisim.core.files.toml_file import toml_text
-
     (tmp_path / "optics.toml").write_text(toml_text(optics))
     (tmp_path / "sensor.toml").write_text('[optics]\nfile = "optics.toml"\n')
     document = CameraDocument.of_sensor_file(tmp_path / "sensor.toml")

@@ -18,7 +18,8 @@ def _controls(document):
             yield from group["controls"]
             yield from inner(group["groups"])
 
-    return {one["path"]: one for one in inner(control_groups(document, document.camera()))}
+    controls = inner(control_groups(document, document.camera()))
+    return {control["path"]: control for control in controls}
 
 
 @pytest.mark.parametrize(("kind", "name"), PRESETS)
@@ -40,19 +41,13 @@ def test_every_number_of_a_camera_has_a_control(kind, name):
             assert not soft["log"] or soft["low"] > 0.0, control
 
 
-@pytest.mark.parametrize(
-    ("path", "table"),
-    [
-        ("sensor.mirror", MirrorTable),
-        ("sensor.camera", CameraTable),
-        ("sensor.virtual_cameras", VirtualCamerasTable),
-    ],
-)
-def test_every_key_of_a_sensor_file_has_a_control_with_help(path, table):
+def test_every_key_of_a_sensor_file_has_a_control_with_help():
     found = _controls(CameraDocument())
-    for name, field in table.model_fields.items():
-        if table_in(field.annotation) is None:
-            assert found[f"{path}.{name}"]["help"], name
+    tables = {"mirror": MirrorTable, "camera": CameraTable, "virtual_cameras": VirtualCamerasTable}
+    for key, table in tables.items():
+        for name, field in table.model_fields.items():
+            if table_in(field.annotation) is None:
+                assert found[f"sensor.{key}.{name}"]["help"], name
 
 
 def test_every_key_of_every_effect_has_a_control_with_help():
@@ -65,11 +60,10 @@ def test_every_key_of_every_effect_has_a_control_with_help():
     (effects,) = [group["groups"] for group in groups if group["title"] == "Degradation"]
     assert [group["on"] for group in effects] == [True] * len(EFFECTS)
     for group, (name, effect) in zip(effects, EFFECTS.items(), strict=True):
-        labels = {one["label"] for one in group["controls"]}
-        assert labels == set(table_of(effect).model_fields) - {"widths_px", "curve"}, (
-            name
-        )  # have rows
-        assert all(one["help"] for one in group["controls"]), name
+        labels = {control["label"] for control in group["controls"]}
+        have_rows = {"widths_px", "curve"}
+        assert labels == set(table_of(effect).model_fields) - have_rows, name
+        assert all(control["help"] for control in group["controls"]), name
 
 
 def test_limits_units_and_values_are_those_of_the_schema():

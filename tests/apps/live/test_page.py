@@ -2,6 +2,7 @@
 
 import importlib.util
 import os
+import re
 import shlex
 import shutil
 import signal
@@ -68,9 +69,12 @@ def page(browser, live):
         viewport={"width": 1440, "height": 900}, permissions=["clipboard-read", "clipboard-write"]
     )
     page, faults = context.new_page(), []
-    page.on("console", lambda one: faults.append(one.text) if one.type == "error" else None)
+    page.on("console", lambda line: faults.append(line.text) if line.type == "error" else None)
     page.on("pageerror", lambda error: faults.append(str(error)))
-    page.on("request", lambda one: faults.append(one.url) if _is_outside(one.url, live) else None)
+    own = (live, "blob:", "data:", live.replace("http", "ws"))
+    page.on(
+        "request", lambda asked: None if asked.url.startswith(own) else faults.append(asked.url)
+    )
     page.goto(live)
     page.wait_for_selector(FINE)
     wait_until(lambda: page.evaluate("omnisim.state.drives"), "it drives")
@@ -78,10 +82,6 @@ def page(browser, live):
     yield page
     assert faults == []
     context.close()
-
-
-def _is_outside(url, own):
-    return not url.startswith((own, "blob:", "data:", own.replace("http", "ws")))
 
 
 def wait_until(is_true, what, timeout_s=120.0):
@@ -109,10 +109,29 @@ def rest(page, after, still_s=0.8):
         time.sleep(0.1)
 
 
+@contextmanager
+def settled(page):
+    """Wait, after what the block does, for the fine image of another state."""
+    before = change(page)
+    yield
+    rest(page, before)
+
+
+def press(page, keys, ms):
+    """Hold keys down together."""
+    for key in keys:
+        page.keyboard.down(key)
+    page.wait_for_timeout(ms)
+    for key in keys:
+        page.keyboard.up(key)
+
+
 def shown_png(page):
-    """Bytes of the camera's image that is shown."""
+    """Bytes of the camera's fine image that is shown; a coarse one before it is a JPEG."""
     script = "async () => [...new Uint8Array(await omnisim.views.get('camera').blob.arrayBuffer())]"
-    return bytes(page.evaluate(script))
+    while (shown := bytes(page.evaluate(script)))[1:4] != b"PNG":
+        page.wait_for_timeout(50)
+    return shown
 
 
 def rendered_png(page, folder):
@@ -126,24 +145,19 @@ def rendered_png(page, folder):
 
 
 def test_keys_move_the_camera_and_the_image_is_the_renderers(page, tmp_path):
-    before, place = change(page), page.inner_text("#place")
-    page.keyboard.down("w")
-    page.keyboard.down("ArrowLeft")
-    page.wait_for_timeout(400)
-    page.keyboard.up("w")
-    page.keyboard.up("ArrowLeft")
-    rest(page, before)
+    place = page.inner_text("#place")
+    with settled(page):
+        press(page, ("w", "ArrowLeft"), 400)
     assert page.inner_text("#place") != place
     assert shown_png(page) == rendered_png(page, tmp_path)
 
 
 def test_a_slider_changes_the_mirror_and_undo_takes_it_back(page, tmp_path):
-    first, before = shown_png(page), change(page)
-    slider = page.locator("[data-path='sensor.mirror.k'] input[type=range]")
-    slider.focus()
-    for _ in range(5):
-        page.keyboard.press("PageUp")
-    rest(page, before)
+    first = shown_png(page)
+    with settled(page):
+        page.locator("[data-path='sensor.mirror.k'] input[type=range]").focus()
+        for _ in range(5):
+            page.keyboard.press("PageUp")
     changed = shown_png(page)
     assert changed != first
     assert changed == rendered_png(page, tmp_path)
@@ -152,43 +166,29 @@ def test_a_slider_changes_the_mirror_and_undo_takes_it_back(page, tmp_path):
     with page.expect_download() as saved:
         page.click("#save-toml")
     assert "k = " in saved.value.path().read_text()
-    before = change(page)
-    page.keyboard.press("Control+z")
-    rest(page, before)
+    with settled(page):
+        page.keyboard.press("Control+z")
     assert shown_png(page) == first
 
 
-def test_a_preset_of_the_gallery_is_one_click_away(page, tmp_path):
-    first, before = shown_png(page), change(page)
+def test_a_lens_is_one_click_away_and_the_menu_switches_and_shows_its_model(page, tmp_path):
+    first = shown_png(page)
     page.click("summary:has-text('Mirrors and lenses')")
-    page.click(".lenses button[data-name=eucm]")
-    rest(page, before)
+    with settled(page):
+        page.click(".lenses button[data-name=eucm]")
     assert shown_png(page) == rendered_png(page, tmp_path)
     assert page.locator("[data-path='sensor.lens.alpha']").is_visible()
-    before = change(page)
-    page.click("#reset")
-    rest(page, before)
-    assert shown_png(page) == first
-
-
-def test_the_menu_of_models_switches_the_model_and_shows_what_is_in_use(page):
-    first, before = shown_png(page), change(page)
-    page.click("summary:has-text('Mirrors and lenses')")
-    page.click(".lenses button[data-name=eucm]")
-    rest(page, before)
     menu = page.locator("[data-path='sensor.lens.model'] select")
     assert menu.input_value() == "eucm"
     assert menu.locator("option[value='']").count() == 0
-    before = change(page)
-    menu.select_option("rational_polynomial")
-    rest(page, before)
+    with settled(page):
+        menu.select_option("rational_polynomial")
     assert page.locator("#fault").is_hidden()
     assert menu.input_value() == page.evaluate("omnisim.state.camera.model")
     pressed = page.locator(".lenses button[aria-pressed=true]")
     assert pressed.get_attribute("data-name") == "rational_polynomial"
-    before = change(page)
-    page.click("#reset")
-    rest(page, before)
+    with settled(page):
+        page.click("#reset")
     assert shown_png(page) == first
 
 
@@ -200,16 +200,13 @@ def test_each_lens_has_an_image_of_its_own(page):
 
 
 def test_a_button_leads_back_to_the_start_and_a_key_switches_walls(page):
-    before = change(page)
-    page.click("#start")  # tests before this one have moved the camera of the same server
-    rest(page, before)
-    place, first, before = page.inner_text("#place"), shown_png(page), change(page)
-    page.keyboard.press("c")
-    wait_until(lambda: page.get_attribute("#walls", "aria-pressed") == "false", "no walls")
-    page.keyboard.down("w")
-    page.wait_for_timeout(300)
-    page.keyboard.up("w")
-    rest(page, before)
+    with settled(page):
+        page.click("#start")  # tests before this one have moved the camera of the same server
+    place, first = page.inner_text("#place"), shown_png(page)
+    with settled(page):
+        page.keyboard.press("c")
+        wait_until(lambda: page.get_attribute("#walls", "aria-pressed") == "false", "no walls")
+        press(page, "w", 300)
     wait_until(lambda: page.inner_text("#place") != place, "another place")
     page.click("#start")
     page.click("#walls")
@@ -233,12 +230,12 @@ def test_views_fill_the_window_without_scrolling(page, width, height, share):
 
 
 def test_a_fault_is_shown_and_the_image_stays(page):
-    first, before = shown_png(page), change(page)
-    page.fill("[data-path='sensor.mirror.k'] input[type=number]", "1")
-    page.keyboard.press("Enter")
-    page.wait_for_selector("#fault:not([hidden])")
-    assert page.inner_text("#fault") == "mirror.k: expected a number ≥ 2, got 1"
-    rest(page, before)
+    first = shown_png(page)
+    with settled(page):
+        page.fill("[data-path='sensor.mirror.k'] input[type=number]", "1")
+        page.keyboard.press("Enter")
+        page.wait_for_selector("#fault:not([hidden])")
+        assert page.inner_text("#fault") == "mirror.k: expected a number ≥ 2, got 1"
     assert shown_png(page) == first
 
 
@@ -256,16 +253,27 @@ def test_views_are_switched_and_a_point_is_marked_in_all(page):
         assert page.is_visible(f".view[data-view={name}] .mark"), name
 
 
+def test_triangles_are_counted_and_the_map_is_announced_until_it_is_built(page):
+    page.click("#rate")
+    page.click("#times button")
+    page.wait_for_selector("#times :text('triangles seen')")
+    assert re.search(r"triangles submitted\s+[1-9][\d,]*", page.inner_text("#times"))
+    page.click("#rate")
+    page.evaluate("omnisim.state.mapMessage = null")
+    page.click("#chips [data-view=map]")
+    page.click("#chips [data-view=map]")
+    assert page.inner_text(".view[data-view=map] .reason") == "building the map …"
+    page.reload()
+    page.wait_for_selector(".view[data-view=map] .reason", state="hidden")
+
+
 def test_a_second_page_watches(page, browser, live):
     other = browser.new_page()
     other.goto(live)
     other.wait_for_selector(FINE)
     assert other.inner_text("#roles") == "watching"
-    before = change(page)
-    page.keyboard.down("s")
-    page.wait_for_timeout(200)
-    page.keyboard.up("s")
-    rest(page, before)
+    with settled(page):
+        press(page, "s", 200)
     wait_until(lambda: other.inner_text("#place") == page.inner_text("#place"), "the same place")
     wait_until(lambda: shown_png(other) == shown_png(page), "the same image")
     other.close()
@@ -274,10 +282,10 @@ def test_a_second_page_watches(page, browser, live):
 def test_a_click_on_the_map_goes_there(page):
     page.wait_for_selector(".view[data-view=map] canvas")
     wait_until(lambda: page.evaluate("Boolean(omnisim.state.mapMessage)"), "the map")
-    place, before = page.inner_text("#place"), change(page)
+    place = page.inner_text("#place")
     box = page.locator(".view[data-view=map] canvas").bounding_box()
-    page.mouse.click(box["x"] + 0.4 * box["width"], box["y"] + 0.6 * box["height"])
-    rest(page, before)
+    with settled(page):
+        page.mouse.click(box["x"] + 0.4 * box["width"], box["y"] + 0.6 * box["height"])
     assert page.inner_text("#place") != place
 
 
@@ -295,11 +303,11 @@ def test_all_is_reached_by_the_keyboard(page):
     page.keyboard.press("Escape")
 
 
-@pytest.mark.parametrize("width", [390, 800, 1440])
-def test_nothing_is_wider_than_the_window(page, width):
-    page.set_viewport_size({"width": width, "height": 844})
-    page.wait_for_timeout(200)
-    assert page.evaluate("document.documentElement.scrollWidth") <= width
+def test_nothing_is_wider_than_the_window(page):
+    for width in (390, 800, 1440):
+        page.set_viewport_size({"width": width, "height": 844})
+        page.wait_for_timeout(200)
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
 
 
 @pytest.mark.long
@@ -310,11 +318,9 @@ def test_a_robot_is_driven_by_keys(browser, tmp_path):
         page = browser.new_page()
         page.goto(url)
         page.wait_for_selector(FINE)
-        place, before = page.inner_text("#place"), change(page)
-        page.keyboard.down("ArrowUp")
-        page.wait_for_timeout(1500)
-        page.keyboard.up("ArrowUp")
-        rest(page, before)
+        place = page.inner_text("#place")
+        with settled(page):
+            press(page, ("ArrowUp",), 1500)
         assert page.inner_text("#place") != place
         assert page.evaluate("omnisim.state.about.outline_m") == [0.626, 0.505]
         assert page.input_value("[data-path='sensor.mirror.k'] input[type=number]") == "5"

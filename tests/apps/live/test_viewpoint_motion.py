@@ -40,17 +40,23 @@ def _room():
     return _floor().added("wall", wall).added("step", step)
 
 
+def _move(pilot, command, steps, step_s=STEP_S):
+    """Places of a pilot, from the first."""
+    pilot.command = command
+    places = [pilot.place]
+    for _ in range(steps):
+        pilot.advance(step_s)
+        places.append(pilot.place)
+    return places
+
+
 @pytest.fixture
 def robot():
     return WheelDrive(Place((0.0, 0.0, 0.0)), LIMITS, Ground(_room(), BOX))
 
 
 def test_a_robot_keeps_its_limits(robot):
-    robot.command = MotionCommand(ahead=-1.0, turn=1.0)
-    poses = [robot.place]
-    for _ in range(100):
-        robot.advance(STEP_S)
-        poses.append(robot.place)
+    poses = _move(robot, MotionCommand(ahead=-1.0, turn=1.0), 100)
     positions = np.array([place.position_m[:2] for place in poses])
     speeds = np.linalg.norm(np.diff(positions, axis=0), axis=1) / STEP_S
     yaw = np.unwrap(np.radians([place.yaw_deg for place in poses]))
@@ -62,21 +68,15 @@ def test_a_robot_keeps_its_limits(robot):
 
 
 def test_a_robot_stops_at_a_wall_and_names_it(robot):
-    robot.command = MotionCommand(ahead=1.0)
-    for _ in range(200):
-        robot.advance(STEP_S)
+    _move(robot, MotionCommand(ahead=1.0), 200)
     assert robot.blocked_by == "wall"
     assert 1.6 < robot.place.position_m[0] <= 1.8
-    robot.command = MotionCommand(ahead=-1.0)
-    for _ in range(20):
-        robot.advance(STEP_S)
+    _move(robot, MotionCommand(ahead=-1.0), 20)
     assert robot.place.position_m[0] < 1.75
 
 
 def test_a_robot_climbs_a_step_within_its_clearance(robot):
-    robot.command = MotionCommand(ahead=-1.0)
-    for _ in range(80):
-        robot.advance(STEP_S)
+    _move(robot, MotionCommand(ahead=-1.0), 80)
     assert robot.place.position_m[0] < -1.2
     assert robot.place.position_m[2] == 0.02
 
@@ -94,24 +94,18 @@ def test_a_robot_goes_to_a_clicked_point_and_rests(robot, goal):
 
 def test_free_flight_goes_where_it_looks():
     flight = FreeFlight(Place((0.0, 0.0, 1.0), 90.0))
-    flight.command = MotionCommand(ahead=1.0, up=0.5)
-    for _ in range(40):
-        flight.advance(STEP_S)
+    _move(flight, MotionCommand(ahead=1.0, left=0.25, up=0.5), 40)
     x, y, z = flight.place.position_m
-    assert x == pytest.approx(0.0, abs=1e-3)
+    assert x == pytest.approx(-0.25 * y, abs=2e-3)  # to the left of +y
     assert 1.5 < y < 2.0
     assert z > 1.5
-    flight.command = MotionCommand()
-    for _ in range(40):
-        flight.advance(STEP_S)
+    _move(flight, MotionCommand(), 40)
     assert not flight.is_moving
 
 
 def test_free_flight_does_not_tip_over():
     flight = FreeFlight(Place((0.0, 0.0, 1.0)))
-    flight.command = MotionCommand(tilt=1.0)
-    for _ in range(100):
-        flight.advance(0.2)
+    _move(flight, MotionCommand(tilt=1.0), 100, 0.2)
     assert flight.place.pitch_deg == 89.0
     flight.turn(10.0, 500.0)
     assert flight.place.pitch_deg == 89.0
@@ -119,12 +113,7 @@ def test_free_flight_does_not_tip_over():
 
 
 def _fly(flight, command, steps=60, step_s=STEP_S):
-    flight.command = command
-    places = [flight.place.position_m]
-    for _ in range(steps):
-        flight.advance(step_s)
-        places.append(flight.place.position_m)
-    return np.array(places)
+    return np.array([place.position_m for place in _move(flight, command, steps, step_s)])
 
 
 @pytest.mark.parametrize("step_s", [STEP_S, 0.2])

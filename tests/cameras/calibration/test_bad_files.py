@@ -1,4 +1,4 @@
-"""Faults of files: file, key, expected and actual value in one line."""
+"""Faults of files: file, key, expected and actual value in one line, and remedies for others."""
 
 import json
 import re
@@ -38,7 +38,8 @@ BAD = [
     ("kalibr_models.yaml", "intrinsics: [0.6, 1.1,", "intrinsics: [0.6, -1.1,",
      "cam2: beta: expected a number > 0, got -1.1"),
     ("kitti360_image_02.yaml", "model_type: MEI", "model_type: SCARAMUZZA",
-     "model_type: expected one of MEI, PINHOLE, KANNALA_BRANDT, got 'SCARAMUZZA'"),
+     "model_type: expected one of MEI, PINHOLE, KANNALA_BRANDT, got 'SCARAMUZZA'"
+     ".*: pass calib_results.txt"),
     ("kitti360_image_02.yaml", "mirror_parameters:\n   xi: 2.2134047507854890e+00\n", "",
      "mirror_parameters: missing"),
     ("kitti360_image_02.yaml", "   k2: ", "   k3: 0.1\n   k2: ",
@@ -106,9 +107,54 @@ BAD = [
     ("camera_info.yaml", "distortion_model: plumb_bob\n", "", "distortion_model: missing"),
     ("camera_info.yaml", "image_width", "width", "image_width: missing"),
     ("foxglove.json", '"kannala_brandt"', '"fisheye62"',
-     "distortion_model: expected one of plumb_bob, .* got 'fisheye62'"),
+     "distortion_model: expected one of plumb_bob, .* got 'fisheye62'.* with four coefficients"),
     ("foxglove.json", "-0.0003]", "-0.0003, 1.0]", "D: expected 4 numbers: k1, k2, k3, k4, got"),
+    ("colmap_cameras.txt", "SIMPLE_RADIAL ", "SIMPLE_DIVISION ", "let COLMAP estimate OPENCV"),
+    ("colmap_cameras.txt", "SIMPLE_RADIAL ", "SIMPLE_RADAIL ", "did you mean 'SIMPLE_RADIAL'"),
+    ("basalt_tum_vi_ds.json", '"ds"', '"pinhole-radtan8"', "pass them as an opencv_pinhole"),
+    ("ros_fisheye.yaml", "[330.5, 0.,", "[330.5, -0.9,",
+     "with --fisheye-fix-skew; a 0 in its place moves pixels by up to 0.65 px"),
+    ("ros_fisheye.yaml", "camera_model: fisheye\n",
+     "camera_model: fisheye\ndistortion_model: plumb_bob\n", "a fisheye's, as camera_model"),
 ]  # fmt: skip
+# Texts that are no calibration, and a part of the message: many are other tools' files.
+OTHERS = {
+    '{"name": "a", "calib_dimension": {"w": 4, "h": 3}, "distortion_model": "opencv_fisheye"}':
+        "this is Gyroflow's lens profile: write its numbers as an opencv_fisheye",
+    '{"v2 a 4 3 brown": {"projection_type": "brown", "width": 4, "focal_x": 0.8}}':
+        "this is OpenSfM's camera_models.json: write its numbers",
+    '{"sfm_data_version": "0.3", "intrinsics": []}': "this is OpenMVG's sfm_data.json: write",
+    "<?xml version='1.0'?>\n<calibration>\n  <projection>fisheye</projection>\n</calibration>":
+        "this is Metashape's calibration: export it",
+    "fc = [ 600.1 ; 600.2 ];\ncc = [ 320 ; 240 ];\n": "this is MATLAB's calibration: write",
+    "%YAML:1.0\nCamera.type: KannalaBrandt8\nCamera1.fx: 190.97\n": "this is ORB-SLAM's settings",
+    "%YAML:1.0\nrelative_config_imucam: kalibr_imucam_chain.yaml\n": "the chain that they name",
+    "target_type: aprilgrid\ntagCols: 6\n": "this is Kalibr's target: pass it as --board",
+    "#   IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME\n": "pass the cameras.txt beside it",
+    '{"asset": {"version": "2.0"}, "cameras": []}': "this is a glTF scene: pass it as the scene",
+    "#usda 1.0\n": "this is a USD scene: pass it as the scene",
+    "mtllib a.mtl\nv 0 0 0\n": "this is an OBJ scene: pass it as the scene",
+    "<robot name='a'/>": "this is a scene or a robot: pass it as the scene",
+    "MATLAB 5.0 MAT-file\0": "got MATLAB's data: export it with OCamCalib's Export Data",
+    "glTF\2\0": "got a scene: pass it as the scene",
+    "cam0:\n\tcamera_model: pinhole\n\tintrinsics: [1]\n":
+        "not YAML in line 2: expected spaces, got a tab",
+    "": "got an empty one",
+    " \n\n": "got an empty one",
+    b"\x89PNG\r\n\x1a\n\x00\x00": "got an image: `omnisim calibration convert`",
+    b"\xff\xd8\xff\xe0\x00": "got an image: `omnisim calibration convert`",
+    b"\x00\xff": "got no text in UTF-8",
+    "hello\n": "expected a calibration in one of the formats omnisim, kalibr",
+    "[lens]\nmodel = 'x'\n": "this looks like a sensor file",
+    "a: &a [*a]\n": "expected a calibration in one of",
+}  # fmt: skip
+
+
+def _message(path, *arguments, **keywords):
+    with pytest.raises(CalibrationError) as caught:
+        load_calibration(path, *arguments, **keywords)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
 
 
 @pytest.mark.parametrize(("name", "old", "new", "words"), BAD)
@@ -116,58 +162,49 @@ def test_faults_name_file_key_and_value(name, old, new, words, tmp_path):
     text = (FOLDER / name).read_text()
     assert old in text
     (tmp_path / name).write_text(text.replace(old, new, 1))
-    with pytest.raises(CalibrationError, match=rf"{name}: (line|\w|\[).*") as info:
-        load_calibration(tmp_path / name)
-    assert info.match(words)
-    assert "\n" not in str(info.value)
+    message = _message(tmp_path / name)
+    assert re.search(rf"{name}: (line|\w|\[).*", message)
+    assert re.search(words, message)
+
+
+@pytest.mark.parametrize(("content", "words"), OTHERS.items(), ids=range(len(OTHERS)))
+def test_files_that_are_no_calibration(content, words, tmp_path):
+    path = tmp_path / "file.yaml"
+    path.write_bytes(content.encode() if isinstance(content, str) else content)
+    message = _message(path)
+    assert message.startswith(f"{path}: ")
+    assert words in message
 
 
 @pytest.mark.parametrize(
-    ("content", "words"),
+    ("file", "format", "camera", "words"),
     [
-        (b"", "got an empty one"),
-        (b" \n\n", "got an empty one"),
-        (b"\x89PNG\r\n\x1a\n\x00\x00", "got an image: `omnisim calibration convert`"),
-        (b"\xff\xd8\xff\xe0\x00", "got an image: `omnisim calibration convert`"),
-        (b"\x00\xff", "got no text in UTF-8"),
-        (b"hello\n", "expected a calibration in one of the formats omnisim, kalibr"),
-        (b"[lens]\nmodel = 'x'\n", "this looks like a sensor file"),
-        (b"a: &a [*a]\n", "expected a calibration in one of"),
+        ("colmap_cameras.txt", "kalibr", None, "looks like a colmap file .*pass --format colmap"),
+        ("colmap_cameras.txt", "Kalbr", None, "format 'Kalbr': did you mean 'kalibr'"),
+        ("colmap_cameras.txt", "opencv", None, "'opencv_omnidir' or 'opencv_.*' or 'opencv_"),
+        ("colmap_cameras.txt", "word", None, "format 'word': expected one of omnisim, kalibr"),
+        ("colmap_cameras.txt", None, "cam0", "expected one of 1, 2, 3, .* got 'cam0'"),
+        ("nothing.yaml", None, None, r"nothing\.yaml: cannot be read: No such file"),
+        (".", None, None, "expected a calibration file, or KITTI-360's folder"),
     ],
 )
-def test_files_that_are_no_calibration(content, words, tmp_path):
-    (tmp_path / "file.yaml").write_bytes(content)
-    with pytest.raises(CalibrationError, match=rf"file\.yaml: .*{words}"):
-        load_calibration(tmp_path / "file.yaml")
+def test_a_file_of_another_format_is_named(file, format, camera, words):
+    assert re.search(words, _message(FOLDER / file, format, camera))
 
 
-def test_a_file_of_another_format_is_named():
-    path = FOLDER / "colmap_cameras.txt"
-    with pytest.raises(
-        CalibrationError, match=r"this looks like a colmap file .*pass --format colmap"
-    ):
-        load_calibration(path, "kalibr")
-    with pytest.raises(CalibrationError, match="format 'Kalbr': did you mean 'kalibr'"):
-        load_calibration(path, "Kalbr")
-    with pytest.raises(CalibrationError, match=r"'opencv_omnidir' or 'opencv_.*' or 'opencv_"):
-        load_calibration(path, "opencv")
-    with pytest.raises(CalibrationError, match="format 'word': expected one of omnisim, kalibr"):
-        load_calibration(path, "word")
-    with pytest.raises(CalibrationError, match=r"camera: expected one of 1, 2, 3, .* got 'cam0'"):
-        load_calibration(path, camera="cam0")
-    with pytest.raises(CalibrationError, match=r"nothing\.yaml: cannot be read: No such file"):
-        load_calibration("nothing.yaml")
-    with pytest.raises(CalibrationError, match="expected a calibration file, or KITTI-360"):
-        load_calibration(FOLDER)
-
-
-def test_floats_of_yaml_1_2_are_read(tmp_path):
-    text = (FOLDER / "kalibr_tum_vi.yaml").read_text()
-    (tmp_path / "a.yaml").write_text(text.replace("0.0034823894022493434", "3.5e-3"))
-    (tmp_path / "b.yaml").write_text(text.replace("0.0034823894022493434", "35e-4"))
-    one, other = (load_calibration(tmp_path / f"{name}.yaml").cameras[0].camera for name in "ab")
-    assert one == other
-    assert one.coefficients[0] == 3.5e-3
+def test_yaml_in_other_styles_is_read(tmp_path):
+    plain = FOLDER / "kalibr_tum_vi.yaml"
+    text, cameras = plain.read_text(), yaml.safe_load(plain.read_text())
+    styles = {
+        "quoted": "".join(f'"{name}": {json.dumps(table)}\n' for name, table in cameras.items()),
+        "crlf": "\ufeff" + text.replace("\n", "\r\n"),
+        "yaml-1.2": text.replace("0.0034823894022493434", "34823894022493434e-19"),
+    }
+    known = load_calibration(plain).cameras
+    for name, style in styles.items():
+        (tmp_path / name).write_bytes(style.encode())
+        found = load_calibration(tmp_path / name).cameras
+        assert [one.camera for one in found] == [one.camera for one in known], name
 
 
 @pytest.mark.parametrize(
@@ -182,21 +219,6 @@ def test_gazebo_cameras_get_distinct_names(old, new, names, tmp_path):
     text = re.sub(old, new, (FOLDER / "gazebo.sdf").read_text())
     (tmp_path / "a.sdf").write_text(text)
     assert load_calibration(tmp_path / "a.sdf").names == names
-
-
-def test_yaml_in_other_styles_is_read(tmp_path):
-    plain = FOLDER / "kalibr_tum_vi.yaml"
-    cameras = yaml.safe_load(plain.read_text())
-    quoted = "".join(f'"{name}": {json.dumps(table)}\n' for name, table in cameras.items())
-    (tmp_path / "quoted.yaml").write_text(quoted)
-    (tmp_path / "crlf.yaml").write_bytes(
-        b"\xef\xbb\xbf" + plain.read_bytes().replace(b"\n", b"\r\n")
-    )
-    for name in ("quoted", "crlf"):
-        found = load_calibration(tmp_path / f"{name}.yaml")
-        assert [one.camera for one in found.cameras] == [
-            one.camera for one in load_calibration(plain).cameras
-        ]
 
 
 def _aliases(levels, opening, item, closing):
@@ -222,8 +244,7 @@ def _aliases(levels, opening, item, closing):
 )
 def test_files_that_grow_without_bound_are_refused(text, words, tmp_path):
     (tmp_path / "bomb.yaml").write_text(text.replace("{{", "{").replace("}}", "}"))
-    with pytest.raises(CalibrationError, match=rf"bomb\.yaml: not (YAML|JSON): {words}"):
-        load_calibration(tmp_path / "bomb.yaml")
+    assert re.search(rf"bomb\.yaml: not (YAML|JSON): {words}", _message(tmp_path / "bomb.yaml"))
 
 
 @pytest.fixture

@@ -1,6 +1,6 @@
 """Conversions of every format to every other: a file that loads again, or a reason in one line."""
 
-import dataclasses
+from dataclasses import astuple, replace
 
 import numpy as np
 import pytest
@@ -43,15 +43,15 @@ def test_any_format_converts_to_any_other_or_gives_the_reason(path, tmp_path):
         again = load_calibration(target)
         assert again.format == name
         for before, after in zip(written.cameras, again.cameras, strict=True):
-            (ours, valid), (theirs, still_valid) = rig_rays(before.camera), rig_rays(after.camera)
+            (ours, valid), (theirs, still_valid) = (
+                rig_rays(one.camera, 9) for one in (before, after)
+            )
             np.testing.assert_allclose(theirs, ours, atol=1e-14)
             assert np.array_equal(valid, still_valid)
-            if before.residuals is None:
-                assert after.residuals is None
-            else:
-                stated = dataclasses.astuple(before.residuals)[:3]
-                # the cone goes through degrees
-                assert dataclasses.astuple(after.residuals)[:3] == pytest.approx(stated, rel=1e-14)
+            stated, found = (one.residuals and astuple(one.residuals) for one in (before, after))
+            assert (stated is None) == (found is None)
+            if stated is not None:  # the cone goes through degrees
+                assert found[:3] == pytest.approx(stated[:3], rel=1e-14)
     assert {"omnisim", loaded.format} <= reached
 
 
@@ -122,9 +122,9 @@ def test_poses_are_chained(tmp_path):
     first, second = (one.poses[0] for one in back.cameras)
     assert (second.target, second.source) == ("imu", "cam1")
     known = {(one.target, one.source): one for camera in chain.cameras for one in camera.poses}
-    cam1_from_imu = (
-        known["cam1", "cam0"].target_from_source @ known["cam0", "imu"].target_from_source
-    )
+    chained = (known[pair].target_from_source for pair in (("cam1", "cam0"), ("cam0", "imu")))
+    cam1_from_cam0, cam0_from_imu = chained
+    cam1_from_imu = cam1_from_cam0 @ cam0_from_imu
     np.testing.assert_allclose(second.target_from_source @ cam1_from_imu, np.eye(4), atol=1e-12)
     # as TUM-VI publishes it
     np.testing.assert_allclose(
@@ -143,8 +143,8 @@ def test_several_cameras_need_a_format_that_takes_them(tmp_path):
     calibration = load_calibration(FOLDER / "kalibr_tum_vi.yaml")
     with pytest.raises(CalibrationError, match="2 cameras, and a ros file holds one"):
         calibration.save(tmp_path / "a.yaml", "ros")
-    renamed = dataclasses.replace(calibration.cameras[0], name="left eye")
-    one = dataclasses.replace(calibration, cameras=(renamed,))
+    renamed = replace(calibration.cameras[0], name="left eye")
+    one = replace(calibration, cameras=(renamed,))
     assert one.save(tmp_path / "a.yaml", "kalibr").names == ["cam0"]
     assert one.save(tmp_path / "a.json", "omnisim").names == ["left eye"]
 

@@ -1,15 +1,18 @@
 """Fits from one camera model to another, their residuals computed again by other formulas."""
 
+import dataclasses
 import math
 
 import numpy as np
 import pytest
 
 from omnisim.cameras import CAMERA_MODELS, HyperbolicCamera, PerspectiveCamera, pixel_grid
-from omnisim.cameras.calibration.fit import FITTED_MODELS, fit_camera, mirrored_frame
+from omnisim.cameras.calibration.fit import FITTED_MODELS, fit_camera, mirrored_frame, samples_of
+from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.cameras.models.field_of_view import largest_theta_rad, optical_axis
 from omnisim.core.errors import CalibrationError
 from tests.camera_examples import CAMERA_EXAMPLES
+from tests.cameras import formulas
 
 EXACT_PAIRS = [
     *((name, model) for name in ("hyperbolic-paper", "hyperbolic-up-face", "parabolic-off-center",
@@ -67,44 +70,14 @@ def test_mirrored_frame_maps_rays_of_the_source_to_the_fit():
         assert np.linalg.det(mirrored_frame(camera)) == -1.0  # a mirror's image is mirrored
 
 
-def _kannala_brandt(camera, rays):
-    theta = np.arccos(np.clip(rays[:, 2], -1.0, 1.0))
-    k1, k2, k3, k4 = camera.coefficients
-    distorted = theta + k1 * theta**3 + k2 * theta**5 + k3 * theta**7 + k4 * theta**9
-    azimuth = np.arctan2(rays[:, 1], rays[:, 0])
-    (fx, fy), (cx, cy) = camera.focal_lengths_px, camera.principal_point_px
-    return np.stack(
-        (fx * distorted * np.cos(azimuth) + cx, fy * distorted * np.sin(azimuth) + cy), axis=-1
-    )
-
-
-def _pinhole_with_distortion(camera, rays):
-    x, y = (rays[:, :2] / rays[:, 2:]).T
-    k1, k2, p1, p2 = camera.distortion
-    squared = x * x + y * y
-    radial = 1.0 + k1 * squared + k2 * squared**2
-    (fx, fy), (cx, cy) = camera.focal_lengths_px, camera.principal_point_px
-    u = x * radial + 2.0 * p1 * x * y + p2 * (squared + 2.0 * x * x)
-    v = y * radial + p1 * (squared + 2.0 * y * y) + 2.0 * p2 * x * y
-    return np.stack((fx * u + cx, fy * v + cy), axis=-1)
-
-
-def _eucm(camera, rays):
-    x, y, z = rays.T
-    distance = np.sqrt(camera.beta * (x * x + y * y) + z * z)
-    scale = camera.alpha * distance + (1.0 - camera.alpha) * z
-    (fx, fy), (cx, cy) = camera.focal_lengths_px, camera.principal_point_px
-    return np.stack((fx * x / scale + cx, fy * y / scale + cy), axis=-1)
-
-
 @pytest.mark.parametrize(
     ("name", "model", "formula", "fixed", "most_px"),
     [
-        ("double-sphere-tum-vi", "kannala_brandt", _kannala_brandt, {}, 0.01),
-        ("hyperbolic-paper", "kannala_brandt", _kannala_brandt, {}, 0.01),
-        ("equisolid-off-center", "eucm", _eucm, {}, 0.5),
-        ("kannala-brandt-tum-vi", "eucm", _eucm, {}, 5.0),
-        ("hyperbolic-nearly-plane", "unified", _pinhole_with_distortion, {"xi": 0.0}, 0.5),
+        ("double-sphere-tum-vi", "kannala_brandt", formulas.kannala_brandt, {}, 0.01),
+        ("hyperbolic-paper", "kannala_brandt", formulas.kannala_brandt, {}, 0.01),
+        ("equisolid-off-center", "eucm", formulas.eucm, {}, 0.5),
+        ("kannala-brandt-tum-vi", "eucm", formulas.eucm, {}, 5.0),
+        ("hyperbolic-nearly-plane", "unified", formulas.brown, {"xi": 0.0}, 0.5),
     ],
 )
 def test_residuals_are_those_of_the_formula(name, model, formula, fixed, most_px):
@@ -116,7 +89,8 @@ def test_residuals_are_those_of_the_formula(name, model, formula, fixed, most_px
     directions = rays.directions[rays.valid] * (1.0, 1.0, optical_axis(source))
     # the formula knows no domain: only what the fit says that it sees
     sees = np.arccos(np.clip(directions[:, 2], -1.0, 1.0)) <= fit.residuals.theta_max_rad
-    off = np.linalg.norm(formula(fit.camera, directions[sees]) - pixels[rays.valid][sees], axis=-1)
+    expected_px = formula(fit.camera, *directions[sees].T)
+    off = np.linalg.norm(expected_px - pixels[rays.valid][sees], axis=-1)
     # a thousand samples know an RMS to some percent
     assert fit.residuals.rms_px == pytest.approx(math.sqrt(np.mean(off**2)), rel=0.1)
     assert off.max() <= 1.05 * fit.residuals.max_px
@@ -125,10 +99,6 @@ def test_residuals_are_those_of_the_formula(name, model, formula, fixed, most_px
 
 def test_fit_is_the_smallest_near_by():
     """No parameter of the fit can be moved without making it worse."""
-    import dataclasses
-
-    from omnisim.cameras.calibration.fit import samples_of
-
     source = CAMERA_EXAMPLES["double-sphere-tum-vi"]
     samples = samples_of(source, mirrored=False)
 
@@ -164,14 +134,9 @@ def test_a_fit_ends_where_its_source_does():
 
 
 def test_a_mirror_has_to_be_mirrored():
+    narrow = HyperbolicMirror(theta_max_rad=math.radians(60.0))
     with pytest.raises(CalibrationError, match="rays have to be mirrored"):
-        fit_camera(HyperbolicCamera.framed_on_rim(_narrow_mirror(), 360, 360), PerspectiveCamera)
-
-
-def _narrow_mirror():
-    from omnisim.cameras.mirrors import HyperbolicMirror
-
-    return HyperbolicMirror(theta_max_rad=math.radians(60.0))
+        fit_camera(HyperbolicCamera.framed_on_rim(narrow, 360, 360), PerspectiveCamera)
 
 
 @pytest.mark.parametrize("name", ["equirectangular", "cylindrical"])

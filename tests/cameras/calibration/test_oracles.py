@@ -3,6 +3,8 @@
 import dataclasses
 import json
 import math
+import shutil
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ import yaml
 from omnisim.cameras import KannalaBrandtCamera, PerspectiveCamera, UnifiedCamera
 from omnisim.cameras.calibration import calibration_of, load_calibration
 from tests.camera_examples import CAMERA_EXAMPLES, points_around_axis
+from tests.cameras import formulas
 from tests.cameras.calibration.sample_files import FOLDER
 
 WITHIN_PX = 1e-6
@@ -45,7 +48,8 @@ def _matrices(cv2, path):
 
 
 @pytest.mark.parametrize(
-    "name", ["hyperbolic-paper", "unified-kitti-360", "unified-barrel-fold", "parabolic"]
+    "name",
+    ["hyperbolic-paper", "unified-kitti-360", "unified-barrel-fold", "unified-kalibr", "parabolic"],
 )
 def test_opencv_reads_our_omnidir_file_and_projects_the_same(name, tmp_path):
     cv2 = pytest.importorskip("cv2", reason="OpenCV is an optional oracle")
@@ -64,23 +68,24 @@ def test_opencv_reads_our_omnidir_file_and_projects_the_same(name, tmp_path):
     _assert_same(camera, points * flip, pixels)
 
 
-def test_opencv_reads_our_fisheye_file_and_projects_the_same(tmp_path):
+@pytest.mark.parametrize(
+    ("kind", "name", "widest_deg"),
+    [
+        ("fisheye", "kannala-brandt-tum-vi", 80.0),  # past 90° OpenCV is wrong
+        ("pinhole", "unified-pinhole-with-k3", 45.0),
+        ("pinhole", "rational-polynomial-kinect", 70.0),
+        ("pinhole", "rational-polynomial-wide", 70.0),
+        ("pinhole", "rational-polynomial-tilted-to-its-fold", 70.0),
+    ],
+)
+def test_opencv_reads_our_file_and_projects_the_same(kind, name, widest_deg, tmp_path):
     cv2 = pytest.importorskip("cv2", reason="OpenCV is an optional oracle")
-    camera = CAMERA_EXAMPLES["kannala-brandt-tum-vi"]
-    calibration_of(camera).save(tmp_path / "a.yaml", "opencv_fisheye")
+    camera = CAMERA_EXAMPLES[name]
+    calibration_of(camera).save(tmp_path / "a.yaml", f"opencv_{kind}")
     k, d, _, _ = _matrices(cv2, tmp_path / "a.yaml")
-    points = points_around_axis(math.radians(80.0))  # past 90° OpenCV is wrong
-    pixels, _ = cv2.fisheye.projectPoints(points[:, None], NO_TURN, NO_TURN, k, d)
-    _assert_same(camera, points, pixels)
-
-
-def test_opencv_reads_our_pinhole_file_and_projects_the_same(tmp_path):
-    cv2 = pytest.importorskip("cv2", reason="OpenCV is an optional oracle")
-    camera = CAMERA_EXAMPLES["unified-pinhole-with-k3"]
-    calibration_of(camera).save(tmp_path / "a.yaml", "opencv_pinhole")
-    k, d, _, _ = _matrices(cv2, tmp_path / "a.yaml")
-    points = _seen(camera, math.radians(45.0))
-    pixels, _ = cv2.projectPoints(points, NO_TURN, NO_TURN, k, d)
+    points = _seen(camera, math.radians(widest_deg))
+    project = cv2.fisheye.projectPoints if kind == "fisheye" else cv2.projectPoints
+    pixels, _ = project(points[:, None], NO_TURN, NO_TURN, k, d)
     _assert_same(camera, points, pixels)
 
 
@@ -106,30 +111,31 @@ def test_files_that_opencv_writes_are_read(kind, tmp_path):
     assert isinstance(camera, KannalaBrandtCamera if kind == "fisheye" else UnifiedCamera)
 
 
-@pytest.mark.parametrize(
-    "name",
-    ["perspective-off-center", "kannala-brandt-tum-vi", "eucm", "equirectangular",
-     "unified-pinhole-with-k3"],
-)  # fmt: skip
-def test_colmap_reads_our_cameras_and_projects_the_same(name, tmp_path):
+def _colmaps_cameras(folder):
+    """COLMAP's cameras of a folder with a cameras.txt."""
     pycolmap = pytest.importorskip("pycolmap", reason="COLMAP is an optional oracle")
+    for other in ("images.txt", "points3D.txt", "rigs.txt", "frames.txt"):
+        (folder / other).write_text("# none\n")
+    return pycolmap.Reconstruction(str(folder)).cameras
+
+
+@pytest.mark.parametrize(
+    ("name", "widest_deg"),
+    [("perspective-off-center", 70.0), ("kannala-brandt-tum-vi", 89.0), ("eucm", 89.0),
+     ("equirectangular-odd", 179.0), ("unified-pinhole-with-k3", 40.0),
+     ("rational-polynomial-kinect", 60.0)],
+)  # fmt: skip
+def test_colmap_reads_our_cameras_and_projects_the_same(name, widest_deg, tmp_path):
     camera = CAMERA_EXAMPLES[name]
     calibration_of(camera).save(tmp_path / "cameras.txt", "colmap")
-    for other in ("images.txt", "points3D.txt", "rigs.txt", "frames.txt"):
-        (tmp_path / other).write_text("# none\n")
-    theirs = pycolmap.Reconstruction(str(tmp_path)).cameras[1]
-    widest = {"perspective-off-center": 70.0, "unified-pinhole-with-k3": 40.0}.get(name, 85.0)
-    points = _seen(camera, math.radians(widest))
+    points = _seen(camera, math.radians(widest_deg))
     # the first pixel's center is at (0.5, 0.5)
-    _assert_same(camera, points, theirs.img_from_cam(points) - 0.5)
+    _assert_same(camera, points, _colmaps_cameras(tmp_path)[1].img_from_cam(points) - 0.5)
 
 
 def test_the_colmap_samples_are_what_colmap_reads(tmp_path):
-    pycolmap = pytest.importorskip("pycolmap", reason="COLMAP is an optional oracle")
-    (tmp_path / "cameras.txt").write_text((FOLDER / "colmap_cameras.txt").read_text())
-    for other in ("images.txt", "points3D.txt", "rigs.txt", "frames.txt"):
-        (tmp_path / other).write_text("# none\n")
-    theirs = pycolmap.Reconstruction(str(tmp_path)).cameras
+    shutil.copy(FOLDER / "colmap_cameras.txt", tmp_path / "cameras.txt")
+    theirs = _colmaps_cameras(tmp_path)
     for found in load_calibration(FOLDER / "colmap_cameras.txt").cameras:
         points = _seen(found.camera, math.radians(35.0))
         pixels = theirs[int(found.name)].img_from_cam(points) - 0.5
@@ -194,15 +200,9 @@ def test_scaramuzzas_functions_agree_with_our_ocamcalib_file(name, tmp_path):
 
 def test_woodscapes_own_projection_agrees():
     path = FOLDER / "woodscape_fv.json"
-    part = json.loads(path.read_text())["intrinsic"]
-    camera = load_calibration(path).cameras[0].camera
     points = points_around_axis(math.radians(95.0))
-    chi = np.hypot(points[:, 0], points[:, 1])
-    theta = np.arctan2(chi, points[:, 2])
-    rho = sum(part[f"k{n}"] * theta**n for n in (1, 2, 3, 4))
-    u = rho * points[:, 0] / chi + part["cx_offset"] + part["width"] / 2 - 0.5
-    v = rho * points[:, 1] / chi + part["cy_offset"] + part["height"] / 2 - 0.5
-    _assert_same(camera, points, np.stack((u, v), axis=-1))
+    pixels = formulas.woodscape(json.loads(path.read_text())["intrinsic"], *points.T)
+    _assert_same(load_calibration(path).cameras[0].camera, points, pixels)
 
 
 def test_basalts_double_sphere_agrees():
@@ -210,13 +210,9 @@ def test_basalts_double_sphere_agrees():
     value = json.loads(path.read_text())["value0"]["intrinsics"][0]["intrinsics"]
     found = load_calibration(path).cameras[0]
     points = points_around_axis(math.radians(100.0))
-    x, y, z = points.T
-    d1 = np.linalg.norm(points, axis=-1)
-    k = value["xi"] * d1 + z
-    d2 = np.sqrt(x * x + y * y + k * k)
-    scale = value["alpha"] * d2 + (1.0 - value["alpha"]) * k
-    pixels = (value["fx"] * x / scale + value["cx"], value["fy"] * y / scale + value["cy"])
-    _assert_same(found.camera, points, np.stack(pixels, axis=-1))
+    focals, center = (value["fx"], value["fy"]), (value["cx"], value["cy"])
+    given = SimpleNamespace(focal_lengths_px=focals, principal_point_px=center, **value)
+    _assert_same(found.camera, points, formulas.double_sphere(given, *points.T))
     # the camera sits some centimeters beside the IMU, its axis along the IMU's −y
     (pose,) = found.poses
     assert (pose.target, pose.source) == ("imu", "cam0")

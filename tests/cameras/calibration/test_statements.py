@@ -1,5 +1,6 @@
 """Two statements of one quantity in a file are compared, and other tools' statements are read."""
 
+import dataclasses
 import json
 import math
 
@@ -13,6 +14,7 @@ from omnisim.cameras.models.field_of_view import field_of_view
 from omnisim.core.errors import CalibrationError, NoticeWarning
 from omnisim.core.files.image_files import write_image
 from omnisim.core.poses import inverse, pose
+from tests.cameras import formulas
 from tests.cameras.calibration.sample_files import FOLDER
 
 FRAME = {"file_path": "./train/r_0", "transform_matrix": np.eye(4).tolist()}
@@ -54,11 +56,8 @@ def test_a_fisheye_of_instant_ngp_is_no_pinhole(tmp_path):
 def test_fields_of_view_along_both_axes(tmp_path, keys, focal_px):
     calibration = read_transforms(tmp_path, **keys, **SIZE)
     camera = calibration.cameras[0].camera
-    if isinstance(camera, PerspectiveCamera):
-        found = (camera.focal_length_px,) * 2
-    else:
-        assert isinstance(camera, UnifiedCamera)
-        found = camera.focal_lengths_px
+    assert isinstance(camera, PerspectiveCamera | UnifiedCamera)
+    found = np.broadcast_to(camera.pixels_per_plane, 2)
     assert found == pytest.approx(focal_px, abs=0.01)
     assert calibration.notes == []
 
@@ -144,39 +143,31 @@ def test_opencvs_matrices_under_two_names(tmp_path):
 
 
 def test_a_lens_that_folds_inside_its_image_is_named(tmp_path):
+    path = tmp_path / "a.yaml"
     folding = KannalaBrandtCamera(320, 240, (90.0, 90.0), (159.5, 119.5), (-0.2, 0.0, 0.0, 0.0))
-    calibration_of(folding).save(tmp_path / "a.yaml", "opencv_fisheye")
-    (note,) = load_calibration(tmp_path / "a.yaml").notes
+    calibration_of(folding).save(path, "opencv_fisheye")
+    (note,) = load_calibration(path).notes
     assert note.startswith("the lens folds at 74.0°, inside the image: ")
     assert note.endswith(" % of the image is black")
-
-
-def test_a_stated_field_that_the_lens_never_reaches_is_named(tmp_path):
-    narrow = KannalaBrandtCamera(
-        320, 240, (90.0, 90.0), (159.5, 119.5), (-0.2, 0.0, 0.0, 0.0), math.radians(60.0)
-    )
-    calibration_of(narrow).save(tmp_path / "a.yaml", "opencv_fisheye")
-    assert load_calibration(tmp_path / "a.yaml").notes == []
-    text = (tmp_path / "a.yaml").read_text()
-    (tmp_path / "a.yaml").write_text(text.replace("1.047197551", "1.947197551"))
-    (note,) = load_calibration(tmp_path / "a.yaml").notes
+    calibration_of(folding.ending_at(math.radians(60.0))).save(path, "opencv_fisheye")
+    assert load_calibration(path).notes == []
+    path.write_text(path.read_text().replace("1.047197551", "1.947197551"))
+    (note,) = load_calibration(path).notes
     assert note == "θ_max = 111.6° is never reached: the lens folds at 74.0°"
 
 
 def test_kitti_360_leaves_out_tangential_distortion(tmp_path):
-    camera = load_calibration(FOLDER / "kitti360_image_02.yaml")
-    (written,) = camera.save(tmp_path / "a.yaml", "kitti360").cameras
-    (note,) = written.notes
-    lens = camera.cameras[0].camera
+    calibration = load_calibration(FOLDER / "kitti360_image_02.yaml")
+    (note,) = calibration.save(tmp_path / "a.yaml", "kitti360").notes
+    lens = calibration.cameras[0].camera
+    radial = dataclasses.replace(lens, distortion=(*lens.distortion[:2], 0.0, 0.0))
     u, v = (np.linspace(0.0, side - 1.0, 65) for side in (lens.width_px, lens.height_px))
     rays = lens.ray_from_pixel(np.stack(np.meshgrid(u, v), axis=-1))
-    x, y, z = np.moveaxis(rays.directions[rays.valid], -1, 0)
-    x, y, (_, _, p1, p2) = x / (z + lens.xi), y / (z + lens.xi), lens.distortion
-    r2 = x * x + y * y
-    tangential = 2 * p1 * x * y + p2 * (r2 + 2 * x * x), p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
-    most_px = np.hypot(*np.multiply(np.transpose(tangential), lens.focal_lengths_px).T).max()
+    seen = rays.directions[rays.valid].T
+    off_px = formulas.brown(lens, *seen) - formulas.brown(radial, *seen)
+    most_px = np.linalg.norm(off_px, axis=-1).max()
     assert note == f"KITTI-360's own code leaves out p1 and p2: it is up to {most_px:.2g} px off"
-    assert camera.save(tmp_path / "b.yaml", "opencv_omnidir").notes == []
+    assert calibration.save(tmp_path / "b.yaml", "opencv_omnidir").notes == []
 
 
 def test_the_first_of_several_printed_messages_is_read(tmp_path):

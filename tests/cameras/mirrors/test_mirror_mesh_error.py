@@ -45,7 +45,7 @@ MIRRORS = {
     "to its asymptote": HyperbolicMirror(theta_max_rad=math.radians(155.3)),
     "middle only": HyperbolicMirror(theta_max_rad=math.radians(30.0)),
 }
-SIZES_PX = (120, 360, 1024)
+SIZES_PX = (120, 1024)
 
 
 def _focal_length_px(mirror, size_px):

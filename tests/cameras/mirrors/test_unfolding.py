@@ -12,30 +12,25 @@ from omnisim.cameras.mirrors.mirror_mesh import RIG_FROM_MIRROR, unfold
 from omnisim.core.cube import CELL_TANGENT, FACE_FROM_RIG, FACE_NAMES, LAYOUT_CELLS, face_index
 from omnisim.core.errors import OutputError
 from omnisim.scene import load_scene
-from omnisim.scene.formats.mesh.mesh_files import write_mirror
+from omnisim.scene.formats.mesh.other_formats import write_mirror
 
 
-def _cases():
-    for polygons, theta_max_deg in ((16, 105), (100, 105), (1024, 105), (1000, 150), (8, 60)):
-        mirror = HyperbolicMirror(theta_max_rad=math.radians(theta_max_deg))
-        mesh = tessellate(mirror, polygons)
-        yield pytest.param(mirror, mesh, id=f"{polygons}-{theta_max_deg}")
+def _unfolded(polygons, theta_max_deg=105):
+    mirror = HyperbolicMirror(theta_max_rad=math.radians(theta_max_deg))
+    return mirror, unfold(mirror, tessellate(mirror, polygons))
 
 
-cases = pytest.mark.parametrize(("mirror", "mesh"), list(_cases()))
+CASES = ((16, 105), (100, 105), (1024, 105), (1000, 150), (8, 60))
+cases = pytest.mark.parametrize(
+    ("mirror", "unfolded"), [pytest.param(*_unfolded(*case), id=f"{case}") for case in CASES]
+)
 
 
 @cases
-def test_every_vertex_is_on_the_mirror(mirror, mesh):
-    unfolded = unfold(mirror, mesh)
+def test_it_is_on_the_mirror_without_cracks_and_overlaps(mirror, unfolded):
+    """Welded by position again it is one disc: each inner edge twice, once each way."""
     assert np.abs(mirror.equation_residual(unfolded.vertices_m)).max() < 1e-12
     np.testing.assert_allclose(np.linalg.norm(unfolded.normals, axis=1), 1.0)
-
-
-@cases
-def test_no_cracks_no_overlaps(mirror, mesh):
-    """Welded by position again it is one disc: each inner edge twice, once each way."""
-    unfolded = unfold(mirror, mesh)
     keys = np.round(unfolded.vertices_m / mirror.c_m, 12) + 0.0
     _, welded = np.unique(keys, axis=0, return_inverse=True)
     triangles = welded.reshape(-1)[unfolded.triangles]
@@ -51,8 +46,7 @@ def test_no_cracks_no_overlaps(mirror, mesh):
 
 
 @cases
-def test_each_triangle_lies_in_one_face_and_its_texture_there(mirror, mesh):
-    unfolded = unfold(mirror, mesh)
+def test_each_triangle_lies_in_one_face_and_its_texture_there(mirror, unfolded):
     corners = unfolded.vertices_m[unfolded.triangles]
     faces = face_index(corners.mean(axis=1) @ RIG_FROM_MIRROR.T)
     cells = np.array(LAYOUT_CELLS)[faces][:, None]
@@ -71,8 +65,7 @@ def test_each_triangle_lies_in_one_face_and_its_texture_there(mirror, mesh):
 
 
 def test_paper_mirror_uses_five_faces():
-    mirror = HyperbolicMirror()
-    unfolded = unfold(mirror, tessellate(mirror, 1024))
+    _, unfolded = _unfolded(1024)
     middle = unfolded.vertices_m[unfolded.triangles].mean(axis=1)
     seen = {FACE_NAMES[face] for face in face_index(middle @ RIG_FROM_MIRROR.T)}
     assert seen == {"front", "left", "back", "right", "down"}
@@ -80,8 +73,7 @@ def test_paper_mirror_uses_five_faces():
 
 @pytest.mark.parametrize("suffix", [".glb", ".obj", ".ply"])
 def test_file_is_read_back_the_same(tmp_path, suffix):
-    mirror = HyperbolicMirror()
-    unfolded = unfold(mirror, tessellate(mirror, 64))
+    _, unfolded = _unfolded(64)
     path = tmp_path / f"mirror{suffix}"
     write_mirror(path, unfolded, "hyperbolic_mirror")
     assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
@@ -122,6 +114,5 @@ def _ply_coordinates(path):
 )
 def test_bad_targets(tmp_path, name, words):
     (tmp_path / "file").touch()
-    mirror = HyperbolicMirror()
     with pytest.raises(OutputError, match=words):
-        write_mirror(tmp_path / name, unfold(mirror, tessellate(mirror, 16)), "m")
+        write_mirror(tmp_path / name, _unfolded(16)[1], "m")

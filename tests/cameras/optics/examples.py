@@ -1,12 +1,13 @@
 """Optical systems of all kinds, for tests that hold for each."""
 
+import dataclasses
 import math
 from pathlib import Path
 
 import omnisim
 from omnisim.cameras import EquidistantCamera, PerspectiveCamera
 from omnisim.cameras.models.field_of_view import optical_axis
-from omnisim.cameras.optics import OpticalSystem, Rod, Surface
+from omnisim.cameras.optics import OpticalSystem, Rod, Surface, read_optics_file
 from omnisim.cameras.optics.shapes import Asphere, Cone, Conic, Hyperbolic, Plane, Polynomial
 from omnisim.core import poses
 
@@ -87,4 +88,13 @@ SYSTEMS = {
         pinhole(800.0), (Surface(Polynomial((0.0, 20.0, 0.0, -25e3)), at(0.15), 0.02),)
     ),
     "dome": OpticalSystem(FISHEYE, dome(0.004, 0.003)),
+}  # fmt: skip
+TILTED = poses.pose((0.01, -0.02, 0.003), roll_deg=0.3, pitch_deg=0.2, yaw_deg=0.1)
+ALL = {
+    **SYSTEMS,
+    **{path.stem: read_optics_file(path) for path in EXAMPLES},
+    "every key": dataclasses.replace(
+        SYSTEMS["needle"], medium=(1.331, 1.333, 1.337), color="B", origin_m=(0.001, 0.002, 0.1),
+        system_from_camera=TILTED, orientation=TILTED[:3, :3],
+    ),
 }  # fmt: skip

@@ -105,29 +105,27 @@ def test_caustic_of_a_cone():
     np.testing.assert_allclose(beside_axis.max(axis=1), image_m, rtol=1e-6)
 
 
-def _designed(profile, focal_length_px=494.5):
+def _rays_of_design(profile):
+    """Radii (90,) along u from the axis, as shares of the rim's, and their rays."""
     surface = Surface(TabulatedProfile(*profile), at(0.1))
-    return OpticalSystem(pinhole(focal_length_px), (surface,))
+    radii_px = np.linspace(1.0, 179.0, 90)
+    pixels = np.column_stack((179.5 + radii_px, np.full(90, 179.5)))
+    rays = OpticalSystem(pinhole(494.5), (surface,)).rays(pixels)
+    assert rays.valid.all()
+    return radii_px / (494.5 * np.tan(np.radians(20.0))), rays
 
 
 def test_equi_angular_mirror():
-    system = _designed(Design(0.1, 20.0).equi_angular(105.0))
-    radii_px = np.linspace(1.0, 179.0, 90)
-    rays = system.rays(np.column_stack((179.5 + radii_px, np.full(90, 179.5))))
+    shares, rays = _rays_of_design(Design(0.1, 20.0).equi_angular(105.0))
     theta_deg = np.degrees(np.arccos(-rays.directions[:, 2]))
-    expected_deg = 105.0 * radii_px / (494.5 * np.tan(np.radians(20.0)))
-    assert rays.valid.all()
-    np.testing.assert_allclose(theta_deg, expected_deg, atol=1e-5)
+    np.testing.assert_allclose(theta_deg, 105.0 * shares, atol=1e-5)
 
 
 def test_equi_ground_mirror():
-    system = _designed(Design(0.1, 20.0).equi_ground(0.6, 5.0))
-    radii_px = np.linspace(1.0, 179.0, 90)
-    rays = system.rays(np.column_stack((179.5 + radii_px, np.full(90, 179.5))))
+    shares, rays = _rays_of_design(Design(0.1, 20.0).equi_ground(0.6, 5.0))
     lengths_m = (-0.6 - rays.origins_m[:, 2]) / rays.directions[:, 2]
     ground_m = (rays.origins_m + lengths_m[:, None] * rays.directions)[:, 0]
-    expected_m = 5.0 * radii_px / (494.5 * np.tan(np.radians(20.0)))
-    np.testing.assert_allclose(ground_m, expected_m, atol=1e-4)
+    np.testing.assert_allclose(ground_m, 5.0 * shares, atol=1e-4)
 
 
 @pytest.mark.parametrize(

@@ -6,16 +6,25 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from omnisim.cameras import HyperbolicCamera
+from omnisim.cameras import EquidistantCamera, HyperbolicCamera
 from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.cameras.models.field_of_view import edge_pixels
 from omnisim.cameras.optics import OpticalSystem, Surface
-from omnisim.cameras.optics.shapes import Asphere, Conic, Polynomial, TabulatedProfile
+from omnisim.cameras.optics.centrality import lateral_color_px, seen_rays
+from omnisim.cameras.optics.shapes import Asphere, Conic, Plane, Polynomial, TabulatedProfile
 from omnisim.cameras.optics.surface import MEDIA, refractive_index
 from omnisim.core.coordinate_frames import MIRROR_FROM_OPTICAL
 from omnisim.validation import optical_systems as closed_forms
 from omnisim.validation.optical_systems import AxialRays
-from tests.cameras.optics.examples import HYPERBOLA, SYSTEMS, at, dome, pinhole, port
+from tests.cameras.optics.examples import (
+    HYPERBOLA,
+    SYSTEMS,
+    at,
+    behind_a_dome,
+    dome,
+    pinhole,
+    port,
+)
 
 ANGLE_RAD = 1e-10
 SHARE = 1e-9  # of a surface's distance
@@ -146,3 +155,42 @@ def test_rays_that_touch_a_sphere_end_on_it():
     distances_m = np.linalg.norm(rays.origins_m - (0.0012, 0.0, 0.1015), axis=1)
     np.testing.assert_allclose(distances_m, 0.02, rtol=SHARE)
     assert rays.directions[:, 2].min() > 0.9  # hardly reflected
+
+
+# Lateral color of far points behind a flat port.
+
+
+LENS = EquidistantCamera(100, 100, 40.0, (49.5, 49.5), math.radians(60.0))
+INDICES = (1.30, 1.33, 1.36)
+
+
+@pytest.mark.parametrize(
+    "surfaces",
+    [port(), (Surface(Plane(), at(0.05), medium=INDICES),)],
+    ids=["acrylic and water", "three indices"],
+)
+def test_lateral_color_of_a_flat_port(surfaces):
+    """An equidistant lens's radius is f times the angle in air: asin of n sin θ in water."""
+    system = OpticalSystem(LENS, surfaces)
+    outside = np.linalg.norm(seen_rays(system).directions[:, :2], axis=1)  # sin θ in the water
+
+    def radius_px(color):
+        ratio = refractive_index(surfaces[-1].medium, color) / refractive_index("air", color)
+        return LENS.focal_length_px * np.arcsin(ratio * outside)
+
+    expected = radius_px("B") - radius_px("R")
+    inside = radius_px("B") < LENS.focal_length_px * math.radians(60.0)
+    np.testing.assert_allclose(lateral_color_px(system), expected[inside], atol=1e-6)
+    assert expected[inside].max() > 0.15
+
+
+def test_no_lateral_color_where_nothing_is_bent():
+    assert len(lateral_color_px(SYSTEMS["sphere"])) == 0
+    assert lateral_color_px(behind_a_dome(LENS, 0.1)).max() < 1e-6
+
+
+def test_lateral_color_is_the_same_if_images_are_chromatic():
+    system = OpticalSystem(LENS, (Surface(Plane(), at(0.05), medium=INDICES),))
+    chromatic = replace(system, chromatic=True)
+    # but for the directions of the pixels: those of green, and of the d line, in air
+    np.testing.assert_allclose(lateral_color_px(chromatic), lateral_color_px(system), atol=1e-4)

@@ -1,10 +1,9 @@
-"""Points back to their pixels: 1e-8 px for 99.99 % of the pixels, whatever the distance."""
+"""Points back to their pixels: 1e-8 px, whatever the distance."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-import scipy
 
 from omnisim.cameras import pixel_grid
 from omnisim.cameras.optics import Fate, OpticalSystem, Rod, Surface, read_optics_file
@@ -21,20 +20,23 @@ def _pixels(system, count=3000):
     return pixels[system.rays(pixels).valid]
 
 
-@pytest.mark.parametrize("distance_m", [0.3, 1.0, 5.0, np.inf])
+def _found(system, rays, distances_m):
+    """Pixels of points on rays, each at a distance, or at infinity."""
+    if np.isinf(distances_m).any():
+        return system.pixel_from_ray(rays.directions)
+    return system.pixel_from_point(rays.origins_m + distances_m * rays.directions)
+
+
 @pytest.mark.parametrize("name", sorted(SYSTEMS.keys() - {"wave"}))
-def test_round_trip(name, distance_m):
+def test_round_trip(name):
     system = SYSTEMS[name]
-    pixels = _pixels(system)
-    assert len(pixels) > 300
+    pixels = _pixels(system, 1500)
     rays = system.rays(pixels)
-    if np.isinf(distance_m):
-        found = system.pixel_from_ray(rays.directions)
-    else:
-        found = system.pixel_from_point(rays.origins_m + distance_m * rays.directions)
-    errors_px = np.linalg.norm(found.positions_px - pixels, axis=1)
-    assert found.valid.mean() >= 0.9999
-    assert (errors_px < BOUND_PX).mean() >= 0.9999
+    assert len(pixels) > 150
+    for distance_m in (0.3, 1.0, 5.0, np.inf):
+        found = _found(system, rays, distance_m)
+        assert found.valid.all(), distance_m
+        assert np.linalg.norm(found.positions_px - pixels, axis=1).max() < BOUND_PX, distance_m
 
 
 @pytest.mark.slow
@@ -44,9 +46,8 @@ def test_all_pixels_of_the_examples(path):
     system = read_optics_file(path)
     rays = system.all_rays()
     pixels = pixel_grid(system.width_px, system.height_px)[rays.valid]
-    distances_m = np.resize((0.3, 1.0, 5.0), (len(pixels), 1))
-    points_m = rays.origins_m[rays.valid] + distances_m * rays.directions[rays.valid]
-    found = system.pixel_from_point(points_m)
+    seen = type(rays)(*(part[rays.valid] for part in rays))
+    found = _found(system, seen, np.resize((0.3, 1.0, 5.0), (len(pixels), 1)))
     assert found.valid.all()
     assert np.abs(found.positions_px - pixels).max() < BOUND_PX
 
@@ -90,7 +91,7 @@ def test_point_seen_twice():
 
 def test_all_pixels_have_that_of_the_ray():
     system = SYSTEMS["wave"]
-    pixels = _pixels(system, 400)
+    pixels = _pixels(system, 100)
     rays = system.rays(pixels)
     points_m = rays.origins_m + rays.directions
     nearest_px = [
@@ -161,42 +162,3 @@ def test_misalignment_of_the_camera_is_the_mirrors_inverse():
     pixels = _pixels(moved, 500)
     here, there = moved.rays(pixels), other.rays(pixels)
     np.testing.assert_allclose(here.directions, there.directions @ pose[:3, :3].T, atol=1e-12)
-
-
-def test_pixels_by_the_shortest_path():
-    """SciPy's minimum of the path's length, over the angles of a ball, is where a point is seen."""
-    system = SYSTEMS["tilted camera"]
-    camera_m, center_m = system.system_from_camera[:3, 3], np.array([0.0, 0.0, 0.4])
-    pixels = _pixels(system, 20)
-    rays = system.rays(pixels)
-    for point_m, pixel in zip(rays.origins_m + 0.4 * rays.directions, pixels, strict=True):
-
-        def on_ball(angles):
-            x, y = angles
-            offset = np.array([np.sin(x), np.cos(x) * np.sin(y), -np.cos(x) * np.cos(y)])
-            return center_m + 0.1 * offset
-
-        def length_m(angles, point_m=point_m):
-            hit = on_ball(angles)
-            return np.linalg.norm(hit - camera_m) + np.linalg.norm(point_m - hit)
-
-        best = scipy.optimize.minimize(length_m, (0.0, 0.0), method="BFGS", options={"gtol": 1e-10})
-        direction = system.camera_directions(on_ball(best.x)[None])
-        expected_px = system.camera.pixel_from_ray(direction).positions_px[0]
-        np.testing.assert_allclose(pixel, expected_px, atol=1e-3)  # of a flat minimum
-
-
-def test_pixels_under_water_by_snell():
-    """SciPy's root of Snell's law in the plane of incidence is where a point is seen."""
-    system = SYSTEMS["port"]
-    air, acrylic, water = system.indices
-    r_m, z_m = 0.8, 0.7
-
-    def excess_m(sine):
-        angles = np.arcsin(np.array([air, air, air]) / (air, acrylic, water) * sine)
-        return np.dot(np.tan(angles), (0.05, 0.01, z_m - 0.06)) - r_m
-
-    sine = scipy.optimize.brentq(excess_m, 0.0, 0.999999, xtol=1e-15)
-    expected_px = 179.5 + 110.0 * np.arcsin(sine)
-    found = system.pixel_from_point((r_m, 0.0, z_m))
-    np.testing.assert_allclose(found.positions_px, (expected_px, 179.5), atol=1e-9)

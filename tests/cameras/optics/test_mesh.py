@@ -61,7 +61,7 @@ def test_examples_with_a_mirror_have_a_mesh():
     assert without == {"flat-port", "dome-port"}
 
 
-@pytest.mark.parametrize("polygons", [16, 64, 1024])
+@pytest.mark.parametrize("polygons", [16, 1024])
 def test_of_a_central_mirror_it_is_the_papers(polygons):
     camera, pixels = OmniCamera().model, pixel_grid(360, 360)
     expected = mesh_rays(camera, tessellate(camera.mirror, polygons), pixels)
@@ -71,7 +71,7 @@ def test_of_a_central_mirror_it_is_the_papers(polygons):
     assert np.abs(off).max() < 1e-7  # the vertex's normal is that of 1e-8 of the rim's radius aside
 
 
-@pytest.mark.parametrize("polygons", [8, 16, 64, 1024])
+@pytest.mark.parametrize("polygons", [8, 1024])
 def test_rays_of_the_papers_mesh_pass_what_embree_hits(polygons):
     pytest.importorskip("embreex", reason="embreex, which casts the rays, is missing")
     from omnisim.rendering.rays.caster import NO_TRIANGLE, EmbreeMesh
@@ -94,7 +94,7 @@ def test_rays_of_the_papers_mesh_pass_what_embree_hits(polygons):
     np.testing.assert_allclose(rays.directions[rays.valid] * (1.0, -1.0, -1.0), points, atol=1e-14)
 
 
-@pytest.mark.parametrize("name", ["sphere", "misaligned hyperbola", "cone", "tilted camera"])
+@pytest.mark.parametrize("name", ["misaligned hyperbola", "cone", "tilted camera"])
 def test_rays_start_where_embree_hits_the_polygons(name):
     pytest.importorskip("embreex", reason="embreex, which casts the rays, is missing")
     from omnisim.rendering.rays.caster import NO_TRIANGLE, EmbreeMesh
@@ -104,7 +104,7 @@ def test_rays_start_where_embree_hits_the_polygons(name):
     mesh = tessellate_surface(surface, polygons, eye_m)
     vertices = surface.directions_to_system(mesh.vertices_m) + surface.system_from_surface[:3, 3]
     corners = vertices[mesh.triangles]
-    pixels = pixel_grid(360, 360).reshape(-1, 2)
+    pixels = pixel_grid(360, 360)[::2, ::2].reshape(-1, 2)
     rays = MeshRays(system, polygons).ray_from_pixel(pixels)
     toward = system.camera.ray_from_pixel(pixels).directions @ system.system_from_camera[:3, :3].T
     origins = np.tile(eye_m, (len(pixels), 1)).astype(np.float32)
@@ -248,19 +248,18 @@ def test_default_is_exact_and_ports_have_no_mesh():
         OmniCamera(SYSTEMS["sphere"], polygons=4)
 
 
-@pytest.mark.parametrize("polygons", [None, "auto", 256])
-def test_sensor_file_of_a_sensor_keeps_polygons(tmp_path, polygons):
-    path = tmp_path / "sensor.toml"
-    path.write_text(OmniCamera(SYSTEMS["sphere"], polygons=polygons).to_toml())
-    assert OmniCamera.from_file(path).polygons == polygons
-
-
 def test_sensor_file_has_polygons(tmp_path):
+    def read(text):
+        (tmp_path / "sensor.toml").write_text(text)
+        return OmniCamera.from_file(tmp_path / "sensor.toml")
+
     def sensor(file, value):
-        path = tmp_path / "sensor.toml"
         example = next(one for one in EXAMPLES if one.stem == file)
-        path.write_text(f'[optics]\nfile = "{example}"\npolygons = {value}\n')
-        return OmniCamera.from_file(path)
+        return read(f'[optics]\nfile = "{example}"\npolygons = {value}\n')
+
+    for polygons in (None, "auto", 256):
+        written = OmniCamera(SYSTEMS["sphere"], polygons=polygons).to_toml()
+        assert read(written).polygons == polygons
 
     assert sensor("sphere", 256).mesh_polygons == 256
     assert sensor("sphere", '"exact"').mesh_polygons is None

@@ -41,21 +41,24 @@ def test_what_is_not_stated_is_that_of_the_base(read, tmp_path):
     }
 
 
-def test_keys_replace_and_tables_are_merged(read):
-    own = read({"name": "own", "body": "other.obj", "limits": {"turn": 3}, "corners": [4]})
-    assert (own["name"], own["body"], own["corners"]) == ("own", "other.obj", [4])
-    assert own["limits"] == {"speed": 1, "turn": 3}
+@pytest.mark.parametrize(
+    ("own", "merged"),
+    [
+        ({"name": "own", "body": "other.obj", "corners": [4]}, None),
+        ({"limits": {"turn": 3}}, {"limits": {"speed": 1, "turn": 3}}),
+        ({"lens": {"k1": 3}}, {"lens": {"model": "a", "k1": 3, "k2": 2}}),
+        ({"lens": {"model": "b", "k1": 3}}, None),  # another model has none of the parameters
+    ],
+)
+def test_keys_replace_and_tables_are_merged(read, own, merged):
+    expected = own if merged is None else merged
+    assert {key: value for key, value in read(own).items() if key in own} == expected
 
 
 def test_named_tables_are_changed_or_added(read):
     sensors = read({"sensors": [{"name": "ear", "yaw": 5}, {"name": "nose"}]})["sensors"]
     assert [one["name"] for one in sensors] == ["eye", "ear", "nose"]
     assert [one.get("yaw") for one in sensors] == [0, 5, None]
-
-
-def test_another_model_has_none_of_the_parameters(read):
-    assert read({"lens": {"k1": 3}})["lens"] == {"model": "a", "k1": 3, "k2": 2}
-    assert read({"lens": {"model": "b", "k1": 3}})["lens"] == {"model": "b", "k1": 3}
 
 
 def test_a_key_excludes_its_rivals_in_the_base(read):

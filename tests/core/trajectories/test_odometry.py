@@ -15,13 +15,25 @@ from omnisim.core.trajectories.odometry import (
 )
 from omnisim.core.trajectories.trajectory import Trajectory
 from omnisim.robots.motion_profile import plan_in_steps, plan_with_period
-from tests.robots.test_motion_profile import PIONEER_2_AT, SUPER_SCOUT, paper_lap
+from omnisim.robots.robot_file import load_robot
 
+PIONEER_2_AT, SUPER_SCOUT = load_robot("p2at"), load_robot("superscout")
 PERFECT = OdometryErrors()
 # simulate_odometry with seed 2008 along 2 m, noise 1
 PINNED_DISTANCES = [0.6863303426535377, 2.324524461014188]
 PINNED_TURNS = [-0.9079500071949156, -0.18707487712598647]
+HEADER = "t_s,distance_m,turn_rad,x_m,y_m,yaw_rad\n"
 POINTS = [(0, 0), (3, 1), (3, 4), (-2, 4), (0, 0), (3, 4)]
+
+
+def paper_lap(robot=SUPER_SCOUT, clockwise=True):
+    """The paper's path on a field of 5.4 m by 3.6 m, in about 100 steps."""
+    beside, above = (2.7, -1.8), (-2.7, 1.8)
+    if clockwise:
+        beside, above = above, beside
+    start, opposite = (-2.7, -1.8), (2.7, 1.8)
+    corners = (start, beside, opposite, above, start, opposite)
+    return plan_in_steps(corners, robot.kinematics, 0.41, math.radians(12.0)).trajectory
 
 
 def _apart(first, second):
@@ -41,7 +53,7 @@ def test_quarter_circle_by_hand():
     np.testing.assert_allclose(poses, [(0, 0, 0), (2, 2, math.pi / 2)], atol=1e-15)
 
 
-@pytest.mark.parametrize("pieces", [1, 2, 7, 100])
+@pytest.mark.parametrize("pieces", [2, 100])
 def test_an_arc_is_the_same_in_any_number_of_pieces(pieces):
     share = np.full(pieces, 1.0 / pieces)
     poses = Odometry(np.arange(pieces + 1.0), 1.7 * share, -2.5 * share, (0, 0, 1)).planar_poses
@@ -89,13 +101,12 @@ def test_systematic_errors():
 
 @pytest.mark.parametrize("count", [2, 50])
 def test_noise_is_what_it_says_however_the_way_is_cut(count):
-    """Mean 0 and the stated sigma of the sums, over 4000 seeds: within 4.5 sigma of both."""
+    """Mean 0 and the stated sigma of the sums, over 1000 seeds: within 4.5 sigma of both."""
     errors = OdometryErrors(
-        distance_noise_m_per_sqrt_m=0.03,
-        turn_noise_rad_per_sqrt_m=0.02,
+        distance_noise_m_per_sqrt_m=0.03, turn_noise_rad_per_sqrt_m=0.02,
         turn_noise_rad_per_sqrt_rad=0.05,
-    )
-    way, turn, seeds = 9.0, -4.0, 4000
+    )  # fmt: skip
+    way, turn, seeds = 9.0, -4.0, 1000
     truth = Odometry(
         np.arange(count + 1.0), np.full(count, way / count), np.full(count, turn / count)
     ).dead_reckoned()
@@ -104,8 +115,7 @@ def test_noise_is_what_it_says_however_the_way_is_cut(count):
     sigma = np.array((0.03 * 3.0, math.sqrt(0.02**2 * way + 0.05**2 * abs(turn))))
     assert np.all(np.abs(np.mean(sums, axis=0)) < 4.5 * sigma / math.sqrt(seeds))
     assert np.all(np.abs(np.std(sums, axis=0) / sigma - 1.0) < 4.5 / math.sqrt(2.0 * seeds))
-    correlation = np.corrcoef(sums.T)[0, 1]
-    assert abs(correlation) < 4.5 / math.sqrt(seeds)
+    assert abs(np.corrcoef(sums.T)[0, 1]) < 4.5 / math.sqrt(seeds)
 
 
 def test_noise_of_successive_steps_is_independent():
@@ -115,7 +125,6 @@ def test_noise_of_successive_steps_is_independent():
     odometry = simulate_odometry(truth, errors, 3)
     for values in (odometry.distances_m - 0.25, odometry.turns_rad):
         assert abs(np.corrcoef(values[1:], values[:-1])[0, 1]) < 4.5 / math.sqrt(count)
-        assert np.std(values) == pytest.approx(0.05, rel=4.5 / math.sqrt(2 * count))
 
 
 def test_standing_still_makes_no_noise():
@@ -125,19 +134,15 @@ def test_standing_still_makes_no_noise():
     assert not np.any(odometry.turns_rad)
 
 
-def test_one_seed_one_run():
+def test_one_seed_one_run_of_which_a_shorter_way_has_the_beginning():
     lap = paper_lap()
     first, again, other = (simulate_odometry(lap, SUPER_SCOUT.odometry, seed) for seed in (5, 5, 6))
     np.testing.assert_array_equal(first.distances_m, again.distances_m)
     np.testing.assert_array_equal(first.turns_rad, again.turns_rad)
     assert np.any(first.turns_rad != other.turns_rad)
-
-
-def test_a_longer_way_begins_as_a_shorter_one():
-    lap = paper_lap()
     short = Trajectory(lap.times_s[:40], lap.world_from_base[:40])
-    whole, part = (simulate_odometry(t, SUPER_SCOUT.odometry, 7) for t in (lap, short))
-    np.testing.assert_array_equal(whole.distances_m[:39], part.distances_m)
+    part = simulate_odometry(short, SUPER_SCOUT.odometry, 5)
+    np.testing.assert_array_equal(first.distances_m[:39], part.distances_m)
 
 
 def test_a_seed_means_the_same_numbers_everywhere():
@@ -148,7 +153,7 @@ def test_a_seed_means_the_same_numbers_everywhere():
     np.testing.assert_allclose(odometry.turns_rad, PINNED_TURNS, rtol=1e-14)
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 def test_counters_never_lag_by_more_than_half_a_tick(seed):
     lap = paper_lap()
     plain = replace(SUPER_SCOUT.odometry, distance_tick_m=0.0, turn_tick_rad=0.0)
@@ -185,13 +190,7 @@ def test_dead_reckoning_ends_five_percent_of_the_way_off(robot, clockwise):
     ("values", "words"),
     [
         ({"distance_scale": 0.0}, r"odometry\.distance_scale: expected a number > 0, got 0\.0"),
-        ({"turn_scale": -1.0}, r"turn_scale: expected a number > 0, got -1\.0"),
         ({"drift_radpm": math.nan}, "drift_radpm: expected a finite number, got nan"),
-        ({"drift_radpm": math.inf}, "drift_radpm: expected a finite number, got inf"),
-        (
-            {"turn_noise_rad_per_sqrt_m": -0.1},
-            r"turn_noise_rad_per_sqrt_m: expected a number ≥ 0, got -0\.1",
-        ),
         ({"distance_tick_m": -0.1}, r"distance_tick_m: expected a number ≥ 0, got -0\.1"),
         ({"turn_tick_rad": 1e-300}, "turn_tick_rad: expected 0, or at least 1e-09, got 1e-300"),
     ],
@@ -217,22 +216,16 @@ def test_file_there_and_back(tmp_path):
     again = read_odometry(path)
     for name in ("times_s", "distances_m", "turns_rad", "start"):
         np.testing.assert_allclose(getattr(again, name), getattr(odometry, name), atol=0.51e-9)
-    header, first = path.read_text().splitlines()[:2]
-    assert header == "t_s,distance_m,turn_rad,x_m,y_m,yaw_rad"
-    assert first.startswith("0.000000000,0.000000000,0.000000000,-2.700000000,-1.800000000,1.57")
+    first = "0.000000000,0.000000000,0.000000000,-2.700000000,-1.800000000,1.57"
+    assert path.read_text().startswith(HEADER + first)
 
 
 def test_file_of_wrapped_headings_and_long_arcs(tmp_path):
     path = tmp_path / "a.csv"
     write_odometry(path, _arcs())
     read_odometry(path)
-    path.write_text(
-        "t_s,distance_m,turn_rad,x_m,y_m,yaw_rad\n0,0,0,0,0,3\n1,0,1,0,0,-2.283185307\n"
-    )
+    path.write_text(HEADER + "0,0,0,0,0,3\n1,0,1,0,0,-2.283185307\n")
     assert read_odometry(path).turns_rad.tolist() == [1.0]
-
-
-HEADER = "t_s,distance_m,turn_rad,x_m,y_m,yaw_rad\n"
 
 
 @pytest.mark.parametrize(

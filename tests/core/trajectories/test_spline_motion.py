@@ -53,12 +53,9 @@ def test_the_ends_have_the_velocity_of_even_acceleration(speed_mps):
     np.testing.assert_allclose(states.acceleration_mps2[:, 0], 0.5, atol=1e-9)
 
 
-def test_the_velocity_at_an_end_never_points_back():
+def test_the_velocity_at_an_end_never_points_back_and_is_none_from_rest():
     motion = SplineMotion(straight(np.arange(3.0), np.array([0.0, 0.1, 3.0])))
     assert not motion.at(np.zeros(1)).velocity_mps.any()
-
-
-def test_from_rest_it_begins_and_ends_at_rest():
     motion = SplineMotion(straight(np.arange(4.0), np.arange(4.0)), from_rest=True)
     assert not motion.at(np.array([0.0, 3.0])).velocity_mps.any()
 
@@ -81,15 +78,9 @@ def test_a_turn_on_the_spot_stays_on_it():
     assert not before.angular_rate_radps.any()
 
 
-def test_it_rests_before_and_after():
-    motion = SplineMotion(straight(np.arange(3.0), np.arange(3.0)))
-    states = motion.at(np.array([-1.0, 9.0]))
-    assert states.world_from_base[:, 0, 3].tolist() == [0.0, 2.0]
-    assert not states.velocity_mps.any()
-
-
-def test_one_pose_is_at_rest():
-    motion = SplineMotion(straight(np.zeros(1), np.zeros(1)))
-    states = motion.at(np.array([-1.0, 0.0, 1.0]))
-    assert not states.velocity_mps.any()
-    np.testing.assert_array_equal(states.world_from_base, [np.eye(4)] * 3)
+def test_it_rests_before_and_after_as_one_pose_does():
+    for count in (3, 1):
+        motion = SplineMotion(straight(np.arange(float(count)), np.arange(float(count))))
+        states = motion.at(np.array([-1.0, 9.0]))
+        assert states.world_from_base[:, 0, 3].tolist() == [0.0, count - 1.0]
+        assert not states.velocity_mps.any()

@@ -23,15 +23,11 @@ def test_what_a_trajectory_says():
     np.testing.assert_array_equal(square.positions_m[2], (3, 4, 0))
 
 
-def test_one_pose_is_enough():
-    one = Trajectory([5.0], pose((1, 2, 3))[None])
+def test_one_pose_is_enough_and_may_be_tilted():
+    one = Trajectory([5.0], pose((1, 2, 3), roll_deg=20, pitch_deg=-30, yaw_deg=70)[None])
     assert (len(one), one.path_length_m, one.duration_s) == (1, 0.0, 0.0)
     assert len(one.jumps(0.0)) == 0
-
-
-def test_planar_yaw_of_a_tilted_base():
-    tilted = Trajectory([0.0], pose(roll_deg=20, pitch_deg=-30, yaw_deg=70)[None])
-    assert math.degrees(tilted.yaw_rad[0]) == pytest.approx(70)
+    assert math.degrees(one.yaw_rad[0]) == pytest.approx(70)
 
 
 def test_nothing_can_change_it():
@@ -56,17 +52,11 @@ def _bad_pose(row, column, value):
     [
         ([], np.zeros((0, 4, 4)), "no pose: expected at least one"),
         ([0, 1], np.stack([pose()] * 3), r"got \(2,\) and \(3, 4, 4\)"),
-        (0.0, pose(), r"got \(\) and \(4, 4\)"),
         ([0, 1, 1], None, "time 2, 1 s, is not after time 1, 1 s"),
-        ([0, 2, 1], None, "time 2, 1 s, is not after time 1, 2 s"),
         ([0, math.nan, 1], None, "time 1 is nan s: expected a finite time"),
-        ([0, 1, math.inf], None, "time 2 is inf s"),
         ([0, 1, 1e300], None, r"time 2 is 1e\+300 s"),
         ([0, 1, 2], _bad_pose(0, 3, math.nan), "pose 1: expected finite numbers"),
-        ([0, 1, 2], _bad_pose(0, 3, 1e300), "pose 1: expected finite numbers"),
         ([0, 1, 2], _bad_pose(0, 0, 2), "pose 1: expected a rotation and a translation"),
-        ([0, 1, 2], _bad_pose(0, 0, 1e14), "pose 1: expected a rotation and a translation"),
-        ([0, 1, 2], _bad_pose(2, 2, -1), "pose 1: expected a rotation and a translation"),
         ([0, 1, 2], _bad_pose(3, 0, 1), "pose 1: expected a rotation and a translation"),
     ],
 )
@@ -79,7 +69,6 @@ def test_refused(times, poses, words):
     ("positions", "yaw", "words"),
     [
         ([(0, 0)], [math.nan], "headings that are finite"),
-        ([(0, 0)], [math.inf], "headings that are finite"),
         ([(0, 0, 0)], [0.0], r"expected positions \(n, 2\) and headings \(n,\)"),
         ([(math.nan, 0)], [0.0], "pose 0: expected finite numbers"),
     ],
@@ -100,9 +89,8 @@ def test_check_continuous():
     square = _square()
     check_continuous(square, 4.0, "square")
     check_continuous(square, math.inf, "square", max_speed_mps=4.0)
-    with pytest.raises(
-        TrajectoryError, match=r"^a\.tum: step 1 → 2: 4 m in 1 s: expected at most 3 m"
-    ):
+    message = r"^a\.tum: step 1 → 2: 4 m in 1 s: expected at most 3 m"
+    with pytest.raises(TrajectoryError, match=message):
         check_continuous(square, 3.0, "a.tum")
     with pytest.raises(TrajectoryError, match=r"^a\.tum:12: step 1 → 2: .* at most 3\.5 m/s$"):
         check_continuous(square, 9.0, "a.tum", 3.5, lines=[10, 11, 12, 13, 14])

@@ -5,11 +5,11 @@
 3. The drivers' cases, for `python -m tests.drivers compare` with those of another driver.
 4. A drive twice, batches beside single images, images and scans in turn.
 5. Speed, and the paper's Fig. 10.
-6. The same buffers and sequences with mutable buffers, as before: these may stall the card.
 """
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import resource
@@ -28,14 +28,12 @@ from benchmarks.bounds import Limits, goal_text
 from tests.drivers.cases import all_cases
 from tests.drivers.gpu import SECONDS
 from tests.drivers.gpu.steps import NO_RESULT
-from tests.drivers.gpu.variants import CHANGES, HINTS, IMMUTABLE
 from tests.drivers.sample import sample_cases
 
 CHECKOUT = Path(__file__).resolve().parents[3]
 SCENES = ("soccer", "mapping", "rings")
 MIN_STEP_S = 4.0  # no step begins with less time left
-# Shares of all time after which cases, and then all but the risky steps, have to be done.
-CASES_END, SAFE_END = 0.4, 0.85
+CASES_END = 0.4  # share of all time after which cases have to be done
 HEALTH_S = 20.0
 DRIVER_ERRORS = ("Xid", "NVRM", "amdgpu", "i915", "nouveau")  # in lines of the kernel's log
 GOALS = {"image, 84² fast": 2000, "batch of 1024 × 84²": 10_000}  # per second, on a card
@@ -44,28 +42,20 @@ PrintLine = Callable[[str], None]
 
 @dataclass(frozen=True)
 class PlannedStep:
-    """Step of the check.
-
-    Attributes:
-        name: its name in the summary and for `--only`.
-        work: name of the step in `steps`, and its arguments.
-        limit_s: time limit.
-        may_fail: it repeats what is known to stall a card: its failure is a result, no error.
-    """
+    """Step of the check: its name, the step of `steps` and its arguments, and a time limit."""
 
     name: str
     work: tuple[str, ...]
     limit_s: float = 40.0
-    may_fail: bool = False
 
 
 def planned_steps() -> list[PlannedStep]:
-    """All steps, the risky ones last."""
+    """All steps in their order."""
     cases = {**all_cases(8, 1), **sample_cases(8, 1)}
     return [
         PlannedStep("facts", ("facts",), 30.0),
-        PlannedStep("buffers", ("buffers", IMMUTABLE), 30.0),
-        *(PlannedStep(f"sequence {name}", ("sequence", name, IMMUTABLE)) for name in SCENES),
+        PlannedStep("buffers", ("buffers",), 30.0),
+        *(PlannedStep(f"sequence {name}", ("sequence", name)) for name in SCENES),
         *(PlannedStep(f"case {name}", ("case", name)) for name in cases),
         PlannedStep("drive twice", ("drive",), 60.0),
         PlannedStep("batches", ("batches",), 60.0),
@@ -73,15 +63,6 @@ def planned_steps() -> list[PlannedStep]:
         *(PlannedStep(f"speed {quality}", ("speed", quality)) for quality in ("fast", "default")),
         PlannedStep("scans and batches", ("scans and batches",), 90.0),
         *(PlannedStep(f"fig 10 {name}", ("fig 10", name), 80.0) for name in SCENES[:2]),
-        *(
-            PlannedStep(f"variant {variant}", ("sequence", SCENES[0], variant), 25.0, may_fail=True)
-            for variant in CHANGES
-            if variant != IMMUTABLE
-        ),
-        *(
-            PlannedStep(f"variant buffers {kind}", ("buffers", kind), 25.0, may_fail=True)
-            for kind in HINTS
-        ),
     ]
 
 
@@ -101,30 +82,17 @@ def chosen_steps(only: Sequence[str]) -> list[PlannedStep]:
 
 @dataclass
 class Outcome:
-    """Outcome of a step.
-
-    Attributes:
-        name: name of the step.
-        verdict: "ok", "FAILED" or "TIMED OUT", in lower case if it may fail; "cut short" or
-            "skipped" for lack of time.
-        text: result in words.
-        seconds: wall-clock time, the health check included.
-        processor_s: processor time of all its processes.
-        waits: number of frames that took longer than 100 ms.
-        rows: measured speeds.
-        health: complaint of the health check; empty: healthy.
-        kernel: new lines of the kernel's log.
-    """
+    """Outcome of a step: "ok", "FAILED", "TIMED OUT"; "cut short", "skipped" for lack of time."""
 
     name: str
     verdict: str
-    text: str
-    seconds: float = 0.0
-    processor_s: float = 0.0
-    waits: int = 0
-    rows: list[dict[str, Any]] = field(default_factory=list)
-    health: str = ""
-    kernel: list[str] = field(default_factory=list)
+    text: str  # result in words
+    seconds: float = 0.0  # wall-clock time, the health check included
+    processor_s: float = 0.0  # of all its processes
+    waits: int = 0  # frames that took longer than 100 ms
+    rows: list[dict[str, Any]] = field(default_factory=list)  # measured speeds
+    health: str = ""  # complaint of the health check; empty: healthy
+    kernel: list[str] = field(default_factory=list)  # new lines of the kernel's log
 
 
 def check_gpu(
@@ -144,15 +112,16 @@ def check_gpu(
         print_line: called with each line of the report.
 
     Returns:
-        True if no step failed, other than those that may.
+        True if no step failed.
 
     Raises:
         ValueError: no step has such a name.
     """
     steps = chosen_steps(only)
     outcomes: list[Outcome] = []
-    with tempfile.TemporaryDirectory(prefix="omnisim-gpu-") as folder, _interruptible():
-        _new_tar(out)
+    with tempfile.TemporaryDirectory(prefix="omnisim-gpu-") as folder:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        tarfile.open(out, "w").close()
         try:
             for outcome in _outcomes(steps, Path(folder), out, seconds, scale):
                 outcomes.append(outcome)
@@ -228,8 +197,7 @@ def _outcomes(
     log = _KernelLog()
     begin_s = time.monotonic()
     for number, step in enumerate(steps):
-        is_case = step.work[0] == "case"
-        end = CASES_END if is_case else 1.0 if step.may_fail else SAFE_END
+        end = CASES_END if step.work[0] == "case" else 1.0
         left_s = begin_s + end * seconds - time.monotonic()
         if left_s < MIN_STEP_S:
             yield Outcome(step.name, "skipped", "no time left")
@@ -264,15 +232,9 @@ def _run(step: PlannedStep, folder: Path, limit_s: float, scale: float) -> Outco
     health = ""
     if (end := _process(("tests.drivers.gpu.health",), folder / "health.txt", HEALTH_S)) != 0:
         health = "no answer" if end is None else _last_line(folder / "health.txt")
+    seconds, processor_s = time.monotonic() - start_s, _processor_s() - processor_s
     return Outcome(
-        step.name,
-        verdict.lower() if step.may_fail else verdict,
-        text,
-        time.monotonic() - start_s,
-        _processor_s() - processor_s,
-        result["waits"],
-        result["rows"],
-        health,
+        step.name, verdict, text, seconds, processor_s, result["waits"], result["rows"], health
     )
 
 
@@ -299,14 +261,8 @@ def _process(module: Sequence[str], output: Path, limit_s: float) -> int | None:
     finally:
         if process.poll() is None:
             os.killpg(process.pid, signal.SIGKILL)
-            _wait_briefly(process)
-
-
-def _wait_briefly(process: subprocess.Popen[bytes]) -> None:
-    try:
-        process.wait(3.0)
-    except subprocess.TimeoutExpired:
-        print(f"process {process.pid} cannot be killed: it waits for the driver", flush=True)
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(3.0)
 
 
 class _KernelLog:
@@ -339,12 +295,6 @@ def _processor_s() -> float:
     return used.ru_utime + used.ru_stime
 
 
-def _new_tar(out: Path) -> None:
-    out.parent.mkdir(parents=True, exist_ok=True)
-    with tarfile.open(out, "w"):
-        pass
-
-
 def _put(out: Path, name: str, text: str) -> None:
     """Add a text file to the tar file."""
     with tempfile.NamedTemporaryFile("w", encoding="utf-8") as file:
@@ -352,16 +302,3 @@ def _put(out: Path, name: str, text: str) -> None:
         file.flush()
         with tarfile.open(out, "a") as tar:
             tar.add(file.name, name)
-
-
-class _interruptible:
-    """Within it, SIGTERM ends the program as Ctrl-C does, so that a summary is written."""
-
-    def __enter__(self) -> None:
-        def interrupt(number: int, frame: object) -> None:
-            raise KeyboardInterrupt
-
-        self._before = signal.signal(signal.SIGTERM, interrupt)
-
-    def __exit__(self, *reason: object) -> None:
-        signal.signal(signal.SIGTERM, self._before)

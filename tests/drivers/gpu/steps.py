@@ -38,12 +38,7 @@ Result = dict[str, Any]
 
 
 class Step:
-    """Step that runs in this process.
-
-    Args:
-        folder: folder of its files.
-        scale: share of the images, for a quick trial; each step draws some.
-    """
+    """Step that runs in this process, with a share of the images for a quick trial."""
 
     def __init__(self, folder: Path, scale: float):
         self.folder, self._scale = folder, scale
@@ -67,10 +62,7 @@ class Step:
     def timed(self, what: str, work: Callable[[], Any], may_wait: bool) -> tuple[Any, float]:
         """Value and seconds of a piece of work; a stall ends the process.
 
-        Args:
-            what: its name.
-            work: the piece of work.
-            may_wait: it is more than a frame, or the first one, which compiles shaders.
+        It may wait if it is more than a frame, or the first one, which compiles shaders.
         """
         start_s = time.monotonic()
         value = work()
@@ -119,12 +111,10 @@ def facts(step: Step) -> None:
     )
 
 
-def buffers(step: Step, kind: str) -> None:
-    """Buffers of a kind that processor and shaders take turns with."""
+def buffers(step: Step) -> None:
+    """Buffers that processor and shaders take turns with."""
     from tests.drivers.gpu.buffers_step import take_turns
-    from tests.drivers.gpu.variants import use_buffers
 
-    use_buffers(kind)
     turns = take_turns()
     _, *later = turns["seconds"]
     is_right = not turns["wrong"] and turns["error"] == "GL_NO_ERROR"
@@ -136,22 +126,13 @@ def buffers(step: Step, kind: str) -> None:
     )
 
 
-def sequence(step: Step, scene: str, variant: str) -> None:
+def sequence(step: Step, scene: str) -> None:
     """Images one after the other, all poses twice."""
-    from tests.drivers.gpu.variants import CHANGES, COPY_FIRST, copy_between_buffers, use_buffers
-
-    kind, change = CHANGES[variant]
-    use_buffers(kind)
-    if change is not None:
-        change()
     loaded, camera = load_scene(scene), OmniCamera().with_quality("fast").resized(360)
     poses = poses_at(loaded, camera, step.count(24))
     digests: list[str] = []
     seconds: list[float] = []
     with Stage(loaded) as stage, stage.open(camera) as renderer:
-        if variant == COPY_FIRST:
-            with stage.current():
-                copy_between_buffers(stage.context)
         for number, pose in enumerate([*poses, *poses]):
             frame, elapsed_s = step.timed(
                 f"image {number}", lambda pose=pose: renderer.render(pose), not number
@@ -323,18 +304,7 @@ def fig_10(step: Step, scene: str) -> None:
     step.save(ok=report["passed"], text=f"{fps.RATIO_NAME}: {ratios}")
 
 
-STEPS: dict[str, Callable[..., None]] = {
-    "facts": facts,
-    "buffers": buffers,
-    "sequence": sequence,
-    "case": case,
-    "drive": drive,
-    "batches": batches,
-    "in turn": in_turn,
-    "speed": speed,
-    "scans and batches": scans_and_batches,
-    "fig 10": fig_10,
-}
+STEPS = (facts, buffers, sequence, case, drive, batches, in_turn, speed, scans_and_batches, fig_10)
 
 
 def main(folder: str, scale: str, name: str, *arguments: str) -> None:
@@ -342,16 +312,13 @@ def main(folder: str, scale: str, name: str, *arguments: str) -> None:
     step = Step(Path(folder), float(scale))
     step.save(ok=False, text=NO_RESULT)
     step.result["ok"] = True
-    STEPS[name](step, *arguments)
+    steps = {one.__name__.replace("_", " "): one for one in STEPS}
+    steps[name](step, *arguments)
     sys.exit(not step.result["ok"])
 
 
 def _measured(
-    step: Step,
-    what: str,
-    work: Callable[[np.ndarray], Any],
-    poses: np.ndarray,
-    images: int = 1,
+    step: Step, what: str, work: Callable[[np.ndarray], Any], poses: np.ndarray, images: int = 1
 ) -> Result:
     """Median time of a piece of work, for as long as a measurement may take."""
     seconds: list[float] = []

@@ -4,11 +4,12 @@ import dataclasses
 
 import numpy as np
 import pytest
+from scipy.special import ndtr
 
-from omnisim.cameras import MirroredCamera
+from omnisim.cameras import KannalaBrandtCamera, MirroredCamera
 from omnisim.core.errors import MeasurementError
 from omnisim.measurement.comparison import BoardSurface, compare_images, locate_board
-from omnisim.measurement.comparison.comparison import compare_image
+from omnisim.measurement.comparison.comparison import compare_image, edge_rise_px
 from omnisim.measurement.comparison.twin_board import Patches, fit_light
 from omnisim.measurement.geometry import AprilGrid, BoardView, CharucoBoard, Chessboard
 from omnisim.measurement.geometry.board_detection import find_board
@@ -26,13 +27,7 @@ from tests.measurement.geometry.board_pictures import (
 )
 
 BOARD = Chessboard(8, 6, 0.03)
-TELEPHOTO = dataclasses.replace(
-    LENS,
-    width_px=360,
-    height_px=280,
-    focal_lengths_px=(330.0, 331.0),
-    principal_point_px=(180.0, 139.0),
-)
+TELEPHOTO = KannalaBrandtCamera(360, 280, (330.0, 331.0), (180.0, 139.0), LENS.coefficients)
 MIDDLE = (-0.105, -0.075, 0.0)
 
 
@@ -91,21 +86,22 @@ def test_fitted_light_leaves_the_noise_of_squares():
 
 @pytest.fixture(scope="module")
 def pictures():
-    poses = [
-        centered(*values)
-        for values in ((40.0, 20.0, 0.3), (160.0, 35.0, 0.35), (280.0, 45.0, 0.35))
-    ]
-    images = [board_image(LENS, pose, chessboard_texture()) for pose in poses]
-    return [(find_board(image, BOARD, f"{index}.png"), image) for index, image in enumerate(images)]
+    pytest.importorskip("cv2")
+    pictures = []
+    for place in ((40.0, 20.0, 0.3), (160.0, 35.0, 0.35), (280.0, 45.0, 0.35)):
+        image = board_image(LENS, centered(*place), chessboard_texture())
+        pictures.append((find_board(image, BOARD, f"{len(pictures)}.png"), image))
+    return pictures
+
+
+def _compared(sensor, pictures, board=BOARD):
+    pytest.importorskip("cv2")
+    return compare_images(sensor, [compare_image(sensor, board, *picture) for picture in pictures])
 
 
 @pytest.mark.slow
 def test_the_true_twin_shows_the_same_corners_edges_and_levels(pictures):
-    pytest.importorskip("cv2")
-    sensor = OmniCamera(LENS)
-    compared = compare_images(
-        sensor, [compare_image(sensor, BOARD, view, image) for view, image in pictures]
-    )
+    compared = _compared(OmniCamera(LENS), pictures)
     assert compared.lost == 0
     assert compared.bias_px < 0.05
     assert np.percentile(np.abs(compared.level_errors), 90.0) <= 4.0
@@ -118,11 +114,7 @@ def test_the_true_twin_shows_the_same_corners_edges_and_levels(pictures):
     ("board", "texture", "middle_m"),
     [
         (CharucoBoard(7, 5, 0.03, 0.022, "5X5_100"), charuco_texture, (-0.105, -0.075, 0.0)),
-        (
-            AprilGrid(3, 2, 0.06, 0.3),
-            lambda: april_grid_texture(quarter_turns=1),
-            (-0.108, 0.069, 0.0),
-        ),
+        (AprilGrid(3, 2, 0.06, 0.3), lambda: april_grid_texture(1), (-0.108, 0.069, 0.0)),
     ],
     ids=["charuco", "april_grid"],
 )
@@ -136,7 +128,7 @@ def test_boards_with_markers_are_shown_with_the_same_corners_edges_and_levels(
     view = find_board(image, board, "a.png")
     # the image mixes levels, not light: sRGB would move the corners of markers by 0.1 px
     sensor = OmniCamera(TELEPHOTO, degradation=Degradation(encoding=Encoding(gamma=1.0)))
-    compared = compare_images(sensor, [compare_image(sensor, board, view, image)])
+    compared = _compared(sensor, [(view, image)], board)
     assert compared.lost == 0
     assert compared.bias_px < 0.05
     difference = compared.images[0].twin.astype(np.float64) - image
@@ -151,12 +143,8 @@ def test_boards_with_markers_are_shown_with_the_same_corners_edges_and_levels(
 
 @pytest.mark.slow
 def test_a_wrong_twin_shows_them_elsewhere(pictures):
-    pytest.importorskip("cv2")
     wrong = dataclasses.replace(LENS, coefficients=(0.05, -0.012, 0.004, -0.001))
-    sensor = OmniCamera(wrong)
-    compared = compare_images(
-        sensor, [compare_image(sensor, BOARD, view, image) for view, image in pictures]
-    )
+    compared = _compared(OmniCamera(wrong), pictures)
     assert max(ring.rms_px for ring in compared.rings) > 0.15 or compared.lost
 
 
@@ -164,3 +152,25 @@ def test_an_image_of_another_size_is_refused(pictures):
     view, image = pictures[0]
     with pytest.raises(MeasurementError, match="400 × 300 px, but the sensor has 360 × 360"):
         compare_image(OmniCamera(), BOARD, view, image)
+
+
+def _edge(sigma_px, slope=0.2, black=30.0, white=220.0):
+    """Image (60, 60) of an edge through its middle, blurred by a Gaussian, averaged over pixels."""
+    at = np.arange(480) / 8.0 - 0.4375 - 29.5
+    levels = ndtr((at + slope * at[:, None]) / np.hypot(1.0, slope) / sigma_px)
+    levels = levels.reshape(60, 8, 60, 8).mean(axis=(1, 3))
+    return np.rint(black + (white - black) * levels).astype(np.uint8)
+
+
+@pytest.mark.parametrize(("sigma_px", "slope"), [(0.5, -0.4), (0.8, 0.2), (1.5, -0.4)])
+def test_rise_of_a_gaussian_edge(sigma_px, slope):
+    along = np.array([-slope, 1.0]) / np.hypot(1.0, slope) * 20.0
+    rise = edge_rise_px(_edge(sigma_px, slope), 29.5 - along, 29.5 + along)
+    expected = 2.5631 * np.hypot(sigma_px, np.sqrt(1.0 / 12.0))  # 10-90 % of a Gaussian and a pixel
+    assert rise == pytest.approx(expected, rel=0.05)  # the bins of 0.25 px widen it by 0.01 px
+
+
+def test_faint_and_short_edges_have_no_rise():
+    ends = np.array([29.5, 10.0]), np.array([29.5, 50.0])
+    assert np.isnan(edge_rise_px(_edge(1.0, 0.0, 100.0, 110.0), *ends))
+    assert np.isnan(edge_rise_px(_edge(1.0, 0.0), ends[0], ends[0] + (0.0, 4.0)))

@@ -3,6 +3,7 @@
 from functools import lru_cache
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from omnisim.cameras import KannalaBrandtCamera
 from omnisim.measurement.geometry import BoardView
@@ -12,12 +13,9 @@ LENS = KannalaBrandtCamera(400, 300, (130.0, 131.0), (203.0, 148.5), (0.02, -0.0
 
 def board_pose(azimuth_deg=0.0, angle_deg=30.0, distance_m=0.4, tilt=(0.3, -0.2, 0.4)):
     """Pose (4, 4) optical_from_board of a board that faces the camera, tilted."""
-    from scipy.spatial.transform import Rotation
-
     azimuth, angle = np.radians((azimuth_deg, angle_deg))
-    outward = np.array(
-        [np.sin(angle) * np.cos(azimuth), np.sin(angle) * np.sin(azimuth), np.cos(angle)]
-    )
+    across = np.sin(angle)
+    outward = np.array([across * np.cos(azimuth), across * np.sin(azimuth), np.cos(angle)])
     side = np.cross([0.0, 1.0, 0.0], outward)
     side /= np.linalg.norm(side)
     pose = np.eye(4)
@@ -58,18 +56,12 @@ def seen_view(camera, pose, points_m, name="image", offsets_m=0.0):
 def noisy_views(camera, poses, points_m, sigma_px, seed=0, offsets_m=0.0):
     """Corners with Gaussian errors."""
     random = np.random.default_rng(seed)
-    views = [
-        seen_view(camera, pose, points_m, f"{index}.png", offsets_m)
-        for index, pose in enumerate(poses)
-    ]
-    return [
-        BoardView(
-            one.name,
-            one.points_m,
-            one.pixels_px + sigma_px * random.normal(size=(len(points_m), 2)),
-        )
-        for one in views
-    ]
+    views = []
+    for index, pose in enumerate(poses):
+        exact_px = seen_view(camera, pose, points_m, offsets_m=offsets_m).pixels_px
+        noisy_px = exact_px + sigma_px * random.normal(size=exact_px.shape)
+        views.append(BoardView(f"{index}.png", points_m, noisy_px))
+    return views
 
 
 def board_image(camera, pose, brightness, samples=4):
@@ -127,12 +119,9 @@ def printed_texture(print_, width_m, height_m, origin_m=(0.0, 0.0), border_m=0.0
         row = np.floor((y - origin_m[1]) / height_m * height).astype(np.int64, copy=False)
         inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
         shown = print_[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)] / 255.0
-        on_paper = (
-            (x > origin_m[0] - border_m)
-            & (x < origin_m[0] + width_m + border_m)
-            & (y > origin_m[1] - border_m)
-            & (y < origin_m[1] + height_m + border_m)
-        )
+        beyond_m = np.stack((origin_m[0] - x, x - width_m - origin_m[0],
+                             origin_m[1] - y, y - height_m - origin_m[1]))  # fmt: skip
+        on_paper = (beyond_m < border_m).all(axis=0)
         return np.where(inside, shown, np.where(on_paper, 1.0, np.nan))
 
     return brightness
@@ -148,7 +137,7 @@ def charuco_texture(columns=7, rows=5, square_m=0.03, marker_m=0.022):
     return printed_texture(printed, columns * square_m, rows * square_m)
 
 
-def april_grid_texture(columns=3, rows=2, tag_m=0.06, quarter_turns=0):
+def april_grid_texture(quarter_turns=0, columns=3, rows=2, tag_m=0.06):
     """Brightness of Kalibr's grid with a spacing of 0.3, from the lower left corner of tag 0."""
     import cv2
 

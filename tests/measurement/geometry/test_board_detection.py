@@ -39,12 +39,6 @@ def image(pose):
     return board_image(LENS, pose, chessboard_texture())
 
 
-@pytest.mark.parametrize("side_px", [1, 9, 15, 17])
-def test_tiny_images_have_no_board(side_px):
-    with pytest.raises(MeasurementError, match="no chessboard of 8 x 6"):
-        find_board(np.full((side_px, side_px), 128, np.uint8), BOARD)
-
-
 def test_corners_of_a_chessboard_lie_where_the_lens_shows_them(image, pose):
     found = find_board(image, BOARD)
     exact = seen_view(LENS, pose, corner_grid()).pixels_px
@@ -56,16 +50,12 @@ def test_corners_of_a_chessboard_lie_where_the_lens_shows_them(image, pose):
 
 
 def test_a_board_with_black_and_white_corners_is_always_the_same_way_round(pose):
-    brightness = chessboard_texture(7, 6)
-    upright = find_board(board_image(LENS, pose, brightness), ODD_BOARD)
-    exact = seen_view(LENS, pose, corner_grid(7, 6)).pixels_px
-    assert np.abs(upright.pixels_px - exact).max() < 0.15
     turn = np.diag([-1.0, -1.0, 1.0, 1.0])
     turn[:2, 3] = 6 * 0.03, 5 * 0.03
-    turned_pose = pose @ turn
-    turned = find_board(board_image(LENS, turned_pose, brightness), ODD_BOARD)
-    exact = seen_view(LENS, turned_pose, corner_grid(7, 6)).pixels_px
-    assert np.abs(turned.pixels_px - exact).max() < 0.15
+    for stands in (pose, pose @ turn):
+        found = find_board(board_image(LENS, stands, chessboard_texture(7, 6)), ODD_BOARD)
+        exact = seen_view(LENS, stands, corner_grid(7, 6)).pixels_px
+        assert np.abs(found.pixels_px - exact).max() < 0.15
 
 
 def test_a_mirrored_camera_sees_the_board_from_its_other_side(image):
@@ -76,12 +66,13 @@ def test_a_mirrored_camera_sees_the_board_from_its_other_side(image):
     assert np.abs(mirrored_back - straight.pixels_px).max() < 1e-4
 
 
-def test_an_even_image_has_no_board():
+@pytest.mark.parametrize("shape", [(1, 1), (9, 9), (15, 15), (17, 17), (200, 300)])
+def test_an_even_image_has_no_board_however_tiny(shape):
     with pytest.raises(MeasurementError, match="no chessboard of 8 x 6 inner corners"):
-        find_board(np.full((200, 300), 120, np.uint8), BOARD)
+        find_board(np.full(shape, 120, np.uint8), BOARD)
 
 
-@pytest.mark.parametrize("size", [(5, 4), (7, 6), (9, 6), (8, 7)])
+@pytest.mark.parametrize("size", [(5, 4), (7, 6), (9, 6)])
 def test_another_board_is_named(image, size):
     seen = "but of 8 x 6|squares continue beyond the board|not black beside white|no chessboard of"
     with pytest.raises(MeasurementError, match=seen):
@@ -101,7 +92,7 @@ def test_corners_in_another_order_are_refused():
 
 def test_squares_of_one_color_are_refused():
     grid = np.moveaxis(np.mgrid[:5, :6], 0, -1)[..., ::-1] * 20.0 + 10.0
-    row, column = np.mgrid[:130, :140] // 1
+    row, column = np.mgrid[:130, :140]
     board = (((row - 10) // 20 + (column - 10) // 20) % 2 * 200 + 20).astype(np.uint8)
     assert squares_fault(board, grid) is None
     board[30:70, 30:90] = 220

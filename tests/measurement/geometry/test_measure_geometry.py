@@ -1,4 +1,4 @@
-"""Lenses measured from corners: truth within the standard deviations, and what is refused."""
+"""Lenses and mirrors measured from corners: truth within the deviations, and what is refused."""
 
 import dataclasses
 
@@ -13,9 +13,12 @@ from omnisim.cameras import (
     OcamcalibCamera,
     UnifiedCamera,
 )
+from omnisim.cameras.optics.system_file import parse_optics
 from omnisim.core.errors import MeasurementError
-from omnisim.measurement.geometry import BoardView, measure_geometry
+from omnisim.measurement.comparison import locate_board
+from omnisim.measurement.geometry import BoardView, measure_geometry, measure_optics
 from omnisim.measurement.geometry.model_choice import MAX_COMPARED
+from tests.cameras.optics.boards.test_calibrate import MIRROR, _changed, boards_of
 from tests.measurement.geometry.board_pictures import (
     LENS,
     board_pose,
@@ -73,11 +76,9 @@ def test_rays_of_the_measured_lens_are_those_of_the_lens():
 def test_standard_deviations_are_honest_in_100_sets():
     within = []
     truth = {
-        "focal_lengths_px.0": LENS.focal_lengths_px[0],
-        "focal_lengths_px.1": LENS.focal_lengths_px[1],
-        "principal_point_px.0": LENS.principal_point_px[0],
-        "principal_point_px.1": LENS.principal_point_px[1],
-        **{f"coefficients.{index}": LENS.coefficients[index] for index in range(4)},
+        f"{name}.{index}": value
+        for name in ("focal_lengths_px", "principal_point_px", "coefficients")
+        for index, value in enumerate(getattr(LENS, name))
     }
     poses = varied_poses(12)
     for seed in range(100):
@@ -91,7 +92,6 @@ def test_standard_deviations_are_honest_in_100_sets():
 @pytest.mark.parametrize(
     "lens",
     [
-        UnifiedCamera(640, 480, (420.0, 421.0), (322.0, 236.0), 1.1, (-0.05, 0.01, 0.001, -0.001)),
         DoubleSphereCamera(640, 480, (220.0, 221.0), (322.0, 236.0), -0.2, 0.59),
         EquisolidCamera(640, 480, 210.0, (322.0, 236.0)),
         OcamcalibCamera(
@@ -102,13 +102,17 @@ def test_standard_deviations_are_honest_in_100_sets():
     ids=lambda lens: lens.model_name,
 )
 def test_other_lenses_are_measured_too(lens):
-    widest = 20.0 if getattr(lens, "xi", 1.0) == 0.0 else 55.0
-    views = noisy_views(lens, varied_poses(12, widest_deg=widest, distance_m=0.6), GRID, 0.05)
-    own = "pinhole" if getattr(lens, "xi", 1.0) == 0.0 else lens.model_name
-    models = [own, "kannala_brandt"]
-    measured = measure_geometry(views, (640, 480), is_flat=True, models=models)
+    own, widest = (lens.model_name, 55.0) if getattr(lens, "xi", 1.0) else ("pinhole", 20.0)
+    views = noisy_views(lens, varied_poses(8, widest_deg=widest, distance_m=0.6), GRID, 0.05)
+    measured = measure_geometry(views, (640, 480), is_flat=True, models=[own, "kannala_brandt"])
     assert measured.held_out_rms_px < 1.15 * 0.05 * np.sqrt(2.0)
     assert next(one for one in measured.models if one.name == own).rms_px < 0.08
+
+
+def _corner_moved(views, by_px):
+    pixels_px = views[2].pixels_px.copy()
+    pixels_px[10] += by_px
+    return [*views[:2], BoardView("2.png", views[2].points_m, pixels_px), *views[3:]]
 
 
 def test_corners_are_judged_by_a_decentered_lens_where_the_camera_is_one():
@@ -116,9 +120,7 @@ def test_corners_are_judged_by_a_decentered_lens_where_the_camera_is_one():
     decentering = (-0.02, 0.012, 0.022, -0.004)
     lens = UnifiedCamera(640, 480, (202.0, 203.0), (315.0, 215.0), 1.03, decentering)
     views = noisy_views(lens, varied_poses(12, distance_m=0.35), GRID, 0.1)
-    pixels = views[2].pixels_px.copy()
-    pixels[10] += (1.5, -1.5)  # seen by a lens that fits to 0.1 px only
-    changed = [*views[:2], BoardView("2.png", views[2].points_m, pixels), *views[3:]]
+    changed = _corner_moved(views, (1.5, -1.5))  # seen by a lens that fits to 0.1 px only
     models = ["unified", "unified_k3", "kannala_brandt"]
     measured = measure_geometry(changed, (640, 480), models=models)
     assert measured.model.startswith("unified")
@@ -138,9 +140,7 @@ def test_a_bent_board_is_measured_with_the_lens():
     # up to a plane and a motion of the board's frame, the bow is the true one
     plane = np.column_stack((np.ones(len(x)), x, y))
     order = np.lexsort((GRID[:, 1], GRID[:, 0]))
-    height = bent.board_m[:, 2]
-    truth = bow[order]
-    residual = height - truth
+    residual = bent.board_m[:, 2] - bow[order]
     residual -= plane[order] @ np.linalg.lstsq(plane[order], residual, rcond=None)[0]
     # the prior of 0.6 mm pulls on the bow of 2 mm
     assert np.abs(residual).max() < 0.15 * 0.002
@@ -148,8 +148,8 @@ def test_a_bent_board_is_measured_with_the_lens():
 
 def test_a_mirrored_camera_has_the_same_lens_behind_the_mirror(views):
     mirrored = [
-        BoardView(one.name, one.points_m, one.pixels_px * (-1.0, 1.0) + (399.0, 0.0))
-        for one in views
+        dataclasses.replace(view, pixels_px=view.pixels_px * (-1.0, 1.0) + (399.0, 0.0))
+        for view in views
     ]
     measured = measure_geometry(mirrored, SIZE, mirrored=True, models=KB)
     assert isinstance(measured.camera, MirroredCamera)
@@ -160,18 +160,15 @@ def test_a_mirrored_camera_has_the_same_lens_behind_the_mirror(views):
 
 def test_an_image_of_another_lens_is_named(views):
     other = dataclasses.replace(LENS, focal_lengths_px=(170.0, 171.0))
-    strange = noisy_views(other, [board_pose(0.0, 15.0, 0.2)], GRID, 0.1)[0]
-    strange = BoardView("zoomed.png", strange.points_m, strange.pixels_px)
+    (strange,) = noisy_views(other, [board_pose(0.0, 15.0, 0.2)], GRID, 0.1)
+    strange = dataclasses.replace(strange, name="zoomed.png")
     measured = measure_geometry([*views, strange], SIZE, models=KB)
     assert [one.name for one in measured.rejected] == ["zoomed.png"]
     assert "off a lens that fits the others" in measured.rejected[0].reason
 
 
 def test_a_corner_elsewhere_is_left_out(views):
-    pixels = views[2].pixels_px.copy()
-    pixels[10] += (4.0, -3.0)
-    changed = [*views[:2], BoardView("2.png", views[2].points_m, pixels), *views[3:]]
-    measured = measure_geometry(changed, SIZE, models=KB)
+    measured = measure_geometry(_corner_moved(views, (4.0, -3.0)), SIZE, models=KB)
     assert len(measured.errors_px) == len(views) * len(GRID) - 1
 
 
@@ -197,11 +194,8 @@ def test_too_few_boards_are_refused(views):
 
 def test_boards_of_one_orientation_do_not_determine_a_lens():
     lens = UnifiedCamera(640, 480, (900.0, 900.0), (320.0, 240.0), 0.0, (0.0,) * 4)
-    poses = []
-    for index in range(8):
-        pose = np.eye(4)
-        pose[:3, 3] = -0.1 - 0.01 * index, -0.08 + 0.005 * index, 1.0 + 0.01 * index
-        poses.append(pose)
+    poses = np.tile(np.eye(4), (8, 1, 1))
+    poses[:, :3, 3] = (-0.1, -0.08, 1.0) + np.arange(8)[:, None] * (-0.01, 0.005, 0.01)
     with pytest.raises(MeasurementError, match="do not determine the focal length"):
         measure_geometry(noisy_views(lens, poses, GRID, 0.2), (640, 480))
 
@@ -254,3 +248,53 @@ def test_opencv_s_omnidirectional_calibration_leaves_no_less():
         objects, images, (640, 480), None, None, None, cv2.omnidir.CALIB_FIX_SKEW, stop
     )[0]
     assert measured.rms_px <= 1.001 * rms
+
+
+TRUE = {"decenter_m": [0.0008, -0.0005, 0.0], "tilt_deg": [1.2, 0.0, 0.0]}
+FREE = ["surfaces.0.decenter_m.0", "surfaces.0.decenter_m.1", "surfaces.0.tilt_deg.0"]
+CORNER_SIGMA_PX = 0.05
+
+
+@pytest.fixture(scope="module")
+def system():
+    return parse_optics(_changed(MIRROR, TRUE))
+
+
+@pytest.fixture(scope="module")
+def mirror_views(system):
+    random = np.random.default_rng(6)
+    return [
+        BoardView(
+            f"{index}.png",
+            one.points_m,
+            one.pixels_px + CORNER_SIGMA_PX * random.normal(size=one.pixels_px.shape),
+        )
+        for index, one in enumerate(boards_of(system, 6))
+    ]
+
+
+@pytest.mark.slow
+def test_a_misaligned_mirror_is_measured_without_an_image_of_another_board(mirror_views):
+    strange = BoardView(
+        "other.png", mirror_views[0].points_m * (1.05, 1.0), mirror_views[0].pixels_px + 0.01
+    )
+    measured = measure_optics(MIRROR, FREE, [*mirror_views, strange])
+    assert [one.name for one in measured.rejected] == ["other.png"]
+    assert "off a lens that fits the others" in measured.rejected[0].reason
+    assert measured.rms_px == pytest.approx(CORNER_SIGMA_PX * np.sqrt(2.0), rel=0.15)
+    assert measured.rms_px < measured.held_out_rms_px < 1.3 * CORNER_SIGMA_PX * np.sqrt(2.0)
+    truth = (*TRUE["decenter_m"][:2], TRUE["tilt_deg"][0])
+    for quantity, true in zip(measured.quantities, truth, strict=True):
+        assert abs(quantity.value - true) < 4.0 * quantity.sigma
+    assert [one.unit for one in measured.quantities] == ["m", "m", "°"]
+
+
+def test_a_board_is_located_before_a_mirror(system, mirror_views):
+    placed = locate_board(system, mirror_views[0])
+    errors = placed.pixels(mirror_views[0].points_m).positions_px - mirror_views[0].pixels_px
+    assert np.sqrt(np.mean(np.square(errors))) < 1.2 * CORNER_SIGMA_PX
+
+
+def test_too_few_images_of_a_mirror_are_refused(mirror_views):
+    with pytest.raises(MeasurementError, match="4 images with a usable board: expected at least 5"):
+        measure_optics(MIRROR, FREE, mirror_views[:4])

@@ -25,11 +25,19 @@ def test_a_raw_file_is_linear_from_black_to_white(tmp_path):
     np.testing.assert_allclose(middle, [0.125, 0.25, 0.5], rtol=2e-3)
 
 
-def test_a_damaged_raw_file_is_named(tmp_path):
+@pytest.mark.parametrize(
+    ("name", "content", "read", "message"),
+    [
+        ("a.dng", b"II*\0" + bytes(60), read_photo, r"a\.dng: cannot be read"),
+        ("clip.mp4", b"no video", image_files, r"clip\.mp4: cannot be read as a video"),
+    ],
+)
+def test_a_damaged_file_is_named(name, content, read, message, tmp_path):
     pytest.importorskip("rawpy")
-    (tmp_path / "a.dng").write_bytes(b"II*\0" + bytes(60))
-    with pytest.raises(MeasurementError, match=r"a\.dng: cannot be read"):
-        read_photo(tmp_path / "a.dng")
+    pytest.importorskip("av")
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(MeasurementError, match=message):
+        read(tmp_path / name)
 
 
 def test_frames_of_a_video_are_spread_over_it(tmp_path):
@@ -45,13 +53,6 @@ def test_frames_of_a_video_are_spread_over_it(tmp_path):
     seen = np.array([read_gray(file).mean() for file in files])
     assert (np.diff(seen) > -1.0).all()
     np.testing.assert_allclose(seen[[0, -1]], [20.0, 230.0], atol=3.0)
-
-
-def test_a_damaged_video_is_named(tmp_path):
-    pytest.importorskip("av")
-    (tmp_path / "clip.mp4").write_bytes(b"no video")
-    with pytest.raises(MeasurementError, match=r"clip\.mp4: cannot be read as a video"):
-        image_files(tmp_path / "clip.mp4")
 
 
 @pytest.fixture

@@ -8,26 +8,14 @@ from omnisim.rendering.camera.degradations.effect import Shot
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
 
 NOISE = Noise(
-    full_well_e=12_000.0,
-    gain_e_per_dn=3.1,
-    read_noise_e=6.5,
-    dark_current_e_per_s=900.0,
-    black_level_dn=40.0,
-    bit_depth=12,
-    prnu=0.011,
-    dsnu_e=4.0,
-)
+    full_well_e=12_000.0, gain_e_per_dn=3.1, read_noise_e=6.5, dark_current_e_per_s=900.0,
+    black_level_dn=40.0, bit_depth=12, prnu=0.011, dsnu_e=4.0,
+)  # fmt: skip
 TIMES_S = np.linspace(2e-3, 40e-3, 10)
-STACK = 4  # number of the exposure with many frames
 
 
 class Camera:
-    """Camera that counts its frames.
-
-    Args:
-        noise: its noise.
-        size: width and height, pixels.
-    """
+    """Camera that counts its frames, of a width and height in pixels."""
 
     def __init__(self, noise=NOISE, size=(160, 120)):
         self._noise, self._frames = noise, 0
@@ -54,15 +42,11 @@ class Camera:
         return frame_statistics(self.frames(light, exposure_s, count), exposure_s, name)
 
 
-def dark_and_flat(camera, times_s=TIMES_S, stack=STACK, stack_count=16, flat_light=1.0):
+def dark_and_flat(camera, times_s=TIMES_S, stack=4, stack_count=16, flat_light=1.0):
     """Statistics of dark frames and flat fields; the brightest flats saturate.
 
-    Args:
-        camera: the camera.
-        times_s: exposure times.
-        stack: number of the exposure with `stack_count` frames.
-        stack_count: frames of that exposure; others have 2.
-        flat_light: factor (height, width) of the light.
+    Exposure `stack` has `stack_count` frames, others have 2; `flat_light` (height, width) is a
+    factor of the light.
     """
     darks, flats = [], []
     for number, time_s in enumerate(times_s):

@@ -1,4 +1,4 @@
-"""Noise measured from frames whose noise is known."""
+"""Noise measured from frames whose noise is known, and from folders of frames by exposure."""
 
 import copy
 import dataclasses
@@ -6,8 +6,14 @@ import dataclasses
 import numpy as np
 import pytest
 
-from omnisim.core.errors import MeasurementError
-from omnisim.measurement.noise import frame_statistics, measure_noise
+from omnisim.core.errors import MeasurementError, OpticsError
+from omnisim.core.files.image_files import write_image, write_numbers
+from omnisim.measurement.noise import (
+    find_frame_sets,
+    frame_statistics,
+    measure_noise,
+    read_statistics,
+)
 from omnisim.rendering.camera.degradations import Noise
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
 from omnisim.rendering.camera.degradations.noise import random_pattern
@@ -35,13 +41,13 @@ def measured(frames):
     return measure_noise(*frames)
 
 
-@pytest.mark.parametrize("name", BOUNDS)
-def test_quantities_are_those_of_the_camera(measured, name):
-    quantity = next(one for one in measured.quantities if one.name == name)
-    true = getattr(NOISE, name)
-    assert quantity.value == pytest.approx(true, rel=BOUNDS[name])
-    # 1e-3: the well is filled by noise, too, and steps of the normal numbers are those of float32
-    assert abs(quantity.value - true) < 4.0 * quantity.sigma + 1e-3 * true
+def test_quantities_are_those_of_the_camera(measured):
+    quantities = {quantity.name: quantity for quantity in measured.quantities}
+    for name, bound in BOUNDS.items():
+        quantity, true = quantities[name], getattr(NOISE, name)
+        assert quantity.value == pytest.approx(true, rel=bound), name
+        # 1e-3: the well is filled by noise, too, and normal numbers have the steps of float32
+        assert abs(quantity.value - true) < 4.0 * quantity.sigma + 1e-3 * true, name
 
 
 def test_the_sensor_file_has_what_was_measured(measured):
@@ -56,14 +62,10 @@ def test_the_sensor_file_has_what_was_measured(measured):
 def test_the_pattern_is_that_of_the_camera(measured):
     true = random_pattern(160, 120, NOISE.prnu, NOISE.dsnu_e, NOISE.pattern_seed)
     for channel in (0, 1):
+        found, drawn = measured.pattern[..., channel].ravel(), true[..., channel].ravel()
         # with 16 frames, 0.73 and 0.92 of the variance is the pattern's: correlation 0.85 and 0.96
-        correlation = np.corrcoef(
-            measured.pattern[..., channel].ravel(), true[..., channel].ravel()
-        )
-        assert correlation[0, 1] > 0.8
-        assert measured.pattern[..., channel].std() == pytest.approx(
-            true[..., channel].std(), rel=0.05
-        )
+        assert np.corrcoef(found, drawn)[0, 1] > 0.8
+        assert found.std() == pytest.approx(drawn.std(), rel=0.05)
 
 
 def test_light_that_falls_off_is_no_pattern():
@@ -101,12 +103,8 @@ def test_what_frames_do_not_determine_is_said():
     dark = camera.statistics(0.0, 0.01)
     flats = [camera.statistics(light, 0.01) for light in (0.05, 0.1, 0.2, 0.4)]
     measured = measure_noise([dark], flats)
-    assert {one.name for one in measured.unobservable} == {
-        "dark_current_e_per_s",
-        "full_well_e",
-        "dsnu_e",
-        "prnu",
-    }
+    unobservable = {one.name for one in measured.unobservable}
+    assert unobservable == {"dark_current_e_per_s", "full_well_e", "dsnu_e", "prnu"}
     assert measured.pattern is None
     assert measured.noise.dark_current_e_per_s == 0.0
     assert measured.noise.gain_e_per_dn == pytest.approx(3.1, rel=0.05)
@@ -130,32 +128,26 @@ def test_pixels_without_noise_of_their_own_are_fine():
     assert "below" in unobservable["prnu"]
 
 
-def _gamma(frame):
-    return np.rint(4095.0 * (frame / 4095.0) ** (1.0 / 2.2)).astype(np.uint16)
+def _gamma_encoded(camera, light, time_s):
+    """Statistics of two frames of gamma-encoded values."""
+    frames = 4095.0 * (np.array(camera.frames(light, time_s)) / 4095.0) ** (1.0 / 2.2)
+    return frame_statistics(np.rint(frames).astype(np.uint16), time_s)
 
 
 def test_gamma_is_refused():
     camera = Camera()
-    darks, flats = [], []
-    for time_s in TIMES_S[:7]:
-        light = time_s / TIMES_S[-1]
-        for group, value in ((darks, 0.0), (flats, light)):
-            frames = map(_gamma, camera.frames(value, time_s))
-            group.append(frame_statistics(frames, time_s))
+    darks = [_gamma_encoded(camera, 0.0, time_s) for time_s in TIMES_S[:7]]
+    flats = [_gamma_encoded(camera, time_s / TIMES_S[-1], time_s) for time_s in TIMES_S[:7]]
     with pytest.raises(MeasurementError, match=r"linear \(raw\) frames"):
         measure_noise(darks, flats)
 
 
 def test_gamma_is_refused_at_one_exposure():
     camera = Camera(dataclasses.replace(NOISE, black_level_dn=5.0))
-    flats = [
-        frame_statistics(map(_gamma, camera.frames(light, 0.01)), 0.01)
-        for light in (0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4)
-    ]
-    dark = frame_statistics(map(_gamma, camera.frames(0.0, 0.01)), 0.01)
-    with pytest.raises(
-        MeasurementError, match=r"variance falls while the mean grows .* linear \(raw\) frames"
-    ):
+    lights = (0.0, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4)
+    dark, *flats = (_gamma_encoded(camera, light, 0.01) for light in lights)
+    message = r"variance falls while the mean grows .* linear \(raw\) frames"
+    with pytest.raises(MeasurementError, match=message):
         measure_noise([dark], flats)
 
 
@@ -164,10 +156,8 @@ def test_denoised_frames_are_refused():
     camera = Camera()
     flats = []
     for light in (0.02, 0.05, 0.1, 0.2, 0.4):
-        frames = [
-            np.mean(camera.frames(light, 0.01, 1 + round(4 * light)), axis=0).astype(np.uint16)
-            for _ in range(2)
-        ]
+        groups = [camera.frames(light, 0.01, 1 + round(4 * light)) for _ in range(2)]
+        frames = np.mean(groups, axis=1).astype(np.uint16)
         flats.append(frame_statistics(frames, 0.01))
     with pytest.raises(MeasurementError, match=r"variance per mean changes by -\d+ %.*denoising"):
         measure_noise([camera.statistics(0.0, 0.01)], flats)
@@ -178,9 +168,8 @@ def test_a_light_leak_is_refused(frames):
     light = np.zeros((120, 160))
     light[:30, :40] = 0.05
     leak = Camera().statistics(light, 0.01, name="dark/leak")
-    with pytest.raises(
-        MeasurementError, match=r"dark/leak: .* more at the upper left: light leaks"
-    ):
+    message = r"dark/leak: .* more at the upper left: light leaks"
+    with pytest.raises(MeasurementError, match=message):
         measure_noise([leak, *darks], flats)
 
 
@@ -189,6 +178,7 @@ def test_a_light_leak_is_refused(frames):
     [
         (lambda darks, flats: ([], flats), "got no dark ones"),
         (lambda darks, flats: (darks, []), "got no flat ones"),
+        (lambda darks, flats: (flats, darks), "flats brighter than the dark frames"),
         (lambda darks, flats: (darks, darks), "flats brighter than the dark frames"),
         (lambda darks, flats: (darks, flats[:2]), "at least 3 flat levels below 70 %"),
         (lambda darks, flats: (darks, flats[-2:] * 3), "below 70 % of saturation, got 0 of 6"),
@@ -211,8 +201,6 @@ def test_clipped_darks_and_sizes_are_refused():
         measure_noise(darks, [*flats, other])
     with pytest.raises(MeasurementError, match="bit depth 8: expected at least 12"):
         measure_noise(darks, flats, bit_depth=8)
-    with pytest.raises(MeasurementError, match="expected flats brighter than the dark frames"):
-        measure_noise(flats, darks)
     with pytest.raises(MeasurementError, match="frames: expected at least 2 frames, got 1"):
         frame_statistics([np.zeros((2, 2), np.uint8)], 0.01)
     with pytest.raises(MeasurementError, match="frames of one size, got 2 × 2 and 3 × 2 px"):
@@ -220,7 +208,61 @@ def test_clipped_darks_and_sizes_are_refused():
 
 
 def test_noise_has_a_pattern_or_its_spread():
-    from omnisim.core.errors import OpticsError
-
     with pytest.raises(OpticsError, match=r"noise\.pattern: expected none beside prnu or dsnu_e"):
         Noise(pattern="a.exr", prnu=0.1)
+
+
+def test_exposures_are_the_folders_names(tmp_path):
+    for folder in ("10ms", "2.5ms-bright", "1s", "400us"):
+        (tmp_path / folder).mkdir()
+        write_numbers(tmp_path / folder / "0.png", np.zeros((2, 3), np.uint16))
+    (tmp_path / "notes.txt").write_text("lamp at 3 m")
+    exposures = [one.exposure_s for one in find_frame_sets(tmp_path)]
+    assert exposures == pytest.approx([400e-6, 2.5e-3, 10e-3, 1.0])
+
+
+def test_statistics_are_those_of_the_files(tmp_path):
+    frames = np.random.default_rng(1).integers(100, 4000, (3, 20, 30)).astype(np.uint16)
+    (tmp_path / "10ms").mkdir()
+    for number, frame in enumerate(frames):
+        write_numbers(tmp_path / "10ms" / f"{number}.png", frame)
+    statistics = read_statistics(find_frame_sets(tmp_path)[0])
+    values = frames.astype(np.float64)
+    drift = values.mean(axis=(1, 2)).var(ddof=1)
+    assert statistics.count == 3
+    assert statistics.exposure_s == pytest.approx(0.01)
+    np.testing.assert_allclose(statistics.mean_image_dn, values.mean(axis=0), rtol=1e-14)
+    assert statistics.variance_dn2 == pytest.approx(values.var(axis=0, ddof=1).mean() - drift)
+    assert statistics.maximum_dn == frames.max()
+    assert statistics.clipped == pytest.approx(np.mean(frames == frames.max()))
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("exposure_3/0.png", r"exposure_3: expected an exposure time as name, such as 2\.5ms"),
+        ("3ms/0.jpg", r"0\.jpg: lossy compression changes the noise: save PNG or TIFF"),
+        ("3ms/0.raw", r"0\.raw: expected images \(\.png \.tif \.tiff \.pgm\) only"),
+    ],
+)
+def test_other_names_are_refused(tmp_path, name, message):
+    path = tmp_path / name
+    path.parent.mkdir()
+    path.write_bytes(b"")
+    with pytest.raises(MeasurementError, match=message):
+        find_frame_sets(tmp_path)
+
+
+def test_other_folders_and_files_are_refused(tmp_path):
+    with pytest.raises(MeasurementError, match="got none"):
+        find_frame_sets(tmp_path)
+    with pytest.raises(MeasurementError, match="expected a folder with one folder per exposure"):
+        find_frame_sets(tmp_path / "none")
+    broken = tmp_path / "1ms" / "0.png"
+    broken.parent.mkdir()
+    broken.write_bytes(b"")
+    with pytest.raises(MeasurementError, match=r"0\.png: cannot be read"):
+        read_statistics(find_frame_sets(tmp_path)[0])
+    write_image(broken, np.zeros((4, 4, 3), np.uint8))
+    with pytest.raises(MeasurementError, match="raw frames of one channel, got 3: demosaicing"):
+        read_statistics(find_frame_sets(tmp_path)[0])

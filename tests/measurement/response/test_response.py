@@ -23,17 +23,10 @@ def series(encode, seed=0, noise=0.005, times_s=TIMES_S):
     return images
 
 
-def test_srgb_is_named():
-    measured = measure_response(series(srgb_from_linear), TIMES_S)
-    assert measured.encoding.gamma == "srgb"
-    assert measured.errors["srgb"] < 0.01
-
-
-@pytest.mark.parametrize("gamma", [1.6, 2.2])
-def test_a_power_is_found_within_one_percent(gamma):
-    measured = measure_response(series(lambda light: light ** (1.0 / gamma)), TIMES_S)
-    assert measured.encoding.gamma == pytest.approx(gamma, rel=0.01)
-    assert abs(measured.quantities[0].value - gamma) < 4.0 * measured.quantities[0].sigma
+def test_a_power_is_found_within_one_percent():
+    measured = measure_response(series(Encoding(gamma=1.6).encoded), TIMES_S)
+    assert measured.encoding.gamma == pytest.approx(1.6, rel=0.01)
+    assert abs(measured.quantities[0].value - 1.6) < 4.0 * measured.quantities[0].sigma
 
 
 def test_a_straight_line_is_linear():
@@ -41,22 +34,15 @@ def test_a_straight_line_is_linear():
     assert measured.encoding.gamma == 1.0
 
 
-def test_the_measured_curve_is_the_camera_s():
+def test_srgb_is_named_and_its_curve_is_the_camera_s():
     measured = measure_response(series(srgb_from_linear), TIMES_S)
+    assert measured.encoding.gamma == "srgb"
+    assert measured.errors["srgb"] < 0.01
     seen = (measured.levels > 0.03) & (measured.levels < 0.97)
     light, levels = measured.light[seen], measured.levels[seen]
     # one number, the light of white, is free: a response has no scale
     scale = np.median(srgb_from_linear(light) / levels)
     assert np.abs(srgb_from_linear(light) / scale - levels).max() < 0.01
-
-
-def test_our_own_encoding_is_found_again():
-    def encode(light):
-        image = np.repeat(light[..., None], 4, axis=-1).astype(np.float32)
-        return Encoding(gamma=1.8).apply(image)[..., 1]
-
-    measured = measure_response(series(encode, noise=0.0), TIMES_S)
-    assert measured.encoding.gamma == pytest.approx(1.8, rel=0.01)
 
 
 def filmic(light):
@@ -86,11 +72,7 @@ def test_other_responses_are_solved_for(response):
         (series(srgb_from_linear)[:2], TIMES_S[:2], "2 exposure times: expected at least 3"),
         (series(srgb_from_linear)[::-1], TIMES_S, "2 ms is darker than 1 ms"),
         ([np.full((60, 80), 255, np.uint8)] * 3, TIMES_S[:3], "0 levels between black and white"),
-        (
-            [np.zeros((4, 4), np.uint8), np.zeros((4, 5), np.uint8), np.zeros((4, 4), np.uint8)],
-            TIMES_S[:3],
-            "images of several sizes",
-        ),
+        ([np.zeros((4, w), np.uint8) for w in (4, 5, 4)], TIMES_S[:3], "images of several sizes"),
     ],
 )
 def test_bad_series_are_refused(images, times_s, message):

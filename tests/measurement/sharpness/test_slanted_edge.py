@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.special import ndtr
 
 from omnisim.measurement.sharpness.slanted_edge import EdgeLine, Flaw, UnusableEdge, measure_edge
 from omnisim.validation.checks.measured.sharpness import gaussian, true_mtf50
@@ -23,10 +24,16 @@ def measured(image, angle_deg, clipped=None, **line):
     return measure_edge(values, clipped, line_at(angle_deg, **line))
 
 
-@pytest.mark.parametrize("angle_deg", [3.0, 12.0, 41.0, 95.0, 200.0])
 @pytest.mark.parametrize(
-    "spread",
-    [gaussian(0.3), gaussian(0.5), gaussian(1.0), gaussian(2.5), disc(1.0), disc(2.5), motion(3.0)],
+    ("spread", "angle_deg"),
+    [
+        *((gaussian(0.5), angle_deg) for angle_deg in (3.0, 12.0, 41.0, 95.0, 200.0)),
+        (gaussian(0.3), 12.0),
+        (gaussian(2.5), 41.0),
+        (disc(1.0), 3.0),
+        (disc(2.5), 200.0),
+        (motion(3.0), 95.0),
+    ],
 )
 def test_mtf50_is_that_of_the_formula(spread, angle_deg):
     """0.5 % without noise."""
@@ -59,11 +66,11 @@ def test_whole_transfer_is_that_of_the_formula():
 def test_standard_deviation_is_that_of_the_noise():
     """The truth lies within two of them in most cases, and they are not larger than needed."""
     image, random = edge_image(gaussian(0.7), 7.0), np.random.default_rng(1)
-    edges = [measured(image + 0.01 * random.normal(size=image.shape), 7.0) for _ in range(40)]
+    edges = [measured(image + 0.01 * random.normal(size=image.shape), 7.0) for _ in range(20)]
     errors = np.array([edge.mtf50 for edge in edges]) - true_mtf50(gaussian(0.7), 7.0)
     sigmas = np.array([edge.mtf50_sigma for edge in edges])
-    assert np.mean(np.abs(errors) < 2.0 * sigmas) > 0.85
-    assert errors.std() == pytest.approx(sigmas.mean(), rel=0.4)
+    assert np.mean(np.abs(errors) < 2.0 * sigmas) >= 0.8  # of 20: 95 % ± 4.9 %
+    assert errors.std() == pytest.approx(sigmas.mean(), rel=0.5)  # known to 16 %
     assert errors.std() < 0.015 * edges[0].mtf50
 
 
@@ -71,8 +78,6 @@ def test_curved_edge_is_as_sharp_as_a_straight_one():
     """A circle of 150 px radius: a parabola is not enough without the fit of its height."""
     u, v = np.meshgrid(np.arange(80.0), np.arange(80.0))
     radius = np.hypot(u + 108.0, v - 25.0)
-    from scipy.special import ndtr
-
     image = 0.1 + 0.6 * ndtr((radius - 150.0) / np.hypot(0.8, np.sqrt(1.0 / 12.0)))
     edge = measured(image, np.degrees(np.arctan2(15.0, 148.0)))
     assert edge.mtf50 == pytest.approx(true_mtf50(gaussian(0.8), 6.0), rel=0.02)
@@ -107,9 +112,8 @@ def flaw(image, angle_deg, **arguments):
 
 def test_flaws_have_names():
     image, random = edge_image(gaussian(0.8), 9.0), np.random.default_rng(3)
-    assert flaw(edge_image(gaussian(0.8), 1.0), 1.0) is Flaw.STRAIGHT
-    assert flaw(edge_image(gaussian(0.8), 91.5), 91.5) is Flaw.STRAIGHT
-    assert flaw(edge_image(gaussian(0.8), 45.0), 45.0) is Flaw.PHASES
+    for angle_deg, name in ((1.0, Flaw.STRAIGHT), (91.5, Flaw.STRAIGHT), (45.0, Flaw.PHASES)):
+        assert flaw(edge_image(gaussian(0.8), angle_deg), angle_deg) is name
     assert flaw(image, 9.0, length=15.0) is Flaw.SHORT
     assert flaw(image, 9.0, clipped=image > 0.7) is Flaw.CLIPPED
     assert flaw(0.05 * image, 9.0) is Flaw.FAINT

@@ -1,19 +1,30 @@
-"""Baked light against closed forms."""
+"""Baked light against closed forms, and the grid of probes."""
+
+import dataclasses
 
 import numpy as np
 import pytest
 
+from omnisim.rendering.baking.bake import PROBE_BUDGET, probe_grid
+from omnisim.rendering.baking.baked_files import lightmap
+from omnisim.scene import Scene
+from omnisim.scene.model import Light, Lighting, LightKind, StartPose
+from tests.rendering.baking.bakes import (
+    at,
+    baked,
+    black_room,
+    box,
+    lit_by,
+    share_of_corner,
+    shining,
+)
+from tests.scenes import scene_of, square
+
 pytest.importorskip("embreex")
 pytest.importorskip("xatlas")
 
-from omnisim.rendering.baking.baked_files import lightmap
-from omnisim.scene import Scene
-from omnisim.scene.model import Light, Lighting, LightKind
-from tests.rendering.baking.bakes import at, baked, share_of_corner
-from tests.rendering.baking.rooms import black_room, box, lit_by, shining
 
-
-@pytest.mark.parametrize("albedo", [0.0, 0.5, 0.8])
+@pytest.mark.parametrize("albedo", [0.0, 0.8])
 def test_furnace(tmp_path, albedo):
     """All walls of a closed room shine alike: E = Le / (1 − a)."""
     room = lit_by(shining(box("room", (2.0, 3.0, 1.5), color=(albedo,) * 3, inwards=True), 0.7))
@@ -138,3 +149,29 @@ def test_few_rays_are_enough_for_small_lamps(tmp_path):
     smooth = terms @ np.linalg.lstsq(terms, light, rcond=None)[0]
     # by texels of 0.1 m: 1.1 when the sky takes all of the rays that are aimed
     assert np.std(light - smooth) < 0.55 * light.mean()
+
+
+def _ends_m(grid):
+    reach = 0.5 * grid.spacing_m
+    last = grid.origin_m + (np.array(grid.shape) - 1) * grid.spacing_m
+    return grid.origin_m - reach, last + reach
+
+
+@pytest.mark.parametrize("half_m", [4.0, 30.0])
+def test_grid_is_in_the_bounds_of_a_flat_scene(half_m):
+    grid = probe_grid(scene_of([square(half_m)]))
+    assert grid.size <= PROBE_BUDGET
+    low, high = scene_of([square(half_m)]).bounds_m()
+    np.testing.assert_allclose(_ends_m(grid)[0], low, atol=1e-6)
+    np.testing.assert_allclose(_ends_m(grid)[1], np.maximum(high, low + 1e-3), atol=1e-6)
+
+
+@pytest.mark.parametrize("half_m", [400.0, 1e8])  # 1e8: the numbers of probes exceed int64
+def test_grid_of_a_large_scene_is_around_the_start(half_m):
+    scene = scene_of([square(half_m), square(half_m, z_m=half_m)])
+    scene = dataclasses.replace(scene, start=StartPose((30.0, 10.0, 1.0), 0.0))
+    grid = probe_grid(scene)
+    low, high = _ends_m(grid)
+    np.testing.assert_allclose(low, (22.0, 2.0, 0.0), atol=1e-6)
+    np.testing.assert_allclose(high, (38.0, 18.0, 5.0), atol=1e-6)
+    assert grid.spacing_m.max() < 0.6

@@ -54,14 +54,6 @@ def test_lamps_and_ambient_light_of_a_file_stay():
     assert without_even_light(scene) is scene
 
 
-def test_gloss_in_baked_light_of_bright_surfaces_reflects_no_even_light():
-    scene = load_scene("soccer")
-    assert scene.lighting.baked is not None
-    assert scene.lighting.lights == ()
-    assert "baked light" in repr(scene)
-    assert len(load_scene("soccer", baked="none").lighting.lights) == 2
-
-
 def test_bright_surfaces_that_light_nothing_are_noted():
     panel, screen = Material(emissive=(4.0, 4.0, 4.0)), Material(emissive=(1.0, 1.0, 1.0))
     lighting = dataclasses.replace(DEFAULT_LIGHTING, is_matte=False)
@@ -69,4 +61,6 @@ def test_bright_surfaces_that_light_nothing_are_noted():
     assert note.startswith("1 emissive material brighter than white")
     assert not others
     assert not emission_notes(scene_of([square()], [screen], lighting=lighting))
-    assert not emission_notes(load_scene("soccer"))  # with baked light
+    baked, plain = load_scene("soccer"), load_scene("soccer", baked="none")
+    assert not emission_notes(baked)
+    assert (len(baked.lighting.lights), len(plain.lighting.lights)) == (0, 2)

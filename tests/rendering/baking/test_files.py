@@ -1,25 +1,24 @@
-"""Folders of bakes: what is in them, and bakes that are stopped."""
+"""Folders of bakes: what is in them, how light is stored, and bakes that are stopped."""
 
 import json
-import os
-import signal
-import subprocess
-import sys
-import time
+import shutil
+import zlib
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-pytest.importorskip("embreex")
-pytest.importorskip("xatlas")
-
 from omnisim.core.errors import OmnisimError
 from omnisim.core.files.image_files import read_radiance
-from omnisim.rendering.baking.baked_files import bake_scene
+from omnisim.rendering.baking.bake import TileFolder
+from omnisim.rendering.baking.baked_files import bake_scene, lightmap, rounded_halves
 from omnisim.rendering.baking.settings import BakeSettings
 from omnisim.scene.light.baked import with_baked_light
 from omnisim.scene.model import Light, Lighting, LightKind
-from tests.rendering.baking.rooms import box, lit_by
+from tests.rendering.baking.bakes import box, lit_by
+
+pytest.importorskip("embreex")
+pytest.importorskip("xatlas")
 
 LAMP = Light(LightKind.POINT, (1.0, 0.9, 0.8), 2.0, position_m=np.array([0.3, 0.2, 0.8]))
 SETTINGS = BakeSettings(texel_m=0.2, samples=8, bounces=3)
@@ -92,17 +91,15 @@ def test_bake_goes_on_where_it_was(tmp_path, monkeypatch):
     assert not unfinished.exists()
 
 
-def test_tiles_of_other_settings_are_not_taken(tmp_path):
+def test_tiles_of_other_settings_are_not_taken_and_damaged_ones_are_named(tmp_path, monkeypatch):
     unfinished = tmp_path / ".x.unfinished"
     unfinished.mkdir()
     (unfinished / "plan.json").write_text("{}\n")
     (unfinished / "bounces-00000.npz").write_bytes(b"of something else")
-    bake_scene(room(), tmp_path / "x", SETTINGS)
-    assert (tmp_path / "x" / "baked.json").is_file()
-
-
-def test_damaged_tile_is_named(tmp_path, monkeypatch):
+    TileFolder(tmp_path / "x", {"seed": 1})
+    assert [path.name for path in unfinished.iterdir()] == ["plan.json"]
     monkeypatch.setattr("omnisim.rendering.baking.bake.TileFolder.remove", lambda self: None)
+    shutil.rmtree(unfinished)
     bake_scene(room(), tmp_path / "x", SETTINGS)
     (tmp_path / ".x.unfinished" / "bounces-00000.npz").write_bytes(b"damaged")
     (tmp_path / "x").rename(tmp_path / "y")
@@ -136,21 +133,43 @@ def test_a_bake_is_finished_or_replaced(tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["x"]
 
 
-@pytest.mark.slow
-@pytest.mark.long
-def test_killed_bake_goes_on_with_the_same_bytes(tmp_path):
-    command = [sys.executable, "-m", "omnisim", "bake", "rings", "--texel-m", "0.1",
-               "--samples", "64", "--bounces", "2"]  # fmt: skip
-    environment = os.environ | {"OMP_NUM_THREADS": "1"}
-    subprocess.run([*command, "-o", tmp_path / "whole"], check=True, env=environment)
-    unfinished = tmp_path / ".killed.unfinished"
-    process = subprocess.Popen([*command, "-o", tmp_path / "killed"], env=environment)
-    while process.poll() is None and not list(unfinished.glob("bounces-*")):
-        time.sleep(0.01)
-    process.send_signal(signal.SIGKILL)
-    process.wait()
-    assert list(unfinished.glob("bounces-*.npz"))
-    assert not (tmp_path / "killed").exists()
-    subprocess.run([*command, "-o", tmp_path / "killed"], check=True, env=environment)
-    assert contents(tmp_path / "killed") == contents(tmp_path / "whole")
-    assert not unfinished.exists()
+CHARTS = np.array([[0, 0, 0, 1, 1], [0, 0, 0, 1, 1], [-1, -1, 2, 2, 2]], dtype=np.int32)
+
+
+def _patches_at(places):
+    places = np.array(places)
+    return SimpleNamespace(size_px=(5, 3), places=places, atlas_places=places, charts=CHARTS)
+
+
+def test_light_spreads_to_the_ends_of_its_chart():
+    light = np.array([[1.0, 0.0, 0.0], [0.0, 2.0, 0.0]], np.float32)
+    found = lightmap(_patches_at([0, 9]), light, np.array([True, True]))
+    for chart, color in ((0, (1, 0, 0)), (1, (0, 2, 0)), (2, (0, 0, 0)), (-1, (0, 0, 0))):
+        assert np.unique(found[chart == CHARTS], axis=0).tolist() == [list(color)]
+
+
+def test_pixels_are_the_means_of_their_patches_and_neighbors():
+    light = np.array([[1.0] * 3, [3.0] * 3, [7.0] * 3], np.float32)
+    found = lightmap(_patches_at([0, 0, 2]), light, np.array([True, True, False]))
+    assert (found[CHARTS == 0] == 2.0).all()  # nothing is known at the third
+    found = lightmap(_patches_at([0, 0, 2]), light, np.array([True, True, True]))
+    assert found[0].tolist()[:3] == [[2.0] * 3, [4.5] * 3, [7.0] * 3]
+
+
+def test_error_is_at_most_a_256th_of_the_brightest_channel():
+    random = np.random.default_rng(3)
+    light = 10.0 ** random.uniform(-2.5, 3.0, (4000, 1)) * random.random((4000, 3))
+    off = np.abs(rounded_halves(light, -1).astype(np.float64) - light)
+    assert (off.max(axis=1) <= light.max(axis=1) / 256.0).all()
+
+
+def test_signs_zeros_and_the_largest_half_stay():
+    light = np.array([[-3.0, 0.0, 1.5], [0.0, 0.0, 0.0], [1e6, 65504.0, 0.0]])
+    found = rounded_halves(light, -1)
+    assert found.tolist() == [[-3.0, 0.0, 1.5], [0.0, 0.0, 0.0], [65504.0, 65504.0, 0.0]]
+
+
+def test_smooth_light_is_stored_in_fewer_bytes():
+    light = np.linspace(0.5, 1.5, 60_000).reshape(-1, 3)
+    rounded, plain = rounded_halves(light, -1), light.astype(np.float16)
+    assert len(zlib.compress(rounded.tobytes())) < 0.7 * len(zlib.compress(plain.tobytes()))

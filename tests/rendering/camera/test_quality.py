@@ -2,7 +2,6 @@
 
 from typing import get_args
 
-import numpy as np
 import pytest
 
 from omnisim.core.errors import OpticsError, SensorFileError
@@ -11,6 +10,11 @@ from omnisim.rendering.camera.quality import DEFAULT_QUALITY, QUALITIES, Quality
 from omnisim.rendering.stage import Stage
 from omnisim.scene import load_scene
 from omnisim.validation.image_differences import psnr_db
+
+LENS = {
+    "model": "equidistant", "width_px": 64, "height_px": 64, "focal_length_px": 20.0,
+    "theta_max_deg": 80.0, "principal_point_px": [31.5, 31.5],
+}  # fmt: skip
 
 
 def _numbers(sensor):
@@ -31,42 +35,20 @@ def test_a_name_sets_both_numbers_and_nothing_else(name):
     assert _numbers(OmniCamera.from_table({"camera": {"quality": name}})) == QUALITIES[name]
 
 
-def test_cameras_of_one_quality_are_not_the_same():
-    camera = OmniCamera(polygons=64)
-    assert len({camera, camera.with_polygons(256), OmniCamera()}) == 3
-
-
-def test_qualities_are_ordered():
-    numbers = np.array([QUALITIES[name] for name in ("fast", "default", "fine")])
-    assert (np.diff(numbers, axis=0) > 0.0).all()
-
-
 @pytest.mark.parametrize(
     ("table", "numbers"),
     [
         ({"camera": {"quality": "fast", "supersampling": 5}}, (5, 1.0)),
-        (
-            {"camera": {"quality": "fast"}, "virtual_cameras": {"texels_per_pixel": 3.0}},
-            (2, 3.0),
-        ),
+        ({"camera": {"quality": "fast"}, "virtual_cameras": {"texels_per_pixel": 3.0}}, (2, 3.0)),
         ({"virtual_cameras": {"texels_per_pixel": 3.0}}, (3, 3.0)),
-        (
-            {
-                "lens": {"model": "equidistant", "width_px": 64, "height_px": 64},
-                "camera": {"quality": "fine"},
-            },
-            tuple(QUALITIES["fine"]),
-        ),
+        ({"lens": LENS, "camera": {"quality": "fine"}}, tuple(QUALITIES["fine"])),
     ],
 )
 def test_explicit_keys_override_the_quality(table, numbers):
-    if "lens" in table:
-        table["lens"] |= {"focal_length_px": 20.0, "theta_max_deg": 80.0}
-        table["lens"] |= {"principal_point_px": [31.5, 31.5]}
     assert _numbers(OmniCamera.from_table(table)) == numbers
 
 
-@pytest.mark.parametrize("value", ["quick", "Fast", "", 3, True])
+@pytest.mark.parametrize("value", ["quick", 3, True])
 def test_unknown_names_are_one_line(value):
     with pytest.raises(SensorFileError) as info:
         OmniCamera.from_table({"camera": {"quality": value}}, "my.toml")

@@ -18,7 +18,7 @@ from omnisim.rendering.opengl.gl import context as contexts
 from omnisim.rendering.opengl.gl import functions as gl_functions
 
 _STUB_BYTES = 32
-_MAX_FUNCTIONS = 2048
+_MAX_FUNCTIONS = 4096
 _ALL: list[object] = []  # a context may call their code for as long as it lives
 
 

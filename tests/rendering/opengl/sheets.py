@@ -77,11 +77,7 @@ SUN = Light(
     casts_shadow=False,
 )
 LAMP = Light(
-    LightKind.POINT,
-    (1.0, 1.0, 1.0),
-    2.0,
-    position_m=np.array([0.5, -0.5, 1.0]),
-    casts_shadow=False,
+    LightKind.POINT, (1.0, 1.0, 1.0), 2.0, position_m=np.array([0.5, -0.5, 1.0]), casts_shadow=False
 )
 
 

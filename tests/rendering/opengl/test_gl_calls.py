@@ -30,10 +30,7 @@ SUBMISSIONS = (
     "glDispatchCompute", "glDispatchComputeIndirect", "glMultiDrawElementsIndirectCountARB",
     "glDrawArraysInstanced", "glDrawElementsInstanced", "glMultiDrawElementsIndirect",
 )  # fmt: skip
-# In the built-in scenes: state, draws, dispatches; lamps that shine bind the tables of materials.
-MAX_CALLS, MAX_SUBMISSIONS = 185, 45
 MAX_SCAN_CALLS, MAX_OPTICS_CALLS = 60, 250
-MAX_CALLS_WITH_BODY, MAX_SUBMISSIONS_WITH_BODY = 230, 55  # which has materials of its own
 
 
 def _poses(count):
@@ -54,32 +51,21 @@ def _frame(calls, renderer):
 
 
 @pytest.mark.parametrize(
-    "name",
-    ["soccer", *(pytest.param(name, marks=pytest.mark.slow) for name in ("mapping", "courtyard"))],
+    ("has_body", "most_calls", "most_submissions"), [(False, 185, 45), (True, 230, 55)]
 )
-def test_calls_of_a_frame_are_few_and_those_of_a_batch_as_many(name, monkeypatch):
+def test_calls_of_a_frame_are_few_and_those_of_a_batch_as_many(
+    has_body, most_calls, most_submissions, monkeypatch
+):
+    """A body has materials of its own; the glass around the robot's camera shows it nothing."""
     calls = GlCalls(monkeypatch)
-    # the courtyard's sun has maps that follow the viewpoint, and are drawn for each image
-    sky = "none" if name == "courtyard" else None
-    with open_sensor(omnisim.load_scene(name, sky=sky), CAMERA) as renderer:
+    camera = mounted_on_p2at(60)[0].with_quality("fast") if has_body else CAMERA
+    body = p2at_body() if has_body else None
+    with open_sensor(omnisim.load_scene("soccer"), camera, body=body) as renderer:
         frame, *batches = _frame(calls, renderer)
     assert batches[0] == batches[1] == batches[2]
     for made in (frame, batches[0]):
-        assert 0 < sum(made.values()) <= MAX_CALLS
-        assert sum(made[one] for one in SUBMISSIONS) <= MAX_SUBMISSIONS
-
-
-def test_calls_of_a_drive_are_few_and_batches_are_drawn_together(monkeypatch):
-    """The glass around the robot's camera shows nothing to it, and is not drawn."""
-    calls = GlCalls(monkeypatch)
-    camera = mounted_on_p2at(60)[0].with_quality("fast")
-    scene = omnisim.load_scene("soccer")
-    with open_sensor(scene, camera, body=p2at_body()) as renderer:
-        frame, *batches = _frame(calls, renderer)
-    assert batches[0] == batches[1] == batches[2]
-    for made in (frame, batches[0]):
-        assert 0 < sum(made.values()) <= MAX_CALLS_WITH_BODY
-        assert sum(made[one] for one in SUBMISSIONS) <= MAX_SUBMISSIONS_WITH_BODY
+        assert 0 < sum(made.values()) <= most_calls
+        assert sum(made[one] for one in SUBMISSIONS) <= most_submissions
 
 
 def test_calls_do_not_depend_on_the_number_of_tiles(monkeypatch):
@@ -111,31 +97,23 @@ def test_a_frame_of_optics_keeps_its_depth_on_the_gpu(monkeypatch):
     assert sum(made.values()) <= MAX_OPTICS_CALLS
 
 
-def test_calls_of_a_scan_do_not_depend_on_the_number_of_objects(monkeypatch):
+def test_calls_do_not_depend_on_the_number_of_objects(monkeypatch):
     calls = GlCalls(monkeypatch)
     fence = Material(base_color=(1.0, 1.0, 1.0, 0.7), alpha_mode=AlphaMode.MASK)
-    made = []
+    scans, frames = [], []
     for count in (2, 40):
         meshes = [sheet(f"sheet {number}", number % 2, seed=number) for number in range(count)]
         poses = [pose((0.2 * number, 1.0, 0.0), roll_deg=90.0) for number in range(count)]
         scene = scene_of(meshes, [Material(), fence], poses)
         with open_sensor(scene, LaserScanner().without_errors()) as renderer:
             assert np.isfinite(renderer.scan(pose()).ranges_m).any()
-            made.append(calls.of(lambda: renderer.scan(pose())))
-    assert made[0] == made[1]
-    assert made[0]["glDispatchCompute"] == 2
-    assert sum(made[0].values()) <= MAX_SCAN_CALLS
-
-
-def test_calls_do_not_depend_on_the_number_of_objects(monkeypatch):
-    calls = GlCalls(monkeypatch)
-    made = []
-    for count in (2, 40):
-        meshes = [sheet(f"sheet {number}", 0, seed=number) for number in range(count)]
-        poses = [pose((0.2 * number, 1.0, 0.0)) for number in range(count)]
-        with open_sensor(scene_of(meshes, [Material()], poses), CAMERA) as renderer:
-            made.append(_frame(calls, renderer))
-    assert made[0] == made[1]
+            scans.append(calls.of(lambda: renderer.scan(pose())))
+        with open_sensor(scene, CAMERA) as renderer:
+            frames.append(_frame(calls, renderer))
+    assert scans[0] == scans[1]
+    assert scans[0]["glDispatchCompute"] == 2
+    assert sum(scans[0].values()) <= MAX_SCAN_CALLS
+    assert frames[0] == frames[1]
 
 
 @pytest.mark.parametrize("kind", ["image", "batch", "scan"])

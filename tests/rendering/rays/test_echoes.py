@@ -7,14 +7,12 @@ import pytest
 
 from omnisim.scene.model import Lighting, Material
 from omnisim.validation.material_chart import sphere
+from tests.ray_casting import embree_ranges
 from tests.rendering.rays.test_caster import rays_from, soup
 from tests.rendering.rays.test_panes import reflected_by_pane, slope
 from tests.scenes import scene_of, square
 
 pytest.importorskip("embreex", reason="embreex, which casts the rays, is missing")
-
-from embreex.mesh_construction import TriangleMesh
-from embreex.rtcore_scene import EmbreeScene
 
 from omnisim.ground_truth.hits import EchoLimits
 from omnisim.rendering.rays.cast_beams import Echoes, cast_echoes, select_returns
@@ -43,23 +41,6 @@ def of_surface(found, number, beams):
     return ranges_m, intensities
 
 
-def embree_ranges(corners_m, rays):
-    """Ranges (n,) to triangles (m, 3, 3), by embreex itself and then in float64."""
-    vertices = np.ascontiguousarray(corners_m.reshape(-1, 3), dtype=np.float32)
-    embree = EmbreeScene()
-    indices = np.arange(len(vertices), dtype=np.int32).reshape(-1, 3)
-    mesh = TriangleMesh(embree, vertices, indices)  # keeps the vertices alive
-    found = embree.run(rays.origins_m.astype(np.float32), rays.directions.astype(np.float32))
-    del mesh
-    hit = np.flatnonzero(found >= 0)
-    a, b, c = np.moveaxis(corners_m[found[hit]], 1, 0)
-    normals = np.cross(b - a, c - a)
-    ranges_m = np.full(len(rays.near_m), np.inf)
-    above = np.einsum("ij,ij->i", normals, a - rays.origins_m[hit])
-    ranges_m[hit] = above / np.einsum("ij,ij->i", normals, rays.directions[hit])
-    return ranges_m
-
-
 def beams_down(count=4000, seed=5):
     """Beams from (0, 0, 2) to places on the ground within 3 m."""
     places = np.random.default_rng(seed).uniform(-3.0, 3.0, (count, 2))
@@ -76,11 +57,16 @@ def cluttered(material, side):
     return scene, positions[clutter.triangles].astype(np.float64)
 
 
-def test_beams_behind_a_pane_go_straight_on():
-    scene, corners_m = cluttered(GLASS, -1.0)
+@pytest.mark.parametrize(("material", "side"), [(GLASS, -1.0), (METAL, 1.0)])
+def test_beams_go_straight_on_behind_a_pane_and_meet_the_mirrored_scene(material, side):
+    scene, corners_m = cluttered(material, side)
     rays = beams_down()
+    if material is METAL:  # the beams that reach the mirror
+        above_m = embree_ranges(corners_m, rays.origins_m, rays.directions)
+        rays = rays.take(np.flatnonzero(np.isinf(above_m)))
+        corners_m = corners_m * (1.0, 1.0, -1.0)
     ranges_m, _ = of_surface(echoes(scene, rays), 1, len(rays.near_m))
-    expected_m = embree_ranges(corners_m, rays)
+    expected_m = embree_ranges(corners_m, rays.origins_m, rays.directions)
     # rays along an edge, which is float32 to Embree, may end on the triangle behind
     assert np.mean(np.isfinite(ranges_m) == np.isfinite(expected_m)) > 0.9995
     both = np.isfinite(ranges_m) & np.isfinite(expected_m)
@@ -88,33 +74,17 @@ def test_beams_behind_a_pane_go_straight_on():
     assert np.mean(np.abs(ranges_m[both] - expected_m[both]) < 1e-3) > 0.9995
 
 
-def test_beams_after_a_mirror_meet_the_mirrored_scene():
-    scene, corners_m = cluttered(METAL, 1.0)
-    mirrored_m = corners_m * (1.0, 1.0, -1.0)
-    rays = beams_down()
-    # the beams that reach the mirror
-    free = np.flatnonzero(np.isinf(embree_ranges(corners_m, rays)))
-    rays = rays.take(free)
-    ranges_m, _ = of_surface(echoes(scene, rays), 1, len(rays.near_m))
-    expected_m = embree_ranges(mirrored_m, rays)
-    assert np.mean(np.isfinite(ranges_m) == np.isfinite(expected_m)) > 0.9995
-    both = np.isfinite(ranges_m) & np.isfinite(expected_m)
-    assert both.sum() > 400
-    assert np.mean(np.abs(ranges_m[both] - expected_m[both]) < 1e-3) > 0.9995
-
-
-@pytest.mark.parametrize("degrees", [0.0, 20.0, 45.0, 60.0, 75.0])
+@pytest.mark.parametrize("degrees", [0.0, 45.0, 75.0])
 def test_a_pane_leaves_fresnels_share_on_both_ways(degrees):
     scene = scene_of([square(half_m=1e3), square(half_m=1e3, z_m=-3.0, material=1)], [GLASS, WALL])
     found = echoes(scene, slope(degrees))
     _, (intensity,) = of_surface(found, 1, 1)
     once = (1.0 - reflected_by_pane(degrees, GLASS.ior)) * GLASS.transmission * 0.9
     expected = once**2 * RED * np.cos(np.radians(degrees))
-    assert intensity == pytest.approx(expected, rel=0.01)
     np.testing.assert_allclose(intensity, expected, rtol=1e-5)  # the sum of 60 reflections is exact
 
 
-@pytest.mark.parametrize("degrees", [0.0, 30.0, 60.0, 80.0])
+@pytest.mark.parametrize("degrees", [0.0, 60.0, 80.0])
 @pytest.mark.parametrize("material", [METAL, FLOOR], ids=["metal", "dielectric"])
 def test_a_mirror_leaves_schlicks_share_on_both_ways(material, degrees):
     scene = scene_of(

@@ -16,8 +16,8 @@ from tests.scenes import room, room_color, room_hit, scene_of, square
 pytest.importorskip("embreex", reason="embreex, which casts the rays, is missing")
 
 from omnisim.rendering.rays import ray_scene
-from omnisim.rendering.rays.pixel_hits import cast_through
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
+from omnisim.rendering.rays.scene_rays import cast_through
 
 DARK = Lighting((0.0, 0.0, 0.0), ())
 GLASS = Material(
@@ -72,8 +72,8 @@ def exit_directions(scene, rays, monkeypatch, **paths):
     return np.concatenate(seen)
 
 
-@pytest.mark.parametrize("ior", [1.33, 1.5, 2.4])
-@pytest.mark.parametrize("offset", [0.01, 0.3, 0.7, 0.95])
+@pytest.mark.parametrize("ior", [1.33, 2.4])
+@pytest.mark.parametrize("offset", [0.01, 0.7, 0.95])
 def test_a_ray_leaves_a_ball_as_snell_says(ior, offset, monkeypatch):
     entry, leaving, expected = snell(offset, ior)
     ball = scene_of(
@@ -226,8 +226,7 @@ def test_sides_mirroring_and_motion_change_nothing():
     np.testing.assert_array_equal(double, expected)
     moved = pose((0.3, -0.2, 0.1), yaw_deg=165.0)
     for flip, most in ((1.0, 1e-4), (-1.0, 0.02)):  # quads are mirrored, but not their diagonals
-        still = np.linalg.inv(moved) @ np.diag((1.0, 1.0, flip, 1.0))
-        part = scene_of([ball], [GLASS], [still])
+        part = scene_of([ball], [GLASS], [np.linalg.inv(moved) @ np.diag((1.0, 1.0, flip, 1.0))])
         light = in_room(None, objects=[part], objects_at=[moved])
         assert np.mean(np.abs(light - expected) > most) < 0.05
 

@@ -51,12 +51,12 @@ def between_lights(panes=1, **values):
     return scene_of(meshes, [*lights, glass], None, DARK)
 
 
-@pytest.mark.parametrize("degrees", [0.0, 30.0, 56.3, 75.0, 85.0])
 @pytest.mark.parametrize("ior", [1.33, 1.52])
-def test_a_pane_reflects_and_transmits_by_fresnel(degrees, ior):
-    share = reflected_by_pane(degrees, ior)
-    light = traced(between_lights(transmission=1.0, ior=ior), slope(degrees))
-    np.testing.assert_allclose(light[0], share * ABOVE + (1 - share) * TINT * BELOW, rtol=1e-4)
+def test_a_pane_reflects_and_transmits_by_fresnel(ior):
+    for degrees in (0.0, 56.3, 85.0):
+        share = reflected_by_pane(degrees, ior)
+        light = traced(between_lights(transmission=1.0, ior=ior), slope(degrees))
+        np.testing.assert_allclose(light[0], share * ABOVE + (1 - share) * TINT * BELOW, rtol=1e-4)
 
 
 def test_two_panes_reflect_each_other():
@@ -87,8 +87,7 @@ def _ggx(roughness, view, light):
     return facets * shadowing / (4.0 * view[2] * light[..., 2]), along
 
 
-@pytest.mark.parametrize("degrees", [0.0, 50.0])
-@pytest.mark.parametrize("roughness", [0.3, 0.6, 1.0])
+@pytest.mark.parametrize(("degrees", "roughness"), [(0.0, 0.3), (50.0, 0.6), (50.0, 1.0)])
 def test_frosted_glass_scatters_by_its_mirrored_gloss(degrees, roughness):
     """Half of the world behind a pane shines; its light is integrated over all directions."""
     glass = Material(

@@ -1,16 +1,26 @@
-"""Radiance along rays through glass and holes, by formulas; and textures' footprints."""
+"""Radiance and hits along rays through glass and holes, by formulas; and textures' footprints."""
+
+import math
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
 
+from omnisim import Scene
+from omnisim.cameras import EquidistantCamera, PerspectiveCamera, Rays, pixel_grid
 from omnisim.core.poses import pose
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.contract import CameraSetup, ScenePoses
+from omnisim.rendering.pixel_rays import PixelRays
+from omnisim.rendering.rays.caster import DepthLimits
+from omnisim.rendering.rays.ray_backend import RayHitSource, RayImage
+from omnisim.rendering.rays.ray_scene import MAX_LAYERS, ObjectState, RayScene
+from omnisim.rendering.rays.scene_rays import whole_areas_px
 from omnisim.scene.model import AlphaMode, Light, Lighting, LightKind, Material, Texture
 from tests.rendering.rays.test_caster import rays_from
-from tests.scenes import scene_of, square
+from tests.scenes import room, room_color, room_hit, scene_of, square
 
 pytest.importorskip("embreex", reason="embreex, which casts the rays, is missing")
-
-from omnisim.rendering.rays.ray_scene import MAX_LAYERS, ObjectState, RayScene
 
 DOWN = rays_from((0.5, 0.2, 4.5), [[0.0, 0.0, -1.0]])
 SKY = (0.1, 0.2, 0.3)
@@ -71,8 +81,7 @@ def test_holes_show_what_is_behind_them():
 def test_a_ray_ends_after_many_layers():
     layers = [square(z_m=-0.01 * number) for number in range(MAX_LAYERS + 40)]
     scene = scene_of(layers, [glass((1.0, 1.0, 1.0), 0.0)], background=SKY)
-    light = RayScene(scene).radiance(DOWN)[0]
-    assert np.isfinite(light).all()
+    assert np.isfinite(RayScene(scene).radiance(DOWN)[0]).all()
 
 
 def test_lamps_light_what_they_reach():
@@ -81,13 +90,10 @@ def test_lamps_light_what_they_reach():
         Light(LightKind.POINT, (1.0, 0.5, 0.25), 8.0, position_m=np.array([0.5, 0.2, 2.0])),
         Light(LightKind.DIRECTIONAL, (0.0, 0.0, 1.0), 0.5, direction=np.array([0.6, 0.0, -0.8])),
         Light(
-            LightKind.SPOT,
-            (1.0, 1.0, 1.0),
-            100.0,
-            position_m=np.array([0.5, 3.2, 4.0]),
+            LightKind.SPOT, (1.0, 1.0, 1.0), 100.0, position_m=np.array([0.5, 3.2, 4.0]),
             cone_cosines=(0.99, 0.9),
         ),
-    )
+    )  # fmt: skip
     lighting = Lighting((0.01, 0.02, 0.03), lamps, exposure=0.1)
     scene = scene_of([square()], [Material(double_sided=True)], lighting=lighting)
     above = RayScene(scene).radiance(DOWN)[0]
@@ -147,3 +153,66 @@ def test_objects_take_their_normals_and_holes_along():
     np.testing.assert_allclose(
         scene.shading.normals(hits, objects.world_from_objects), [[1.0, 0.0, 0.0]], atol=1e-6
     )
+
+
+@dataclass(frozen=True)
+class AxialCamera(EquidistantCamera):
+    """Rays that start along the axis: the farther from it they look, the higher."""
+
+    def ray_from_pixel(self, pixels_px):
+        """As the lens, from 0 to 0.4 m along the axis."""
+        rays = super().ray_from_pixel(pixels_px)
+        heights_m = 0.4 * (1.0 - rays.directions[..., 2]) / 2.0
+        return Rays(rays.directions, rays.valid, heights_m[..., None] * np.array([0.0, 0.0, 1.0]))
+
+
+def test_each_ray_starts_at_its_own_origin():
+    camera = AxialCamera(40, 30, 12.0, (19.5, 14.5), math.radians(100.0))
+    scene, world_from_rig = (
+        RayScene(scene_of([room()])),
+        pose((0.3, -0.2, 0.1), roll_deg=3.0, pitch_deg=-8.0, yaw_deg=40.0),
+    )
+    limits, still = DepthLimits(0.01, math.inf), ObjectState()
+    rays = camera.ray_from_pixel(pixel_grid(camera.width_px, camera.height_px))
+    world_from_optical = world_from_rig[:3, :3] @ camera.rig_from_optical
+    origins = rays.origins_m[rays.valid] @ world_from_optical.T + world_from_rig[:3, 3]
+    directions = rays.directions[rays.valid] @ world_from_optical.T
+    assert np.ptp(rays.origins_m[..., 2]) > 0.15
+    expected = room_hit(origins, directions)
+    sensor = OmniCamera(camera, near_m=limits.near_m, far_m=limits.far_m)
+    hits = RayHitSource(scene, CameraSetup(sensor)).hits(ScenePoses(world_from_rig))
+    points = hits.points_m[rays.valid] + world_from_rig[:3, 3]
+    np.testing.assert_allclose(points, expected, atol=1e-6)
+    lengths_m = np.linalg.norm(expected - origins, axis=1)
+    np.testing.assert_allclose(hits.ranges_m[rays.valid], lengths_m, rtol=1e-6)
+    image = RayImage(scene, camera, None, 1, limits).render(world_from_rig, still)
+    np.testing.assert_allclose(image[rays.valid, :3], room_color(expected), atol=1e-5)
+
+
+CAMERA = PerspectiveCamera(100, 80, 52.0, (49.5, 39.5))
+
+
+def _plate(name, x_m, right_m, left_m):
+    """Plate across the optical axis, 2 m high: its edges are between pixels."""
+    corners = [(x_m, y, z) for y, z in ((right_m, -1), (left_m, -1), (left_m, 1), (right_m, 1))]
+    return Scene.from_arrays(name, corners, [(0, 1, 2), (0, 2, 3)])
+
+
+def test_hidden_pixels_count_but_those_out_of_the_image_do_not():
+    scene = _plate("behind", 4.0, -1.0, 1.0)
+    scene = scene.added("before", _plate("before", 2.0, 0.0, 1.0))
+    scene = scene.added("beside", _plate("beside", 4.0, 3.0, 5.0))
+    rays = RayScene(scene)
+    names = [one.name for one in rays.caster.geometry.surfaces]
+    ids = {"behind": 1, "before": 2, "beside": 3}
+    found = whole_areas_px(
+        rays,
+        PixelRays(CAMERA, None),
+        DepthLimits(0.05, np.inf),
+        np.eye(4),
+        ObjectState(),
+        np.array([ids[name] for name in names]),
+        np.zeros((80, 100), dtype=np.uint32),
+    )
+    # 52 px × 1 m/4 m to either side; beside, from 39 px on, of which 50 px are in the image
+    assert found.tolist() == [0, 26 * 26, 26 * 52, 11 * 26]

@@ -15,12 +15,12 @@ from omnisim.scene.model import Material
 from omnisim.sensors import DepthCamera
 from omnisim.validation import reflective_rooms
 from tests.cameras.optics.examples import SYSTEMS
+from tests.rendering.frames import BACKENDS, each_backend, frame_of
 from tests.rendering.rays.test_panes import reflected_by_pane
-from tests.scenes import room, scene_of, square
+from tests.scenes import room, scene_of, upright
 
 pytest.importorskip("embreex", reason="embreex, which casts the rays, is missing")
 pytestmark = pytest.mark.usefixtures("needs_opengl")
-BACKENDS = ["cube", "rays"]
 ROOMS = reflective_rooms.rooms()
 CAMERA = reflective_rooms.camera(48, 1)
 AT = reflective_rooms.camera_pose()
@@ -28,11 +28,16 @@ ALSO = ("range", "range_through", "semantic", "semantic_through", "instance")
 
 
 def channels(scene, backend, camera=CAMERA):
-    with open_sensor(scene, camera, backend=backend) as renderer:
-        return renderer.render(AT, also=ALSO).channels
+    return frame_of(scene, camera, AT, backend, also=ALSO).channels
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
+def behind_a_panel(material):
+    """A panel 1 m ahead of the origin, in a room."""
+    panel = upright((1.9, 1.33), 1.0, material=1)
+    return scene_of([room(), panel], [Material(double_sided=True), material])
+
+
+@each_backend
 def test_behind_a_pane_is_the_room_without_it(backend):
     scene = ROOMS["thin pane"]
     behind = channels(scene, backend)
@@ -46,7 +51,7 @@ def test_behind_a_pane_is_the_room_without_it(backend):
     assert np.mean(behind["range"] < free["range"] - 0.1) > 0.1
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
+@each_backend
 def test_after_a_mirror_are_the_walls_along_mirrored_rays(backend):
     scene = ROOMS["planar mirror"]
     found = channels(scene, backend)
@@ -96,7 +101,7 @@ def test_optical_systems_follow_each_ray_from_its_origin(name):
     assert np.mean(cast["range_through"][seen] > cast["range"][seen] + 0.1) > 0.01
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
+@each_backend
 def test_blurred_and_matte_floors_end_rays(backend):
     for name in ("floor of roughness 0.1", "floor of roughness 0.3"):
         found = channels(ROOMS[name], backend)
@@ -122,7 +127,7 @@ def depths(scene, backend="rays", camera=DEPTHS, at=AT):
         return renderer.measure(at).depths_m
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
+@each_backend
 def test_a_depth_camera_sees_through_panes(backend):
     scene = ROOMS["thin pane"]
     behind, free = depths(scene, backend), depths(scene.removed("panel"))
@@ -134,28 +139,18 @@ def test_a_depth_camera_sees_through_panes(backend):
     assert np.mean(behind - stops > 0.1) > 0.1
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
+@each_backend
 def test_a_depth_camera_measures_the_mirrored_distance(backend):
     """In a mirror across the room, the wall behind the camera is as far behind the mirror."""
-    mirror = square(half_m=1.9, material=1, name="mirror")
-    positions = mirror.positions[:, [2, 0, 1]] * (1.0, 1.0, 0.7) + (1.0, 0.0, 0.0)
-    mirror = dataclasses.replace(mirror, positions=positions.astype(np.float32))
-    metal = Material(metallic=1.0, roughness=0.0, double_sided=True)
-    scene = scene_of([room(), mirror], [Material(double_sided=True), metal])
+    scene = behind_a_panel(Material(metallic=1.0, roughness=0.0, double_sided=True))
     found = depths(scene, backend, at=np.eye(4))
     assert found[18, 24] == pytest.approx(1.0 + 1.0 + 3.0, abs=1e-3)
 
 
 def test_too_little_light_behind_panes_is_a_hole():
     def through(transmission):
-        pane = square(half_m=1.9, material=1)
-        positions = pane.positions[:, [2, 0, 1]] * (1.0, 1.0, 0.7) + (1.0, 0.0, 0.0)
-        pane = dataclasses.replace(pane, positions=positions.astype(np.float32))
-        glass = Material(
-            base_color=(1.0, 1.0, 1.0, 1.0), roughness=0.0, specular=1.0,
-            transmission=transmission, double_sided=True,
-        )  # fmt: skip
-        return depths(scene_of([room(), pane], [Material(double_sided=True), glass]), at=np.eye(4))
+        glass = {"roughness": 0.0, "specular": 1.0, "transmission": transmission}
+        return depths(behind_a_panel(Material(double_sided=True, **glass)), at=np.eye(4))
 
     once = 1.0 - reflected_by_pane(0.0, 1.5)
     limit = np.sqrt(0.1) / once  # light of the projector passes twice

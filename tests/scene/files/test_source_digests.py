@@ -1,6 +1,7 @@
 """Identity of scenes: by the bytes of their files, keys and options, wherever they are."""
 
 import dataclasses
+import json
 import shutil
 
 import numpy as np
@@ -11,6 +12,7 @@ from PIL import Image
 from omnisim.core.files.sources import SourceReader, fingerprint
 from omnisim.scene import read_scene
 from omnisim.scene.model import Scene
+from tests.scene.gltf_builder import GltfBuilder
 from tests.scenes import room, scene_of
 
 QUAD = "mtllib a.mtl\nusemtl a\nv 0 0 0\nv 1 0 0\nv 1 0 1\nvt 0 0\nvt 1 0\nvt 1 1\nf 1/1 2/2 3/3\n"
@@ -29,14 +31,16 @@ def _obj(folder):
 
 
 def _gltf(folder):
-    image = Image.fromarray(np.full((4, 4, 3), 90, np.uint8))
-    material = trimesh.visual.material.PBRMaterial(baseColorTexture=image)
-    mesh = trimesh.creation.box()
-    visual = trimesh.visual.TextureVisuals(uv=np.zeros((8, 2)), material=material)
-    scene = trimesh.Scene(trimesh.Trimesh(mesh.vertices, mesh.faces, visual=visual, process=False))
-    for name, data in scene.export(file_type="gltf").items():
-        (folder / name).write_bytes(data)
-    return folder / "model.gltf"
+    gltf = GltfBuilder()
+    _image(folder / "a.png", 90)
+    gltf.tree |= {"images": [{"uri": "a.png"}], "textures": [{"source": 0}]}
+    gltf.tree["materials"] = [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}]
+    uv = gltf.accessor(np.zeros((3, 2), "<f4"), "VEC2")
+    gltf.node(mesh=gltf.triangle(material=0, TEXCOORD_0=uv))
+    gltf.tree["buffers"] = [{"byteLength": len(gltf.blob), "uri": "a.bin"}]
+    (folder / "a.bin").write_bytes(gltf.blob)
+    (folder / "a.gltf").write_text(json.dumps(gltf.tree))
+    return folder / "a.gltf"
 
 
 def _sdf(folder):
@@ -155,11 +159,9 @@ def test_light_is_not_of_what_does_not_shine(toml, text):
     ],
 )
 def test_light_is_of_what_shines(toml, text):
-    assert toml(text).identity.light != toml().identity.light
-
-
-def test_comments_and_layout_count_for_nothing(toml):
-    assert toml("# a comment\n\n").identity == toml().identity
+    plain = toml("# a comment\n\n").identity
+    assert plain == toml().identity
+    assert toml(text).identity.light != plain.light
 
 
 def test_edits_make_another_scene_which_follows_from_them(toml):
@@ -179,14 +181,6 @@ def test_a_changed_copy_is_known_by_its_content_again(toml):
     copy = dataclasses.replace(scene, background=(0.3, 0.2, 0.1))
     assert copy.identity.content == fingerprint(copy) != fingerprint(scene)
     assert copy.identity.light != scene.identity.light
-
-
-def test_arrays_are_known_by_themselves():
-    assert scene_of([room()]).identity == scene_of([room()]).identity
-    moved = room().positions + np.float32(1e-3)
-    other = scene_of([dataclasses.replace(room(), positions=moved)])
-    assert other.identity.content != scene_of([room()]).identity.content
-    assert other.identity.light != scene_of([room()]).identity.light
 
 
 def test_earlier_versions_identify_a_scene_in_the_same_way(tmp_path):
@@ -227,3 +221,46 @@ def test_arrays_are_read_for_an_identity_only_when_it_is_asked_for(monkeypatch):
     edited = scene.added("part", scene).moved(name, np.eye(4)).removed("part").at_start()
     with pytest.raises(AssertionError, match="hashed"):
         _ = edited.identity
+
+
+@pytest.fixture
+def sheet():
+    return Scene.from_arrays("sheet", np.eye(3), [[0, 1, 2]], base_color=(0.5, 0.4, 0.3))
+
+
+def _with_mesh(scene, **changes):
+    return dataclasses.replace(scene, meshes=(dataclasses.replace(scene.meshes[0], **changes),))
+
+
+def test_names_fog_and_starts_count_for_no_light(sheet):
+    (instance,) = sheet.instances
+    other = dataclasses.replace(
+        _with_mesh(sheet, name="other", positions=sheet.meshes[0].positions.copy()),
+        name="other",
+        instances=(dataclasses.replace(instance, name="other"),),
+        background=(0.0, 0.0, 0.0),
+    )
+    assert other.identity.light == sheet.identity.light
+    assert len(sheet.identity.light) == 64
+
+
+def _with_light(**changes):
+    return lambda scene: dataclasses.replace(
+        scene, lighting=dataclasses.replace(scene.lighting, **changes)
+    )
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda scene: _with_mesh(scene, positions=scene.meshes[0].positions + np.float32(1e-3)),
+        lambda scene: scene.moved("sheet", np.eye(4) + np.diag((0.0, 0.0, 1.0), k=1)),
+        lambda scene: scene.recolored("sheet", (0.1, 0.1, 0.1)),
+        _with_light(exposure=2.0),
+        _with_light(ambient=(0.0, 0.0, 0.1)),
+        _with_light(lights=()),
+        _with_light(is_matte=True),
+    ],
+)
+def test_what_light_depends_on_changes_it(sheet, change):
+    assert change(sheet).identity.light != sheet.identity.light

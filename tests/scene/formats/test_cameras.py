@@ -8,9 +8,12 @@ import pytest
 from click.testing import CliRunner
 
 from omnisim.apps.cli.app import app
+from omnisim.apps.cli.images.requests import CameraViewpointOptions
+from omnisim.apps.cli.inputs import Viewpoint
 from omnisim.cameras import FThetaInverseCamera, PerspectiveCamera
+from omnisim.core.errors import OutputError
 from omnisim.core.extras import is_installed
-from omnisim.core.poses import pose
+from omnisim.core.poses import pose, rotation_from_roll_pitch_yaw
 from omnisim.scene import load_scene
 from tests.scene.gltf_builder import GltfBuilder
 
@@ -74,6 +77,12 @@ def _stages_are_read_here(monkeypatch):
 needs_usd = pytest.mark.skipif(not is_installed("pxr"), reason="usd-core is not installed")
 
 
+def _lens(folder, camera):
+    """Lens of the only camera of a stage."""
+    (shot,) = load_scene(_stage(folder, camera)).cameras
+    return shot.lens
+
+
 def _pixel(lens, x, y):
     """Pixel of a point 1 m ahead, x to the right and y down."""
     return lens.pixel_from_ray(np.array([[x, y, 1.0]])).positions_px[0]
@@ -82,19 +91,18 @@ def _pixel(lens, x, y):
 @needs_usd
 @pytest.mark.parametrize("camera", [FTHETA.format(k0=0), OLDER], ids=["schema", "older"])
 def test_f_theta_lenses_of_isaac_sim(camera, tmp_path):
-    (shot,) = load_scene(_stage(tmp_path, camera)).cameras
-    assert isinstance(shot.lens, FThetaInverseCamera)
-    assert (shot.lens.width_px, shot.lens.height_px) == (1936, 1216)
-    ray = shot.lens.ray_from_pixel((970.0 + 300.0, 600.0)).directions
+    lens = _lens(tmp_path, camera)
+    assert isinstance(lens, FThetaInverseCamera)
+    assert (lens.width_px, lens.height_px) == (1936, 1216)
+    ray = lens.ray_from_pixel((970.0 + 300.0, 600.0)).directions
     assert math.atan2(ray[0], ray[2]) == pytest.approx(0.002 * 300 + 1e-10 * 300**3, 1e-6)
-    assert shot.lens.theta_edge_rad == pytest.approx(math.radians(100.0))
+    assert lens.theta_edge_rad == pytest.approx(math.radians(100.0))
 
 
 @needs_usd
 def test_kannala_brandt_lenses_of_isaac_sim(tmp_path):
-    (shot,) = load_scene(_stage(tmp_path, KANNALA_BRANDT)).cameras
     theta = 0.7
-    u, v = _pixel(shot.lens, math.tan(theta), 0.0)
+    u, v = _pixel(_lens(tmp_path, KANNALA_BRANDT), math.tan(theta), 0.0)
     assert u - 799.5 == pytest.approx(500 * theta + 20 * theta**3 - 3 * theta**5, 1e-6)
     assert v == pytest.approx(599.5)
 
@@ -104,20 +112,19 @@ def test_opencv_lenses_of_isaac_sim(tmp_path):
     x, y = 0.3, -0.2
     r = math.hypot(x, y)
     k = {"fx": 400, "fy": 410, "cx": 320, "cy": 240, "k1": 0.1, "p1": 0.01, "k4": 0.05, "s1": 0.02}
-    (shot,) = load_scene(_stage(tmp_path, _opencv("opencvPinhole", **k))).cameras
+    lens = _lens(tmp_path, _opencv("opencvPinhole", **k))
     g = (1 + 0.1 * r**2) / (1 + 0.05 * r**2)
     expected = (
         319.5 + 400 * (g * x + 2 * 0.01 * x * y + 0.02 * r**2),
         239.5 + 410 * (g * y + 0.01 * (r**2 + 2 * y * y)),
     )
-    np.testing.assert_allclose(_pixel(shot.lens, x, y), expected, atol=1e-4)
+    np.testing.assert_allclose(_pixel(lens, x, y), expected, atol=1e-4)
     k = {"fx": 300, "fy": 300, "cx": 320, "cy": 240, "k1": 0.1, "k2": -0.01}
-    (shot,) = load_scene(_stage(tmp_path, _opencv("opencvFisheye", **k))).cameras
+    lens = _lens(tmp_path, _opencv("opencvFisheye", **k))
     theta = math.atan(r)
     radius = 300 * theta * (1 + 0.1 * theta**2 - 0.01 * theta**4)
-    np.testing.assert_allclose(
-        _pixel(shot.lens, x, y), (319.5 + radius * x / r, 239.5 + radius * y / r), atol=1e-4
-    )
+    expected = 319.5 + radius * x / r, 239.5 + radius * y / r
+    np.testing.assert_allclose(_pixel(lens, x, y), expected, atol=1e-4)
 
 
 @needs_usd
@@ -127,9 +134,9 @@ def test_pinholes_of_usd(tmp_path):
     float horizontalAperture = 24
     float verticalAperture = 12
     float horizontalApertureOffset = 3"""
-    (shot,) = load_scene(_stage(tmp_path, camera)).cameras
-    assert (shot.lens.width_px, shot.lens.height_px) == (960, 480)
-    u, v = _pixel(shot.lens, 0.6, 0.3)  # at the right and the lower edge, less the offset
+    lens = _lens(tmp_path, camera)
+    assert (lens.width_px, lens.height_px) == (960, 480)
+    u, v = _pixel(lens, 0.6, 0.3)  # at the right and the lower edge, less the offset
     assert (u, v) == (pytest.approx(479.5 + 480 - 120), pytest.approx(239.5 + 240))
 
 
@@ -222,3 +229,44 @@ def test_the_command_line_draws_with_the_lens_of_the_file(tmp_path):
     assert "perspective" in result.output
     result = _command("scene", path, "--json")
     assert json.loads(result.output)["cameras"][0]["lens"]["model"] == "perspective"
+
+
+HALF = np.sqrt(0.5)
+
+
+@pytest.fixture
+def scene(tmp_path):
+    gltf = GltfBuilder()
+    gltf.node(mesh=gltf.triangle())
+    gltf.tree["cameras"] = [{"name": "lens", "type": "perspective", "perspective": {"yfov": 1.0}}]
+    gltf.node(name="level", camera=0, translation=[1, 2, 3], scale=[2, 2, 2])
+    gltf.node(camera=0, rotation=[0, HALF, 0, HALF])  # 90° to the left, about the file's y
+    gltf.node(name="flat", camera=0, scale=[1, 0, 1])
+    gltf.node(name="far", camera=0, translation=[9e14, 0, 0], scale=[9e14, 9e14, 9e14])
+    gltf.node(name="beyond", camera=0, matrix=[9e14] * 16)
+    gltf.node(camera=0, rotation=[-HALF, 0, 0, HALF])  # down
+    return load_scene(gltf.write(tmp_path / "a.glb"))
+
+
+def test_cameras_have_the_poses_of_their_nodes(scene):
+    """The file's −z is the world's +y."""
+    level, left, _, down = scene.cameras  # without flat ones
+    assert (level.name, left.name, down.name) == ("level", "lens", "lens_1")
+    assert level.position_m == (1.0, -3.0, 2.0)
+    assert (level.yaw_deg, level.pitch_deg, level.roll_deg) == (90.0, 0.0, 0.0)
+    assert (abs(left.yaw_deg), left.pitch_deg, left.roll_deg) == (180.0, 0.0, 0.0)
+    angles = np.radians((down.roll_deg, down.pitch_deg, down.yaw_deg))
+    rotation = rotation_from_roll_pitch_yaw(*angles)
+    np.testing.assert_allclose(rotation[:, 0], (0, 0, -1), atol=1e-7)  # x ahead
+    np.testing.assert_allclose(rotation[:, 2], (0, 1, 0), atol=1e-7)  # the top of its image
+
+
+def test_a_viewpoint_is_that_of_a_camera(scene):
+    viewpoint = Viewpoint.in_scene(scene, CameraViewpointOptions(at_camera="lens"))
+    assert (viewpoint.position_m, abs(viewpoint.yaw_deg)) == ((0.0, 0.0, 0.0), 180.0)
+    with pytest.raises(OutputError, match="--at-camera 'lend': did you mean 'lens'"):
+        Viewpoint.in_scene(scene, CameraViewpointOptions(at_camera="lend"))
+    with pytest.raises(OutputError, match="--yaw: --at-camera has a pose of its own"):
+        Viewpoint.in_scene(scene, CameraViewpointOptions(at_camera="lens", yaw_deg=3.0))
+    with pytest.raises(OutputError, match="--at-camera 'a': the scene's file has no cameras"):
+        Viewpoint.in_scene(load_scene("soccer"), CameraViewpointOptions(at_camera="a"))

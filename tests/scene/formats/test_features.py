@@ -2,6 +2,7 @@
 
 import copy
 import dataclasses
+import itertools
 from xml.etree import ElementTree
 
 import numpy as np
@@ -12,7 +13,13 @@ from omnisim.core.errors import SceneError
 from omnisim.core.extras import is_installed
 from omnisim.core.files.sources import fingerprint
 from omnisim.scene import load_scene
-from omnisim.scene.formats.features import ROBOT_TABLES, TABLES, Support, feature_table
+from omnisim.scene.formats.features import (
+    ROBOT_TABLES,
+    TABLES,
+    Support,
+    feature_table,
+    part_notices,
+)
 from tests.fuzz.readers import READERS
 
 SDF = """<sdf version="1.9"><world name="w"><scene>{scene}</scene>{world}
@@ -60,111 +67,51 @@ source="#v" offset="0"/><p>0 1 2</p></triangles>{mesh}</mesh></geometry>{geometr
 <instance_geometry url="#g"/>{node}</node></visual_scene></library_visual_scenes><scene>
 <instance_visual_scene url="#s"/></scene></COLLADA>"""
 
-_HEIGHTMAP = """<visual name="h"><geometry><heightmap><uri>gray.png</uri><size>1 1 1</size><texture>
-<diffuse>gray.png</diffuse><normal>gray.png</normal><size>1</size></texture></heightmap></geometry>
-</visual>"""
 _BOX = '<visual name="i"><geometry><image><uri>gray.png</uri></image></geometry></visual>'
-
-
-def _tags(names, text="1"):
-    return {name: f"<{name}>{text}</{name}>" for name in names.split(", ")}
-
-
-def _lines(names, text="1 0.5 0.5"):
-    return {name: f"{name} {text}" for name in names.split(", ")}
-
-
-# By format, slot of its file and name of a part that is left out: text that uses it.
+# By format and slot of its file: texts that use a part that is left out, with the part's name.
 USES = {
     "sdf": {
-        "scene": {
-            **_tags("sky"), "scene/ambient": "<ambient>1 1 1 1</ambient>",
-            "shadows": "<shadows>false</shadows>", "fog/type": "<fog><type>linear</type></fog>",
-        },
-        "world": {
-            "actor": "<actor name='a'/>", **_tags("road, population"),
-            "experimental:params": "<include><uri>cup</uri><experimental:params/></include>",
-        },
+        "scene": {"sky": "<sky/>", "shadows": "<shadows>false</shadows>"},
+        "world": {"actor": "<actor name='a'/>"},
         "light": {"falloff": "<spot><falloff>2</falloff></spot>"},
-        "link": {**_tags("projector, particle_emitter")},
-        "metal": {**_tags("specular_map, glossiness_map, glossiness, environment_map, light_map")},
-        "visual": {"texture/normal": _HEIGHTMAP, "image": _BOX},
+        "link": {"projector": "<projector/>"}, "metal": {"light_map": "<light_map>1</light_map>"},
+        "visual": {"image": _BOX},
     },
     "urdf": {
         "joint": {"mimic@offset": '<mimic joint="k" offset="0.5"/>'},
-        "robot": {
-            f"gazebo/{name}": f"<gazebo reference='l'><{name}/></gazebo>"
-            for name in ("material", "visual", "light")
-        },
+        "robot": {"gazebo/material, gazebo/visual, gazebo/light":
+                  "<gazebo reference='l'><light/></gazebo>"},
     },
     "mjcf": {
-        "material": {"material@specular": 'specular="0.5"', "material@shininess": 'shininess=".5"'},
-        "body": {
-            "light@texture": '<light type="image" texture="t"/>',
-            "visible sites": '<site name="s"/>',
-        },
-        "top": {
-            "map@haze": '<visual><map haze="0.5"/></visual>',
-            "rgba@haze": '<visual><rgba haze="1 0 0 1"/></visual>',
-        },
-        "end": {},
+        "material": {"material@specular, material@shininess": 'specular="0.5"'},
+        "body": {"light@texture": '<light type="image" texture="t"/>', "visible sites": '<site/>'},
+        "top": {"map@haze, rgba@haze": '<visual><map haze="0.5"/></visual>'}, "end": {},
     },
     "usd": {
         "lamp": {
-            "inputs:specular": "float inputs:specular = 0",
             "inputs:shaping:focus": "float inputs:shaping:focus = 3",
-            "inputs:shaping:ies:file": "asset inputs:shaping:ies:file = @a.ies@",
             "inputs:shadow:enable": "bool inputs:shadow:enable = 0",
-            "inputs:shadow:color": "color3f inputs:shadow:color = (1, 0, 0)",
-            "light:filters": "rel light:filters = </cube>",
-            **{
-                name: f"rel {name} = </cube>"
-                for kind in ("light", "shadow")
-                for way in ("includes", "excludes")
-                for name in (f"collection:{kind}Link:{way}",)
-            },
         },
         "stage": {
-            **{
-                name: f'def {name} "other" {{}}'
-                for name in (
-                    "GeometryLight", "PluginLight", "PortalLight", "GenerativeProcedural",
-                    "Field3DAsset", "OpenVDBAsset",
-                )
-            },
-            **{
-                name: f'def Cube "other" ( prepend apiSchemas = ["{name}"] ) {{}}'
-                for name in ("MeshLightAPI", "VolumeLightAPI")
-            },
+            "GenerativeProcedural, Field3DAsset, OpenVDBAsset": 'def OpenVDBAsset "other" {}',
+            "GeometryLight, PluginLight, PortalLight, MeshLightAPI, VolumeLightAPI":
+                'def Cube "other" ( prepend apiSchemas = ["MeshLightAPI"] ) {}',
             "model:drawMode": 'def Xform "other" {\n uniform token model:drawMode = "cards"\n}',
         },
     },
-    "obj": {"obj": {name: f"{name} 1" for one in feature_table("obj") for name in one.names}},
+    "obj": {"obj": {"s": "s 1", "p, l": "l 1 2"}},
     "mtl": {
         "mtl": {
-            **_lines("bump, map_bump, norm, disp, decal, refl, map_refl, map_ks, map_ns, map_ke, "
-                     "map_pr, map_pm, map_ps, map_rma, map_orm", "a.png"),
-            **_lines("ks, ke, pr, pm, ps, pc, pcr, aniso, anisor, tf"),
-            **{f"map_kd{name}": f"map_Kd {name} {value} a.png" for name, value in
-               {"-clamp": "on", "-mm": "0 2", "-t": "1 1 1", "-imfchan": "r"}.items()},
-            **{f"map_d{name}": f"map_d {name} 2 2 a.png" for name in ("-s", "-o")},
+            "bump, map_bump, norm": "map_bump a.png", "tf": "Tf 1 0.5 0.5",
+            "map_kd-clamp, map_kd-mm, map_kd-t, map_kd-imfchan, map_d-s, map_d-o":
+                "map_Kd -clamp on a.png",
         }
     },
     "dae": {
-        "phong": {
-            **_tags("emission, specular, reflective", "<color>1 0 0 1</color>"),
-            "bump": "<extra><technique profile='x'><bump/></technique></extra>",
-            "transparency": "<transparency><float>0.5</float></transparency>",
-        },
-        "mesh": {name: f'<{name} count="0"/>' for name in
-                 ("tristrips", "trifans", "lines", "linestrips")},
-        "geometry": {name: f'<geometry id="x"><{name}/></geometry>' for name in
-                     ("spline", "convex_mesh", "brep")},
-        "node": {
-            "skew": "<skew>45 0 1 0 1 0 0</skew>", "lookat": "<lookat>1 0 0 0 0 0 0 0 1</lookat>",
-            **{name: f'<{name} url="#x"/>' for name in
-               ("instance_controller", "instance_light", "instance_camera")},
-        },
+        "phong": {"emission": "<emission><color>1 0 0 1</color></emission>"},
+        "mesh": {"lines, linestrips, spline": '<lines count="0"/>'},
+        "geometry": {"convex_mesh, brep": '<geometry id="x"><brep/></geometry>'},
+        "node": {"skew, lookat": "<skew>45 0 1 0 1 0 0</skew>"},
         "top": {"animation": '<library_animations><animation id="a"/></library_animations>'},
     },
 }  # fmt: skip
@@ -173,17 +120,6 @@ TEXTS = {"sdf": SDF, "urdf": ROBOT, "mjcf": MUJOCO, "usd": STAGE, "obj": OBJ, "m
 SUFFIXES = {"sdf": ".world", "urdf": ".urdf", "mjcf": ".xml", "usd": ".usda", "obj": ".obj",
             "mtl": ".obj", "dae": ".dae"}  # fmt: skip
 NEEDS = {"mjcf": "mujoco", "usd": "pxr", "dae": "collada"}
-CASES = [
-    pytest.param(
-        table,
-        name,
-        marks=pytest.mark.skipif(
-            table in NEEDS and not is_installed(NEEDS[table]), reason="needs an extra"
-        ),
-    )
-    for table in TEXTS
-    for name in [one.name for one in feature_table(table) if one.support is Support.LEFT_OUT]
-]
 
 
 @pytest.fixture(autouse=True)
@@ -208,23 +144,55 @@ def _load(folder, table, **parts):
     return load_scene(path)
 
 
-@pytest.mark.parametrize(("table", "names"), CASES)
-def test_parts_that_are_left_out_are_noted(table, names, tmp_path):
-    (feature,) = [one for one in feature_table(table) if one.name == names]
-    for name in names.split(", ")[:: 1 if table in ("sdf", "urdf", "obj", "mtl") else 3]:
-        if name == "visible tendons":  # as sites; its model is long
-            continue
-        ((slot, text),) = [(slot, uses[name]) for slot, uses in USES[table].items() if name in uses]
-        try:
-            notices = _load(tmp_path, table, **{slot: text}).notices
-        except SceneError as reason:  # a reader that then has nothing left says why
-            notices = (str(reason),)
-        assert any(feature.effect in notice for notice in notices), (name, notices)
+def test_parts_that_are_left_out_are_noted_unless_they_change_nothing():
+    values = ("1", "0", "0.5", "0 0 0 1", "false", "", "L8", "R8G8B8")
+    for table in (*TABLES[1:], *ROBOT_TABLES):  # in glTF's, values have commas, too
+        features = feature_table(table)
+        names = [name for feature in features for name in feature.names]
+        assert len(names) == len(set(names))
+        for feature in (one for one in features if one.support is Support.LEFT_OUT):
+            for value, name in itertools.product(values, feature.names):
+                notices = part_notices(table, [(name, value), (name, value)])
+                assert len(notices) == feature.is_used(value)
+                assert all(one.startswith(f"{feature.effect} (2 ") for one in notices)
 
 
-@pytest.mark.parametrize("table", [table for table in TEXTS if table not in NEEDS])
-def test_files_without_such_parts_are_quiet(table, tmp_path):
-    assert _load(tmp_path, table).notices == ()
+@pytest.mark.parametrize(
+    ("table", "name", "unused"),
+    [
+        ("sdf", "road", ()),
+        ("sdf", "light_map", ("0", "none")),
+        (
+            "sdf",
+            "shadows",
+            ("1", "0 1 0", "(0.0, 0)", "0 0 0 1", "a.png", "1.0 1", "L8", "RGB_INT8"),
+        ),
+        ("mtl", "ks", ("0", "(0.0, 0)")),
+        ("dae", "transparency", ("1", "1.0 1")),
+        ("dae", "emission", ("0", "(0.0, 0)", "0 0 0 1")),
+        ("camera", "format", ("RGB_INT8",)),
+    ],
+)
+def test_values_that_change_nothing(table, name, unused):
+    (feature,) = [one for one in feature_table(table) if name in one.names]
+    values = ("0", "1", "none", "0 1 0", "(0.0, 0)", "0 0 0 1", "a.png", "1.0 1", "L8", "RGB_INT8")
+    assert tuple(value for value in values if not feature.is_used(value)) == unused
+
+
+@pytest.mark.parametrize("table", TEXTS)
+def test_parts_of_files_that_are_left_out_are_noted(table, tmp_path):
+    if table in NEEDS and not is_installed(NEEDS[table]):
+        pytest.skip("needs an extra")
+    effects = {one.name: one.effect for one in feature_table(table)}
+    if table not in NEEDS:
+        assert _load(tmp_path, table).notices == ()
+    for slot, uses in USES[table].items():
+        for name, text in uses.items():
+            try:
+                notices = _load(tmp_path, table, **{slot: text}).notices
+            except SceneError as reason:  # a reader that then has nothing left says why
+                notices = (str(reason),)
+            assert any(effects[name] in notice for notice in notices), (name, notices)
 
 
 @pytest.mark.parametrize(
@@ -278,14 +246,6 @@ def test_colors_of_stl_and_off(tmp_path):
     for head, rest, count in (("OFF", "", 0), ("COFF", "", 1), ("OFF", " 255 0 0", 1)):
         path.write_text(f"{head}\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2{rest}\n")
         assert len(load_scene(path).notices) == count
-
-
-@pytest.mark.parametrize(
-    "table", [*TABLES[1:], *ROBOT_TABLES]
-)  # in glTF's, values have commas, too
-def test_names_of_a_table_are_distinct(table):
-    names = [name for one in feature_table(table) for name in one.names]
-    assert len(names) == len(set(names))
 
 
 @pytest.mark.skipif(not is_installed("mujoco"), reason="MuJoCo is not installed")

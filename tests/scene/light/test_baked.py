@@ -39,19 +39,25 @@ def test_triangles_keep_their_order_and_corners(folder):
     assert "px" in repr(baked.lighting.baked)
 
 
-def _with_json(folder, **values):
-    path = folder / "baked.json"
-    path.write_text(json.dumps(json.loads(path.read_text()) | values))
+def _contents(**values):
+    """Damage of baked.json."""
+
+    def change(folder):
+        path = folder / "baked.json"
+        path.write_text(json.dumps(json.loads(path.read_text()) | values))
+
+    return change
 
 
-def _with_arrays(path, **values):
-    with np.load(path) as stored:
-        arrays = dict(stored) | values
-    np.savez(path, **{name: one for name, one in arrays.items() if one is not None})
+def _arrays(name, **values):
+    """Damage of an archive: other arrays, or none."""
 
+    def change(folder):
+        with np.load(folder / name) as stored:
+            arrays = dict(stored) | values
+        np.savez(folder / name, **{key: one for key, one in arrays.items() if one is not None})
 
-def _grid(**values):
-    return {"origin_m": [0, 0, 0], "spacing_m": [1, 1, 1], "shape": [2, 2, 2]} | values
+    return change
 
 
 def _counts(*meshes):
@@ -59,86 +65,46 @@ def _counts(*meshes):
     return np.array([(number, 36, 12) for number in meshes])
 
 
-DAMAGES = {
-    "no json": (lambda f: (f / "baked.json").write_text("{"), "baked.json: is damaged: not JSON"),
-    "a list": (lambda f: (f / "baked.json").write_text("[]"), "baked.json: is damaged: expected"),
-    "no file": (lambda f: (f / "baked.json").unlink(), "baked.json: cannot be read: No such file"),
-    "version": (lambda f: _with_json(f, version=2), "baked.json: version: expected 1, got 2"),
-    "fingerprint": (lambda f: _with_json(f, fingerprint="0"), "the bake does not match test: "),
-    "an instance": (
-        lambda f: _with_json(f, rects={"9": [0, 0, 1, 1]}),
-        "rects: expected numbers of instances, up to 2, got '9'",
-    ),
-    "a rectangle": (
-        lambda f: _with_json(f, rects={"0": [0.5, 0, 0.6, 1]}),
-        "rects.0 = [0.5, 0.0, 0.6, 1.0]: expected it within 0 to 1",
-    ),
-    "a back": (
-        lambda f: _with_json(f, back_rects={"1": [0, 0.5, 1, 0.6]}),
-        "back_rects.1 = [0.0, 0.5, 1.0, 0.6]: expected it within 0 to 1",
-    ),
-    "a side": (lambda f: _with_json(f, rects={"0": [0, 0, 2, 1]}), "baked.json: rects.0"),
-    "probes": (
-        lambda f: _with_json(f, probes=_grid(shape=[1000, 1000, 1000])),
-        "probes.shape = [1000, 1000, 1000]: expected at most 1000000 probes",
-    ),
-    "spacing": (lambda f: _with_json(f, probes=_grid(spacing_m=[0, 1, 1])), "probes.spacing_m"),
-    "no light": (lambda f: (f / "irradiance.exr").unlink(), "irradiance.exr"),
-    "negative light": (
-        lambda f: write_image(f / "irradiance.exr", np.full((2, 2, 3), -1.0, np.float32)),
-        "irradiance.exr: expected light from 0 to 65504",
-    ),
-    "no archive": (lambda f: (f / "probes.npz").write_text("no"), "probes.npz: is no archive"),
-    "no factors": (lambda f: _with_arrays(f / "probes.npz", sh=None), "probes.npz: sh: missing"),
-    "infinite factors": (
-        lambda f: _with_arrays(f / "probes.npz", sh=np.full((13, 9, 7, 9, 3), np.inf, "f4")),
-        "probes.npz: sh: expected finite numbers up to 65504",
-    ),
-    "flags": (
-        lambda f: _with_arrays(f / "probes.npz", valid=np.ones((2, 2, 2), dtype=bool)),
-        "probes.npz: valid: expected 13 × 9 × 7 flags, got bool of shape (2, 2, 2)",
-    ),
-    "no mesh": (
-        lambda f: _with_arrays(f / "unwrapping.npz", meshes=_counts(0, 2, 3)),
-        "unwrapping.npz: vertex_of of mesh 1: missing",
-    ),
-    "no array": (
-        lambda f: _with_arrays(f / "unwrapping.npz", uv=None), "unwrapping.npz: uv: missing"
-    ),
-    "vertices": (
-        lambda f: _with_arrays(f / "unwrapping.npz", triangles=np.full((36, 3), 99)),
-        "unwrapping.npz: triangles of mesh 0: expected vertices from 0 to 35",
-    ),
-    "other triangles": (
-        lambda f: _with_arrays(f / "unwrapping.npz", vertex_of=np.zeros(108, dtype=int)),
-        "unwrapping.npz: vertex_of of mesh 0: expected the scene's triangles, got others",
-    ),
-    "places": (
-        lambda f: _with_arrays(f / "unwrapping.npz", uv=np.full((108, 2), np.nan)),
-        "unwrapping.npz: uv of mesh 0: expected places from 0 to 1",
-    ),
-    "negative counts": (
-        lambda f: _with_arrays(f / "unwrapping.npz", meshes=_counts(0, 1, 2) * [1, 1, -1]),
-        "unwrapping.npz: meshes: expected numbers of 108 in all, as vertex_of has",
-    ),
-    "other counts": (
-        lambda f: _with_arrays(f / "unwrapping.npz", meshes=_counts(0, 1, 2) - [0, 1, 0]),
-        "unwrapping.npz: meshes: expected numbers of 108 in all, as vertex_of has",
-    ),
-    "no counts": (
-        lambda f: _with_arrays(f / "unwrapping.npz", meshes=np.empty((0, 3), int)),
-        "unwrapping.npz: meshes: expected numbers of 108 in all, as vertex_of has",
-    ),
-    "shape of counts": (
-        lambda f: _with_arrays(f / "unwrapping.npz", meshes=np.zeros(3, int)),
-        "unwrapping.npz: meshes: expected n × 3 whole numbers",
-    ),
-}  # fmt: skip
+GRID = {"origin_m": [0, 0, 0], "spacing_m": [1, 1, 1], "shape": [1000, 1000, 1000]}
+UNWRAPPING, PROBES = "unwrapping.npz", "probes.npz"
+# Change of the folder, and the message about it.
+DAMAGES = [
+    (lambda f: (f / "baked.json").write_text("{"), "baked.json: is damaged: not JSON"),
+    (lambda f: (f / "baked.json").write_text("[]"), "baked.json: is damaged: expected"),
+    (lambda f: (f / "baked.json").unlink(), "baked.json: cannot be read: No such file"),
+    (_contents(version=2), "baked.json: version: expected 1, got 2"),
+    (_contents(fingerprint="0"), "the bake does not match test: "),
+    (_contents(rects={"9": [0, 0, 1, 1]}), "expected numbers of instances, up to 2, got '9'"),
+    (_contents(rects={"0": [0.5, 0, 0.6, 1]}),
+     "rects.0 = [0.5, 0.0, 0.6, 1.0]: expected it within 0 to 1"),
+    (_contents(back_rects={"1": [0, 0.5, 1, 0.6]}),
+     "back_rects.1 = [0.0, 0.5, 1.0, 0.6]: expected it within 0 to 1"),
+    (_contents(probes=GRID),
+     "probes.shape = [1000, 1000, 1000]: expected at most 1000000 probes"),
+    (lambda f: (f / "irradiance.exr").unlink(), "irradiance.exr"),
+    (lambda f: write_image(f / "irradiance.exr", np.full((2, 2, 3), -1.0, np.float32)),
+     "irradiance.exr: expected light from 0 to 65504"),
+    (lambda f: (f / PROBES).write_text("no"), "probes.npz: is no archive"),
+    (_arrays(PROBES, sh=None), "probes.npz: sh: missing"),
+    (_arrays(PROBES, sh=np.full((13, 9, 7, 9, 3), np.inf, "f4")),
+     "probes.npz: sh: expected finite numbers up to 65504"),
+    (_arrays(PROBES, valid=np.ones((2, 2, 2), dtype=bool)),
+     "probes.npz: valid: expected 13 × 9 × 7 flags, got bool of shape (2, 2, 2)"),
+    (_arrays(UNWRAPPING, meshes=_counts(0, 2, 3)), "vertex_of of mesh 1: missing"),
+    (_arrays(UNWRAPPING, triangles=np.full((36, 3), 99)),
+     "unwrapping.npz: triangles of mesh 0: expected vertices from 0 to 35"),
+    (_arrays(UNWRAPPING, vertex_of=np.zeros(108, dtype=int)),
+     "unwrapping.npz: vertex_of of mesh 0: expected the scene's triangles, got others"),
+    (_arrays(UNWRAPPING, uv=np.full((108, 2), np.nan)), "of mesh 0: expected places from 0 to 1"),
+    (_arrays(UNWRAPPING, meshes=_counts(0, 1, 2) * [1, 1, -1]), "meshes: expected numbers of 108"),
+    (_arrays(UNWRAPPING, meshes=_counts(0, 1, 2) - [0, 1, 0]), "meshes: expected numbers of 108"),
+    (_arrays(UNWRAPPING, meshes=np.empty((0, 3), int)), "meshes: expected numbers of 108 in all"),
+    (_arrays(UNWRAPPING, meshes=np.zeros(3, int)), "meshes: expected n × 3 whole numbers"),
+]  # fmt: skip
 
 
-@pytest.mark.parametrize("damage", DAMAGES)
-def test_damage_is_one_line(folder, damage):
-    change, message = DAMAGES[damage]
+@pytest.mark.parametrize(("change", "message"), DAMAGES, ids=[one for _, one in DAMAGES])
+def test_damage_is_one_line(folder, change, message):
     change(folder)
     with pytest.raises(SceneError, match=re.escape(message)) as error:
         with_baked_light(surroundings(), folder)

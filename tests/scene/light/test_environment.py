@@ -3,11 +3,17 @@
 import numpy as np
 import pytest
 
+from omnisim.scene.light import environment
 from omnisim.scene.light.environment import Environment, lookup, map_directions
 from omnisim.scene.surface_reflectance import MIN_ROUGHNESS, TABLE_SIZE, environment_table
 
 
-def _sphere(count=40_000):
+@pytest.fixture(autouse=True)
+def _small_maps(monkeypatch):
+    monkeypatch.setattr(environment, "FILTERED_ROWS", 128)
+
+
+def _sphere(count=10_000):
     """Directions spread evenly over the sphere (Fibonacci)."""
     height = 1.0 - 2.0 * (np.arange(count) + 0.5) / count
     azimuth = np.pi * (1.0 + 5.0**0.5) * np.arange(count)
@@ -23,20 +29,20 @@ def _smooth(directions):
 
 def test_light_on_matte_surfaces_is_the_integral_over_the_hemisphere():
     directions, _ = map_directions(128, 256)
-    environment = Environment(_smooth(directions).astype(np.float32))
+    sky = Environment(_smooth(directions).astype(np.float32))
     around = _sphere()
     normals = _sphere(30)
     cosines = np.maximum(normals @ around.T, 0.0)
     expected = 4.0 / len(around) * cosines @ _smooth(around)
-    assert environment.ambient(normals) == pytest.approx(expected, abs=2e-3)
+    assert sky.ambient(normals) == pytest.approx(expected, abs=2e-3)
 
 
 def test_an_even_environment_is_the_same_at_all_roughnesses():
-    environment = Environment(np.full((64, 128, 3), 0.7, np.float32))
+    sky = Environment(np.full((64, 128, 3), 0.7, np.float32))
     normals = _sphere(50)
-    assert environment.ambient(normals) == pytest.approx(0.7, rel=1e-4)
+    assert sky.ambient(normals) == pytest.approx(0.7, rel=1e-4)
     for roughness in (0.0, 0.13, 0.5, 1.0):
-        light = environment.light(normals, np.full(50, roughness))
+        light = sky.light(normals, np.full(50, roughness))
         assert light == pytest.approx(0.7, rel=1e-4)
 
 
@@ -45,7 +51,7 @@ def test_filtered_maps_are_lobes_of_ggx():
     directions, _ = map_directions(128, 256)
     spot = np.array([0.6, 0.0, 0.8])
     colors = np.repeat(np.exp(40.0 * (directions @ spot - 1.0))[..., None], 3, axis=-1)
-    environment = Environment(colors.astype(np.float32))
+    sky = Environment(colors.astype(np.float32))
     around = _sphere()
     radiance = np.exp(40.0 * (around @ spot - 1.0))
     for roughness in (0.4, 0.6, 1.0):
@@ -55,7 +61,7 @@ def test_filtered_maps_are_lobes_of_ggx():
             squared = roughness**4
             weights = squared / (half**2 * (squared - 1.0) + 1.0) ** 2 * np.maximum(cosines, 0.0)
             expected = (weights * radiance).sum() / weights.sum()
-            found = environment.light(normal[None], np.array([roughness]))[0, 0]
+            found = sky.light(normal[None], np.array([roughness]))[0, 0]
             assert found == pytest.approx(expected, rel=0.06, abs=0.02)  # of 1 at the spot
 
 
@@ -70,17 +76,17 @@ def test_the_middle_is_x_and_left_of_it_is_y():
 
 def test_the_map_has_no_seam():
     directions, _ = map_directions(64, 128)
-    environment = Environment(_smooth(directions).astype(np.float32))
+    sky = Environment(_smooth(directions).astype(np.float32))
     angles = np.radians([179.9, -179.9])
     behind = np.stack((np.cos(angles), np.sin(angles), 0.0 * angles), axis=-1)
-    one, other = environment.seen(behind, np.full(2, 0.02))
+    one, other = sky.seen(behind, np.full(2, 0.02))
     assert one == pytest.approx(other, abs=0.01)
 
 
 def test_shares_of_an_even_environment_are_integrals_of_the_reflectance():
     """The table against GGX, Smith and Schlick, summed over all directions of light."""
     table = environment_table()
-    around = _sphere(400_000)
+    around = _sphere(100_000)
     around = around[around[:, 2] > 0.0]
     solid_angle = 2.0 * np.pi / len(around)
     for roughness, cosine in ((0.3, 0.9), (0.5, 0.5), (1.0, 0.2), (0.7, 1.0)):

@@ -90,19 +90,14 @@ FAULTS = {
     "point without position": (ONE_LAMP + 'kind = "point"', "position_m: missing"),
     "sun without offset": (SUN.format("2026-06-21T12:00:00"), "offset from UTC"),
     "sun at a text": (SUN.format('"noon"'), "expected a time as 2026"),
-    "no direction": (
-        ONE_LAMP + 'kind = "directional"\ndirection = [0, 0, 0]',
-        "length other than 0",
-    ),
-    "inner beyond outer": (
-        ONE_LAMP + 'kind = "spot"\nposition_m = [0, 0, 0]\ndirection = [0, 0, 1]\ninner_deg = 50.0',
-        "less than outer_deg",
-    ),
-    "two measures of fog": (
-        "[fog]\ncolor = [1, 1, 1]\nvisibility_m = 1.0\nattenuation_per_m = [1, 1, 1]",
-        "either visibility_m or attenuation_per_m",
-    ),
-}
+    "no direction":
+        (ONE_LAMP + 'kind = "directional"\ndirection = [0, 0, 0]', "length other than 0"),
+    "inner beyond outer":
+        (TWO_LAMPS + "inner_deg = 60.0", "less than outer_deg"),
+    "two measures of fog":
+        ("[fog]\ncolor = [1, 1, 1]\nvisibility_m = 1.0\nattenuation_per_m = [1, 1, 1]",
+         "either visibility_m or attenuation_per_m"),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(("text", "message"), FAULTS.values(), ids=FAULTS.keys())

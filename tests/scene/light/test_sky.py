@@ -28,34 +28,17 @@ def _write(path, pixels):
 
 
 def test_a_sky_over_any_scene_is_that_of_a_toml(tmp_path):
-    map_file = tmp_path / "map.exr"
+    map_file, mesh, dull = tmp_path / "map.exr", tmp_path / "a.obj", tmp_path / "dull.toml"
     _write(map_file, np.random.default_rng(1).uniform(0.0, 2.0, (16, 32, 3)))
-    mesh = tmp_path / "a.obj"
     mesh.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    dull.write_text('extends = "rings"\n[sky]\nturbidity = 9.0\n')  # another sky
     for sky, table in (("clear", ""), (map_file, 'file = "map.exr"')):
         expected = _load(tmp_path, table).lighting
-        dull = tmp_path / "dull.toml"  # which has another sky
-        dull.write_text('extends = "rings"\n[sky]\nturbidity = 9.0\n')
-        for lighting in (load_scene("rings", sky=sky).lighting, load_scene(dull, sky=sky).lighting):
-            np.testing.assert_array_equal(
-                lighting.environment.radiance, expected.environment.radiance
-            )
-            assert len(lighting.lights) == len(expected.lights)
+        for source in ("rings", dull):
+            _assert_same_light(load_scene(source, sky=sky).lighting, expected)
         under = load_scene(mesh, sky=sky).lighting
         assert under.ambient == (0.0, 0.0, 0.0)
         assert under.environment is not None
-
-
-def test_a_sky_over_a_sun_of_a_toml_has_its_time(tmp_path):
-    sunny = tmp_path / "sunny.toml"
-    sun = "[sun]\ntime = 2026-06-21T12:00:00+02:00\nlatitude_deg = 52.0\nlongitude_deg = 5.0\n"
-    sunny.write_text(f'extends = "rings"\n{sun}')
-    given = load_scene(sunny, sky="clear").lighting
-    sunny.write_text(f'extends = "rings"\n{sun}[sky]\n')
-    expected = load_scene(sunny).lighting
-    assert given.exposure == expected.exposure
-    assert len(given.lights) == 1
-    np.testing.assert_array_equal(given.environment.radiance, expected.environment.radiance)
 
 
 NOON = "[sun]\ntime = 2026-06-21T10:00:00Z\nlatitude_deg = 48.0\nlongitude_deg = 11.0\n"
@@ -72,15 +55,13 @@ def _chain(folder, base, child):
 
 
 def _assert_same_light(found, expected):
-    assert found.exposure == expected.exposure
-    assert found.ambient == expected.ambient
-    assert [one.intensity for one in found.lights] == [one.intensity for one in expected.lights]
-    for one, other in zip(found.lights, expected.lights, strict=True):
-        np.testing.assert_array_equal(one.direction, other.direction)
-    if expected.environment is None:
-        assert found.environment is None
-    else:
-        np.testing.assert_array_equal(found.environment.radiance, expected.environment.radiance)
+    assert (found.exposure, found.ambient) == (expected.exposure, expected.ambient)
+    lights = [
+        [(one.intensity, *one.direction) for one in each.lights] for each in (found, expected)
+    ]
+    assert lights[0] == lights[1]
+    radiances = [each.environment and each.environment.radiance for each in (found, expected)]
+    np.testing.assert_array_equal(*radiances)
 
 
 def test_the_courtyard_is_lit_by_the_sun_at_its_clock_s_time_and_evenly_without_it():
@@ -143,18 +124,6 @@ def test_a_sky_of_the_option_takes_the_place_of_all(tmp_path):
         assert load_scene(path, sky=map_file).lighting.lights == ()
 
 
-@pytest.mark.parametrize(
-    ("light", "expected"),
-    [
-        ('[light]\nsky = "clear"', "light.sky: expected 'none', got 'clear'"),
-        ('[light]\nsky = "none"\n[sky]', "light.sky: expected no sun and no sky beside it"),
-    ],
-)
-def test_a_base_s_sky_is_left_out_by_one_word(tmp_path, light, expected):
-    with pytest.raises(SceneError, match=expected):
-        load_scene(_chain(tmp_path, "", light))
-
-
 def _towards(elevation_deg):
     angle = np.radians(elevation_deg)
     return np.array([np.cos(angle), 0.0, np.sin(angle)])
@@ -194,11 +163,8 @@ def test_a_level_surface_is_as_bright_as_asked(tmp_path, elevation_deg):
     assert lighting.ambient == (0.0, 0.0, 0.0)
 
 
-SUN = "[sun]\ntime = 2026-06-21T10:00:00Z\nlatitude_deg = 48.0\nlongitude_deg = 11.0\n"
-
-
 def test_a_clear_sky_stands_around_the_sun_of_its_table(tmp_path):
-    lighting = _load(tmp_path, f"brightness = 0.9\n{SUN}").lighting
+    lighting = _load(tmp_path, f"brightness = 0.9\n{NOON}").lighting
     (sun,) = lighting.lights
     pixels = lighting.environment.radiance
     row, column = np.unravel_index(pixels[:128].sum(axis=2).argmax(), (128, 512))
@@ -212,7 +178,7 @@ def test_a_clear_sky_stands_around_the_sun_of_its_table(tmp_path):
 
 def test_a_clear_sky_by_night_is_refused(tmp_path):
     with pytest.raises(SceneError, match="sky: expected a sun above the horizon"):
-        _load(tmp_path, SUN.replace("10:00", "23:00"))
+        _load(tmp_path, NOON.replace("10:00", "23:00"))
 
 
 @pytest.mark.parametrize("suffix", ["hdr", "exr"])
@@ -241,6 +207,8 @@ def test_a_map_is_turned_and_scaled(tmp_path, suffix):
         ("turbidity = 1", "sky.turbidity: expected a number ≥ 2, got 1"),
         ("sun_elevation_deg = -5", "sky.sun_elevation_deg: expected a number > 0, got -5"),
         ("brightness = 0", "sky.brightness: expected a number .*, got 0"),
+        ('[light]\nsky = "clear"', "light.sky: expected 'none', got 'clear'"),
+        ('[light]\nsky = "none"', "light.sky: expected no sun and no sky beside it"),
     ],
 )
 def test_a_bad_sky_is_one_line(tmp_path, sky, expected):

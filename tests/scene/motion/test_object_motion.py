@@ -22,9 +22,8 @@ TIMES_S = [0.37, 1.9, 2.5, 5.1, 8.3]
 
 
 @pytest.mark.parametrize("name", MOTIONS)
-@pytest.mark.parametrize("time_s", [-3.0, 0.0, *TIMES_S, 1e4])
-def test_poses_are_poses(name, time_s):
-    assert is_pose(MOTIONS[name].pose_at(time_s))
+def test_poses_are_poses(name):
+    assert all(is_pose(MOTIONS[name].pose_at(time_s)) for time_s in (-3.0, 0.0, *TIMES_S, 1e4))
 
 
 @pytest.mark.parametrize("name", ["path", "again", "orbit", "clockwise", "shuttle"])

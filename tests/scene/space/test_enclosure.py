@@ -1,21 +1,20 @@
 """Nodes that enclose a point, by hand."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
-from omnisim.scene.model import AlphaMode, Instance, Lighting, Material, Mesh, Scene, StartPose
+from omnisim.scene.model import AlphaMode, Material, Mesh
 from omnisim.scene.space.enclosure import enclosing_nodes
+from tests import scenes
 
 # The unit cube's corners and its sides, counter-clockwise from outside, z up.
 CORNERS = np.array([(x, y, z) for z in (-1, 1) for y in (-1, 1) for x in (-1, 1)], dtype=np.float32)
 SIDES = {
-    "bottom": (0, 2, 3, 1),
-    "top": (4, 5, 7, 6),
-    "front": (1, 3, 7, 5),
-    "back": (0, 4, 6, 2),
-    "left": (2, 6, 7, 3),
-    "right": (0, 1, 5, 4),
-}
+    "bottom": (0, 2, 3, 1), "top": (4, 5, 7, 6), "front": (1, 3, 7, 5), "back": (0, 4, 6, 2),
+    "left": (2, 6, 7, 3), "right": (0, 1, 5, 4),
+}  # fmt: skip
 
 
 PLAIN = (Material(),)
@@ -27,15 +26,15 @@ def halves(sides):
 
 def scene_of(parts, materials=PLAIN):
     """Scene of nodes: name, triangles of the cube, scale, center, material."""
-    meshes, instances = [], []
-    for k, (name, triangles, scale, center, material) in enumerate(parts):
-        matrix = np.diag((*np.broadcast_to(scale, 3).astype(float), 1.0))
-        matrix[:3, 3] = center
+    meshes, poses = [], []
+    for name, triangles, scale, center, material in parts:
         meshes.append(Mesh(name, CORNERS, triangles, material))
-        instances.append(Instance(name, k, matrix))
-    light = Lighting((1.0, 1.0, 1.0), ())
-    start = StartPose((0.0, 0.0, 0.0))
-    return Scene("a", tuple(meshes), materials, tuple(instances), light, (0.0,) * 3, start)
+        poses.append(np.diag((*np.broadcast_to(scale, 3).astype(float), 1.0)))
+        poses[-1][:3, 3] = center
+    scene = scenes.scene_of(meshes, materials, poses)
+    named = zip(scene.instances, meshes, strict=True)
+    instances = tuple(dataclasses.replace(one, name=mesh.name) for one, mesh in named)
+    return dataclasses.replace(scene, instances=instances)
 
 
 def box(name="box", scale=1.0, center=(0, 0, 0), sides=SIDES, material=0):

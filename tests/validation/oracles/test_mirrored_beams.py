@@ -7,7 +7,7 @@ pytest.importorskip("embreex", reason="embreex, which casts the beams, is missin
 
 from omnisim.rendering.rays import cast_beams
 from omnisim.validation import reflective_rooms
-from omnisim.validation.oracles.mirrored_beams import beam_measures
+from omnisim.validation.checks.traced_images import beam_measures
 
 
 def measures():

@@ -1,6 +1,6 @@
 """Mitsuba's rays, reflected by a mesh of metal, against ours, which know no mesh.
 
-Small scenes first, whose every color is known; then our own renderer.
+In small scenes, whose every color is known.
 """
 
 import dataclasses
@@ -8,19 +8,17 @@ import math
 
 import numpy as np
 import pytest
+from scipy.ndimage import map_coordinates
 
 from omnisim.cameras import HyperbolicCamera
 from omnisim.cameras.mirrors import HyperbolicMirror
-from omnisim.core.coordinate_frames import MIRROR_FROM_OPTICAL, RIG_FROM_OPTICAL_LOOKING_UP
+from omnisim.core.coordinate_frames import RIG_FROM_OPTICAL_LOOKING_UP
 from omnisim.core.errors import SceneError
 from omnisim.core.poses import pose
 from omnisim.core.srgb import linear_from_srgb
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.stage import open_sensor
-from omnisim.scene import load_scene
 from omnisim.scene.model import Material, Mesh, Texture, Wrap
 from omnisim.validation.image_differences import psnr_db
-from omnisim.validation.oracles.surfaces import opaque_only
 from tests.scenes import room, room_color, room_hit, scene_of
 
 mi = pytest.importorskip("mitsuba", reason="Mitsuba is an optional oracle")
@@ -59,11 +57,10 @@ def _expected(camera, world_from_optical, color_of_rays):
 @pytest.mark.parametrize(
     "world_from_optical",
     [
-        LOOKING_UP,
         pose((0.4, -0.3, 0.2), yaw_deg=35.0) @ LOOKING_UP,
         pose((-0.5, 0.6, -0.2), roll_deg=25.0, pitch_deg=-130.0, yaw_deg=70.0),
     ],
-    ids=["level", "turned", "any way"],
+    ids=["turned", "any way"],
 )
 def test_room_of_gradients(world_from_optical):
     """Each channel is a different axis of the room: no turn and no mirroring looks the same."""
@@ -80,41 +77,12 @@ def test_room_of_gradients(world_from_optical):
     assert difference.max() < 0.05
 
 
-@pytest.mark.slow
-def test_front_is_at_the_top_and_left_on_the_right():
-    corners = np.array([(0, 2, -1), (0.5, 2, -1), (0.5, 2, 0), (0, 2, 0)], dtype=np.float32)
-    quad = np.array([(0, 1, 2), (0, 2, 3)], dtype=np.uint32)
-    camera = _camera(64)
-    for yaw_deg, pixel in ((0.0, (55.0, 31.5)), (90.0, (31.5, 8.0))):
-        world_from_optical = pose(yaw_deg=yaw_deg) @ LOOKING_UP
-        traced = mitsuba_optics.trace_mirror(
-            scene_of([Mesh("on the left of yaw 0", corners, quad, 0)]),
-            camera,
-            world_from_optical,
-            4,
-        )
-        v, u = np.nonzero((traced[..., 0] > 0.5) & _inside(camera))
-        assert np.hypot(u.mean() - pixel[0], v.mean() - pixel[1]) < 6.0
-
-
 def _bilinear(pixels, coordinates, wrap):
     """Linear RGB (..., 3) of a texture at coordinates (..., 2), (0, 0) at its top left."""
-    height, width = pixels.shape[:2]
-    at = coordinates * (width, height) - 0.5
-    low = np.floor(at).astype(int)
-    share = at - low
-    linear = linear_from_srgb(pixels[..., :3] / 255.0)
-    total = 0.0
-    for right in (0, 1):
-        for down in (0, 1):
-            u, v = low[..., 0] + right, low[..., 1] + down
-            if wrap is Wrap.REPEAT:
-                u, v = u % width, v % height
-            u, v = np.clip(u, 0, width - 1), np.clip(v, 0, height - 1)
-            weight = np.where(right, share[..., 0], 1.0 - share[..., 0])
-            weight = weight * np.where(down, share[..., 1], 1.0 - share[..., 1])
-            total = total + weight[..., None] * linear[v, u]
-    return total
+    mode = "grid-wrap" if wrap is Wrap.REPEAT else "nearest"
+    at = np.moveaxis((coordinates * pixels.shape[1::-1] - 0.5)[..., ::-1], -1, 0)
+    channels = np.moveaxis(linear_from_srgb(pixels[..., :3] / 255.0), -1, 0)
+    return np.stack([map_coordinates(one, at, order=1, mode=mode) for one in channels], axis=-1)
 
 
 @pytest.mark.parametrize("wrap", list(Wrap))
@@ -208,39 +176,6 @@ def test_rays_as_traced():
     assert np.abs(errors_px.mean(axis=0)).max() < 0.0002  # nor is the image displaced
 
 
-def _facet_errors_px(camera, rings, sectors):
-    """Displacements of rays by facets with interpolated normals, over the image, float64."""
-    mirror = camera.mirror
-    vertices, triangles = mitsuba_optics.mirror_mesh(mirror, rings, sectors)
-    assert np.abs(mirror.equation_residual(vertices)).max() < 1e-12
-    corners, normals = vertices[triangles], mirror.normals(vertices)[triangles]
-    random = np.random.default_rng(0)
-    areas = np.linalg.norm(
-        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2:], axis=1
-    )
-    chosen = random.choice(len(triangles), 20000, p=areas / areas.sum())
-    weights = random.dirichlet((1.0, 1.0, 1.0), 20000)[:, :, None]
-    points = (corners[chosen] * weights).sum(axis=1)
-    normal = (normals[chosen] * weights).sum(axis=1)
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    seen = points - (0.0, 0.0, mirror.c_m)
-    reflected = seen - 2.0 * np.sum(seen * normal, axis=1, keepdims=True) * normal
-    optical = reflected @ MIRROR_FROM_OPTICAL
-    in_image = camera.focal_length_px * (seen @ MIRROR_FROM_OPTICAL)[:, :2] / -seen[:, 2:]
-    in_image += camera.principal_point_px
-    return np.linalg.norm(camera.pixel_from_ray(optical).positions_px - in_image, axis=1)
-
-
-def test_facets_are_fine_enough():
-    rings, sectors = mitsuba_scene.RINGS, mitsuba_scene.SECTORS
-    camera = _camera(512)
-    errors_px = _facet_errors_px(camera, rings, sectors)
-    assert errors_px.mean() < 0.0006
-    assert errors_px.max() < 0.0013
-    coarse_px = _facet_errors_px(camera, rings // 4, sectors // 4)
-    assert coarse_px.mean() / errors_px.mean() == pytest.approx(16.0, rel=0.1)
-
-
 @pytest.mark.slow
 def test_other_mirrors():
     """A wide rim, and the plane mirror, which Eq. 1 has as its limit."""
@@ -252,20 +187,3 @@ def test_other_mirrors():
         traced = mitsuba_optics.trace_mirror(scene_of([room()]), camera, LOOKING_UP, 16)
         ours = _expected(camera, LOOKING_UP, lambda rays: room_color(room_hit(np.zeros(3), rays)))
         assert np.abs(traced - ours)[_inside(camera)].mean() < 0.05 / 255.0
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("needs_opengl")
-def test_courtyard():
-    """Our image, averaged to have each pixel's area, is the one that the real mirror shows."""
-    scene = opaque_only(load_scene("courtyard", sky="none"))
-    fine = OmniCamera(polygons=None).resized(8 * SIZE_PX)
-    base = fine.base_pose(scene.start.position_m, yaw_deg=20.0)
-    with open_sensor(scene, fine, unlit=True) as renderer:
-        ours = renderer.render(base, linear=True).linear[..., :3].astype(np.float64)
-    ours = ours.reshape(SIZE_PX, 8, SIZE_PX, 8, 3).mean(axis=(1, 3))
-    camera = _camera()
-    traced = mitsuba_optics.trace_mirror(scene, camera, base @ fine.base_from_rig @ LOOKING_UP, 64)
-    # Measured: 44.3 dB, of which the noise of 64 samples allows 46.5. A tenth of a pixel to one
-    # side leaves 36 dB, the mirror image 14 dB.
-    assert psnr_db(ours, traced, _inside(camera)) > 43.0

@@ -29,31 +29,28 @@ def _heights(scene, height_m):
     ]
 
 
-def test_backs_are_left_out():
-    scene = scene_of([_floor()], [Material()])
-    assert np.allclose(_heights(scene, 0.5), [0.5])
-    assert _heights(scene, -0.5) == []
-    # some of the mirror may still be on the front's side
-    assert np.allclose(_heights(scene, -0.5 * REACH_M), [-0.5 * REACH_M])
-
-
-def test_two_sides_show_the_one_that_is_seen():
-    scene = scene_of([_floor()], [Material(double_sided=True)])
-    assert np.allclose(_heights(scene, 0.5), [0.5])
-    assert np.allclose(_heights(scene, -0.5), [0.5])
-
-
-def test_a_mirrored_instance_keeps_its_front_outside():
-    # upside down by a reflection: what looked up looks down
-    scene = scene_of([_floor()], [Material()], [np.diag([1.0, 1.0, -1.0, 1.0])])
-    assert _heights(scene, 0.5) == []
-    assert np.allclose(_heights(scene, -0.5), [0.5])
+@pytest.mark.parametrize(
+    ("material", "poses", "height_m", "seen"),
+    [
+        (Material(), None, 0.5, [0.5]),
+        (Material(), None, -0.5, []),
+        # some of the mirror may still be on the front's side
+        (Material(), None, -0.5 * REACH_M, [-0.5 * REACH_M]),
+        (Material(double_sided=True), None, 0.5, [0.5]),
+        (Material(double_sided=True), None, -0.5, [0.5]),
+        # upside down by a reflection: what looked up looks down
+        (Material(), [np.diag([1.0, 1.0, -1.0, 1.0])], 0.5, []),
+        (Material(), [np.diag([1.0, 1.0, -1.0, 1.0])], -0.5, [0.5]),
+    ],
+)
+def test_the_side_that_is_seen_is_shown_and_backs_are_left_out(material, poses, height_m, seen):
+    scene = scene_of([_floor()], [material], *([] if poses is None else [poses]))
+    np.testing.assert_allclose(_heights(scene, height_m), seen)
 
 
 def test_corners_keep_their_colors_and_coordinates_when_turned():
     mesh = dataclasses.replace(
-        _floor(),
-        colors=np.concatenate((np.eye(3), np.ones((3, 1))), axis=1).astype(np.float32),
+        _floor(), colors=np.concatenate((np.eye(3), np.ones((3, 1))), axis=1).astype(np.float32)
     )
     scene = scene_of([mesh], [Material(double_sided=True)])
     (surface,) = visible_surfaces(scene, np.array([0.0, 0.0, -1.0]), REACH_M)

@@ -13,16 +13,7 @@ from omnisim.apps.cli.cameras.requests import ConvertRequest, ShowRequest
 from omnisim.apps.cli.console import out, pluralize, print_note, table
 from omnisim.apps.cli.options import refuse_given
 from omnisim.cameras import CAMERA_MODELS, CentralCamera, NonCentralCamera
-from omnisim.cameras.calibration import (
-    FORMATS,
-    CalibratedCamera,
-    Calibration,
-    calibration_of,
-    check_calibration_suffix,
-    find_pose,
-    load_calibration,
-    save_calibration,
-)
+from omnisim.cameras import calibration as calibrations
 from omnisim.cameras.calibration.calibrated_camera import OPTICS, CentralError
 from omnisim.cameras.calibration.calibration_formats import format_named
 from omnisim.cameras.calibration.metadata import is_catadioptric
@@ -41,7 +32,7 @@ _SCENES = (".glb", ".gltf", ".usd", ".usda", ".usdc", ".usdz", ".mjcf")
 def list_formats() -> None:
     """Print a table of the calibration formats."""
     shown = table("format", "what", "file", "cameras", "models stored exactly")
-    for form in FORMATS.values():
+    for form in calibrations.FORMATS.values():
         is_general = len(form.models) == len(CAMERA_MODELS)
         models = "all" if is_general else ", ".join(model.model_name for model in form.models)
         several = "several" if form.several else "one"
@@ -53,7 +44,7 @@ def list_formats() -> None:
 def convert(request: ConvertRequest) -> None:
     """Write a calibration in another format and print its residuals."""
     form = format_named(request.to)
-    check_calibration_suffix(request.output, form.name)
+    calibrations.check_calibration_suffix(request.output, form.name)
     check_target(request.output)
     source, more_distances_m = _source(request)
     check_distinct({"what is written": request.output}, {"the file to convert": source})
@@ -71,8 +62,8 @@ def convert(request: ConvertRequest) -> None:
     read = read_calibration(source, request.camera_name, request.format, request.mirrored)
     if not form.several:
         read = select_camera(read, request.camera_name)
-    written = save_calibration(read, request.output, request.to, request.model)
-    out.print(f"{request.output}: {FORMATS[request.to].title}")
+    written = calibrations.save_calibration(read, request.output, request.to, request.model)
+    out.print(f"{request.output}: {calibrations.FORMATS[request.to].title}")
     for before, after in zip(read.cameras, written.cameras, strict=True):
         out.print(f"  {_conversion(before, after)}")
         for note in after.notes:
@@ -113,9 +104,9 @@ def _convert_optics(
         distances_m=(*(request.at_distance or ()), *more_distances_m) or DISTANCES_M,
         source=str(source),
     )
-    (written,) = save_calibration(fitted, request.output, request.to).cameras
-    out.print(f"{request.output}: {FORMATS[request.to].title}")
-    pose, residuals = find_pose(written.poses, OPTICS, written.name), written.residuals
+    (written,) = calibrations.save_calibration(fitted, request.output, request.to).cameras
+    out.print(f"{request.output}: {calibrations.FORMATS[request.to].title}")
+    pose, residuals = calibrations.find_pose(written.poses, OPTICS, written.name), written.residuals
     assert pose is not None
     assert residuals is not None
     out.print(f"  {_conversion(dataclasses.replace(written, residuals=None), written)}")
@@ -157,7 +148,7 @@ def show(request: ShowRequest) -> None:
 
 def read_calibration(
     path: Path, camera_name: str | None, format: str | None, mirrored: bool | None
-) -> Calibration:
+) -> calibrations.Calibration:
     """Read a calibration from a calibration file, a sensor file or an image."""
     if path.suffix.lower() in _SCENES and format is None:
         from omnisim.scene import read_scene  # calibrations seldom are scenes
@@ -169,11 +160,11 @@ def read_calibration(
             camera
             for mounted in scene.cameras
             if mounted.lens is not None
-            for camera in calibration_of(mounted.lens, mounted.name).cameras
+            for camera in calibrations.calibration_of(mounted.lens, mounted.name).cameras
         ]
         if not cameras:
             raise CalibrationError(f"{path}: expected a camera with a lens, got a scene without")
-        return Calibration(tuple(cameras), "scene", str(path))
+        return calibrations.Calibration(tuple(cameras), "scene", str(path))
     camera = None if format is not None else _own_camera(path)
     if camera is not None:
         if camera_name is not None:
@@ -183,11 +174,15 @@ def read_calibration(
         if isinstance(camera, NonCentralCamera):
             hint = "`omnisim calibration convert` fits one to it"
             raise CalibrationError(f"{path}: expected a central camera, got optics: {hint}")
-        return Calibration(calibration_of(camera, "camera").cameras, "omnisim", str(path))
-    return load_calibration(path, format, camera_name, mirrored)
+        return calibrations.Calibration(
+            calibrations.calibration_of(camera, "camera").cameras, "omnisim", str(path)
+        )
+    return calibrations.load_calibration(path, format, camera_name, mirrored)
 
 
-def select_camera(calibration: Calibration, name: str | None) -> Calibration:
+def select_camera(
+    calibration: calibrations.Calibration, name: str | None
+) -> calibrations.Calibration:
     """Reduce a calibration to one camera: the named one, or the first with a note."""
     if name is None and len(calibration.cameras) > 1:
         names = ", ".join(calibration.names)
@@ -215,7 +210,7 @@ def _own_camera(path: Path) -> CentralCamera | None:
         raise CalibrationError(f"{path}: {reason}") from None
 
 
-def _conversion(before: CalibratedCamera, after: CalibratedCamera) -> str:
+def _conversion(before: calibrations.CalibratedCamera, after: calibrations.CalibratedCamera) -> str:
     """Summarize a camera's conversion: name, model, residual."""
     name = after.name if before.name == after.name else f"{after.name} (was {before.name})"
     is_mirror = after.mirrored or (
@@ -232,7 +227,7 @@ def _conversion(before: CalibratedCamera, after: CalibratedCamera) -> str:
     )
 
 
-def _rows(calibrated: CalibratedCamera) -> list[tuple[str, str]]:
+def _rows(calibrated: calibrations.CalibratedCamera) -> list[tuple[str, str]]:
     """Table rows of a camera's model, parameters and domain, and of its poses and fit."""
     camera = calibrated.camera
     parameters = camera.parameters()

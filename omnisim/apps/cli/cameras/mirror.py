@@ -14,7 +14,7 @@ from omnisim.core.errors import OpticsError
 from omnisim.core.files.atomic_file import check_distinct, check_target
 from omnisim.rendering.camera.omnicamera import PAPER_POLYGONS, OmniCamera
 from omnisim.rendering.camera.quality import auto_polygons
-from omnisim.scene.formats.mesh.mesh_files import check_mesh_target, write_mirror
+from omnisim.scene.formats.mesh.other_formats import check_mesh_target, write_mirror
 
 
 def run(request: MirrorRequest) -> None:

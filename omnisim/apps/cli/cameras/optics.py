@@ -14,17 +14,12 @@ from omnisim.apps.cli.cameras.calibration import error_table
 from omnisim.apps.cli.console import out, pluralize, table
 from omnisim.cameras import summary
 from omnisim.cameras.calibration.ray_table import write_ray_table
+from omnisim.cameras.optics import system_file
 from omnisim.cameras.optics.centrality import DISTANCES_M, lateral_color_px, measure_centrality
 from omnisim.cameras.optics.profiles import Design, sampled, write_profile
 from omnisim.cameras.optics.surface import Fate, Surface
 from omnisim.cameras.optics.system import OpticalSystem
 from omnisim.cameras.optics.system_calibration import calibrate_system, read_corners
-from omnisim.cameras.optics.system_file import (
-    input_files,
-    parse_optics,
-    read_optics_file,
-    read_optics_tables,
-)
 from omnisim.core.arrays import Floats
 from omnisim.core.errors import OpticsError
 from omnisim.core.files.atomic_file import check_distinct, check_suffix, check_target, write_text
@@ -33,7 +28,7 @@ from omnisim.core.short_repr import counted, number_text
 
 _FATES = {
     Fate.OUTSIDE: "outside the lens's own image",
-    Fate.MISSED: "pass a surface",
+    Fate.MISSED: "miss a surface",
     Fate.RIM: "outside a rim or in a hole",
     Fate.TOTAL_REFLECTION: "totally reflected",
     Fate.SHADOWED: "shadowed",
@@ -42,7 +37,7 @@ _FATES = {
 
 def check(request: requests.OpticsCheckRequest) -> None:
     """Print the shares of pixels by ray outcome, and the errors of a central model by distance."""
-    system = read_optics_file(request.system)
+    system = system_file.read_optics_file(request.system)
     distances_m = (*(request.at_distance or ()), *(request.more_distances or ()))
     centrality = measure_centrality(system, distances_m or DISTANCES_M)
     out.print(f"{request.system}: {_summary(system)}")
@@ -75,7 +70,7 @@ def plot(request: requests.OpticsPlotRequest) -> None:
 
     check_plot_target(request.output)
     _check_distinct(request.output, request.system)
-    system = read_optics_file(request.system)
+    system = system_file.read_optics_file(request.system)
     write_plot(request.output, optics_figure(request.system.name, system))
     out.print(f"{request.output}: {_summary(system)}")
 
@@ -85,7 +80,7 @@ def rays(request: requests.OpticsRaysRequest) -> None:
     check_suffix(request.output, ".exr")
     check_target(request.output)
     _check_distinct(request.output, request.system)
-    system = read_optics_file(request.system)
+    system = system_file.read_optics_file(request.system)
     if request.color is not None:
         system = system.of_color(request.color)
     write_ray_table(request.output, system)
@@ -121,7 +116,7 @@ def design(request: requests.OpticsDesignRequest) -> None:
     if is_system:
         text = target.system_toml(profile_file.name, request.size_px or requests.DESIGN_SIZE_PX)
         write_text(request.output, text)
-        out.print(f"{request.output}: {_summary(read_optics_file(request.output))}")
+        out.print(f"{request.output}: {_summary(system_file.read_optics_file(request.output))}")
 
 
 def profile(request: requests.OpticsProfileRequest) -> None:
@@ -136,7 +131,7 @@ def write_profile_of(
     path: Path, number: int, output: Path, points: int = requests.PROFILE_POINTS
 ) -> None:
     """Write the profile of a surface of an optical system, and print its size."""
-    surface = read_optics_file(path).surface(number, str(path))
+    surface = system_file.read_optics_file(path).surface(number, str(path))
     if math.isinf(surface.visible_radius_m):
         raise OpticsError(f"{path}: surfaces.{number}.rim_radius_m: missing")
     write_surface_profile(output, surface, points)
@@ -158,7 +153,7 @@ def write_surface_profile(
 
 
 def _check_distinct(output: Path, system: Path) -> None:
-    check_distinct({"what is written": output}, input_files(system))
+    check_distinct({"what is written": output}, system_file.input_files(system))
 
 
 def _summary(system: OpticalSystem) -> str:
@@ -176,8 +171,8 @@ def calibrate(request: requests.OpticsCalibrateRequest) -> None:
         {"what is written": request.output},
         {"the optics file": request.system, "the corners' file": request.corners},
     )
-    file = read_optics_tables(request.system)
-    parse_optics(*file)  # reports faults with the names of the keys
+    file = system_file.read_optics_tables(request.system)
+    system_file.parse_optics(*file)  # reports faults with the names of the keys
     keys = [key.strip() for key in request.free.split(",")]
     boards = read_corners(request.corners)
     fit = calibrate_system(file.table, keys, boards, file.source)

@@ -6,12 +6,7 @@ import json
 import math
 
 from omnisim.apps.cli.console import out, pluralize, print_note, track
-from omnisim.apps.cli.datasets.requests import (
-    DatasetCheckRequest,
-    DatasetConvertRequest,
-    DatasetInfoRequest,
-    DatasetViewRequest,
-)
+from omnisim.apps.cli.datasets import requests
 from omnisim.apps.cli.options import refuse_given
 from omnisim.core.errors import OutputError, did_you_mean
 from omnisim.core.files.atomic_file import check_distinct, check_target
@@ -24,7 +19,7 @@ from omnisim.plots.sample_sheet import SampleTiles, channel_tile, sample_sheet
 from omnisim.sensors.sensor_table import FOLDER_NAME
 
 
-def info(request: DatasetInfoRequest) -> None:
+def info(request: requests.DatasetInfoRequest) -> None:
     """Print the statistics of a data set."""
     manifest = read_manifest(request.folder)
     if request.json:
@@ -46,7 +41,7 @@ def info(request: DatasetInfoRequest) -> None:
         out.print(f"{name:12} {value}")
 
 
-def check(request: DatasetCheckRequest) -> None:
+def check(request: requests.DatasetCheckRequest) -> None:
     """Compare the hash of every shard with the manifest."""
     manifest = read_manifest(request.folder)
     count = len(manifest.shards)
@@ -55,7 +50,7 @@ def check(request: DatasetCheckRequest) -> None:
     out.print(f"{request.folder}: {pluralize(count, 'shard')}, as in {MANIFEST}")
 
 
-def convert(request: DatasetConvertRequest) -> None:
+def convert(request: requests.DatasetConvertRequest) -> None:
     """Write a data set in another layout."""
     if request.to not in LAYOUTS:
         raise OutputError(f"--to {request.to!r}: {did_you_mean(request.to, LAYOUTS)}")
@@ -100,7 +95,7 @@ def _splits(text: str | None) -> dict[str, float]:
     return splits
 
 
-def view(request: DatasetViewRequest) -> None:
+def view(request: requests.DatasetViewRequest) -> None:
     """Write a sheet of samples and their channels."""
     check_target(request.output)
     check_distinct({"-o": request.output}, {"the manifest": request.folder / MANIFEST})

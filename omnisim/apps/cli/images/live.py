@@ -20,8 +20,7 @@ from omnisim.apps.cli.options import flag_of, refuse_given, words_of
 from omnisim.apps.live.camera_document import CameraDocument, SceneInLight
 from omnisim.apps.live.live import LivePage
 from omnisim.apps.live.live import run as run_page
-from omnisim.apps.live.live_source import LiveSettings
-from omnisim.apps.live.run_source import RunSource
+from omnisim.apps.live.live_source import LiveSettings, RunSource
 from omnisim.apps.live.viewpoint_motion import Place
 from omnisim.core.errors import OutputError
 from omnisim.robots.vehicle import Vehicle

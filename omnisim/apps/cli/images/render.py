@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -108,8 +108,9 @@ def run(request: RenderRequest) -> None:
             other: WorldState({own_name: at.base_of(camera)}, time_s + SIGNS[other] * interval_s)
             for other, at in others.items()
         }
+        state = WorldState({own_name: base}, time_s)
         frame = renderer.render(
-            WorldState({own_name: base}, time_s),
+            state,
             linear=is_float,
             also=rendered,
             boxes_3d=request.truth.boxes_3d,
@@ -118,12 +119,27 @@ def run(request: RenderRequest) -> None:
             motion=lambda now_s: twist(now_s - time_s),
         )
         faces = {} if request.files.faces is None else renderer.faces()
+        counted = renderer.statistics(state) if request.statistics else None
     kept = {name: values for name, values in frame.channels.items() if name in channels}
     saved = frame if overlay is None else dataclasses.replace(frame, channels=kept)
     saved.save(request.output, request.flow.preview, channel_format)
     size = f"{camera.model.width_px} × {camera.model.height_px} px"
     out.print(f"{request.output}: {size}, {camera.mesh_summary}, from {viewpoint}")
+    if counted is not None:
+        rest = f"{counted.drawn:,} drawn by the virtual cameras, {counted.seen:,} seen"
+        if backend == "rays":
+            rest = f"{counted.seen:,} seen; drawn: not available, as --backend rays draws none"
+        out.print(f"{request.output}: triangles: {counted.submitted:,} submitted, {rest}")
     _write_other_files(request, camera, frame, base, faces)
+    _print_truth(request, frame, channels, others)
+
+
+def _print_truth(
+    request: RenderRequest,
+    frame: Frame,
+    channels: Collection[str],
+    others: Mapping[str, inputs.Viewpoint],
+) -> None:
     if channels:
         flows = ""
         for other, at in others.items():
@@ -135,7 +151,9 @@ def run(request: RenderRequest) -> None:
     if request.truth.boxes_3d and frame.boxes_3d is not None:
         boxes = pluralize(len(frame.boxes_3d), "instance")
         out.print(f"{sidecar_path(request.output, BOXES_3D)}: 3-D boxes of {boxes}")
-    if "range" in channels and not is_float and channel_format is not ChannelFormat.NPY:
+    form = inputs.parse_channel_format(request.truth.channel_format, channels)
+    is_png = form is not ChannelFormat.NPY and not is_float_format(request.output)
+    if "range" in channels and is_png:
         steps_per_m = range_steps_per_m(frame.channels["range"])
         if steps_per_m < FINEST_RANGE_STEPS_PER_M:
             print_note(
@@ -148,7 +166,8 @@ def _adjusted(request: RenderRequest, camera: OmniCamera) -> OmniCamera:
     image, truth = request.image, request.truth
     if request.files.faces is not None:
         check_central(camera.model, "--faces")
-    if isinstance(camera.model, NonCentralCamera) and (truth.also or truth.boxes_3d):
+    needs_hits = truth.also or truth.boxes_3d or request.statistics
+    if isinstance(camera.model, NonCentralCamera) and needs_hits:
         require_extra("rays", "ground truth of an optical system")
     degradation = inputs.read_preset(image.preset)
     if degradation is not None:

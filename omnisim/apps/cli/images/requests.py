@@ -93,6 +93,8 @@ class RenderRequest:
     viewpoint: CameraViewpointOptions
     truth: groups.TruthOptions
     flow: FlowOptions
+    statistics: bool = False
+    """Also print how many triangles of the scene were submitted, drawn and seen in the image."""
     gpu: groups.BackendOptions
 
 

@@ -19,15 +19,7 @@ from omnisim.core.files.image_files import is_float_format, write_image
 from omnisim.core.short_repr import number_text
 from omnisim.core.srgb import linear_from_srgb8, srgb8_from_linear
 from omnisim.core.version import __version__
-from omnisim.ground_truth import Labels, check_channels, parse_channels
-from omnisim.ground_truth.channel_files import (
-    ChannelFormat,
-    StoredChannels,
-    sidecar_path,
-    write_boxes,
-    write_exr,
-    write_sidecars,
-)
+from omnisim.ground_truth import Labels, channel_files, check_channels, parse_channels
 from omnisim.perception import unwarping
 from omnisim.perception.unwarping import ChannelUnwarping, Unwarping, View
 from omnisim.rendering.camera.captured_image import CapturedImage, read_captured_image
@@ -56,7 +48,10 @@ def run(request: UnwarpRequest) -> None:
     check_target(request.output)
     check_distinct({"the view": request.output}, {"the image itself": request.source})
     if request.also is not None:
-        files = (sidecar_path(path, "channels.json") for path in (request.output, request.source))
+        files = (
+            channel_files.sidecar_path(path, "channels.json")
+            for path in (request.output, request.source)
+        )
         check_distinct({"the view's channels": next(files)}, {"the image's channels": next(files)})
     camera = None if request.camera == ImageCameraOptions() else read_camera(request.camera)
     distance_m = math.inf if request.right_at is None else request.right_at
@@ -94,13 +89,15 @@ def run(request: UnwarpRequest) -> None:
         fits = is_float or colors.dtype == np.uint8
         row[:, :3] = color_row if fits else srgb8_from_linear(color_row)
     pixels[..., 3] = np.where(unwarp.valid, 1.0 if is_float else 255, 0)
-    if channels and is_float and channel_format is not ChannelFormat.NPY:
-        write_exr(request.output, channels, labels, metadata, pixels)
+    if channels and is_float and channel_format is not channel_files.ChannelFormat.NPY:
+        channel_files.write_exr(request.output, channels, labels, metadata, pixels)
     else:
         write_image(request.output, pixels, metadata)
-    if channels and not (is_float and channel_format is ChannelFormat.AUTO):
-        write_sidecars(request.output, channels, labels, metadata, has_ray, channel_format)
-    write_boxes(request.output, channels, labels)
+    if channels and not (is_float and channel_format is channel_files.ChannelFormat.AUTO):
+        channel_files.write_sidecars(
+            request.output, channels, labels, metadata, has_ray, channel_format
+        )
+    channel_files.write_boxes(request.output, channels, labels)
     masked, total = int(np.count_nonzero(~unwarp.valid)), unwarp.valid.size
     summary = f"{request.output}: {request.kind}, {width} × {height} px"
     if masked:
@@ -123,7 +120,7 @@ def _channels(
     """Requested channels of the view, their labels, and the mask of pixels with a ray."""
     if request.also is None:
         return {}, None, np.zeros(0, dtype=np.bool_)
-    stored = StoredChannels(request.source, taken.metadata)
+    stored = channel_files.StoredChannels(request.source, taken.metadata)
     wants_all = "all" in request.also.lower().split(",")
     names = stored.names if wants_all else parse_channels(request.also)
     sources = {"position"} if "z" in names and "position" in stored.names else set()
@@ -147,7 +144,18 @@ def _view(request: UnwarpRequest, taken: CapturedImage) -> View:
         pitch = math.radians(request.pitch_deg or 0.0)
         return unwarping.perspective_view(width, height, math.radians(field_deg), yaw, pitch)
     if request.kind == "cylinder":
-        return _cylinder(request, taken, yaw)
+        # the width equals the circumference of the largest circle in the image
+        width = request.size_px[0] if request.size_px else max(8, round(math.pi * side))
+        highest_deg = unwarping.highest_elevation_deg(taken.camera, taken.base_from_optical)
+        low, high = request.elevation_deg or (-45.0, highest_deg)
+        view = unwarping.cylinder_view(width, math.radians(low), math.radians(high), yaw)
+        if request.size_px and view.camera.height_px != height:
+            raise OpticsError(
+                f"--size: expected {width} × {view.camera.height_px} for a cylinder from "
+                f"{number_text(low)}° to {number_text(high)}°, got {width} × {height}: "
+                "change the size or --elevation"
+            )
+        return view
     height_m = request.height_m
     if height_m is None:
         remedy = "pass --height METERS"
@@ -163,19 +171,3 @@ def _view(request: UnwarpRequest, taken: CapturedImage) -> View:
         raise OpticsError(f"--size: {got}")
     extent_m = 4.0 * height_m if request.extent_m is None else request.extent_m
     return unwarping.birdseye_view(width, extent_m, height_m, yaw)
-
-
-def _cylinder(request: UnwarpRequest, taken: CapturedImage, yaw: float) -> View:
-    side = min(taken.camera.width_px, taken.camera.height_px)
-    # the width equals the circumference of the largest circle in the image
-    width = request.size_px[0] if request.size_px else max(8, round(math.pi * side))
-    highest_deg = unwarping.highest_elevation_deg(taken.camera, taken.base_from_optical)
-    low, high = request.elevation_deg or (-45.0, highest_deg)
-    view = unwarping.cylinder_view(width, math.radians(low), math.radians(high), yaw)
-    if request.size_px and view.camera.height_px != request.size_px[1]:
-        raise OpticsError(
-            f"--size: expected {width} × {view.camera.height_px} for a cylinder from "
-            f"{number_text(low)}° to {number_text(high)}°, got {width} × {request.size_px[1]}: "
-            "change the size or --elevation"
-        )
-    return view

@@ -10,7 +10,11 @@ import numpy as np
 
 from omnisim.apps.cli.console import out, pluralize, print_note, track
 from omnisim.apps.cli.inputs import note_lighting
-from omnisim.apps.cli.measure.measured_files import check_size, read_board_shape
+from omnisim.apps.cli.measure.measured_files import (
+    check_size,
+    measured_sections,
+    read_board_shape,
+)
 from omnisim.apps.cli.measure.requests import MeasureCompareRequest
 from omnisim.apps.cli.options import refuse_given
 from omnisim.cameras.calibration.calibration import Rig, RigCamera
@@ -18,7 +22,6 @@ from omnisim.core.errors import MeasurementError
 from omnisim.core.extras import require_extra
 from omnisim.measurement.comparison import (
     Comparison,
-    ImageComparison,
     compare_images,
     compare_scene,
     compare_scene_images,
@@ -39,7 +42,6 @@ if TYPE_CHECKING:
 
 _SHOWN = 6  # images in the report
 _BIAS_PX, _LEVELS, _RISE_PERCENT, _NOISE = 0.05, 4.0, 15.0, 0.5
-_BOARD_ONLY = ("mirrored",)
 _SCENE_ONLY = ("trajectory", "trajectory_frame", "axes", "exposure_ev")
 
 
@@ -50,11 +52,19 @@ def compare(request: MeasureCompareRequest) -> bool:
     """
     require_extra("measure", "omnisim measure compare", MeasurementError)
     require_extra("reports", "omnisim measure compare", MeasurementError)
-    from omnisim.apps.cli.measure.measured_sections import measured_sections
     from omnisim.report.report import Report, check_report_target
 
     check_report_target(request.output)
-    _check_subject(request)
+    if (request.board is None) == (request.scene is None):
+        actual = "neither" if request.board is None else "both"
+        raise MeasurementError(f"--board, --scene: expected one of them, got {actual}")
+    if request.board is not None:
+        refuse_given(request, "requires --scene", *_SCENE_ONLY, error=MeasurementError)
+    else:
+        refuse_given(request, "requires --board", "mirrored", error=MeasurementError)
+        if request.trajectory is None:
+            expected = "requires --trajectory, a file with the pose of each image"
+            raise MeasurementError(f"--scene: {expected}")
     parts = measured_sections(request.sensor)
     sensor = OmniCamera.from_file(request.sensor)
     if request.board is not None:
@@ -71,25 +81,13 @@ def compare(request: MeasureCompareRequest) -> bool:
     return report.passed
 
 
-def _check_subject(request: MeasureCompareRequest) -> None:
-    if (request.board is None) == (request.scene is None):
-        actual = "neither" if request.board is None else "both"
-        raise MeasurementError(f"--board, --scene: expected one of them, got {actual}")
-    if request.board is not None:
-        refuse_given(request, "requires --scene", *_SCENE_ONLY, error=MeasurementError)
-        return
-    refuse_given(request, "requires --board", *_BOARD_ONLY, error=MeasurementError)
-    if request.trajectory is None:
-        raise MeasurementError("--scene: requires --trajectory, a file with the pose of each image")
-
-
 def _compare_board(
     request: MeasureCompareRequest, board_text: str, sensor: OmniCamera
 ) -> ComparisonSummary:
     board = read_board(board_text)
     board_m = read_board_shape(request.sensor)
     files = image_files(request.images)
-    compared: list[ImageComparison] = []
+    compared = []
     notes = []  # printed when all files are read: readers silence the process's standard error
     searches = find_boards(files, board, request.mirrored)
     for file, search in zip(track(files, "Images"), searches, strict=True):

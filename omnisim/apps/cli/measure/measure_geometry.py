@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import tomllib
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -64,8 +64,9 @@ def geometry(request: MeasureGeometryRequest) -> None:
             views, size_px, mirrored=request.mirrored, models=models, is_flat=is_flat
         )
     else:
-        check_size(request.images, size_px, optics.system, optics.file.source)
-        measured = measure_optics(optics.file.table, optics.free, views, optics.file.source)
+        file, free, system = optics
+        check_size(request.images, size_px, system, file.source)
+        measured = measure_optics(file.table, free, views, file.source)
     rejected = [*rejected, *measured.rejected]
     boards = [BoardCorners(view.points_m, view.pixels_px) for view in measured.views]
     write_corners(corners, boards)
@@ -89,15 +90,10 @@ def geometry(request: MeasureGeometryRequest) -> None:
     _print(measured, rejected)
 
 
-class _Optics(NamedTuple):
+def _read_optics(
+    request: MeasureGeometryRequest,
+) -> tuple[OpticsTables, list[str], OpticalSystem] | None:
     """Optics to fit: the file's table, keys of the free parameters, and the system."""
-
-    file: OpticsTables
-    free: list[str]
-    system: OpticalSystem
-
-
-def _read_optics(request: MeasureGeometryRequest) -> _Optics | None:
     if request.optics is None:
         if request.free:
             raise MeasurementError("--free: expected --optics, whose keys it names")
@@ -112,7 +108,7 @@ def _read_optics(request: MeasureGeometryRequest) -> _Optics | None:
         free = FreeParameters(file.table, request.free, str(request.optics)).names
     except OpticsError as reason:
         raise MeasurementError(str(reason)) from None
-    return _Optics(file, free, system)
+    return file, free, system
 
 
 def _views(
@@ -148,18 +144,16 @@ def _views(
 def _details(measured: MeasuredGeometry, rejected: Sequence[RejectedImage]) -> dict[str, Any]:
     starts = np.cumsum([0, *(len(view.points_m) for view in measured.views)])
     squared = np.square(measured.errors_px).sum(axis=1)
-    images = []
-    for view, first, last, pose in zip(
-        measured.views, starts[:-1], starts[1:], measured.poses, strict=True
-    ):
-        images.append(
-            {
-                "name": view.name,
-                "corners": len(view.points_m),
-                "rms_px": math.sqrt(float(squared[first:last].mean())),
-                "optical_from_board": pose.tolist(),
-            }
-        )
+    parts = zip(measured.views, starts[:-1], starts[1:], measured.poses, strict=True)
+    images = [
+        {
+            "name": view.name,
+            "corners": len(view.points_m),
+            "rms_px": math.sqrt(float(squared[first:last].mean())),
+            "optical_from_board": pose.tolist(),
+        }
+        for view, first, last, pose in parts
+    ]
     pixels_px = np.concatenate([view.pixels_px for view in measured.views])
     return {
         "model": measured.model,

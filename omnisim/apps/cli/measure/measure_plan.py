@@ -13,11 +13,11 @@ import pydantic
 from pydantic import Field
 
 from omnisim.apps.cli.console import out
+from omnisim.apps.cli.measure import measured_files as files
 from omnisim.apps.cli.measure import requests
 from omnisim.apps.cli.measure.measure_compare import compare
 from omnisim.apps.cli.measure.measure_geometry import geometry
 from omnisim.apps.cli.measure.measure_sensor import noise, response, sharpness, timing
-from omnisim.apps.cli.measure.measured_files import check_outputs, mark_inputs, read_reports
 from omnisim.apps.cli.options import request_fields
 from omnisim.core.errors import MeasurementError
 from omnisim.core.extras import require_extra
@@ -49,7 +49,7 @@ def plan(request: requests.MeasurePlanRequest) -> bool:
     from omnisim.report.report import Report, check_report_target
 
     folder = request.output.with_name(f"{request.output.stem}-report")
-    check_outputs(request.output, request.sensor)
+    files.check_outputs(request.output, request.sensor)
     if request.sensor is not None and request.sensor.resolve() == request.output.resolve():
         raise MeasurementError(f"--sensor: {request.sensor} is the file to write: expected another")
     check_report_target(folder)
@@ -64,13 +64,13 @@ def plan(request: requests.MeasurePlanRequest) -> bool:
         if name not in tables:
             continue
         digest = _digest(digest, tables[name])
-        if read_reports(request.output).get(name, {}).get("inputs") == digest:
+        if files.read_reports(request.output).get(name, {}).get("inputs") == digest:
             out.print(f"{name}: measured before")
         else:
             out.print(name, style="bold")
             with _named(f"{request.plan}: {name}"):
                 measure(request_of(**tables[name], output=request.output, sensor=sensor))
-            mark_inputs(request.output, name, digest)
+            files.mark_inputs(request.output, name, digest)
         sensor = request.output
     if _COMPARE in tables:
         out.print(_COMPARE, style="bold")
@@ -79,9 +79,8 @@ def plan(request: requests.MeasurePlanRequest) -> bool:
                 **tables[_COMPARE], output=folder, sensor=request.output
             )
             return compare(compared)
-    from omnisim.apps.cli.measure.measured_sections import measured_sections
 
-    sections = measured_sections(request.output)
+    sections = files.measured_sections(request.output)
     Report("Measured camera", "", sections, {"sensor": request.output.name}).write(folder)
     out.print(f"{folder}: written")
     return True
@@ -152,8 +151,7 @@ def _digest(before: str, table: Mapping[str, Any]) -> str:
         if not is_path:
             continue
         value = without_topic(value)
-        files = sorted(value.rglob("*")) if value.is_dir() else [value]
-        for file in files:
+        for file in sorted(value.rglob("*")) if value.is_dir() else [value]:
             if file.is_file():
                 digest.update(f"{file.relative_to(value)}\n".encode())
                 digest.update(file.read_bytes())

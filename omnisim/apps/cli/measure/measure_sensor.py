@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from omnisim.apps.cli.console import out, print_note, track
+from omnisim.apps.cli.measure import requests
 from omnisim.apps.cli.measure.measured_files import (
     check_outputs,
     check_size,
@@ -20,12 +21,6 @@ from omnisim.apps.cli.measure.measured_files import (
     sensor_tables,
     stated_camera,
     write_measured,
-)
-from omnisim.apps.cli.measure.requests import (
-    MeasureNoiseRequest,
-    MeasureResponseRequest,
-    MeasureSharpnessRequest,
-    MeasureTimingRequest,
 )
 from omnisim.cameras import CentralCamera
 from omnisim.cameras.optics.system_calibration import read_corners
@@ -37,12 +32,7 @@ from omnisim.measurement.geometry import BoardView, find_boards, read_board
 from omnisim.measurement.geometry.board_detection import image_files
 from omnisim.measurement.geometry.placed_board import BoardSurface
 from omnisim.measurement.inputs import frame_numbers
-from omnisim.measurement.noise import (
-    FrameStatistics,
-    find_frame_sets,
-    measure_noise,
-    read_statistics,
-)
+from omnisim.measurement.noise import find_frame_sets, measure_noise, read_statistics
 from omnisim.measurement.response import (
     MeasuredResponse,
     MeasuredVignetting,
@@ -73,7 +63,7 @@ _MIN_TINT = 0.005  # below: balanced
 MIN_GAMMA, MAX_GAMMA = 0.1, 10.0
 
 
-def response(request: MeasureResponseRequest) -> None:
+def response(request: requests.MeasureResponseRequest) -> None:
     """Measure the response and, from flat fields, the vignetting, and write a sensor file."""
     check_outputs(request.output, request.sensor)
     if request.white is not None and not request.white > request.black:
@@ -130,7 +120,7 @@ def response(request: MeasureResponseRequest) -> None:
 
 
 def _vignetting(
-    folder: Path, request: MeasureResponseRequest, measured: MeasuredResponse
+    folder: Path, request: requests.MeasureResponseRequest, measured: MeasuredResponse
 ) -> dict[str, MeasuredVignetting]:
     """Vignetting of each channel, by name; a gray image has a single channel."""
     files = image_files(folder)
@@ -169,17 +159,16 @@ def _encoding(table: dict[str, Any], measured: MeasuredResponse) -> dict[str, An
     return {**others, "gamma": gamma}
 
 
-def noise(request: MeasureNoiseRequest) -> None:
+def noise(request: requests.MeasureNoiseRequest) -> None:
     """Measure noise, write a sensor file with its pattern, and print the quantities."""
     pattern = request.output.with_name(f"{request.output.stem}-pattern.exr")
     check_outputs(request.output, request.sensor, pattern=pattern)
     tables = sensor_tables(request.sensor)
-    measured = measure_noise(
-        _statistics(request.dark, "Dark frames"),
-        _statistics(request.flat, "Flat fields"),
-        bit_depth=request.bit_depth,
-        mosaic=request.bayer,
+    dark, flat = (
+        [read_statistics(frames) for frames in track(find_frame_sets(folder), title)]
+        for folder, title in ((request.dark, "Dark frames"), (request.flat, "Flat fields"))
     )
+    measured = measure_noise(dark, flat, bit_depth=request.bit_depth, mosaic=request.bayer)
     digits = {each.name: round_to_sigma(each.value, each.sigma) for each in measured.quantities}
     values = measured.noise.to_table(full=True)  # with no more digits than were measured
     left_out = {"pattern_seed"} if measured.pattern is None else {"pattern_seed", "prnu", "dsnu_e"}
@@ -206,11 +195,7 @@ def noise(request: MeasureNoiseRequest) -> None:
         out.print(f"{len(measured.defects)} defective pixels")
 
 
-def _statistics(folder: Path, title: str) -> list[FrameStatistics]:
-    return [read_statistics(frames) for frames in track(find_frame_sets(folder), title)]
-
-
-def timing(request: MeasureTimingRequest) -> None:
+def timing(request: requests.MeasureTimingRequest) -> None:
     """Measure readout and exposure time, and write a sensor file with its shutter."""
     check_outputs(request.output, request.sensor)
     if (request.flicker is None) == (request.board is None):
@@ -252,7 +237,7 @@ def timing(request: MeasureTimingRequest) -> None:
 
 
 def _under_a_lamp(
-    request: MeasureTimingRequest, tables: Mapping[str, Any]
+    request: requests.MeasureTimingRequest, tables: Mapping[str, Any]
 ) -> tuple[MeasuredTiming, dict[str, Any]]:
     """Timing from frames under a flickering lamp, and its plot's data."""
     assert request.flicker is not None
@@ -266,7 +251,7 @@ def _under_a_lamp(
     return measured, {"profile": measured.profile.tolist(), "fitted": measured.fitted.tolist()}
 
 
-def _of_a_board(request: MeasureTimingRequest) -> tuple[MeasuredReadout, dict[str, Any]]:
+def _of_a_board(request: requests.MeasureTimingRequest) -> tuple[MeasuredReadout, dict[str, Any]]:
     """Readout from frames of a turning board, and its plot's data."""
     require_extra("measure", "omnisim measure timing --board", MeasurementError)
     assert request.board is not None
@@ -297,7 +282,7 @@ def _of_a_board(request: MeasureTimingRequest) -> tuple[MeasuredReadout, dict[st
     return measured, {"corners": corners}
 
 
-def sharpness(request: MeasureSharpnessRequest) -> None:
+def sharpness(request: requests.MeasureSharpnessRequest) -> None:
     """Measure sharpness, write a sensor file, and print the quantities."""
     check_outputs(request.output, request.sensor)
     tables: dict[str, Any] = sensor_tables(request.sensor)

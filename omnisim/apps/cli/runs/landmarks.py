@@ -13,13 +13,7 @@ from omnisim.apps.cli.runs.requests import DetectRequest, LocalizeRequest, Train
 from omnisim.core.errors import LocalizationError, OpticsError
 from omnisim.core.extras import require_extra
 from omnisim.core.files.atomic_file import check_suffix, check_target
-from omnisim.perception.landmarks import color_model
-from omnisim.perception.landmarks.landmark_detector import (
-    DETECTIONS_SUFFIX,
-    Detection,
-    LandmarkDetector,
-    write_detections,
-)
+from omnisim.perception.landmarks import color_model, landmark_detector
 from omnisim.perception.localization.filter import LandmarkMap, read_parameters
 from omnisim.perception.localization.track import localize as localize_run
 from omnisim.perception.localization.track import observation_from_detection
@@ -58,7 +52,7 @@ def train(request: TrainRequest) -> None:
 def detect(request: DetectRequest) -> None:
     """Detect landmarks, write and plot them, and print their count."""
     if request.output is not None:
-        check_suffix(request.output, DETECTIONS_SUFFIX)
+        check_suffix(request.output, landmark_detector.DETECTIONS_SUFFIX)
         check_target(request.output)
     if request.show is not None:
         require_extra("plots", "--show")
@@ -78,7 +72,7 @@ def detect(request: DetectRequest) -> None:
         source = read_single_image(request.source, request.height_m, sensor)
     detector = _detector(f"{request.model} for {request.source}", model, landmarks, source)
     shown = np.linspace(0, source.steps - 1, min(source.steps, SHOWN)).round().astype(int).tolist()
-    detections: list[tuple[int, Detection]] = []
+    detections: list[tuple[int, landmark_detector.Detection]] = []
     rows, empty = [], []
     for step in track(range(source.steps), "detecting"):
         panorama = detector.panorama(source.image(step))
@@ -91,7 +85,7 @@ def detect(request: DetectRequest) -> None:
             title += f": {pluralize(len(step_detections), 'landmark')}"
             rows.append((title, panorama, step_detections))
     if request.output is not None:
-        write_detections(request.output, detections)
+        landmark_detector.write_detections(request.output, detections)
     if request.show is not None:
         from omnisim.plots.localization_plots import detections_figure
         from omnisim.plots.style import write_plot
@@ -121,15 +115,15 @@ def _detector(
     model: color_model.ColorModel,
     landmarks: Sequence[Landmark],
     source: RunData | SingleImage,
-) -> LandmarkDetector:
+) -> landmark_detector.LandmarkDetector:
     """Detector in the images of a run, or in one image; errors name what it is for."""
     try:
-        return LandmarkDetector(model, landmarks, source.mount)
+        return landmark_detector.LandmarkDetector(model, landmarks, source.mount)
     except LocalizationError as reason:
         raise LocalizationError(f"{what}: {reason}") from None
 
 
-def _ignored(detector: LandmarkDetector) -> str:
+def _ignored(detector: landmark_detector.LandmarkDetector) -> str:
     return f"{', '.join(detector.ignored)}: not detected: the model lacks their colors"
 
 
@@ -143,7 +137,8 @@ def localize(request: LocalizeRequest) -> None:
     data = read_run(request.run, request.scene, request.camera_name)
     notices = data.notices
     if request.model is None:
-        notices.append("colors were learned from this run's own labels, which no robot has")
+        own = "colors were learned from this run's own labels, which a real robot would not have"
+        notices.append(own)
         colors = train_on_run(data, color_model.Costs()).model
     elif request.model.is_dir():
         expected = "expected an .npz file of landmarks train"

@@ -101,7 +101,7 @@ class Row {
     else setUnlessFocused(this.#inputs[0], short(shown, 7));
     if (this.#slider && typeof shown === "number" && document.activeElement !== this.#slider) this.#slider.value = this.#step(shown);
     if (!this.#control.choices.length || !this.#inputs[0]) return;
-    this.#inputs[0].title = control.value === null ? `default: ${control.default ?? "as its other keys say"}` : "";
+    this.#inputs[0].title = control.value === null ? `default: ${control.default ?? "derived from other keys"}` : "";
   }
 
   #field(id) {

@@ -14,7 +14,7 @@ const SMALL_FIRST = []; // the same on a phone
 const SHORTCUTS = ["panorama", "perspective", "birdseye", "map", "range"];
 const TURN_DEG = 180; // turn by a drag across an image
 const views = new Map();
-const state = { about: {}, camera: {}, frame: {}, drives: false, map: null, mapMessage: null, names: [], isProbing: false, pointed: null, probedChange: -1, probedPoints: "", playing: 0 };
+const state = { about: {}, camera: {}, frame: {}, drives: false, map: null, mapMessage: null, names: [], isProbing: false, pointed: null, probedChange: -1, probedPoints: "", playing: 0, counted: {} };
 const rates = [];
 
 const stream = new Stream({
@@ -32,6 +32,10 @@ const stream = new Stream({
     state.map?.setImage(message);
   },
   probe: showProbe,
+  statistics: (counted) => {
+    state.counted = counted;
+    showTimes();
+  },
   saved: (message) => download(message.name, message.parts[0].blob),
   error: showFault,
 });
@@ -132,8 +136,13 @@ setInterval(() => {
 function showTimes() {
   const rows = Object.entries(state.frame.times_ms ?? {}).filter(([, ms]) => ms >= 0.05);
   const total = rows.reduce((sum, [, ms]) => sum + ms, 0);
-  const line = (name, ms) => make("div", {}, make("span", { text: name }), make("span", { text: `${ms.toFixed(1)} ms` }));
-  byId("times").replaceChildren(...rows.map(([name, ms]) => line(name, ms)), make("hr"), line("total", total));
+  const row = (name, text) => make("div", {}, make("span", { text: name }), make("span", { text }));
+  const line = (name, ms) => row(name, `${ms.toFixed(1)} ms`);
+  const count = make("button", { text: "Count triangles", onclick: () => send("statistics") });
+  const isCounted = state.counted.change === state.frame.change;
+  const triangles = ["submitted", "drawn", "seen"].map((name) => row(`triangles ${name}`, state.counted[name]?.toLocaleString("en")));
+  const below = isCounted ? triangles : [count];
+  byId("times").replaceChildren(...rows.map(([name, ms]) => line(name, ms)), make("hr"), line("total", total), ...(state.about.is_editable ? [make("hr"), ...below] : []));
 }
 
 function showProbe(answer) {
@@ -203,6 +212,7 @@ function addView(name) {
   views.set(name, view);
   if (name !== "map") return;
   state.map = new FloorMap(view);
+  view.reason = state.mapMessage ? "" : "building the map …";
   state.map.update({ outline_m: state.about.outline_m, driven_m: state.about.driven_m });
   if (state.mapMessage) state.map.setImage(state.mapMessage);
   if (state.frame.viewpoint) state.map.update({ place: state.frame.viewpoint, seen_m: state.frame.seen_m });

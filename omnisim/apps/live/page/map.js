@@ -24,6 +24,7 @@ export class FloorMap {
     this.#image = await createImageBitmap(message.parts[0].blob);
     [this.#low, this.#high] = [message.low_m, message.high_m];
     if (isFirst) this.fit();
+    this.view.reason = "";
     this.draw();
   }
 

@@ -46,9 +46,8 @@ export class View {
 
   /** Draw a part of a message; resolves when it is displayed. */
   async show(part, isFine) {
-    this.#reason.hidden = !part.reason;
+    this.reason = part.reason;
     if (part.reason) {
-      this.#reason.textContent = part.reason;
       this.#canvas.getContext("2d").clearRect(0, 0, this.#canvas.width, this.#canvas.height);
       this.#legend.hidden = true;
       return;
@@ -64,6 +63,12 @@ export class View {
     this.blob = part.blob;
     this.#state.classList.toggle("fine", isFine);
     if (part.legend) this.#showLegend(part.legend);
+  }
+
+  /** Text in place of the image; empty: none. */
+  set reason(text) {
+    this.#reason.hidden = !text;
+    this.#reason.textContent = text ?? "";
   }
 
   set detail(text) {

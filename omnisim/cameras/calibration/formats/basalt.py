@@ -31,27 +31,11 @@ from omnisim.cameras import (
     KannalaBrandtCamera,
     UnifiedCamera,
 )
+from omnisim.cameras.calibration import documents
 from omnisim.cameras.calibration.calibrated_camera import NamedPose, find_pose
-from omnisim.cameras.calibration.documents import (
-    ForeignTable,
-    Size,
-    Unread,
-    check_choice,
-    counted,
-    parse,
-    unexpected,
-)
-from omnisim.cameras.calibration.formats.format import (
-    ANY,
-    Format,
-    Intrinsics,
-    MetadataPlace,
-    ParsedCamera,
-    error_context,
-    pinhole,
-    pose_from_quaternion,
-    position_and_quaternion,
-)
+from omnisim.cameras.calibration.documents import ForeignTable, Unread, parse, unexpected
+from omnisim.cameras.calibration.formats import format as base
+from omnisim.cameras.calibration.formats.format import ANY, Format, ParsedCamera, error_context
 from omnisim.core.files.parameters import Number
 
 FOCAL = "fx fy cx cy"
@@ -97,7 +81,7 @@ class _Value(
 ):
     T_imu_cam: tuple[dict[str, Any], ...] = ()
     intrinsics: list[dict[str, Any]]
-    resolution: list[list[Size]]
+    resolution: list[list[documents.Size]]
 
 
 class _File(ForeignTable, inner={"value0": _Value}, also_read=POSES_UNKNOWN):
@@ -113,7 +97,7 @@ class Basalt(Format[BasaltLens]):
     models = (DoubleSphereCamera, KannalaBrandtCamera, EucmCamera, UnifiedCamera)
     fits = ((DoubleSphereCamera, ANY), (KannalaBrandtCamera, ANY), (EucmCamera, ANY))
     signature = re.compile(r'"value0"\s*:')
-    metadata_place = MetadataPlace.KEY
+    metadata_place = base.MetadataPlace.KEY
     several = True
     tables = (_File,)
 
@@ -133,7 +117,7 @@ class Basalt(Format[BasaltLens]):
                 where = f"{place}.T_imu_cam.{index}"
                 at = parse(value.T_imu_cam[index], _Pose, where)
                 *position, qx, qy, qz, qw = dict(at).values()
-                matrix = pose_from_quaternion(position, (qx, qy, qz, qw), where)
+                matrix = base.pose_from_quaternion(position, (qx, qy, qz, qw), where)
                 poses = (NamedPose("imu", name, matrix),)
             cameras.append(ParsedCamera(name, lens, poses))
         return cameras
@@ -146,7 +130,7 @@ class Basalt(Format[BasaltLens]):
         entries = []
         for camera in cameras:
             pose = find_pose(poses, body, camera.name)
-            position, quaternion = position_and_quaternion(np.eye(4) if pose is None else pose)
+            position, quaternion = base.position_and_quaternion(np.eye(4) if pose is None else pose)
             entries.append(dict(zip(_Pose.model_fields, (*position, *quaternion), strict=True)))
         sizes = [[camera.lens.width_px, camera.lens.height_px] for camera in cameras]
         lenses = [_intrinsics(camera.lens) for camera in cameras]
@@ -170,16 +154,16 @@ class Basalt(Format[BasaltLens]):
 def _lens(part: dict[str, Any], size: Sequence[int], place: str) -> CentralCamera:
     fields = parse(part, _Intrinsics, place)
     model = fields.camera_type
-    check_choice(model, INTRINSICS, f"{place}: camera_type", OTHERS)
+    documents.check_choice(model, INTRINSICS, f"{place}: camera_type", OTHERS)
     names = INTRINSICS[model].split()
     if set(names) != fields.intrinsics.keys():
         raise unexpected(f"{place}: intrinsics", ", ".join(names), ", ".join(fields.intrinsics))
-    width, height = counted(size, "width height", f"{place}: resolution")
+    width, height = documents.counted(size, "width height", f"{place}: resolution")
     fx, fy, cx, cy, *shape = (fields.intrinsics[name] for name in names)
-    intrinsics = Intrinsics(int(width), int(height), (fx, fy), (cx, cy))
+    intrinsics = base.Intrinsics(int(width), int(height), (fx, fy), (cx, cy))
     with error_context(place):
         if model == "pinhole":
-            return pinhole(intrinsics)
+            return base.pinhole(intrinsics)
         if model == "ucm":
             return EucmCamera(*intrinsics, shape[0], 1.0)
         if model == "eucm":

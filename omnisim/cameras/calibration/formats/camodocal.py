@@ -20,65 +20,29 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import pydantic
 
 from omnisim.cameras import CentralCamera, KannalaBrandtCamera, UnifiedCamera
-from omnisim.cameras.calibration.documents import (
-    ROLLING_SHUTTER,
-    ForeignTable,
-    Size,
-    Unread,
-    check_choice,
-    parse,
-)
-from omnisim.cameras.calibration.formats.format import (
-    ANY,
-    NO_SKEW,
-    Format,
-    Intrinsics,
-    ParsedCamera,
-    error_context,
-    pinhole,
-    yaml_float,
-)
+from omnisim.cameras.calibration import documents
+from omnisim.cameras.calibration.documents import ForeignTable, Unread, parse
+from omnisim.cameras.calibration.formats import format as base
+from omnisim.cameras.calibration.formats.format import ANY, Format, ParsedCamera, error_context
 from omnisim.core.files.parameters import Number, Table
 
 CamodocalLens = UnifiedCamera | KannalaBrandtCamera
 
 
-class _Mirror(Table):
-    xi: Number
-
-
-class _Distortion(Table):
-    k1: Number
-    k2: Number
-    p1: Number
-    p2: Number
-
-
-class _Gammas(Table):
-    gamma1: Number
-    gamma2: Number
-    u0: Number
-    v0: Number
-
-
-class _Focal(Table):
-    fx: Number
-    fy: Number
-    cx: Number
-    cy: Number
-
-
-class _KannalaBrandt(Table):
-    k2: Number
-    k3: Number
-    k4: Number
-    k5: Number
-    mu: Number
-    mv: Number
-    u0: Number
-    v0: Number
+# Parts of each model, and the keys of their numbers in the order of the model's parameters.
+PARTS = {
+    "MEI": {
+        "mirror_parameters": "xi", "distortion_parameters": "k1 k2 p1 p2",
+        "projection_parameters": "gamma1 gamma2 u0 v0",
+    },
+    "PINHOLE": {
+        "distortion_parameters": "k1 k2 p1 p2", "projection_parameters": "fx fy cx cy",
+    },
+    "KANNALA_BRANDT": {"projection_parameters": "k2 k3 k4 k5 mu mv u0 v0"},
+}  # fmt: skip
 
 
 class _Head(
@@ -86,7 +50,7 @@ class _Head(
     unread={
         "extrinsicRotation extrinsicTranslation body_T_cam0": Unread("pose: a Kalibr chain has it"),
         "td": Unread("time shift: a Kalibr chain has it"),
-        "rolling_shutter rolling_shutter_tr": ROLLING_SHUTTER,
+        "rolling_shutter rolling_shutter_tr": documents.ROLLING_SHUTTER,
         "mirror_parameters": Unread("ξ of a MEI camera, and the model is another", is_fault=True),
         "distortion_parameters": Unread("distortion of another model", is_fault=True),
     },
@@ -95,28 +59,20 @@ class _Head(
 
     model_type: str
     camera_name: str = "camera"
-    image_width: Size
-    image_height: Size
+    image_width: documents.Size
+    image_height: documents.Size
 
 
-class _Mei(_Head):
-    mirror_parameters: _Mirror
-    distortion_parameters: _Distortion
-    projection_parameters: _Gammas
+def _table(model: str) -> type[_Head]:
+    """Schema of a model's file."""
+    parts: dict[str, Any] = {}
+    for part, keys in PARTS[model].items():
+        numbers: dict[str, Any] = {key: (Number, ...) for key in keys.split()}
+        parts[part] = (pydantic.create_model(part, __base__=Table, **numbers), ...)
+    return pydantic.create_model(model, __base__=_Head, **parts)
 
 
-class _Pinhole(_Head):
-    distortion_parameters: _Distortion
-    projection_parameters: _Focal
-
-
-class _Fisheye(_Head):
-    projection_parameters: _KannalaBrandt
-
-
-TABLES: dict[Any, type[ForeignTable]] = {
-    "MEI": _Mei, "PINHOLE": _Pinhole, "KANNALA_BRANDT": _Fisheye,
-}  # fmt: skip
+TABLES = {model: _table(model) for model in PARTS}
 
 
 class Camodocal(Format[CamodocalLens]):
@@ -126,10 +82,10 @@ class Camodocal(Format[CamodocalLens]):
     title = "KITTI-360 and camodocal: MEI yaml"
     suffix = ".yaml"
     models = (UnifiedCamera, KannalaBrandtCamera)
-    fits = ((UnifiedCamera, NO_SKEW), (KannalaBrandtCamera, ANY))
+    fits = ((UnifiedCamera, base.NO_SKEW), (KannalaBrandtCamera, ANY))
     signature = re.compile(r"""^[ \t]*["']?model_type["']?[ \t]*:""", re.M)
     unified_terms = frozenset({"ξ"})
-    tables = (_Mei, _Pinhole, _Fisheye)
+    tables = tuple(TABLES.values())
 
     def read(self, document: Any, source: str) -> list[ParsedCamera[CentralCamera]]:
         """Parse the camera."""
@@ -161,43 +117,34 @@ class Camodocal(Format[CamodocalLens]):
         """Text of a file with the camera."""
         (camera,) = cameras
         lens = camera.lens
-        (fu, fv), (u, v) = lens.focal_lengths_px, lens.principal_point_px
-        parts: dict[str, dict[str, float]] = {}
+        ends = (*lens.focal_lengths_px, *lens.principal_point_px)
+        numbers: dict[str, tuple[float, ...]] = {"projection_parameters": ends}
         if isinstance(lens, KannalaBrandtCamera):
             model = "KANNALA_BRANDT"
-            named = dict(zip(("k2", "k3", "k4", "k5"), lens.coefficients, strict=True))
-            parts["projection_parameters"] = {**named, "mu": fu, "mv": fv, "u0": u, "v0": v}
+            numbers["projection_parameters"] = (*lens.coefficients, *ends)
         else:
-            model, keys = "PINHOLE", ("fx", "fy", "cx", "cy")
-            if lens.xi:
-                model, keys = "MEI", ("gamma1", "gamma2", "u0", "v0")
-                parts["mirror_parameters"] = {"xi": lens.xi}
-            named = dict(zip(("k1", "k2", "p1", "p2"), lens.distortion, strict=False))
-            parts["distortion_parameters"] = named
-            parts["projection_parameters"] = dict(zip(keys, (fu, fv, u, v), strict=True))
+            model = "MEI" if lens.xi else "PINHOLE"
+            numbers |= {"mirror_parameters": (lens.xi,), "distortion_parameters": lens.distortion}
         text = f"%YAML:1.0\n---\nmodel_type: {model}\ncamera_name: {json.dumps(camera.name)}\n"
         text += f"image_width: {lens.width_px}\nimage_height: {lens.height_px}\n"
-        for name, values in parts.items():
-            text += f"{name}:\n"
-            text += "".join(f"   {key}: {yaml_float(value)}\n" for key, value in values.items())
+        for part, keys in PARTS[model].items():
+            text += f"{part}:\n"
+            for key, value in zip(keys.split(), numbers[part], strict=False):
+                text += f"   {key}: {base.yaml_float(value)}\n"
         return text
 
 
 def _lens(head: _Head, data: dict[str, Any], source: str) -> CentralCamera:
     size = head.image_width, head.image_height
     others = {"SCARAMUZZA": "its polynomial is that of OCamCalib: pass calib_results.txt"}
-    check_choice(head.model_type, TABLES, f"{source}: model_type", others)
+    documents.check_choice(head.model_type, TABLES, f"{source}: model_type", others)
+    table = parse(data, TABLES[head.model_type], source)
+    numbers = {part: tuple(dict(getattr(table, part)).values()) for part in PARTS[head.model_type]}
+    *shape, fu, fv, u, v = numbers["projection_parameters"]
+    intrinsics = base.Intrinsics(*size, (fu, fv), (u, v))
+    if head.model_type == "KANNALA_BRANDT":
+        return KannalaBrandtCamera(*intrinsics, tuple(shape))
     if head.model_type == "MEI":
-        mei = parse(data, _Mei, source)
-        plane = mei.projection_parameters
-        intrinsics = Intrinsics(*size, (plane.gamma1, plane.gamma2), (plane.u0, plane.v0))
-        distortion = tuple(dict(mei.distortion_parameters).values())
-        return UnifiedCamera(*intrinsics, mei.mirror_parameters.xi, distortion)
-    if head.model_type == "PINHOLE":
-        flat = parse(data, _Pinhole, source)
-        focal = flat.projection_parameters
-        intrinsics = Intrinsics(*size, (focal.fx, focal.fy), (focal.cx, focal.cy))
-        return pinhole(intrinsics, tuple(dict(flat.distortion_parameters).values()))
-    wide = parse(data, _Fisheye, source).projection_parameters
-    intrinsics = Intrinsics(*size, (wide.mu, wide.mv), (wide.u0, wide.v0))
-    return KannalaBrandtCamera(*intrinsics, (wide.k2, wide.k3, wide.k4, wide.k5))
+        (xi,) = numbers["mirror_parameters"]
+        return UnifiedCamera(*intrinsics, xi, numbers["distortion_parameters"])
+    return base.pinhole(intrinsics, numbers["distortion_parameters"])

@@ -30,24 +30,10 @@ from omnisim.cameras import (
     RationalPolynomialCamera,
     UnifiedCamera,
 )
-from omnisim.cameras.calibration.documents import (
-    check_choice,
-    counted,
-    parse_number,
-    parse_size,
-    unexpected,
-)
-from omnisim.cameras.calibration.formats.format import (
-    ANY,
-    PINHOLE,
-    Format,
-    FovLens,
-    Intrinsics,
-    ParsedCamera,
-    brown_pinhole,
-    error_context,
-    pinhole,
-)
+from omnisim.cameras.calibration import documents
+from omnisim.cameras.calibration.documents import unexpected
+from omnisim.cameras.calibration.formats import format as base
+from omnisim.cameras.calibration.formats.format import ANY, Format, ParsedCamera, error_context
 from omnisim.core.errors import CalibrationError
 
 MODELS = {
@@ -76,7 +62,7 @@ class Colmap(Format[ColmapLens]):
         UnifiedCamera, RationalPolynomialCamera, KannalaBrandtCamera, EucmCamera,
         EquirectangularCamera,
     )  # fmt: skip
-    fits = ((KannalaBrandtCamera, ANY), (EucmCamera, ANY), (UnifiedCamera, PINHOLE))
+    fits = ((KannalaBrandtCamera, ANY), (EucmCamera, ANY), (UnifiedCamera, base.PINHOLE))
     signature = re.compile(
         r"^[ \t]*\d+[ \t]+[A-Z][A-Z_]+[ \t]+\d+[ \t]+\d+([ \t]+\S+)+[ \t\r]*$"
         r"|CAMERA_ID, MODEL, WIDTH, HEIGHT",
@@ -97,10 +83,10 @@ class Colmap(Format[ColmapLens]):
                 raise unexpected(place, LINE, line)
             name, model, *numbers = cells
             others = dict.fromkeys(OTHERS, "let COLMAP estimate OPENCV_FISHEYE or FULL_OPENCV")
-            check_choice(model, MODELS, f"{place}: MODEL", others)
-            width, height = (parse_size(word, place) for word in numbers[:2])
-            values = [parse_number(word, place) for word in numbers[2:]]
-            values = counted(values, MODELS[model], f"{place}: {model}")
+            documents.check_choice(model, MODELS, f"{place}: MODEL", others)
+            width, height = (documents.parse_size(word, place) for word in numbers[:2])
+            values = [documents.parse_number(word, place) for word in numbers[2:]]
+            values = documents.counted(values, MODELS[model], f"{place}: {model}")
             cameras.append(ParsedCamera(name, _lens(model, (width, height), values, place)))
         if not cameras:
             raise unexpected(source, LINE, "no camera")
@@ -132,15 +118,15 @@ def _lens(model: str, size: tuple[int, int], values: list[float], place: str) ->
     if MODELS[model].startswith("f "):
         values = [values[0], *values]
     fx, fy, cx, cy, *shape = values
-    intrinsics = Intrinsics(*size, (fx, fy), (cx - CENTER_PX, cy - CENTER_PX))
+    intrinsics = base.Intrinsics(*size, (fx, fy), (cx - CENTER_PX, cy - CENTER_PX))
     four = (*shape, 0.0, 0.0, 0.0, 0.0)[:4]
     with error_context(place):
         if model == "EUCM":
             return EucmCamera(*intrinsics, *shape)
         if model == "FOV":
-            return FovLens(*intrinsics, *shape)
+            return base.FovLens(*intrinsics, *shape)
         if model == "FULL_OPENCV":
-            return brown_pinhole(intrinsics, shape, place)
+            return base.brown_pinhole(intrinsics, shape, place)
         if model == "THIN_PRISM_FISHEYE":
             k1, k2, p1, p2, k3, k4, sx, sy = shape
             if p1 or p2 or sx or sy:
@@ -148,7 +134,7 @@ def _lens(model: str, size: tuple[int, int], values: list[float], place: str) ->
             four = k1, k2, k3, k4
         if model.endswith("FISHEYE"):
             return KannalaBrandtCamera(*intrinsics, four)
-        return pinhole(intrinsics, four)
+        return base.pinhole(intrinsics, four)
 
 
 def parameters(lens: ColmapLens) -> tuple[str, tuple[float, ...]]:

@@ -13,40 +13,35 @@ from collections.abc import Sequence
 from typing import Any
 
 from omnisim.cameras import CentralCamera
-from omnisim.cameras.calibration.formats.format import MetadataPlace, ParsedCamera
-from omnisim.cameras.calibration.formats.ros import (
-    IDENTITY,
-    CameraInfo,
-    CameraInfoLens,
-    CameraInfoMessage,
-    camera_info,
-)
+from omnisim.cameras.calibration.formats import format as base
+from omnisim.cameras.calibration.formats import ros
+from omnisim.cameras.calibration.formats.format import ParsedCamera
 
 
-class Foxglove(CameraInfo):
+class Foxglove(ros.CameraInfo):
     """Format of Foxglove's CameraCalibration."""
 
     name = "foxglove"
     title = "Foxglove: CameraCalibration json"
     suffix = ".json"
     signature = re.compile(r'\A\s*\{.*"distortion_model"\s*:', re.S)
-    metadata_place = MetadataPlace.KEY
+    metadata_place = base.MetadataPlace.KEY
     distortion_models = ("plumb_bob", "rational_polynomial")
     fisheye_models = ("kannala_brandt",)
-    tables = (CameraInfoMessage,)
+    tables = (ros.CameraInfoMessage,)
 
     def read(self, document: Any, source: str) -> list[ParsedCamera[CentralCamera]]:
         """Parse the camera."""
         return [self._camera(document, source)]
 
-    def encode(self, cameras: Sequence[ParsedCamera[CameraInfoLens]]) -> str:
+    def encode(self, cameras: Sequence[ParsedCamera[ros.CameraInfoLens]]) -> str:
         """Text of a file with the camera."""
         (camera,) = cameras
-        model, d, k, p = camera_info(camera.lens)
+        model, d, k, p = ros.camera_info(camera.lens)
         data = {
             "timestamp": {"sec": 0, "nsec": 0}, "frame_id": camera.name,
             "width": camera.lens.width_px, "height": camera.lens.height_px,
             "distortion_model": "kannala_brandt" if model == "equidistant" else model, "D": d,
-            "K": k, "R": list(IDENTITY), "P": p,
+            "K": k, "R": list(ros.IDENTITY), "P": p,
         }  # fmt: skip
         return json.dumps(data, indent=2) + "\n"

@@ -37,25 +37,11 @@ from omnisim.cameras import (
     StereographicCamera,
     UnifiedCamera,
 )
-from omnisim.cameras.calibration.documents import (
-    ForeignTable,
-    Unread,
-    check_choice,
-    parse_number,
-    parse_size,
-    parse_xml,
-    unexpected,
-)
+from omnisim.cameras.calibration import documents
+from omnisim.cameras.calibration.documents import ForeignTable, Unread, unexpected
 from omnisim.cameras.calibration.equivalents import IDEAL_FISHEYES
-from omnisim.cameras.calibration.formats.format import (
-    ANY,
-    Format,
-    Intrinsics,
-    MetadataPlace,
-    ParsedCamera,
-    error_context,
-    pinhole,
-)
+from omnisim.cameras.calibration.formats import format as base
+from omnisim.cameras.calibration.formats.format import ANY, Format, ParsedCamera, error_context
 from omnisim.cameras.models.field_of_view import largest_theta_rad
 from omnisim.core.errors import CalibrationError
 
@@ -118,13 +104,13 @@ class Gazebo(Format[GazeboLens]):
     models = (PerspectiveCamera, GazeboCamera)
     fits = ((GazeboCamera, ANY),)
     signature = re.compile(r"\A\s*(?=<).*<(lens|horizontal_fov)\b", re.S)
-    metadata_place = MetadataPlace.XML
+    metadata_place = base.MetadataPlace.XML
     centered = True
     tables = (_Cameras,)
 
     def document(self, text: str, source: str) -> Element:
         """Root element of a file."""
-        return parse_xml(text, source)
+        return documents.parse_xml(text, source)
 
     def notices(self, document: Element, source: str) -> list[str]:
         """Notes on elements of the cameras that are not read, one sentence each."""
@@ -263,7 +249,7 @@ def read_lens(camera: Element, place: str) -> CentralCamera:
         CalibrationError: the lens is invalid; names place, actual and expected value.
     """
     width, height = (
-        parse_size(_text(camera, path, place), f"{place}: {path}")
+        documents.parse_size(_text(camera, path, place), f"{place}: {path}")
         for path in ("image/width", "image/height")
     )
     size = width, height
@@ -281,14 +267,14 @@ def read_lens(camera: Element, place: str) -> CentralCamera:
     kind = (lens.findtext("type") or "").strip() if lens is not None else "gnomonical"
     if lens is None or kind in ("", "gnomonical"):
         return _pinhole(camera, size, fov, middle, place)
-    check_choice(kind, ("gnomonical", *TYPES, "custom"), f"{place}: lens/type")
+    documents.check_choice(kind, ("gnomonical", *TYPES, "custom"), f"{place}: lens/type")
     cutoff = min(_number(camera, "lens/cutoff_angle", DEFAULT_CUTOFF_RAD, place), math.pi)
     flag = (lens.findtext("scale_to_hfov") or "true").strip().lower()
-    check_choice(flag, ("true", "1", "false", "0"), f"{place}: lens/scale_to_hfov")
+    documents.check_choice(flag, ("true", "1", "false", "0"), f"{place}: lens/scale_to_hfov")
     scaled, half = flag in ("true", "1"), 0.5 * size[0]
     if kind == "custom":
         function = (camera.findtext("lens/custom_function/fun") or "tan").strip()
-        check_choice(function, FUNCTIONS, f"{place}: fun")
+        documents.check_choice(function, FUNCTIONS, f"{place}: fun")
         c1, c2, c3, f = (
             _number(camera, f"lens/custom_function/{key}", default, place)
             for key, default in (("c1", 1.0), ("c2", 1.0), ("c3", 0.0), ("f", 1.0))
@@ -322,8 +308,8 @@ def _pinhole(
             _number(camera, f"lens/intrinsics/{key}", default, place)
             for key, default in (("fx", None), ("fy", None), ("cx", None), ("cy", None), ("s", 0.0))
         )
-        intrinsics = Intrinsics(*size, (fx, fy), (cx - CORNER_PX, cy - CORNER_PX))
-        return pinhole(intrinsics, skew_px=skew)
+        intrinsics = base.Intrinsics(*size, (fx, fy), (cx - CORNER_PX, cy - CORNER_PX))
+        return base.pinhole(intrinsics, skew_px=skew)
     if fov >= math.pi:
         expected = "less than π of a camera without a wide lens"
         raise unexpected(f"{place}: horizontal_fov", expected, fov)
@@ -333,7 +319,7 @@ def _pinhole(
 def _number(camera: Element, path: str, default: float | None, place: str) -> float:
     if default is not None and camera.find(path) is None:
         return default
-    return parse_number(_text(camera, path, place), f"{place}: {path}")
+    return documents.parse_number(_text(camera, path, place), f"{place}: {path}")
 
 
 def _text(camera: Element, path: str, place: str) -> str:

@@ -37,31 +37,11 @@ from omnisim.cameras import (
     KannalaBrandtCamera,
     UnifiedCamera,
 )
+from omnisim.cameras.calibration import documents
 from omnisim.cameras.calibration.calibrated_camera import NamedPose, find_pose
-from omnisim.cameras.calibration.documents import (
-    ROLLING_SHUTTER,
-    ForeignTable,
-    Matrix,
-    Numbers,
-    Size,
-    check_choice,
-    counted,
-    parse,
-    parse_yaml,
-    pose,
-    unexpected,
-)
-from omnisim.cameras.calibration.formats.format import (
-    ANY,
-    NO_SKEW,
-    Format,
-    FovLens,
-    Intrinsics,
-    ParsedCamera,
-    error_context,
-    pinhole,
-    yaml_floats,
-)
+from omnisim.cameras.calibration.documents import ForeignTable, parse, unexpected
+from omnisim.cameras.calibration.formats import format as base
+from omnisim.cameras.calibration.formats.format import ANY, Format, ParsedCamera, error_context
 from omnisim.core.files.parameters import Number
 from omnisim.core.poses import inverse
 
@@ -81,24 +61,24 @@ KalibrLens = UnifiedCamera | KannalaBrandtCamera | EucmCamera | DoubleSphereCame
 
 class _Camera(
     ForeignTable,
-    unread={"line_delay": ROLLING_SHUTTER},
+    unread={"line_delay": documents.ROLLING_SHUTTER},
     harmless="rostopic cam_overlaps sensor_type comment rate_hz",
 ):
     """Camera of a chain."""
 
     camera_model: str
-    intrinsics: Numbers
+    intrinsics: documents.Numbers
     distortion_model: str
     distortion_coeffs: tuple[Number, ...] = ()
-    resolution: list[Size]
-    T_cn_cnm1: Matrix | None = None
-    T_cam_imu: Matrix | None = None
-    T_imu_cam: Matrix | None = None
+    resolution: list[documents.Size]
+    T_cn_cnm1: documents.Matrix | None = None
+    T_cam_imu: documents.Matrix | None = None
+    T_imu_cam: documents.Matrix | None = None
     timeshift_cam_imu: Number = 0.0
 
 
 class _Matrix(ForeignTable):
-    data: Numbers
+    data: documents.Numbers
 
 
 class _Chain(ForeignTable, inner={"*": _Camera}):
@@ -115,7 +95,7 @@ class Kalibr(Format[KalibrLens]):
     suffix = ".yaml"
     models = (UnifiedCamera, KannalaBrandtCamera, EucmCamera, DoubleSphereCamera)
     fits = (
-        (UnifiedCamera, NO_SKEW), (KannalaBrandtCamera, ANY), (EucmCamera, ANY),
+        (UnifiedCamera, base.NO_SKEW), (KannalaBrandtCamera, ANY), (EucmCamera, ANY),
         (DoubleSphereCamera, ANY),
     )  # fmt: skip
     signature = re.compile(r"""(?:^|[{,])[ \t]*["']?camera_model["']?[ \t]*:""", re.M)
@@ -130,7 +110,7 @@ class Kalibr(Format[KalibrLens]):
 
     def document(self, text: str, source: str) -> Any:
         """Content of a file; a sensor.yaml of EuRoC as a chain."""
-        data = parse_yaml(text, source)
+        data = documents.parse_yaml(text, source)
         return _chain_of_sensor(data, source) if "sensor_type" in data or "T_BS" in data else data
 
     def read(self, document: Any, source: str) -> list[ParsedCamera[CentralCamera]]:
@@ -161,11 +141,11 @@ class Kalibr(Format[KalibrLens]):
                 matrix = find_pose(poses, camera.name, source) if source else None
                 if matrix is not None:
                     text += f"  {key}:\n"
-                    text += "".join(f"  - {yaml_floats(row)}\n" for row in matrix.tolist())
+                    text += "".join(f"  - {base.yaml_floats(row)}\n" for row in matrix.tolist())
             text += f"  camera_model: {model}\n"
-            text += f"  distortion_coeffs: {yaml_floats(coefficients)}\n"
+            text += f"  distortion_coeffs: {base.yaml_floats(coefficients)}\n"
             text += f"  distortion_model: {distortion}\n"
-            text += f"  intrinsics: {yaml_floats(numbers)}\n"
+            text += f"  intrinsics: {base.yaml_floats(numbers)}\n"
             text += f"  resolution: [{camera.lens.width_px}, {camera.lens.height_px}]\n"
             text += f"  rostopic: /{camera.name}/image_raw\n"
             before = camera.name
@@ -189,21 +169,23 @@ def _chain_of_sensor(sensor: dict[str, Any], source: str) -> dict[str, Any]:
         camera["distortion_model"] = "radtan"
     if "T_BS" in camera:
         place = f"{source}: T_BS"
-        data = counted(parse(camera.pop("T_BS"), _Matrix, place).data, MATRIX, f"{place}.data")
+        data = documents.counted(
+            parse(camera.pop("T_BS"), _Matrix, place).data, MATRIX, f"{place}.data"
+        )
         camera["T_imu_cam"] = np.reshape(data, (4, 4)).tolist()
     return {name: camera}
 
 
 def _lens(fields: _Camera, place: str) -> CentralCamera:
     model, distortion = fields.camera_model, fields.distortion_model
-    check_choice(model, INTRINSICS, f"{place}: camera_model")
-    check_choice(distortion, PAIRS[model], f"{place}: distortion_model with {model}")
-    numbers = counted(fields.intrinsics, INTRINSICS[model], f"{place}: intrinsics")
+    documents.check_choice(model, INTRINSICS, f"{place}: camera_model")
+    documents.check_choice(distortion, PAIRS[model], f"{place}: distortion_model with {model}")
+    numbers = documents.counted(fields.intrinsics, INTRINSICS[model], f"{place}: intrinsics")
     names = DISTORTIONS[distortion]
-    coefficients = counted(fields.distortion_coeffs, names, f"{place}: distortion_coeffs")
-    width, height = counted(fields.resolution, "width height", f"{place}: resolution")
+    coefficients = documents.counted(fields.distortion_coeffs, names, f"{place}: distortion_coeffs")
+    width, height = documents.counted(fields.resolution, "width height", f"{place}: resolution")
     *shape, fu, fv, pu, pv = numbers
-    intrinsics = Intrinsics(int(width), int(height), (fu, fv), (pu, pv))
+    intrinsics = base.Intrinsics(int(width), int(height), (fu, fv), (pu, pv))
     with error_context(place):
         if model == "ds":
             return DoubleSphereCamera(*intrinsics, *shape)
@@ -212,22 +194,21 @@ def _lens(fields: _Camera, place: str) -> CentralCamera:
         if distortion == "equidistant":
             return KannalaBrandtCamera(*intrinsics, tuple(coefficients))
         if distortion == "fov":
-            return FovLens(*intrinsics, coefficients[0])
+            return base.FovLens(*intrinsics, coefficients[0])
         coefficients = coefficients or [0.0] * 4
         if model == "omni":
             return UnifiedCamera(*intrinsics, shape[0], tuple(coefficients))
-        return pinhole(intrinsics, coefficients)
+        return base.pinhole(intrinsics, coefficients)
 
 
 def _poses(fields: _Camera, name: str, before: str | None, place: str) -> list[NamedPose]:
     poses = []
-    if fields.T_cn_cnm1 is not None and before is not None:
-        poses.append(NamedPose(name, before, pose(fields.T_cn_cnm1, f"{place}: T_cn_cnm1")))
-    if fields.T_cam_imu is not None:
-        poses.append(NamedPose(name, "imu", pose(fields.T_cam_imu, f"{place}: T_cam_imu")))
-    if fields.T_imu_cam is not None:
-        imu_from_camera = pose(fields.T_imu_cam, f"{place}: T_imu_cam")
-        poses.append(NamedPose(name, "imu", inverse(imu_from_camera)))
+    for key, source in (("T_cn_cnm1", before), ("T_cam_imu", "imu"), ("T_imu_cam", "imu")):
+        rows = getattr(fields, key)
+        if rows is not None and source is not None:
+            matrix = documents.pose(rows, f"{place}: {key}")
+            matrix = inverse(matrix) if key == "T_imu_cam" else matrix
+            poses.append(NamedPose(name, source, matrix))
     return poses
 
 

@@ -31,29 +31,11 @@ from typing import Any
 import numpy as np
 
 from omnisim.cameras import CentralCamera, EquirectangularCamera, KannalaBrandtCamera, UnifiedCamera
+from omnisim.cameras.calibration import documents
 from omnisim.cameras.calibration.calibrated_camera import NamedPose
-from omnisim.cameras.calibration.documents import (
-    ROLLING_SHUTTER,
-    ForeignTable,
-    Matrix,
-    Size,
-    Unread,
-    check_choice,
-    parse,
-    pose,
-    rows,
-    unexpected,
-)
-from omnisim.cameras.calibration.formats.format import (
-    ANY,
-    PINHOLE,
-    Format,
-    Intrinsics,
-    MetadataPlace,
-    ParsedCamera,
-    error_context,
-    pinhole,
-)
+from omnisim.cameras.calibration.documents import ForeignTable, Unread, parse, unexpected
+from omnisim.cameras.calibration.formats import format as base
+from omnisim.cameras.calibration.formats.format import ANY, Format, ParsedCamera, error_context
 from omnisim.core.errors import CalibrationError
 from omnisim.core.files.parameters import Flag, Number
 
@@ -71,7 +53,7 @@ class _Intrinsics(
     unread={
         "fisheye_crop_radius": Unread("black beyond it: theta_max_deg of a sensor file"),
         "distortion_params": Unread("state k1, k2, k3, k4, p1, p2 in its place", is_fault=True),
-        "rolling_shutter transform_matrix_start transform_matrix_end": ROLLING_SHUTTER,
+        "rolling_shutter transform_matrix_start transform_matrix_end": documents.ROLLING_SHUTTER,
         "latlong equirectangular k5 k6": OTHER_LENS,
         "ftheta_p0 ftheta_p1 ftheta_p2 ftheta_p3 ftheta_p4": OTHER_LENS,
     },
@@ -84,8 +66,8 @@ class _Intrinsics(
     fl_y: Number | None = None
     cx: Number | None = None
     cy: Number | None = None
-    w: Size | None = None
-    h: Size | None = None
+    w: documents.Size | None = None
+    h: documents.Size | None = None
     k1: Number = 0.0
     k2: Number = 0.0
     k3: Number = 0.0
@@ -106,7 +88,7 @@ class _Frame(
     ),
 ):
     file_path: str = ""
-    transform_matrix: Matrix | None = None
+    transform_matrix: documents.Matrix | None = None
 
 
 class _File(
@@ -133,9 +115,9 @@ class Nerfstudio(Format[NerfstudioLens]):
     title = "Nerfstudio: transforms.json"
     suffix = ".json"
     models = (UnifiedCamera, KannalaBrandtCamera, EquirectangularCamera)
-    fits = ((KannalaBrandtCamera, ANY), (UnifiedCamera, PINHOLE))
+    fits = ((KannalaBrandtCamera, ANY), (UnifiedCamera, base.PINHOLE))
     signature = re.compile(r'\A\s*\{.*"(fl_x|camera_angle_x|transform_matrix)"\s*:', re.S)
-    metadata_place = MetadataPlace.KEY
+    metadata_place = base.MetadataPlace.KEY
     has_names = False
     tables = (_File,)
 
@@ -154,7 +136,7 @@ class Nerfstudio(Format[NerfstudioLens]):
             new = (place if own else source, values, list[NamedPose](), fields.file_path)
             group = groups.setdefault(repr(values), new)
             if fields.transform_matrix is not None:
-                matrix = pose(fields.transform_matrix, f"{place}: transform_matrix")
+                matrix = documents.pose(fields.transform_matrix, f"{place}: transform_matrix")
                 name = fields.file_path or f"frame{index}"
                 group[2].append(NamedPose("world", name, matrix * OPENGL_FROM_OPENCV))
         cameras = []
@@ -174,7 +156,7 @@ class Nerfstudio(Format[NerfstudioLens]):
         (camera,) = cameras
         frames = [
             {"file_path": one.source,
-             "transform_matrix": rows(one.target_from_source * OPENGL_FROM_OPENCV)}
+             "transform_matrix": documents.rows(one.target_from_source * OPENGL_FROM_OPENCV)}
             for one in camera.poses if one.target == "world"
         ]  # fmt: skip
         return json.dumps({**intrinsics(camera.lens), "frames": frames}, indent=2) + "\n"
@@ -229,7 +211,9 @@ def _focal_px(
 
 def _lens(part: _Intrinsics, size: tuple[int, int], place: str, notes: list[str]) -> CentralCamera:
     model = part.camera_model or ("OPENCV_FISHEYE" if part.is_fisheye else "OPENCV")
-    check_choice(model, (*PINHOLES, *FISHEYES, "EQUIRECTANGULAR"), f"{place}: camera_model")
+    documents.check_choice(
+        model, (*PINHOLES, *FISHEYES, "EQUIRECTANGULAR"), f"{place}: camera_model"
+    )
     if part.is_fisheye is not None and part.is_fisheye != (model in FISHEYES):
         kind = "a fisheye" if part.is_fisheye else "no fisheye"
         raise unexpected(f"{place}: camera_model", f"{kind}, as is_fisheye states", model)
@@ -243,7 +227,7 @@ def _lens(part: _Intrinsics, size: tuple[int, int], place: str, notes: list[str]
     u = 0.5 * width if part.cx is None else part.cx
     v = 0.5 * height if part.cy is None else part.cy
     focal, other = (one for one in (focal or other, other or focal) if one is not None)
-    intrinsics = Intrinsics(width, height, (focal, other), (u - CENTER_PX, v - CENTER_PX))
+    intrinsics = base.Intrinsics(width, height, (focal, other), (u - CENTER_PX, v - CENTER_PX))
     with error_context(place):
         if model in FISHEYES:
             if part.p1 or part.p2:
@@ -252,7 +236,7 @@ def _lens(part: _Intrinsics, size: tuple[int, int], place: str, notes: list[str]
         if part.k4:
             raise unexpected(f"{place}: k4", f"0 with camera_model {model}", part.k4)
         four = part.k1, part.k2, part.p1, part.p2
-        return pinhole(intrinsics, (*four, part.k3) if part.k3 else four)
+        return base.pinhole(intrinsics, (*four, part.k3) if part.k3 else four)
 
 
 def intrinsics(lens: NerfstudioLens) -> dict[str, Any]:

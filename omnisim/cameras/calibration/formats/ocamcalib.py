@@ -25,7 +25,8 @@ import numpy as np
 from numpy.polynomial import Chebyshev, Polynomial
 
 from omnisim.cameras import CentralCamera, OcamcalibCamera
-from omnisim.cameras.calibration.documents import parse_number, parse_size, unexpected
+from omnisim.cameras.calibration import documents
+from omnisim.cameras.calibration.documents import unexpected
 from omnisim.cameras.calibration.formats.format import ANY, Format, ParsedCamera, error_context
 from omnisim.core.arrays import Floats
 from omnisim.core.errors import CalibrationError
@@ -57,7 +58,7 @@ class Ocamcalib(Format[OcamcalibCamera]):
         if [len(words) for _, words in lines[2:]] != [2, 3, 2]:
             return False
         try:
-            return all(parse_number(word, "") is not None for word in lines[2][1])
+            return all(documents.parse_number(word, "") is not None for word in lines[2][1])
         except CalibrationError:
             return False
 
@@ -70,13 +71,13 @@ class Ocamcalib(Format[OcamcalibCamera]):
         blocks = []
         for (line, words), block, count in zip(lines, BLOCKS, COUNTS, strict=True):
             place = f"{source}: line {line}: {block}"
-            values = [parse_number(word, place) for word in words]
+            values = [documents.parse_number(word, place) for word in words]
             expected = float(count) if count else values.pop(0)
             if len(values) != expected:
                 raise CalibrationError(f"{place}: expected {expected:g} numbers, got {len(values)}")
             blocks.append(values)
         polynomial, inverse, (row, column), affine, _ = blocks
-        height, width = (parse_size(word, place) for word in lines[-1][1])
+        height, width = (documents.parse_size(word, place) for word in lines[-1][1])
         first = 1.0 if _FROM_ONE.search(document) else 0.0
         center = column - first, row - first
         with error_context(source):

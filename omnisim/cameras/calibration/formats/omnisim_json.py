@@ -14,24 +14,12 @@ from collections.abc import Sequence
 from typing import Any
 
 from omnisim.cameras import CAMERA_MODELS, CentralCamera, camera_from_parameters
+from omnisim.cameras.calibration import documents
 from omnisim.cameras.calibration.calibrated_camera import NamedPose
-from omnisim.cameras.calibration.documents import (
-    ForeignTable,
-    Matrix,
-    Unread,
-    parse,
-    pose,
-    rows,
-    unexpected,
-)
+from omnisim.cameras.calibration.documents import ForeignTable, Unread, parse, unexpected
 from omnisim.cameras.calibration.fit import FITTED_MODELS
-from omnisim.cameras.calibration.formats.format import (
-    ANY,
-    Format,
-    MetadataPlace,
-    ParsedCamera,
-    error_context,
-)
+from omnisim.cameras.calibration.formats import format as base
+from omnisim.cameras.calibration.formats.format import ANY, Format, ParsedCamera, error_context
 from omnisim.core.errors import CalibrationError
 
 VERSION = 1
@@ -40,7 +28,7 @@ VERSION = 1
 class _Pose(ForeignTable):
     target: str
     source: str
-    target_from_source: Matrix
+    target_from_source: documents.Matrix
 
 
 class _Camera(ForeignTable, inner={"poses": _Pose}):
@@ -59,7 +47,7 @@ class _RunFile(
     unread={"polygons": Unread("mesh of the mirror: pass the run's sensor file", ("exact",))},
 ):
     camera: dict[str, Any]
-    base_from_optical: Matrix
+    base_from_optical: documents.Matrix
 
 
 class OmnisimJson(Format[CentralCamera]):
@@ -73,7 +61,7 @@ class OmnisimJson(Format[CentralCamera]):
     signature = re.compile(
         rf'\A\s*\{{.*("omnisim_calibration"\s*:|"model"\s*:\s*"({"|".join(CAMERA_MODELS)})")', re.S
     )
-    metadata_place = MetadataPlace.KEY
+    metadata_place = base.MetadataPlace.KEY
     several = True
     tables = (_File, _RunFile)
 
@@ -93,7 +81,7 @@ class OmnisimJson(Format[CentralCamera]):
             return [_parsed(part, f"{source}: cameras.{n}") for n, part in enumerate(file.cameras)]
         if self.table_of(document) is _RunFile:
             run = parse(document, _RunFile, source)
-            matrix = pose(run.base_from_optical, f"{source}: base_from_optical")
+            matrix = documents.pose(run.base_from_optical, f"{source}: base_from_optical")
             camera = _camera(run.camera, f"{source}: camera")
             return [ParsedCamera("camera", camera, (NamedPose("base", "camera", matrix),))]
         return [ParsedCamera("camera", _camera(document, source))]
@@ -104,7 +92,7 @@ class OmnisimJson(Format[CentralCamera]):
         for camera in cameras:
             poses = [
                 {"target": one.target, "source": one.source,
-                 "target_from_source": rows(one.target_from_source)}
+                 "target_from_source": documents.rows(one.target_from_source)}
                 for one in camera.poses
             ]  # fmt: skip
             parameters = camera.lens.parameters()
@@ -125,7 +113,7 @@ def _parsed(part: dict[str, Any], place: str) -> ParsedCamera[CentralCamera]:
     for index, entry in enumerate(fields.poses):
         where = f"{place}.poses.{index}"
         one = parse(entry, _Pose, where)
-        matrix = pose(one.target_from_source, f"{where}.target_from_source")
+        matrix = documents.pose(one.target_from_source, f"{where}.target_from_source")
         poses.append(NamedPose(one.target, one.source, matrix))
     camera = _camera(fields.camera, f"{place}.camera")
     return ParsedCamera(fields.name or "camera", camera, tuple(poses))

@@ -32,32 +32,10 @@ from omnisim.cameras import (
     RationalPolynomialCamera,
     UnifiedCamera,
 )
-from omnisim.cameras.calibration.documents import (
-    ForeignTable,
-    Numbers,
-    Size,
-    Unread,
-    counted,
-    parse,
-    parse_yaml,
-    unexpected,
-)
-from omnisim.cameras.calibration.formats.format import (
-    ANY,
-    NO_SKEW,
-    PINHOLE,
-    Format,
-    Intrinsics,
-    LensT,
-    ParsedCamera,
-    brown_pinhole,
-    check_no_skew,
-    error_context,
-    fisheye,
-    matrix_intrinsics,
-    yaml_float,
-    yaml_matrix,
-)
+from omnisim.cameras.calibration import documents
+from omnisim.cameras.calibration.documents import ForeignTable, Unread, parse, unexpected
+from omnisim.cameras.calibration.formats import format as base
+from omnisim.cameras.calibration.formats.format import ANY, Format, ParsedCamera, error_context
 from omnisim.core.errors import CalibrationError
 from omnisim.core.files.parameters import Number
 
@@ -73,14 +51,14 @@ IS_PINHOLE = re.compile(r"^[ \t]*fisheye_model[ \t]*:[ \t]*0\b", re.M)
 
 
 class _Image(ForeignTable):
-    image_width: Size
-    image_height: Size
+    image_width: documents.Size
+    image_height: documents.Size
 
 
 class _Matrix(ForeignTable):
     rows: int
     cols: int
-    data: Numbers
+    data: documents.Numbers
 
 
 class _Xi(ForeignTable):
@@ -121,13 +99,13 @@ class _File(NamedTuple):
 
     data: dict[str, Any]
     source: str
-    intrinsics: Intrinsics
+    intrinsics: base.Intrinsics
     skew_px: float
     coefficients: list[float]
     place: str  # file and key of the coefficients, for messages
 
 
-class _Opencv(Format[LensT]):
+class _Opencv(Format[base.LensT]):
     """Base of OpenCV's formats: sizes, K and D."""
 
     suffix = ".yaml"
@@ -152,9 +130,9 @@ class _Opencv(Format[LensT]):
             raise unexpected(f"{source}: image_width, image_height", "image_size", dict(image))
         key, matrix = _matrix(data, MATRIX_KEYS, source)
         size_px = image.image_width, image.image_height
-        intrinsics, skew_px = matrix_intrinsics(size_px, matrix, f"{source}: {key}")
+        intrinsics, skew_px = base.matrix_intrinsics(size_px, matrix, f"{source}: {key}")
         if "skew" not in self.unified_terms:
-            check_no_skew(skew_px, f"{source}: {key}")
+            base.check_no_skew(skew_px, f"{source}: {key}")
         key, coefficients = _matrix(data, DISTORTION_KEYS, source)
         file = _File(data, source, intrinsics, skew_px, coefficients, f"{source}: {key}")
         with error_context(source):
@@ -173,22 +151,22 @@ class OpencvOmnidir(_Opencv[UnifiedCamera]):
     unified_terms = frozenset({"ξ", "skew"})
     tables = (_OmnidirTable,)
     models = (UnifiedCamera,)
-    fits = ((UnifiedCamera, NO_SKEW),)
+    fits = ((UnifiedCamera, base.NO_SKEW),)
 
     def _lens(self, file: _File) -> CentralCamera:
         if isinstance(file.data.get("xi"), dict):
             place = f"{file.source}: xi"
-            (xi,) = counted(parse(file.data["xi"], _Matrix, place).data, "xi", place)
+            (xi,) = documents.counted(parse(file.data["xi"], _Matrix, place).data, "xi", place)
         else:
             xi = parse(file.data, _Xi, file.source).xi
-        four = tuple(counted(file.coefficients, "k1 k2 p1 p2", file.place))
+        four = tuple(documents.counted(file.coefficients, "k1 k2 p1 p2", file.place))
         return UnifiedCamera(*file.intrinsics, xi, four, file.skew_px)
 
     def encode(self, cameras: Sequence[ParsedCamera[UnifiedCamera]]) -> str:
         """Text of a file with the camera."""
         (camera,) = cameras
         lens = camera.lens
-        return _encode(lens, lens.distortion, lens.skew_px) + f"xi: {yaml_float(lens.xi)}\n"
+        return _encode(lens, lens.distortion, lens.skew_px) + f"xi: {base.yaml_float(lens.xi)}\n"
 
 
 class OpencvFisheye(_Opencv[KannalaBrandtCamera]):
@@ -202,7 +180,7 @@ class OpencvFisheye(_Opencv[KannalaBrandtCamera]):
     caveat = "cv2.fisheye's own projection is wrong past 90°"
 
     def _lens(self, file: _File) -> CentralCamera:
-        return fisheye(file.intrinsics, file.coefficients, file.place)
+        return base.fisheye(file.intrinsics, file.coefficients, file.place)
 
     def encode(self, cameras: Sequence[ParsedCamera[KannalaBrandtCamera]]) -> str:
         """Text of a file with the camera."""
@@ -217,13 +195,13 @@ class OpencvPinhole(_Opencv[OpencvPinholeLens]):
     title = "OpenCV: pinhole yaml"
     unified_terms = frozenset({"k3", "thin prism or tilt"})
     models = (UnifiedCamera, RationalPolynomialCamera)
-    fits = ((UnifiedCamera, PINHOLE), (RationalPolynomialCamera, ANY))
+    fits = ((UnifiedCamera, base.PINHOLE), (RationalPolynomialCamera, ANY))
     max_theta_rad = 0.5 * math.pi
     tables = (_Table,)
 
     def ambiguity(self, text: str, source: str) -> str | None:
         """Reason for naming the format: four coefficients fit a fisheye and a pinhole camera."""
-        key, coefficients = _matrix(parse_yaml(text, source), DISTORTION_KEYS, source)
+        key, coefficients = _matrix(documents.parse_yaml(text, source), DISTORTION_KEYS, source)
         if len(coefficients) != 4 or IS_PINHOLE.search(text):
             return None
         return (
@@ -232,7 +210,7 @@ class OpencvPinhole(_Opencv[OpencvPinholeLens]):
         )
 
     def _lens(self, file: _File) -> CentralCamera:
-        return brown_pinhole(file.intrinsics, file.coefficients, file.place)
+        return base.brown_pinhole(file.intrinsics, file.coefficients, file.place)
 
     def encode(self, cameras: Sequence[ParsedCamera[OpencvPinholeLens]]) -> str:
         """Text of a file with the camera."""
@@ -260,6 +238,6 @@ def _encode(
     (fx, fy), (cx, cy) = lens.focal_lengths_px, lens.principal_point_px
     k = [fx, skew_px, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]
     text = f"%YAML:1.0\n---\nimage_width: {lens.width_px}\nimage_height: {lens.height_px}\n"
-    text += yaml_matrix("camera_matrix", 3, 3, k, opencv=True)
+    text += base.yaml_matrix("camera_matrix", 3, 3, k, opencv=True)
     count = len(distortion)
-    return text + yaml_matrix("distortion_coefficients", count, 1, distortion, opencv=True)
+    return text + base.yaml_matrix("distortion_coefficients", count, 1, distortion, opencv=True)

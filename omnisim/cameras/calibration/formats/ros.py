@@ -30,28 +30,10 @@ from omnisim.cameras import (
     RationalPolynomialCamera,
     UnifiedCamera,
 )
-from omnisim.cameras.calibration.documents import (
-    ForeignTable,
-    Numbers,
-    Size,
-    Unread,
-    check_choice,
-    parse,
-    parse_yaml,
-    unexpected,
-)
-from omnisim.cameras.calibration.formats.format import (
-    ANY,
-    PINHOLE,
-    Format,
-    ParsedCamera,
-    brown_pinhole,
-    check_no_skew,
-    error_context,
-    fisheye,
-    matrix_intrinsics,
-    yaml_matrix,
-)
+from omnisim.cameras.calibration import documents
+from omnisim.cameras.calibration.documents import ForeignTable, Unread, parse, unexpected
+from omnisim.cameras.calibration.formats import format as base
+from omnisim.cameras.calibration.formats.format import ANY, Format, ParsedCamera, error_context
 from omnisim.core.errors import CalibrationError
 from omnisim.core.files.parameters import Number
 
@@ -71,11 +53,11 @@ class CameraInfoMessage(
     """sensor_msgs/CameraInfo, or Foxglove's CameraCalibration."""
 
     frame_id: str = ""
-    width: Size
-    height: Size
+    width: documents.Size
+    height: documents.Size
     distortion_model: str
-    D: Numbers
-    K: Numbers
+    D: documents.Numbers
+    K: documents.Numbers
     P: tuple[Number, ...] = ()
 
 
@@ -83,7 +65,11 @@ class CameraInfo(Format[CameraInfoLens]):
     """Base of the formats with a CameraInfo: names of Brown's and of the Kannala-Brandt models."""
 
     models = (UnifiedCamera, RationalPolynomialCamera, KannalaBrandtCamera)
-    fits = ((UnifiedCamera, PINHOLE), (RationalPolynomialCamera, ANY), (KannalaBrandtCamera, ANY))
+    fits = (
+        (UnifiedCamera, base.PINHOLE),
+        (RationalPolynomialCamera, ANY),
+        (KannalaBrandtCamera, ANY),
+    )
     max_theta_rad = 0.5 * math.pi
     distortion_models: tuple[str, ...]
     fisheye_models: tuple[str, ...]
@@ -105,7 +91,7 @@ class CameraInfo(Format[CameraInfoLens]):
         keys: tuple[str, str],
     ) -> CentralCamera:
         """Lens from an image size, distortion model, K and D; `keys` name K and D in messages."""
-        intrinsics, skew_px = matrix_intrinsics(size_px, matrix, f"{source}: {keys[0]}")
+        intrinsics, skew_px = base.matrix_intrinsics(size_px, matrix, f"{source}: {keys[0]}")
         if skew_px and model in self.fisheye_models:
             (_, fy), (_, cy) = intrinsics.focal_lengths_px, intrinsics.principal_point_px
             most_px = abs(skew_px) * max(cy, size_px[1] - 1.0 - cy) / fy
@@ -113,13 +99,13 @@ class CameraInfo(Format[CameraInfoLens]):
                 f"{source}: {keys[0]}: expected no skew in a fisheye, got {skew_px:g}: calibrate "
                 f"with --fisheye-fix-skew; a 0 in its place moves pixels by up to {most_px:.2g} px"
             )
-        check_no_skew(skew_px, f"{source}: {keys[0]}")
+        base.check_no_skew(skew_px, f"{source}: {keys[0]}")
         expected = (*self.distortion_models, *self.fisheye_models)
-        check_choice(model, expected, f"{source}: distortion_model", OTHERS)
+        documents.check_choice(model, expected, f"{source}: distortion_model", OTHERS)
         with error_context(source):
             if model in self.fisheye_models:
-                return fisheye(intrinsics, coefficients, f"{source}: {keys[1]}")
-            return brown_pinhole(intrinsics, coefficients, f"{source}: {keys[1]}")
+                return base.fisheye(intrinsics, coefficients, f"{source}: {keys[1]}")
+            return base.brown_pinhole(intrinsics, coefficients, f"{source}: {keys[1]}")
 
 
 def baseline_notes(key: str, projection: Sequence[float]) -> tuple[str, ...]:
@@ -145,7 +131,7 @@ _MESSAGE = re.compile(r"^[kK][ \t]*:", re.M)
 
 
 class _Matrix(ForeignTable, harmless="rows cols"):
-    data: Numbers
+    data: documents.Numbers
 
 
 class _Camera(
@@ -153,8 +139,8 @@ class _Camera(
     inner=dict.fromkeys(("camera_matrix", "distortion_coefficients"), _Matrix),
     harmless="rectification_matrix",  # turns rectified images only
 ):
-    image_width: Size
-    image_height: Size
+    image_width: documents.Size
+    image_height: documents.Size
     camera_name: str = "camera"
     camera_model: str = ""
     camera_matrix: _Matrix
@@ -190,7 +176,7 @@ class Ros(CameraInfo):
         if not _MESSAGE.search(text):
             return super().document(text, source)
         first = re.split(r"^---[ \t\r]*$", text.lstrip("-\n"), maxsplit=1, flags=re.M)[0]
-        message = parse_yaml(first, source)
+        message = documents.parse_yaml(first, source)
         header = message.get("header")
         named = {"frame_id": header.get("frame_id")} if isinstance(header, dict) else {}
         return named | {key.upper() if len(key) == 1 else key: message[key] for key in message}
@@ -206,7 +192,9 @@ class Ros(CameraInfo):
         is_fisheye = document.get("camera_model") == "fisheye"
         extra = {"distortion_model": "fisheye"} if is_fisheye else {}
         fields = parse({**extra, **document}, _Camera, source)
-        check_choice(fields.camera_model, ("", "pinhole", "fisheye"), f"{source}: camera_model")
+        documents.check_choice(
+            fields.camera_model, ("", "pinhole", "fisheye"), f"{source}: camera_model"
+        )
         if is_fisheye and fields.distortion_model not in self.fisheye_models:
             place = f"{source}: distortion_model"
             raise unexpected(place, "a fisheye's, as camera_model", fields.distortion_model)
@@ -224,8 +212,8 @@ class Ros(CameraInfo):
         model, d, k, p = camera_info(camera.lens)
         text = f"image_width: {camera.lens.width_px}\nimage_height: {camera.lens.height_px}\n"
         text += f"camera_name: {json.dumps(camera.name)}\n"
-        text += yaml_matrix("camera_matrix", 3, 3, k)
+        text += base.yaml_matrix("camera_matrix", 3, 3, k)
         text += f"distortion_model: {model}\n"
-        text += yaml_matrix("distortion_coefficients", 1, len(d), d)
-        text += yaml_matrix("rectification_matrix", 3, 3, IDENTITY)
-        return text + yaml_matrix("projection_matrix", 3, 4, p)
+        text += base.yaml_matrix("distortion_coefficients", 1, len(d), d)
+        text += base.yaml_matrix("rectification_matrix", 3, 3, IDENTITY)
+        return text + base.yaml_matrix("projection_matrix", 3, 4, p)

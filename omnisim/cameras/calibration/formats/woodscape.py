@@ -18,25 +18,11 @@ from collections.abc import Sequence
 from typing import Any
 
 from omnisim.cameras import CentralCamera, FThetaCamera
+from omnisim.cameras.calibration import documents
 from omnisim.cameras.calibration.calibrated_camera import NamedPose, find_pose
-from omnisim.cameras.calibration.documents import (
-    ForeignTable,
-    Numbers,
-    Size,
-    check_choice,
-    counted,
-    parse,
-    unexpected,
-)
-from omnisim.cameras.calibration.formats.format import (
-    ANY,
-    Format,
-    MetadataPlace,
-    ParsedCamera,
-    error_context,
-    pose_from_quaternion,
-    position_and_quaternion,
-)
+from omnisim.cameras.calibration.documents import ForeignTable, parse, unexpected
+from omnisim.cameras.calibration.formats import format as base
+from omnisim.cameras.calibration.formats.format import ANY, Format, ParsedCamera, error_context
 from omnisim.core.files.parameters import Number
 
 
@@ -46,8 +32,8 @@ class _Intrinsic(ForeignTable):
     aspect_ratio: Number = 1.0
     cx_offset: Number
     cy_offset: Number
-    width: Size
-    height: Size
+    width: documents.Size
+    height: documents.Size
     k1: Number
     k2: Number
     k3: Number
@@ -55,8 +41,8 @@ class _Intrinsic(ForeignTable):
 
 
 class _Extrinsic(ForeignTable):
-    quaternion: Numbers
-    translation: Numbers
+    quaternion: documents.Numbers
+    translation: documents.Numbers
 
 
 class _File(ForeignTable, inner={"intrinsic": _Intrinsic, "extrinsic": _Extrinsic}):
@@ -74,7 +60,7 @@ class Woodscape(Format[FThetaCamera]):
     models = (FThetaCamera,)
     fits = ((FThetaCamera, ANY),)
     signature = re.compile(r'"cx_offset"\s*:|"radial_poly"')
-    metadata_place = MetadataPlace.KEY
+    metadata_place = base.MetadataPlace.KEY
     tables = (_File,)
 
     def read(self, document: Any, source: str) -> list[ParsedCamera[CentralCamera]]:
@@ -87,9 +73,11 @@ class Woodscape(Format[FThetaCamera]):
         if file.extrinsic is not None:
             where = f"{source}: extrinsic"
             extrinsic = parse(file.extrinsic, _Extrinsic, where)
-            position = counted(extrinsic.translation, "x y z", f"{where}: translation")
-            quaternion = counted(extrinsic.quaternion, "x y z w", f"{where}: quaternion")
-            poses = (NamedPose("vehicle", name, pose_from_quaternion(position, quaternion, where)),)
+            position = documents.counted(extrinsic.translation, "x y z", f"{where}: translation")
+            quaternion = documents.counted(extrinsic.quaternion, "x y z w", f"{where}: quaternion")
+            poses = (
+                NamedPose("vehicle", name, base.pose_from_quaternion(position, quaternion, where)),
+            )
         with error_context(place):
             return [ParsedCamera(name, _lens(intrinsic, place), poses)]
 
@@ -108,7 +96,7 @@ class Woodscape(Format[FThetaCamera]):
         data: dict[str, Any] = {"intrinsic": intrinsic, "name": camera.name}
         pose = find_pose(camera.poses, "vehicle", camera.name)
         if pose is not None:
-            position, quaternion = position_and_quaternion(pose)
+            position, quaternion = base.position_and_quaternion(pose)
             data = {"extrinsic": {"quaternion": quaternion, "translation": position}, **data}
         return json.dumps(data, indent=2) + "\n"
 
@@ -120,7 +108,7 @@ class Woodscape(Format[FThetaCamera]):
 def _lens(part: _Intrinsic, place: str) -> CentralCamera:
     if part.poly_order != 4:
         raise unexpected(f"{place}: poly_order", "4", part.poly_order)
-    check_choice(part.model, ("radial_poly",), f"{place}: model")
+    documents.check_choice(part.model, ("radial_poly",), f"{place}: model")
     center = part.cx_offset + 0.5 * part.width - 0.5, part.cy_offset + 0.5 * part.height - 0.5
     coefficients = part.k1, part.k2, part.k3, part.k4
     return FThetaCamera(

@@ -11,8 +11,7 @@ from omnisim.rendering.opengl.gl import debug
 from omnisim.rendering.opengl.gl.buffers import AllocationError
 from omnisim.rendering.opengl.gl.functions import ENUM, INT, POINTER, end_pass, gl_function
 from omnisim.rendering.opengl.gl.gpu_textures import depth_array
-from omnisim.rendering.opengl.gl.reversed_depth import CLEAR_DEPTH
-from omnisim.rendering.opengl.gl.state import GlState
+from omnisim.rendering.opengl.gl.state import CLEAR_DEPTH, GlState
 
 COLORS, DEPTH = 0x8CE0, 0x8D00  # attachments; further colors follow the first
 LAYER_EXTENSIONS = {"GL_ARB_shader_draw_parameters", "GL_ARB_shader_viewport_layer_array"}

@@ -22,7 +22,6 @@ from omnisim.rendering.opengl.gl.functions import (
     end_pass,
     gl_function,
 )
-from omnisim.rendering.opengl.gl.reversed_depth import GREATER, reverse_depth
 
 _FRAMEBUFFER, _COLOR, _DEPTH = 0x8D40, 0x1800, 0x1801
 _PACK_ALIGNMENT = 0x0D05
@@ -237,3 +236,23 @@ def _capability(number: int) -> Callable[[bool], object]:
 def _choice(*calls: Callable[[], object]) -> Callable[[bool], object]:
     """Function that makes the first call for False, the second for True."""
     return lambda is_enabled: calls[is_enabled]()
+
+
+# Reversed depth: 1 at the near plane, 0 at infinity, in 32-bit floats that store near/z.
+#
+# Floats then have a relative precision of 6e-8 at every distance; the usual 24 bits from −1 to 1
+# confuse surfaces 10 cm apart at 500 m. The tiles' matrices in `rendering/atlas/tile_plan.py` make
+# depth so; this file tells OpenGL.
+#
+# Source: Reed, "Depth precision visualized", 2015.
+
+
+CLEAR_DEPTH = 0.0
+GREATER = 0x0204  # test that nearer surfaces pass
+_LOWER_LEFT, _ZERO_TO_ONE = 0x8CA1, 0x935F
+
+
+def reverse_depth() -> None:
+    """Clip the current context's depth to [0, w], and let the greater one pass."""
+    gl_function("glClipControl", ENUM, ENUM)(_LOWER_LEFT, _ZERO_TO_ONE)
+    gl_function("glDepthFunc", ENUM)(GREATER)

@@ -20,12 +20,10 @@ from omnisim.rendering.contract import ScenePoses
 from omnisim.rendering.opengl.gl.buffers import gpu_allocation, gpu_buffer
 from omnisim.rendering.opengl.gl.framebuffers import framebuffer
 from omnisim.rendering.opengl.gl.gpu_textures import depth_texture, texture_2d
-from omnisim.rendering.opengl.gl.reversed_depth import CLEAR_DEPTH
 from omnisim.rendering.opengl.gl.shader_files import build_program, uniform
-from omnisim.rendering.opengl.gl.state import GlState
+from omnisim.rendering.opengl.gl.state import CLEAR_DEPTH, GlState
 from omnisim.rendering.opengl.scene_view import Probes, SceneView, VirtualCameras
-from omnisim.rendering.opengl.surfaces.scene_drawer import ItemProgram, SceneDrawer
-from omnisim.rendering.opengl.surfaces.sky_pass import SkyPass
+from omnisim.rendering.opengl.surfaces.scene_drawer import ItemProgram, SceneDrawer, SkyPass
 from omnisim.rendering.opengl.surfaces.surface_program import (
     MIRROR_UNITS,
     SurfaceProgram,

@@ -34,7 +34,7 @@ from omnisim.rendering.opengl.gl.gpu_textures import (
 from omnisim.rendering.opengl.gl.shader_files import build_program, uniform
 from omnisim.rendering.opengl.gl.state import GlState
 from omnisim.rendering.opengl.scene_view import SceneParts, SceneView, VirtualCameras
-from omnisim.rendering.opengl.surfaces.sky_pass import SkyPass
+from omnisim.rendering.opengl.surfaces.scene_drawer import SkyPass
 from omnisim.rendering.opengl.surfaces.surface_program import (
     PROBE_UNIT,
     SurfaceProgram,

@@ -323,11 +323,9 @@ EXTENSIONS = ("KHR_meshopt_compression", "EXT_meshopt_compression")
 MODES: dict[int | str, str] = {mode: mode for mode in ("ATTRIBUTES", "TRIANGLES", "INDICES")}
 # Valid strides in bytes per attribute filter; without a filter: multiples of 4.
 STRIDES = {
-    "NONE": range(4, 257, 4),
-    "OCTAHEDRAL": (4, 8),
-    "QUATERNION": (8,),
+    "NONE": range(4, 257, 4), "OCTAHEDRAL": (4, 8), "QUATERNION": (8,),
     "EXPONENTIAL": range(4, 257, 4),
-}
+}  # fmt: skip
 _INDEX_STRIDES = (2, 4)
 MAX_RATIO = 4096  # compression ratio: a short file must not exhaust the memory
 

@@ -362,11 +362,10 @@ def with_reflectance(
         roughness = 1.0 - factors.share(glossy, "glossinessFactor", 1.0)
         tint = _tint_of(red, green, blue)
         return replace(common, roughness=roughness, specular=1.0, specular_color=tint)
-    coat = entry.extension_or_empty("KHR_materials_clearcoat")
-    specular = entry.extension_or_empty("KHR_materials_specular")
-    ior = entry.extension_or_empty("KHR_materials_ior")
-    volume = entry.extension_or_empty("KHR_materials_volume")
-    dispersion = entry.extension_or_empty("KHR_materials_dispersion")
+    coat, specular, ior, volume, dispersion, transmission = (
+        entry.extension_or_empty(f"KHR_materials_{name}")
+        for name in ("clearcoat", "specular", "ior", "volume", "dispersion", "transmission")
+    )
     strength = factors.share(specular, "specularFactor", 1.0)
     coating = factors.share(coat, "clearcoatFactor", 0.0)
     coat_scale = _scale(coat.object("clearcoatNormalTexture"), factors)
@@ -380,11 +379,7 @@ def with_reflectance(
         specular=strength,
         specular_color=_tint_of(red, green, blue) if gives_reflectance else (red, green, blue),
         ior=DEFAULT_IOR if gives_reflectance else factors.number(ior, "ior", DEFAULT_IOR, 1.0),
-        transmission=0.0
-        if is_opaque
-        else factors.share(
-            entry.extension_or_empty("KHR_materials_transmission"), "transmissionFactor", 0.0
-        ),
+        transmission=0.0 if is_opaque else factors.share(transmission, "transmissionFactor", 0.0),
         thickness_m=factors.number(volume, "thicknessFactor", 0.0, 0.0),
         attenuation_color=factors.color(volume, "attenuationColor", 1.0, 1.0),
         attenuation_distance_m=_attenuation_distance_m(volume, factors),

@@ -62,10 +62,8 @@ def _left_out(scene: Scene) -> list[str]:
         "starts": len(scene.starts), "paths": len(scene.paths), "labels": len(scene.labels),
         "landmarks": len(scene.landmarks),
     }  # fmt: skip
-    omitted = [f"{name} ({count})" for name, count in counts.items() if count]
-    lines = (
-        [f"{', '.join(omitted)}: not in the GLB file, but for a scene's TOML"] if omitted else []
-    )
+    omitted = ", ".join(f"{name} ({count})" for name, count in counts.items() if count)
+    lines = [f"{omitted}: not in the GLB file, but for a scene's TOML"] if omitted else []
     lighting = scene.lighting
     if lighting.baked is not None:
         lines.append("baked light: not in the GLB file, but omnisim bake computes it anew")
@@ -214,11 +212,8 @@ def node_meshes(scene: Scene) -> tuple[list[Entry], list[NodeMesh]]:
 
     def node_of(numbered: tuple[int, Instance]) -> tuple[str, bytes, int]:
         number, one = numbered
-        return (
-            one.name,
-            one.world_from_node.tobytes(),
-            -1 if frames[one.mesh] is not None else number,
-        )
+        own = number if frames[one.mesh] is None else -1
+        return one.name, one.world_from_node.tobytes(), own
 
     for (name, _, _), group in itertools.groupby(enumerate(scene.instances), node_of):
         parts = [one for _, one in group]
@@ -445,11 +440,8 @@ def _texture_transform(texture: Texture) -> Entry | None:
         return None
     width = math.hypot(a, d)
     sign = math.copysign(1.0, a * e - b * d)
-    return {
-        "offset": [c, f],
-        "rotation": math.atan2(-d, a),
-        "scale": [width, sign * math.hypot(b, e)],
-    }
+    rotation, scale = math.atan2(-d, a), [width, sign * math.hypot(b, e)]
+    return {"offset": [c, f], "rotation": rotation, "scale": scale}
 
 
 # Lights of an exported glTF file.

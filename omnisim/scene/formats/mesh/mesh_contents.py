@@ -12,6 +12,7 @@ import itertools
 import re
 import struct
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from xml.etree import ElementTree
 
 import numpy as np
@@ -215,10 +216,9 @@ def _off_parts(data: bytes) -> Iterator[tuple[str, str]]:
 
 
 def _collada_parts(data: bytes) -> Parts:
-    try:
+    with suppress(ElementTree.ParseError, ValueError, LookupError, RecursionError):
         return list(xml_parts(ElementTree.fromstring(data), "dae"))
-    except (ElementTree.ParseError, ValueError, LookupError, RecursionError):
-        return []  # its reader has told the fault
+    return []  # its reader has told the fault
 
 
 _PARTS: dict[str, Callable[[bytes], Parts]] = {

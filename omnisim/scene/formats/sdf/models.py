@@ -363,7 +363,7 @@ def model_file(folder: Path, reader: SourceReader) -> Path | None:
     named = []
     if manifest is not None:
         entries = [entry for entry in read_xml(manifest, reader).iter("sdf") if entry.text]
-        entries.sort(key=lambda entry: _version(entry.get("version")), reverse=True)
+        entries.sort(key=lambda entry: _numbers(entry.get("version") or ""), reverse=True)
         named = [(entry.text or "").strip() for entry in entries]
     for name in (*named, "model.sdf"):
         if (folder / name).is_file():
@@ -381,5 +381,5 @@ def read_xml(path: Path, reader: SourceReader) -> Element:
         raise SceneError(f"{path}: {reason}") from None
 
 
-def _version(text: str | None) -> tuple[int, ...]:
-    return tuple(int(part) for part in (text or "").split(".") if part.isdecimal())
+def _numbers(version: str) -> tuple[int, ...]:
+    return tuple(int(part) for part in version.split(".") if part.isdecimal())

@@ -444,11 +444,12 @@ class TextureFiles:
         key = (tuple(sorted(planes.items())), base)
         if key in self._packed:
             return self._packed[key]
-        read = {
-            channel: (texture, _plane(texture.pixels, source, name))
-            for channel, (source, name) in planes.items()
-            if (texture := self.texture(source, material)) is not None
-        }
+        read = {}
+        for channel, (source, name) in planes.items():
+            if (texture := self.texture(source, material)) is not None:
+                index = CHANNELS.get(name, 0)
+                levels = _levels(source.scale[index], source.bias[index])
+                read[channel] = texture, levels[texture.pixels[..., index]]
         packed = first = None if base is None else self.texture(base, material)
         if read:
             like = first or next(iter(read.values()))[0]
@@ -493,12 +494,6 @@ def content_of(resolved: str, reader: SourceReader) -> bytes:
     reader.note(Path(package))
     asset = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(resolved))
     return b"" if asset is None else bytes(asset.GetBuffer())
-
-
-def _plane(pixels: Bytes, source: TextureSource, channel: str) -> Bytes:
-    """Levels (height, width) of a channel, after its scale and bias."""
-    index = CHANNELS.get(channel, 0)
-    return _levels(source.scale[index], source.bias[index])[pixels[..., index]]
 
 
 def _levels(scale: float, bias: float) -> Bytes:

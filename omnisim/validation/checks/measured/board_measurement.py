@@ -7,7 +7,6 @@ from contextlib import suppress
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras import KannalaBrandtCamera, OcamcalibCamera, UnifiedCamera
 from omnisim.cameras.camera import CentralCamera
@@ -18,12 +17,10 @@ from omnisim.measurement.geometry import BoardView, Chessboard, measure_geometry
 from omnisim.measurement.geometry.board_detection import find_board
 from omnisim.rendering.camera.degradations import Degradation, Noise, Vignetting
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.stage import open_sensor
 from omnisim.report.report import Measure, ResultTable, Section
 from omnisim.validation.fixture import Fixture
-from omnisim.validation.plain_scenes import PATTERN, SQUARE_M, board_poses_in_front, board_scene
+from omnisim.validation.plain_scenes import PATTERN, SQUARE_M, board_images, board_poses_in_front
 
-Floats = NDArray[np.float64]
 IMAGES, TWINS = 24, 4
 BOARD = Chessboard(*PATTERN, SQUARE_M)
 DEGRADATION = Degradation(vignetting=Vignetting((-0.25, 0.05, -0.01)), noise=Noise())
@@ -36,7 +33,6 @@ OMNIDIR_BOUND = 1.02  # a model with fewer numbers may leave that much more
 
 def cameras() -> dict[str, tuple[CentralCamera, float]]:
     """Cameras to measure, by name, each with the maximum angle in rad from the axis to a board."""
-    size = 640, 480
     size, turned_rad = (640, 480), np.radians(58.0)
     poly, affine = (-200.0, 0.0, 1.2e-3, -1e-6, 3e-9), (0.999, 2e-4, 0.0)
     return {
@@ -58,14 +54,11 @@ def check(fixture: Fixture, title: str) -> Section:
     for name, (camera, widest_rad) in hidden:
         sensor = OmniCamera(camera, degradation=DEGRADATION)
         detected = []
-        with open_sensor(board_scene(), sensor, unlit=True, device=fixture.device) as renderer:
-            for number, optical_from_board in enumerate(board_poses_in_front(IMAGES, widest_rad)):
-                rig_from_board = np.eye(4)
-                rig_from_board[:3] = camera.rig_from_optical @ optical_from_board[:3]
-                frame = renderer.render(np.linalg.inv(rig_from_board), frame_number=number)
-                image = np.ascontiguousarray(frame.rgba[..., 1])
-                with suppress(MeasurementError):  # partly outside of the image
-                    detected.append((find_board(image, BOARD, f"image {number}"), image))
+        poses = board_poses_in_front(IMAGES, widest_rad, camera.rig_from_optical)
+        for number, rgb in enumerate(board_images(fixture, sensor, poses)):
+            image = np.ascontiguousarray(rgb[..., 1])
+            with suppress(MeasurementError):  # partly outside of the image
+                detected.append((find_board(image, BOARD, f"image {number}"), image))
         measured = measure_geometry([view for view, _ in detected], (640, 480))
         twin = OmniCamera(measured.camera, degradation=DEGRADATION)
         compared = []
@@ -74,15 +67,9 @@ def check(fixture: Fixture, title: str) -> Section:
                 compared.append(compare_image(twin, BOARD, view, image, measured.board_m))
         comparison = compare_images(twin, compared)
         rise = max(abs(ring.twin_rise_px / ring.rise_px - 1.0) for ring in comparison.rings)
-        numbers = np.array(
-            [
-                measured.held_out_rms_px,
-                ray_error_px(camera, measured.camera, [view for view, _ in detected]),
-                comparison.bias_px,
-                float(np.percentile(np.abs(comparison.level_errors), 90.0)),
-                rise,
-            ]
-        )
+        ray_px = ray_error_px(camera, measured.camera, [view for view, _ in detected])
+        level = float(np.percentile(np.abs(comparison.level_errors), 90.0))
+        numbers = np.array((measured.held_out_rms_px, ray_px, comparison.bias_px, level, rise))
         excess = max(excess, measured.rms_px / omnidir_rms_px(measured.views))
         bounded = numbers.copy()
         if name == MIRROR:
@@ -91,9 +78,7 @@ def check(fixture: Fixture, title: str) -> Section:
         cells = [f"{number:.3f}" for number in numbers.tolist()]
         rows.append((name, str(len(detected)), measured.model, *cells))
     held_out, rays, bias, levels, rise_error = worst.tolist()
-    columns = (
-        "camera", "boards", "model", "held out px", "rays px", "bias px", "levels", "rise",
-    )  # fmt: skip
+    columns = ("camera", "boards", "model", "held out px", "rays px", "bias px", "levels", "rise")
     return Section(
         title,
         f"{len(hidden)} simulated cameras with vignetting and noise take {IMAGES} images of a "

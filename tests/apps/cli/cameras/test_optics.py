@@ -17,13 +17,13 @@ from tests.cameras.optics.boards.test_calibrate import boards_of
 
 EXAMPLES = Path(package.__file__).parents[1] / "examples" / "optics"
 SPHERE = EXAMPLES / "sphere.toml"
+DESIGN = ("optics", "design", "--distance", 0.1, "--half-angle", 20)
 
 
-def test_check(omnisim):
-    status, out, err = omnisim("optics", "check", SPHERE, "--at-distance", 0.5, 2)
-    assert (status, err) == (0, "")
+def test_check(quiet):
+    out = quiet("optics", "check", SPHERE, "--at-distance", 0.5, 2)
     assert "perspective 360 × 360 px, 1 mirror" in out
-    assert "67.1 % of the pixels see something; 30.7 % pass a surface" in out
+    assert "67.1 % of the pixels see something; 30.7 % miss a surface" in out
     assert "lateral" not in out
     assert "best viewpoint: (0.00000, -0.00008, 0.15569) m" in out
     assert [line.split()[0] for line in out.splitlines()[-2:]] == ["0.5", "2"]
@@ -31,62 +31,46 @@ def test_check(omnisim):
 
 @pytest.mark.slow
 @pytest.mark.long
-def test_check_tells_lateral_color(omnisim, tmp_path):
+def test_check_tells_lateral_color(quiet, tmp_path):
     port = (EXAMPLES / "flat-port.toml").read_text()
     (tmp_path / "port.toml").write_text(port)
     (tmp_path / "chromatic.toml").write_text("chromatic = true\n" + port)
-    _, out, _ = omnisim("optics", "check", "port.toml", "--at-distance", 2)
+    out = quiet("optics", "check", "port.toml", "--at-distance", 2)
     assert "lateral color: R and B of far points are " in out
     assert "px at most; set chromatic = true to simulate it" in out
-    assert "px at most; simulated" in omnisim("optics", "check", "chromatic.toml")[1]
+    assert "px at most; simulated" in quiet("optics", "check", "chromatic.toml")
 
 
-@pytest.mark.parametrize("name", ["folded", "dome-port", "tilted-mirror"])
-def test_plot(omnisim, tmp_path, name):
-    status, _, err = omnisim("optics", "plot", EXAMPLES / f"{name}.toml", "-o", "a.svg")
-    assert (status, err) == (0, "")
-    assert "caustic" not in err
+@pytest.mark.parametrize("name", ["folded", "tilted-mirror"])
+def test_plot(quiet, tmp_path, name):
+    quiet("optics", "plot", EXAMPLES / f"{name}.toml", "-o", "a.svg")
     assert (tmp_path / "a.svg").stat().st_size > 10_000
 
 
-def test_rays(omnisim, tmp_path):
-    status, _, err = omnisim("optics", "rays", SPHERE, "-o", "rays.exr")
-    assert (status, err) == (0, "")
-    table, rays = read_ray_table(tmp_path / "rays.exr"), read_optics_file(SPHERE).all_rays()
-    np.testing.assert_array_equal(table.valid, rays.valid)
-    np.testing.assert_allclose(table.origins_m[table.valid], rays.origins_m[rays.valid], atol=1e-8)
-
-
-def test_rays_of_a_color(omnisim, tmp_path):
+def test_rays_of_a_color(quiet, tmp_path):
     for color in "RB":
-        name = f"{color}.exr"
-        path = EXAMPLES / "flat-port.toml"
-        assert omnisim("optics", "rays", path, "-o", name, "--color", color)[0] == 0
-    red, blue = (read_ray_table(tmp_path / f"{color}.exr").directions for color in "RB")
-    assert np.abs(red - blue).max() > 1e-3
+        words = EXAMPLES / "flat-port.toml", "-o", f"{color}.exr", "--color", color
+        quiet("optics", "rays", *words)
+    red, blue = (read_ray_table(tmp_path / f"{color}.exr") for color in "RB")
+    assert np.abs(red.directions - blue.directions).max() > 1e-3
+    rays = read_optics_file(EXAMPLES / "flat-port.toml").of_color("B").all_rays()
+    np.testing.assert_array_equal(blue.valid, rays.valid)
+    np.testing.assert_allclose(blue.origins_m[blue.valid], rays.origins_m[rays.valid], atol=1e-8)
 
 
 @pytest.mark.parametrize(
     ("name", "arguments"),
     [("equi-angular", (105,)), ("equi-ground", (5, "--height", 0.6))],
 )
-def test_design_makes_the_examples(omnisim, tmp_path, name, arguments):
-    status, out, err = omnisim(
-        "optics", "design", f"--{name}", *arguments, "--distance", 0.1, "--half-angle", 20,
-        "-o", "a.csv",
-    )  # fmt: skip
-    assert (status, err) == (0, "")
+def test_design_makes_the_examples(quiet, tmp_path, name, arguments):
+    out = quiet(*DESIGN, f"--{name}", *arguments, "-o", "a.csv")
     assert "501 points, rim radius 4" in out
     made, expected = read_profile(tmp_path / "a.csv"), read_profile(EXAMPLES / f"{name}.csv")
     np.testing.assert_allclose(made.table_heights_m, expected.table_heights_m, atol=1e-12)
 
 
-def test_a_designed_system_fills_its_image_to_the_rim(omnisim, tmp_path):
-    status, out, err = omnisim(
-        "optics", "design", "--equi-angular", 105, "--distance", 0.1, "--half-angle", 20,
-        "--size", 90, "-o", "m.toml",
-    )  # fmt: skip
-    assert (status, err) == (0, "")
+def test_a_designed_system_fills_its_image_to_the_rim(quiet, tmp_path):
+    out = quiet(*DESIGN, "--equi-angular", 105, "--size", 90, "-o", "m.toml")
     assert "m.toml: perspective 90 × 90 px, 1 mirror" in out
     system = read_optics_file(tmp_path / "m.toml")
     edge = system.rays([[89.4, 44.5], [44.5, -0.4]])
@@ -96,25 +80,23 @@ def test_a_designed_system_fills_its_image_to_the_rim(omnisim, tmp_path):
     assert not system.rays([[89.6, 44.5]]).valid.any()
 
 
-def test_profile(omnisim, tmp_path):
-    status, out, err = omnisim("optics", "profile", SPHERE, "-o", "a.csv", "--points", 40)
-    assert (status, err) == (0, "")
+def test_profile(quiet, tmp_path):
+    out = quiet("optics", "profile", SPHERE, "-o", "a.csv", "--points", 40)
     assert "a.csv: 40 points of sphere, radius 29 mm" in out
     shape = read_optics_file(SPHERE).surfaces[0].shape
     profile = read_profile(tmp_path / "a.csv")
     np.testing.assert_allclose(profile.table_heights_m, shape.sag_m(profile.radii_m))
 
 
-@pytest.mark.parametrize("name", ["cone", "sphere", "tilted-mirror", "security-mirror"])
-def test_profile_as_a_table_has_the_same_rays(omnisim, tmp_path, name):
+@pytest.mark.parametrize("name", ["cone", "sphere"])
+def test_profile_as_a_table_has_the_same_rays(quiet, tmp_path, name):
     path = EXAMPLES / f"{name}.toml"
-    status, out, err = omnisim("optics", "profile", path, "-o", "a.csv")
-    assert (status, err) == (0, "")
+    out = quiet("optics", "profile", path, "-o", "a.csv")
     assert ('tip = "pointed"' in out) == (name == "cone")
     system = read_optics_file(path)
-    surface = system.surfaces[0]
     profile = read_profile(tmp_path / "a.csv", pointed=name == "cone")
-    table = dataclasses.replace(system, surfaces=(dataclasses.replace(surface, shape=profile),))
+    surface = dataclasses.replace(system.surfaces[0], shape=profile)
+    table = dataclasses.replace(system, surfaces=(surface,))
     expected, found = system.all_rays(), table.all_rays()
     np.testing.assert_array_equal(found.valid, expected.valid)
     # the bound that the documentation states; a ball, 29/30 of its radius, comes nearest to it
@@ -122,9 +104,8 @@ def test_profile_as_a_table_has_the_same_rays(omnisim, tmp_path, name):
     np.testing.assert_allclose(found.origins_m, expected.origins_m, atol=1e-9)
 
 
-def test_profile_of_the_papers_mirror(omnisim, tmp_path):
-    status, out, err = omnisim("mirror", "-o", "paper.csv")
-    assert (status, err) == (0, "")
+def test_profile_of_the_papers_mirror(quiet, tmp_path):
+    out = quiet("mirror", "-o", "paper.csv")
     assert "501 points of hyperbolic_mirror, radius 11.94 mm; a spline through them" in out
     profile, mirror = read_profile(tmp_path / "paper.csv"), HyperbolicMirror()
     # its own frame is at the vertex, and z away from the camera
@@ -132,7 +113,7 @@ def test_profile_of_the_papers_mirror(omnisim, tmp_path):
     np.testing.assert_allclose(profile.table_heights_m, expected, atol=1e-15)
 
 
-def test_profile_is_not_written_over_what_is_read(omnisim, tmp_path):
+def test_profile_is_not_written_over_what_is_read(refused, tmp_path):
     for suffix in ("toml", "csv"):
         shutil.copy(EXAMPLES / f"equi-angular.{suffix}", tmp_path)
     (tmp_path / "sensor.toml").write_text('[optics]\nfile = "equi-angular.toml"\n')
@@ -142,35 +123,29 @@ def test_profile_is_not_written_over_what_is_read(omnisim, tmp_path):
         ("optics", "profile", "equi-angular.toml"),
         ("optics", "profile", "sensor.toml"),
     ):
-        status, _, err = omnisim(*arguments, "-o", "equi-angular.csv")
-        assert status == 1
-        assert err.startswith("error: equi-angular.csv: is the profile of surfaces.0: expected")
+        line = refused(*arguments, "-o", "equi-angular.csv")
+        assert line.startswith("equi-angular.csv: is the profile of surfaces.0: expected")
     assert (tmp_path / "equi-angular.csv").read_bytes() == before
 
 
 @pytest.mark.parametrize(
-    ("name", "surface", "area_m2"),
+    ("name", "area_m2"),
     [
         # caps and frusta: 2 π R h, and π r s
-        ("sphere", 0, 2.0 * np.pi * 0.03 * (0.03 - np.sqrt(0.03**2 - 0.029**2))),
-        ("cone", 0, np.pi * 0.08**2 / np.sin(np.radians(55.0))),
+        ("sphere", 2.0 * np.pi * 0.03 * (0.03 - np.sqrt(0.03**2 - 0.029**2))),
+        ("cone", np.pi * 0.08**2 / np.sin(np.radians(55.0))),
     ],
 )
-def test_mesh_of_a_surface(omnisim, tmp_path, name, surface, area_m2):
-    path = EXAMPLES / f"{name}.toml"
-    arguments = ("mirror", "--optics", path, "--surface", surface, "-n", 16384, "-o", "m.ply")
-    status, _, err = omnisim(*arguments)
-    assert (status, err) == (0, "")
+def test_mesh_of_a_surface(quiet, tmp_path, name, area_m2):
+    quiet("mirror", "--optics", EXAMPLES / f"{name}.toml", "-n", 16384, "-o", "m.ply")
     mesh = trimesh.load(tmp_path / "m.ply", process=False)
     assert mesh.area == pytest.approx(area_m2, rel=2e-3)
-    toward_camera = mesh.face_normals[:, 2]
-    assert (toward_camera > 0.0).all()
-    assert (
-        np.einsum("nj,nj->n", mesh.face_normals, mesh.vertex_normals[mesh.faces[:, 2]]).min() > 0.9
-    )
+    assert (mesh.face_normals[:, 2] > 0.0).all()  # toward the camera
+    cosines = (mesh.face_normals * mesh.vertex_normals[mesh.faces[:, 2]]).sum(axis=1)
+    assert cosines.min() > 0.9
 
 
-def test_calibrate(omnisim, tmp_path):
+def test_calibrate(quiet, tmp_path):
     """The example's tilt is found again from one without, and files are named from the output."""
     truth = read_optics_file(EXAMPLES / "tilted-mirror.toml")
     write_corners(tmp_path / "corners.csv", boards_of(truth, 4))
@@ -178,10 +153,8 @@ def test_calibrate(omnisim, tmp_path):
     aligned = text.replace("tilt_deg = [2.0, 0.0, 0.0]\n", "").replace("[0.002,", "[0.001,")
     (tmp_path / "aligned.toml").write_text(aligned)
     keys = "surfaces.0.decenter_m,surfaces.0.tilt_deg.0,surfaces.0.tilt_deg.1"
-    status, out, err = omnisim(
-        "optics", "calibrate", "aligned.toml", "corners.csv", "--free", keys, "-o", "a.toml"
-    )
-    assert (status, err) == (0, "")
+    words = "aligned.toml", "corners.csv", "--free", keys, "-o", "a.toml"
+    out = quiet("optics", "calibrate", *words)
     assert "a.toml: 4 images, " in out
     assert "surfaces.0.tilt_deg.0" in out
     fitted = read_optics_file(tmp_path / "a.toml")
@@ -191,17 +164,13 @@ def test_calibrate(omnisim, tmp_path):
     assert len(fitted.obstacles) == 1
 
 
-def test_calibrate_names_files_from_its_output(omnisim, tmp_path):
-    for suffix in (".toml", ".csv"):
-        path = EXAMPLES / f"equi-angular{suffix}"
-        (tmp_path / path.name).write_text(path.read_text())
+def test_calibrate_names_files_from_its_output(quiet, tmp_path):
+    for suffix in ("toml", "csv"):
+        shutil.copy(EXAMPLES / f"equi-angular.{suffix}", tmp_path)
     system = read_optics_file(tmp_path / "equi-angular.toml")
     write_corners(tmp_path / "corners.csv", boards_of(system, 3))
     (tmp_path / "fitted").mkdir()
-    status, _, err = omnisim(
-        "optics", "calibrate", "equi-angular.toml", "corners.csv",
-        "--free", "camera.focal_length_px", "-o", "fitted/a.toml",
-    )  # fmt: skip
-    assert (status, err) == (0, "")
+    words = "corners.csv", "--free", "camera.focal_length_px", "-o", "fitted/a.toml"
+    quiet("optics", "calibrate", "equi-angular.toml", *words)
     found = read_optics_file(tmp_path / "fitted" / "a.toml").camera.focal_length_px
     assert found == pytest.approx(system.camera.focal_length_px, abs=1e-4)

@@ -11,6 +11,7 @@ import omnisim as package
 from omnisim.rendering.camera.omnicamera import OmniCamera
 
 EXAMPLE = Path(package.__file__).parents[1] / "examples" / "board_images.py"
+MEASURE = ("measure", "plan", "plan.toml", "-o", "camera.toml")
 PLAN = """
 [compare]
 
@@ -34,40 +35,29 @@ def photos(tmp_path_factory):
 
 @pytest.mark.slow
 @pytest.mark.long
-def test_parts_are_measured_once(omnisim, photos, response_series, tmp_path):
+def test_parts_are_measured_once(ran, photos, response_series, tmp_path):
     (tmp_path / "photos").symlink_to(photos)
     (tmp_path / "plan.toml").write_text(PLAN)
-    status, out, error = omnisim("measure", "plan", "plan.toml", "-o", "camera.toml")
-    assert status == 0, error
+    out, _ = ran(*MEASURE)
     assert out.index("geometry") < out.index("response") < out.index("compare")
     camera = OmniCamera.from_file(tmp_path / "camera.toml")
     assert camera.degradation.encoding.gamma == pytest.approx(2.0, rel=0.01)
     sections = json.loads((tmp_path / "camera-report" / "report.json").read_text())["sections"]
-    assert [one["title"] for one in sections] == [
-        "The camera beside its twin",
-        "Geometry",
-        "Response",
-    ]
-    before = (tmp_path / "camera.toml").read_bytes(), (tmp_path / "camera.json").read_bytes()
-    status, out, _ = omnisim("measure", "plan", "plan.toml", "-o", "camera.toml")
-    assert status == 0
+    titles = [section["title"] for section in sections]
+    assert titles == ["The camera beside its twin", "Geometry", "Response"]
+    before = [(tmp_path / f"camera.{suffix}").read_bytes() for suffix in ("toml", "json")]
+    out, _ = ran(*MEASURE)
     assert "geometry: measured before" in out
     assert "response: measured before" in out
-    assert before == (
-        (tmp_path / "camera.toml").read_bytes(),
-        (tmp_path / "camera.json").read_bytes(),
-    )
+    assert before == [(tmp_path / f"camera.{suffix}").read_bytes() for suffix in ("toml", "json")]
 
 
-def test_a_changed_file_is_measured_again(omnisim, response_series, tmp_path):
+def test_a_changed_file_is_measured_again(ran, response_series, tmp_path):
     (tmp_path / "plan.toml").write_text('[response]\nimages = "series"\n')
-    status, _, error = omnisim("measure", "plan", "plan.toml", "-o", "camera.toml")
-    assert status == 0, error
+    ran(*MEASURE)
     first = sorted(response_series.rglob("*.png"))[0]
     first.write_bytes(first.read_bytes() + b" ")  # after the image's end
-    status, out, _ = omnisim("measure", "plan", "plan.toml", "-o", "camera.toml")
-    assert status == 0
-    assert "measured before" not in out
+    assert "measured before" not in ran(*MEASURE)[0]
     assert (tmp_path / "camera-report" / "report.html").exists()
 
 
@@ -87,7 +77,6 @@ def test_a_changed_file_is_measured_again(omnisim, response_series, tmp_path):
 )
 def test_faults_are_named(omnisim, tmp_path, plan, message):
     (tmp_path / "plan.toml").write_text(plan)
-    status, _, error = omnisim("measure", "plan", "plan.toml", "-o", "camera.toml")
-    assert status == 1
-    assert message in error
+    status, _, error = omnisim(*MEASURE)
+    assert (status, message in error) == (1, True)
     assert [path.name for path in tmp_path.iterdir()] == ["plan.toml"]

@@ -1,11 +1,10 @@
-"""A sensor file with all that can be measured: images, a drive, a data set and the live page."""
+"""A sensor file with all that can be measured: images by both back ends, and the live page."""
 
 import numpy as np
 import pytest
 
 from omnisim.apps.live.camera_document import CameraDocument
 from omnisim.core.files.image_files import read_image
-from omnisim.datasets.generate.plan import read_plan
 from omnisim.rendering.camera.degradations.noise import random_pattern, write_pattern
 
 MEASURED = """
@@ -38,20 +37,6 @@ pattern = "camera-pattern.exr"
 [degradation.encoding]
 gamma = 2.2
 """
-ROBOT = """
-name = "cart"
-[kinematics]
-type = "differential"
-max_speed_mps = 1.0
-max_turn_rate_degps = 90.0
-max_acceleration_mps2 = 0.5
-max_turn_acceleration_degps2 = 90.0
-[[sensors]]
-name = "camera"
-type = "omnicamera"
-file = "camera.toml"
-position_m = [0.0, 0.0, 1.0]
-"""
 
 
 @pytest.fixture
@@ -64,33 +49,10 @@ def sensor(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("backend", ["cube", "rays"])
-def test_it_takes_images(omnisim, sensor, backend):
+def test_it_takes_images(ran, sensor, backend):
     options = ("--sensor", sensor, "--backend", backend, "--turn-rate", 60, "-o", "a.png")
-    status, _, err = omnisim("render", "courtyard", *options)
-    assert status == 0, err
+    ran("render", "courtyard", *options)
     assert read_image(sensor.with_name("a.png"))[0].std() > 10.0
-
-
-@pytest.mark.slow
-def test_it_drives(omnisim, sensor):
-    sensor.with_name("robot.toml").write_text(ROBOT)
-    sensor.with_name("way.csv").write_text("x_m,y_m\n0,0\n0.3,0\n")
-    options = ("--robot", "robot.toml", "--path", "way.csv", "--step", 0.15)
-    status, _, err = omnisim("drive", "courtyard", *options, "-o", "run")
-    assert status == 0, err
-    assert len(list(sensor.with_name("run").rglob("*.png"))) >= 3
-
-
-@pytest.mark.slow
-def test_it_makes_a_data_set(omnisim, sensor):
-    plan = sensor.with_name("plan.toml")
-    plan.write_text(
-        'images_per_shard = 2\nshards = 1\nchannels = ["range"]\n'
-        '[[scenes]]\nfile = "courtyard"\n[[cameras]]\nsensor = "camera.toml"\nquality = "fast"\n'
-    )
-    read_plan(plan)
-    status, _, err = omnisim("generate", plan, "-o", "set")
-    assert status == 0, err
 
 
 def test_it_is_shown_on_the_live_page(sensor):

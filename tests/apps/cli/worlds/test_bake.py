@@ -7,18 +7,16 @@ pytest.importorskip("xatlas")
 
 
 @pytest.mark.slow
-def test_the_command_says_how_long_it_takes_and_when_there_is_nothing_to_do(omnisim, tmp_path):
+def test_the_command_says_how_long_it_takes_and_when_there_is_nothing_to_do(
+    ran, quiet, refused, tmp_path
+):
     bake = ["bake", "compass", "--texel-m", "1", "--samples", "2", "--bounces", "0"]
-    status, out, _ = omnisim(*bake, "--estimate")
-    assert (status, out[:15]) == (0, "compass: about ")
+    assert ran(*bake, "--estimate")[0].startswith("compass: about ")
     assert not list(tmp_path.iterdir())
-    status, out, error = omnisim(*bake, "-o", "a.baked")
-    assert (status, out[:8], error[:12]) == (0, "a.baked:", "note: about ")
-    status, out, _ = omnisim(*bake, "-o", "a.baked")
-    assert (status, out) == (0, "a.baked: already baked; nothing to do\n")
-    status, _, error = omnisim("bake", "rings", "-o", "a.baked")
-    assert (status, "expected --force" in error) == (1, True)
-    status, _, error = omnisim("render", "rings", "--baked", "a.baked", "-o", "a.png")
-    assert (status, error.endswith("run `omnisim bake rings -o a.baked --force`\n")) == (1, True)
-    status, _, error = omnisim("bake", "compass")
-    assert (status, error) == (1, "error: -o: expected the folder of the bake\n")
+    out, error = ran(*bake, "-o", "a.baked")
+    assert (out[:8], error[:12]) == ("a.baked:", "note: about ")
+    assert quiet(*bake, "-o", "a.baked") == "a.baked: already baked; nothing to do\n"
+    assert "expected --force" in refused("bake", "rings", "-o", "a.baked")
+    line = refused("render", "rings", "--baked", "a.baked", "-o", "a.png")
+    assert line.endswith("run `omnisim bake rings -o a.baked --force`")
+    assert refused("bake", "compass") == "-o: expected the folder of the bake"

@@ -114,12 +114,9 @@ def _noisy(system, count):
     """The same boards, each time with other noise of 0.1 px."""
     generator, boards = np.random.default_rng(8), boards_of(system, 2)
     for _ in range(count):
-        yield [
-            BoardCorners(
-                one.points_m, one.pixels_px + generator.normal(0, 0.1, one.pixels_px.shape)
-            )
-            for one in boards
-        ]
+        noise = [generator.normal(0, 0.1, one.pixels_px.shape) for one in boards]
+        pairs = zip(boards, noise, strict=True)
+        yield [BoardCorners(one.points_m, one.pixels_px + more) for one, more in pairs]
 
 
 @pytest.mark.parametrize("name", SYSTEMS)

@@ -17,6 +17,7 @@ from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
 from omnisim.rendering.camera.degradations.point_spread import sampled_widths_px
 from tests.rendering.camera.degradations.images import GEOMETRY, on_gpu, random_image
 
+PATTERNS = ("RGGB", "BGGR", "GRBG", "GBRG")
 LARGE = ImageGeometry(96, 96, (47.5, 47.5))
 SQUARE = ImageGeometry(64, 64, (31.5, 31.5))
 
@@ -27,7 +28,7 @@ def _dark(geometry=SQUARE):
     return image
 
 
-@pytest.mark.parametrize("radius_px", [0.5, 0.8, 1.0, 1.7, 3.3, 8.0])
+@pytest.mark.parametrize("radius_px", [0.5, 1.0, 1.7, 8.0])
 def test_a_point_spreads_to_the_disc(context, radius_px):
     """Against the disc's area in each pixel, from 31² points a pixel; 2 % of the peak."""
     image = _dark()
@@ -81,6 +82,11 @@ def test_point_spread_is_linear_between_rows_and_constant_beyond():
     for axis in (0, 1):
         expected = np.interp(radii, (10.0, 20.0), [row[1 + axis] for row in rows])
         np.testing.assert_allclose(table[:, :, axis], np.tile(expected, (len(table), 1)), rtol=1e-6)
+    image = random_image()
+    np.testing.assert_allclose(PointSpread(((0.0, 0.0, 0.0),)).apply(image, GEOMETRY), image)
+    spread, color = PointSpread(((10.0, 1.0, 0.5),)), ChromaticAberration(1.01, 1.0, (1.0, 2.0))
+    assert spread.scaled(2.0).widths_px == ((20.0, 2.0, 1.0),)
+    assert color.scaled(2.0) == ChromaticAberration(1.01, 1.0, (2.0, 4.0))
 
 
 def test_narrow_point_spread_blurs_an_edge_as_the_formula_does():
@@ -95,11 +101,6 @@ def test_narrow_point_spread_blurs_an_edge_as_the_formula_does():
             transfer = (weights * np.cos(2.0 * np.pi * half * along)).sum() / weights.sum()
             expected = np.exp(-2.0 * (np.pi * width_px * half) ** 2)
             assert transfer == pytest.approx(expected, rel=0.005)
-
-
-def test_no_point_spread_leaves_the_image():
-    image = random_image()
-    np.testing.assert_allclose(PointSpread(((0.0, 0.0, 0.0),)).apply(image, GEOMETRY), image)
 
 
 @pytest.mark.parametrize(
@@ -140,12 +141,6 @@ def test_offsets_of_red_and_blue_are_polynomials(context):
         np.testing.assert_allclose(drawn[2:-2, channel], expected[2:-2], atol=1e-3)
 
 
-def test_lengths_grow_with_the_image():
-    spread, color = PointSpread(((10.0, 1.0, 0.5),)), ChromaticAberration(1.01, 1.0, (1.0, 2.0))
-    assert spread.scaled(2.0).widths_px == ((20.0, 2.0, 1.0),)
-    assert color.scaled(2.0) == ChromaticAberration(1.01, 1.0, (2.0, 4.0))
-
-
 def test_red_and_blue_are_scaled(context):
     """A point at radius r goes to r · scale, found by its center of mass."""
     image = _dark()
@@ -159,27 +154,18 @@ def test_red_and_blue_are_scaled(context):
     assert centers[2] - 31.5 == pytest.approx(20.5 * 0.99, abs=0.02)
 
 
-@pytest.mark.parametrize("pattern", ["RGGB", "BGGR", "GRBG", "GBRG"])
-@pytest.mark.parametrize("demosaic", ["bilinear", "malvar"])
-def test_demosaicking_shifts_no_color(context, pattern, demosaic):
-    """A plane of light comes back as it was in every color: no half pixel, no wrong pattern."""
+@pytest.mark.parametrize("pattern", PATTERNS)
+def test_malvars_demosaicking_shifts_no_color(context, pattern):
+    """A plane of light comes back as it was in every color: no half pixel, no wrong pattern.
+
+    Its corrections want the colors' slopes alike.
+    """
     v, u = np.mgrid[:64, :64]
     image = _dark()
-    slopes = ((0.004, 0.002), (-0.003, 0.004), (0.001, -0.002))
-    for channel, (right, down) in enumerate(slopes):
-        image[..., channel] = 0.4 + right * u + down * v
-    if demosaic == "malvar":  # whose corrections want the colors' slopes alike
-        image[..., :3] = (0.2 + 0.004 * u + 0.002 * v)[..., None] + np.array([0.1, 0.0, 0.05])
-    drawn = on_gpu(context, [image], sensor=Bayer(pattern, demosaic).steps(SQUARE))
+    image[..., :3] = (0.2 + 0.004 * u + 0.002 * v)[..., None] + np.array([0.1, 0.0, 0.05])
+    drawn = on_gpu(context, [image], sensor=Bayer(pattern, "malvar").steps(SQUARE))
     inner = np.s_[2:-2, 2:-2, :3]
     np.testing.assert_allclose(drawn[inner], image[inner], atol=1e-6)
-
-
-def test_mosaic_pattern_matches_its_name():
-    geometry = ImageGeometry(4, 4, (1.5, 1.5))
-    for pattern in ("RGGB", "BGGR", "GRBG", "GBRG"):
-        corner = Bayer(pattern).colors(geometry)[:2, :2].ravel()
-        assert "".join("RGB"[color] for color in corner) == pattern
 
 
 def test_gray_gains_restore_white(context):
@@ -206,11 +192,11 @@ def test_dirt_depends_on_its_seed_and_scales():
 
 def test_dust_covers_the_expected_area():
     """Area of one speck: π r² e^(2σ²), but for its lumps; opacity 0.7 of the largest on average."""
-    geometry = ImageGeometry(1200, 1200, (599.5, 599.5))
-    dirt = Dirt(dust_count=1000, dust_radius_px=4.0, dust_opacity=0.1)
+    geometry = ImageGeometry(600, 600, (299.5, 299.5))
+    dirt = Dirt(dust_count=1000, dust_radius_px=2.0, dust_opacity=0.1)
     taken = dirt.map(geometry)[..., 0].sum()
     lumps = 1.0 + 0.5 * (0.22**2 + 0.12**2 + 0.07**2)
-    wanted = 1000 * np.pi * 16.0 * np.exp(2 * 0.25) * lumps * 0.07
+    wanted = 1000 * np.pi * 4.0 * np.exp(2 * 0.25) * lumps * 0.07
     # soft edges add a few hundredths; areas scatter by 1.3 of their mean
     assert taken == pytest.approx(wanted, rel=0.05 + 4.0 * 1.35 / np.sqrt(1000))
 
@@ -233,7 +219,7 @@ def test_jpeg_loses_more_at_low_quality_and_keeps_the_mask():
     assert errors[0] < 1.0 < errors[-1]
 
 
-@pytest.mark.parametrize("pattern", ["RGGB", "BGGR", "GRBG", "GBRG"])
+@pytest.mark.parametrize("pattern", PATTERNS)
 def test_bilinear_demosaicking_matches_opencv(context, pattern):
     """OpenCV names a pattern by its second row's second and third pixel."""
     cv2 = pytest.importorskip("cv2")

@@ -45,7 +45,7 @@ def _take(stage, camera):
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS.keys())
 def test_textures_show_what_tables_show(camera, monkeypatch):
     with Stage(mixed_scene()) as stage:
-        for supersampling in (1, 2, 3):
+        for supersampling in (1, 3):
             finer = dataclasses.replace(camera, supersampling=supersampling, texels_per_pixel=2.0)
             stored, has_table = _take(stage, finer)
             assert has_table

@@ -1,5 +1,7 @@
-"""Contexts: which device they open, and how they are kept and used again."""
+"""Contexts: devices, how they are kept and used again, and reports of errors."""
 
+import ctypes
+import os
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
@@ -8,12 +10,9 @@ import pytest
 
 import omnisim.rendering.opengl.gl.context as context_module
 from omnisim.core.errors import GraphicsError
-from omnisim.rendering.opengl.gl.context import (
-    current,
-    list_devices,
-    open_context,
-    release_context,
-)
+from omnisim.rendering.opengl.gl import diagnosis
+from omnisim.rendering.opengl.gl.context import current, list_devices, open_context, release_context
+from omnisim.rendering.opengl.gl.diagnosis import cuda_numbers, device_number
 
 
 def test_one_broken_device_does_not_hide_the_others(needs_opengl, monkeypatch):
@@ -117,3 +116,82 @@ def test_a_context_is_released_within_a_block_of_its_own(needs_opengl):
     again = open_context()
     assert again is context
     again.release()
+
+
+def test_every_device_is_counted(needs_opengl):
+    assert len(cuda_numbers()) == len(list_devices())
+
+
+@pytest.mark.parametrize(("device", "number"), [(0, 0), ("2", 2), ("cuda:0", 2), ("cuda:1", 0)])
+def test_cuda_s_numbers_are_looked_up(monkeypatch, device, number):
+    monkeypatch.setattr(diagnosis, "cuda_numbers", lambda: [1, None, 0])
+    assert device_number(device) == number
+
+
+@pytest.mark.parametrize("device", [-1, 64, True, "x", "cuda:2", "cuda:-1", 1.5])
+def test_other_devices_are_refused(monkeypatch, device):
+    monkeypatch.setattr(diagnosis, "cuda_numbers", lambda: [1])
+    with pytest.raises(GraphicsError, match=f"device {device}: there is no such device: expected"):
+        device_number(device)
+
+
+def test_cuda_s_number_is_the_driver_s_answer(monkeypatch):
+    """A driver of stubs: two devices, the second NVIDIA's with CUDA's number 3."""
+    extensions = {1: b"EGL_MESA_device_software", 2: b"EGL_EXT_device_drm EGL_NV_device_cuda"}
+
+    def query(most, handles, count):
+        (ctypes.c_void_p * most).from_address(handles)[:2] = (1, 2)
+        count._obj.value = 2
+        return 1
+
+    def attribute(handle, name, value):
+        value._obj.value = 3 if (handle, name) == (2, 0x323A) else -1
+        return handle == 2
+
+    def text(handle, name):
+        return extensions[handle] if name == 0x3055 else None
+
+    stubs = {
+        "eglQueryDevicesEXT": query,
+        "eglQueryDeviceAttribEXT": attribute,
+        "eglQueryDeviceStringEXT": text,
+    }
+    monkeypatch.setattr(diagnosis, "_function", lambda name, *types, **returns: stubs[name])
+    assert cuda_numbers() == [None, 3]
+
+
+WRONG = """
+import ctypes
+import numpy as np
+from omnisim.core.errors import GraphicsError
+from omnisim.rendering.opengl.gl.buffers import gpu_buffer
+from omnisim.rendering.opengl.gl.context import current, open_context
+from omnisim.rendering.opengl.gl.functions import gl_function
+
+context = open_context()
+buffer = gpu_buffer(context, 16)
+enum, pointer = ctypes.c_uint, ctypes.c_void_p
+label, length = ctypes.create_string_buffer(99), ctypes.c_int()
+get = gl_function("glGetObjectLabel", enum, enum, ctypes.c_int, pointer, pointer)
+get(0x82E0, buffer.glo, 99, ctypes.addressof(length), ctypes.addressof(label))
+print(label.value.decode())
+try:
+    with current(context):
+        buffer.write(np.float32(1.0))
+except GraphicsError as error:
+    print(error)
+with current(context):
+    pass
+"""
+
+
+def test_errors_are_raised_where_they_happen_and_objects_are_labeled(needs_opengl):
+    environment = {**os.environ, "OMNISIM_GL_DEBUG": "1"}
+    done = subprocess.run(
+        [sys.executable, "-c", WRONG], env=environment, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    label, error = done.stdout.splitlines()
+    assert label == "<string>:10"
+    assert error.startswith("OpenGL: GL_INVALID_OPERATION in glBufferSubData")
+    assert ", line 18, in <module>" in done.stderr

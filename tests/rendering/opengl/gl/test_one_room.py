@@ -72,21 +72,26 @@ def test_objects_are_made_in_one_package():
     assert not faults, "\n".join(faults)
 
 
+def test_nothing_else_reads_from_the_gpu():
+    """Moderngl's reads wait for the GPU, and map buffers that drivers then move."""
+    reads = re.compile(r"\bread_into\(|(?<!stream)(?<!file)\.read\(\)|glGetTexImage|glReadPixels")
+    drawing = {name: path for name, path in FILES.items() if name.startswith("rendering")}
+    found = [name for name, path in drawing.items() if reads.search(path.read_text("utf-8"))]
+    assert found == [f"{ROOM}/pixel_readback.py"]
+
+
 OUTSIDE = "rendering/opengl/camera_frame.py"  # any file that draws
 
 
 @pytest.mark.parametrize(
     ("name", "line"),
     [
-        ("rendering/opengl/surfaces/sky_pass.py", "buffers.context.buffer(reserve=4)"),
+        ("rendering/opengl/surfaces/scene_drawer.py", "buffers.context.buffer(reserve=4)"),
         (f"{ROOM}/framebuffers.py", "context.texture((1, 1), 4)"),
         (OUTSIDE, "self._context.framebuffer([one])"),
         (OUTSIDE, "self._context.front_face = 'ccw'"),
         (OUTSIDE, "import ctypes"),
-        (
-            OUTSIDE,
-            "from omnisim.rendering.opengl.gl.functions import end_pass",
-        ),
+        (OUTSIDE, "from omnisim.rendering.opengl.gl.functions import end_pass"),
         (OUTSIDE, "from ..gl.functions import gl_function"),
         (f"{ROOM}/buffers.py", "buffer.write_chunks(data, 0, 8, 2)"),
     ],

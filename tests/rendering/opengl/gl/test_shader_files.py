@@ -1,3 +1,5 @@
+"""Shaders are read with their includes, and messages of compilers name lines of their files."""
+
 import re
 
 import pytest
@@ -10,40 +12,35 @@ from omnisim.rendering.opengl.gl.shader_files import build_compute_shader, build
 SUFFIXES = (".glsl", ".vert", ".frag", ".comp")
 
 
-def test_compiler_message_points_at_the_included_file(context, tmp_path, monkeypatch):
+@pytest.mark.parametrize(
+    ("body", "included", "place"),
+    [
+        (
+            'out vec4 color;\n#include "c.glsl"\nvoid main() { color = f(); }\n',
+            "// fine\nvec4 f() {\n    return nonsense;\n}\n",
+            r"c\.glsl:3",
+        ),
+        (  # lines after an include still count in their file
+            '#include "c.glsl"\nout vec4 color;\nvoid main() { color = nonsense; }\n',
+            "const float x = 1.0;\nconst float y = 2.0;\n",
+            r"b\.frag:4",
+        ),
+    ],
+)
+def test_messages_of_the_compiler_name_file_and_line(
+    context, tmp_path, monkeypatch, body, included, place
+):
     monkeypatch.setattr(shader_files, "SHADERS", tmp_path)
     (tmp_path / "a.vert").write_text("#version 430 core\nvoid main() { gl_Position = vec4(0); }\n")
-    (tmp_path / "b.frag").write_text(
-        '#version 430 core\nout vec4 color;\n#include "c.glsl"\nvoid main() { color = f(); }\n'
-    )
-    (tmp_path / "c.glsl").write_text("// fine\nvec4 f() {\n    return nonsense;\n}\n")
-    with pytest.raises(GraphicsError, match=r"c\.glsl:3"):
-        build_program(context, "a.vert", "b.frag")
-
-
-def test_lines_after_an_include_still_count_in_their_file(context, tmp_path, monkeypatch):
-    monkeypatch.setattr(shader_files, "SHADERS", tmp_path)
-    (tmp_path / "a.vert").write_text("#version 430 core\nvoid main() { gl_Position = vec4(0); }\n")
-    (tmp_path / "b.frag").write_text(
-        '#version 430 core\n#include "c.glsl"\nout vec4 color;\nvoid main() { color = nonsense; }\n'
-    )
-    (tmp_path / "c.glsl").write_text("const float x = 1.0;\nconst float y = 2.0;\n")
-    with pytest.raises(GraphicsError, match=r"b\.frag:4"):
+    (tmp_path / "b.frag").write_text("#version 430 core\n" + body)
+    (tmp_path / "c.glsl").write_text(included)
+    (tmp_path / "a.comp").write_text("#version 430 core\nlayout(local_size_x = 1) in;\nnonsense;\n")
+    with pytest.raises(GraphicsError, match=place):
         build_program(context, "a.vert", "b.frag", defines=("ANYTHING",))
-
-
-def test_missing_file_says_which(context):
-    with pytest.raises(GraphicsError, match=r"none\.vert is missing"):
-        build_program(context, "none.vert", "none.frag")
-
-
-def test_compute_shaders_too(context, tmp_path, monkeypatch):
-    monkeypatch.setattr(shader_files, "SHADERS", tmp_path)
-    (tmp_path / "a.comp").write_text(
-        "#version 430 core\nlayout(local_size_x = 1) in;\nvoid main() { nonsense; }\n"
-    )
     with pytest.raises(GraphicsError, match=r"a\.comp:3"):
         build_compute_shader(context, "a.comp", ("ANYTHING",))
+    with pytest.raises(GraphicsError, match=r"none\.vert is missing"):
+        build_program(context, "none.vert", "none.frag")
 
 
 def test_lines_of_shaders_have_at_most_100_columns():

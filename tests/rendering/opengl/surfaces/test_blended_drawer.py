@@ -16,7 +16,7 @@ from tests.rendering.opengl.sheets import LAMP, SUN, sheet
 from tests.rendering.opengl.surfaces.test_cluster_drawer import assert_same, reference_stage
 from tests.scenes import room, scene_of
 
-CAMERA = OmniCamera().with_quality("fast").resized(160)
+CAMERA = OmniCamera().with_quality("fast").resized(120)
 
 
 def _texture(size, wrap=Wrap.REPEAT):
@@ -74,8 +74,7 @@ def _take(stage, unlit=False):
 
 
 @pytest.mark.usefixtures("needs_opengl")
-@pytest.mark.parametrize("unlit", [False, True])
-@pytest.mark.parametrize("lights", [(SUN, LAMP), (SUN,)], ids=["point", "directional"])
+@pytest.mark.parametrize(("lights", "unlit"), [((SUN, LAMP), False), ((SUN,), True)])
 def test_they_look_as_if_drawn_one_by_one(lights, unlit, monkeypatch):
     scenes = _scene(*lights), _body()
     with Stage(*scenes) as stage, reference_stage(monkeypatch, *scenes) as reference:

@@ -85,8 +85,7 @@ def test_scenes_look_as_if_drawn_one_by_one(source, monkeypatch):
 
 
 @pytest.mark.usefixtures("needs_opengl")
-@pytest.mark.parametrize("lights", [(SUN, LAMP), (SUN,)], ids=["point", "directional"])
-@pytest.mark.parametrize("samples", [1, 4])
+@pytest.mark.parametrize(("samples", "lights"), [(1, (SUN, LAMP)), (4, (SUN,))])
 def test_materials_dynamic_objects_and_mirrored_instances_look_as_if_drawn_one_by_one(
     samples, lights, monkeypatch
 ):
@@ -111,7 +110,7 @@ def test_occluded_clusters_were_hidden_to_the_last_bit(monkeypatch):
     camera, scene = FAST.resized(240), crowd()
     with Stage(scene) as stage, reference_stage(monkeypatch, scene) as reference:
         images = Images(monkeypatch, stage, camera)
-        for at in ((0.0, 0.0, 0.0), (-3.0, 2.0, 0.5), (0.4, 5.0, -0.5)):
+        for at in ((0.0, 0.0, 0.0), (0.4, 5.0, -0.5)):
             pose = make_pose(at, roll_deg=4.0, yaw_deg=70.0) @ np.linalg.inv(camera.base_from_rig)
             some = images.take(pose, min_triangles=ALWAYS)
             drawn = images.triangles

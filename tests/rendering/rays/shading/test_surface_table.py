@@ -40,9 +40,14 @@ def _sampled(context, texture, lookups):
     return np.frombuffer(target.read(components=4, dtype="f4"), np.float32).reshape(-1, 4)
 
 
-@pytest.mark.parametrize("mode", [AlphaMode.OPAQUE, AlphaMode.MASK])
-@pytest.mark.parametrize("size", [(64, 32), (37, 5)])
-@pytest.mark.parametrize("wrap", [Wrap.REPEAT, Wrap.CLAMP_TO_EDGE])
+@pytest.mark.parametrize(
+    ("mode", "size", "wrap"),
+    [
+        (AlphaMode.OPAQUE, (64, 32), Wrap.REPEAT),
+        (AlphaMode.MASK, (37, 5), Wrap.REPEAT),
+        (AlphaMode.OPAQUE, (37, 5), Wrap.CLAMP_TO_EDGE),
+    ],
+)
 def test_lookups_are_those_of_the_sampler(context, mode, size, wrap):
     random = np.random.default_rng(3)
     pixels = random.integers(0, 256, (*size, 4), dtype=np.uint8)
@@ -65,12 +70,8 @@ def test_lookups_are_those_of_the_sampler(context, mode, size, wrap):
 
 
 def test_surfaces_without_textures_have_none():
-    table = TextureTable(
-        [
-            Surface("", None, Material(), True),
-            Surface("", None, Material(texture=Texture(np.zeros((2, 2, 4), np.uint8))), False),
-        ]
-    )
+    textured = Material(texture=Texture(np.zeros((2, 2, 4), np.uint8)))
+    table = TextureTable([Surface("", None, Material(), True), Surface("", None, textured, False)])
     assert table.texture_of_surface.tolist() == [-1, -1]
 
 

@@ -17,6 +17,7 @@ from omnisim.scene.surface_kind import SurfaceKind, kind_of
 from omnisim.scene.surface_reflectance import dielectric_f0
 from tests.scene.formats.mjcf.models import SHAPES
 from tests.scene.gltf_builder import png
+from tests.scene.world_corners import material_of, points_of
 
 mujoco = pytest.importorskip("mujoco")
 EYE_M = (0.0, 0.0, 0.8)
@@ -65,33 +66,27 @@ def test_planes_mirror_the_scene_and_other_geoms_do_not(tmp_path):
         <geom name="crate" type="box" size="1 1 1" pos="0 0 2" material="glaze"/>
       </worldbody>"""
     scene = load_scene(_written(tmp_path, body.format(share=0.3)))
-    floor, crate = _material(scene, "floor"), _material(scene, "crate")
+    floor, crate = material_of(scene, "floor"), material_of(scene, "crate")
     # reflected at all angles, with the rest for the body
     assert dielectric_f0(floor.ior, floor.specular, (1.0, 1.0, 1.0))[0] == pytest.approx(0.3, 1e-4)
     assert (floor.specular, floor.roughness, floor.metallic) == (pytest.approx(0.3), 0.0, 0.0)
     assert SurfaceKind.MATTE in kind_of(crate)
     assert any("mirror images in 1 material" in notice for notice in scene.notices)
     clear = load_scene(_written(tmp_path, body.format(share=0.0)))
-    assert SurfaceKind.MATTE in kind_of(_material(clear, "floor"))
+    assert SurfaceKind.MATTE in kind_of(material_of(clear, "floor"))
     assert not any("mirror" in notice for notice in clear.notices)
-
-
-def _material(scene, name):
-    """Material of an instance's first mesh."""
-    mesh = next(one.mesh for one in scene.instances if one.name == name)
-    return scene.materials[scene.meshes[mesh].material]
 
 
 def test_colors_are_display_values_of_geom_material_and_texture(shapes):
     scene = load_scene(shapes)
-    egg = _material(scene, "egg/ellipsoid")
+    egg = material_of(scene, "egg/ellipsoid")
     assert egg.base_color[:3] == pytest.approx(linear_from_srgb([0.2, 0.8, 0.3]), rel=1e-6)
-    can = _material(scene, "can/side")  # a cube of one color needs no texture
+    can = material_of(scene, "can/side")  # a cube of one color needs no texture
     assert can.texture is None
     expected = linear_from_srgb([1.0, 0.5, 0.0]) * linear_from_srgb([0.5, 1.0, 1.0])
     assert can.base_color[:3] == pytest.approx(expected, rel=0.01)  # a step of 255
-    assert _material(scene, "crate/box_2").alpha_mode is AlphaMode.BLEND
-    assert _material(scene, "floor").texture is not None
+    assert material_of(scene, "crate/box_2").alpha_mode is AlphaMode.BLEND
+    assert material_of(scene, "floor").texture is not None
     assert scene.background == pytest.approx(linear_from_srgb([0.3, 0.5, 0.7]), rel=0.02)
 
 
@@ -195,9 +190,9 @@ def test_skins_are_bent_by_their_bones(tmp_path):
     scene = load_scene(_written(tmp_path, SKIN))
     (instance,) = scene.instances
     assert instance.name == "hide"
-    mesh = scene.meshes[instance.mesh]
-    world = mesh.positions @ instance.world_from_mesh[:3, :3].T + instance.world_from_mesh[:3, 3]
-    assert world[:3] == pytest.approx(np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0)]), abs=1e-6)
+    assert points_of(scene)[:3] == pytest.approx(
+        np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0)]), abs=1e-6
+    )
 
 
 @pytest.mark.parametrize(
@@ -238,18 +233,9 @@ def _mujoco_ranges_m(model, data, eye_m, rays):
     return np.where(ranges < 0.0, np.inf, ranges), geoms
 
 
-# A visible triangle of the cube's is that of a texel: at silhouettes of round solids it may be the
-# next one, so that it needs the larger image for the same share.
-@pytest.mark.parametrize(
-    ("backend", "width_px"),
-    [
-        pytest.param("rays", 200, id="rays"),
-        pytest.param("cube", 800, id="cube", marks=pytest.mark.slow),
-    ],
-)
-def test_ranges_and_geoms_are_those_of_mujoco(shapes, backend, width_px):
-    if backend == "rays":
-        pytest.importorskip("embreex")
+def test_ranges_and_geoms_are_those_of_mujoco(shapes):
+    pytest.importorskip("embreex")
+    width_px = 140
     model = mujoco.MjModel.from_xml_path(str(shapes))
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
@@ -257,9 +243,8 @@ def test_ranges_and_geoms_are_those_of_mujoco(shapes, backend, width_px):
     scene = load_scene(shapes)
     # what is half transparent is hit where it hides half
     solid = tuple(dataclasses.replace(one, alpha_mode=AlphaMode.OPAQUE) for one in scene.materials)
-    with open_sensor(
-        dataclasses.replace(scene, materials=solid), camera, backend=backend
-    ) as renderer:
+    scene = dataclasses.replace(scene, materials=solid)
+    with open_sensor(scene, camera, backend="rays") as renderer:
         frame = renderer.render(camera.base_pose(EYE_M), also=("range", "instance"))
     rotation = np.array(frame.metadata["world_from_optical"])[:3, :3]
     rays = camera.model.ray_from_pixel(pixel_grid(width_px, width_px // 2)).directions

@@ -44,7 +44,7 @@ def test_uniform_cubes_are_not_stretched_and_triangles_are_cut_at_their_edges():
 
 
 def test_normals_stay_those_of_a_sphere():
-    ball = primitives.ellipsoid((0.5, 0.5, 0.5))
+    ball = primitives.ellipsoid((0.5, 0.5, 0.5), 32)
     for one in map_cube(_shape(ball, 0.5), np.full(3, 0.5), is_uniform=False):
         length = np.linalg.norm(one.surface.positions, axis=1, keepdims=True)
         assert one.surface.normals == pytest.approx(one.surface.positions / length, abs=0.01)

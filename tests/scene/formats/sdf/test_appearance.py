@@ -11,11 +11,9 @@ from omnisim.core.errors import SceneError
 from omnisim.scene.model import AlphaMode, LightKind
 from omnisim.scene.surface_kind import SurfaceKind, kind_of
 from tests.scene.formats.sdf.worlds import BOX, load, model, sdf, visual, world
+from tests.scene.world_corners import material_of
 
-
-def material_of(scene, name="m/link/visual"):
-    instance = next(one for one in scene.instances if one.name == name)
-    return scene.materials[scene.meshes[instance.mesh].material]
+COLLISION = f'<collision name="c"><geometry>{BOX}</geometry></collision>'
 
 
 def load_material(tmp_path, text, rest="", **options):
@@ -26,15 +24,10 @@ def load_material(tmp_path, text, rest="", **options):
 def test_colors_are_linear_and_transparency_blends(tmp_path):
     scene = load_material(tmp_path, "<diffuse>0.1 0.2 0.3 1</diffuse>", "<transparency>0.25"
                           "</transparency>")  # fmt: skip
-    material = material_of(scene)
+    material = material_of(scene, "m/link/visual")
     assert material.base_color == pytest.approx((0.1, 0.2, 0.3, 0.75))
     assert material.alpha_mode is AlphaMode.BLEND
     assert scene.notices == ()
-
-
-def test_a_visual_without_a_material_is_gray(tmp_path):
-    scene = load(tmp_path, sdf(model("m", visual(BOX))))
-    assert material_of(scene).base_color == (0.7, 0.7, 0.7, 1.0)
 
 
 @pytest.mark.parametrize(
@@ -43,20 +36,8 @@ def test_a_visual_without_a_material_is_gray(tmp_path):
 def test_colors_of_gazebos_script(tmp_path, name, color):
     script = f"<script><uri>file://media/materials/scripts/gazebo.material</uri><name>{name}"
     scene = load_material(tmp_path, f"{script}</name></script>")
-    assert material_of(scene).base_color == color
+    assert material_of(scene, "m/link/visual").base_color == color
     assert scene.notices == ()
-
-
-def test_textures_of_gazebos_script_are_plain_colors_with_a_notice(tmp_path):
-    scene = load_material(tmp_path, "<script><name>Gazebo/Wood</name></script>")
-    assert scene.notices == (
-        "test.world: material Gazebo/Wood is drawn in a plain color (1 visual)",
-    )
-
-
-def test_a_script_that_is_missing_is_noted(tmp_path):
-    scene = load_material(tmp_path, "<script><name>Mine</name></script>")
-    assert scene.notices == ("test.world: material Mine not found: gray is drawn (1 visual)",)
 
 
 SCRIPT = """
@@ -88,7 +69,7 @@ def test_a_script_beside_a_model_has_color_and_texture(tmp_path):
         "<script><uri>model://cup/materials/scripts</uri>"
         "<uri>model://cup/materials/textures</uri><name>Mine/Wood</name></script>",
     )
-    material = material_of(scene)
+    material = material_of(scene, "m/link/visual")
     assert material.base_color == (0.2, 0.4, 0.6, 1.0)
     assert material.texture.pixels.shape == (3, 2, 4)
     assert scene.notices == ()
@@ -110,7 +91,7 @@ def test_metal_and_maps_are_those_of_gltf(tmp_path):
         "<ambient_occlusion_map>occlusion.png</ambient_occlusion_map>"
         "<emissive_map>glow.png</emissive_map></metal></pbr>",
     )
-    material = material_of(scene)
+    material = material_of(scene, "m/link/visual")
     assert (material.metallic, material.roughness) == (0.5, 0.3)  # 0.5: the specification's
     assert material.metallic_roughness_map.pixels[0, 0, 1:3].tolist() == [50, 100]
     assert material.metallic_roughness_map.pixels.shape == (4, 4, 4)
@@ -120,15 +101,34 @@ def test_metal_and_maps_are_those_of_gltf(tmp_path):
     assert scene.notices == ()
 
 
-def test_what_states_no_metal_is_matte(tmp_path):
-    scene = load_material(tmp_path, "<diffuse>1 0 0 1</diffuse><specular>1 1 1 1</specular>")
-    assert SurfaceKind.MATTE in kind_of(material_of(scene))
+def test_what_is_matte_glows_or_takes_no_light(tmp_path):
+    def drawn(text):
+        scene = load_material(tmp_path, text, f"</visual>{COLLISION}<visual name='other'>")
+        assert scene.instance_names == ("m/link/visual",)
+        return material_of(scene, "m/link/visual")
+
+    assert SurfaceKind.MATTE in kind_of(drawn("<diffuse>1 0 0</diffuse><specular>1 1 1</specular>"))
+    assert drawn("").base_color == (0.7, 0.7, 0.7, 1.0)
+    glow = drawn("<emissive>0 2 0 1</emissive><lighting>0</lighting>")
+    assert glow.emissive == (0.0, 2.0, 0.0)
+    assert glow.unlit
 
 
-def test_what_glows_or_takes_no_light(tmp_path):
-    scene = load_material(tmp_path, "<emissive>0 2 0 1</emissive><lighting>0</lighting>")
-    assert material_of(scene).emissive == (0.0, 2.0, 0.0)
-    assert material_of(scene).unlit
+@pytest.mark.parametrize(
+    ("text", "notice"),
+    [
+        ("<script><name>Gazebo/Wood</name></script>",
+         "material Gazebo/Wood is drawn in a plain color (1 visual)"),
+        ("<script><name>Mine</name></script>", "material Mine not found: gray is drawn (1 visual)"),
+        ("<script><uri>a.material</uri><name>Mine</name></script>",
+         "material Mine not found: gray is drawn (1 visual)"),
+        ("<pbr><metal><albedo_map>a.png</albedo_map></metal></pbr>",
+         "image a.png is not there: drawn without it (1 material)"),
+    ],
+)  # fmt: skip
+def test_missing_scripts_and_textures_are_noted(tmp_path, text, notice):
+    (tmp_path / "a.material").write_text("no words of OGRE\n")
+    assert load_material(tmp_path, text).notices == (f"test.world: {notice}",)
 
 
 def test_an_albedo_map_is_drawn_and_a_light_map_is_noted(tmp_path):
@@ -138,14 +138,9 @@ def test_an_albedo_map_is_drawn_and_a_light_map_is_noted(tmp_path):
         tmp_path,
         "<pbr><metal><albedo_map>a.png</albedo_map><light_map>b.png</light_map></metal></pbr>",
     )
-    assert material_of(scene).texture.pixels[0, 0].tolist() == [200, 100, 50, 255]
-    assert material_of(scene).base_color == (1.0, 1.0, 1.0, 1.0)
+    assert material_of(scene, "m/link/visual").texture.pixels[0, 0].tolist() == [200, 100, 50, 255]
+    assert material_of(scene, "m/link/visual").base_color == (1.0, 1.0, 1.0, 1.0)
     assert scene.notices == ("test.world: light maps are not drawn (1 material)",)
-
-
-def test_a_texture_that_is_missing_is_noted(tmp_path):
-    scene = load_material(tmp_path, "<pbr><metal><albedo_map>a.png</albedo_map></metal></pbr>")
-    assert scene.notices == ("test.world: image a.png is not there: drawn without it (1 material)",)
 
 
 def two_cubes(path):
@@ -195,7 +190,7 @@ def test_a_material_of_a_visual_replaces_those_of_its_mesh(tmp_path):
     own = visual(mesh(), rest="<material><diffuse>1 0 0 1</diffuse></material>")
     unknown = visual(mesh(), rest="<material><script><name>X</name></script></material>")
     scene = load(tmp_path, sdf(model("m", own) + model("n", unknown)))
-    assert material_of(scene).base_color == (1.0, 0.0, 0.0, 1.0)
+    assert material_of(scene, "m/link/visual").base_color == (1.0, 0.0, 0.0, 1.0)
     assert material_of(scene, "n/link/visual").base_color != (1.0, 0.0, 0.0, 1.0)
 
 
@@ -284,12 +279,6 @@ def test_the_background_and_what_is_left_out(tmp_path):
     }
 
 
-def test_collisions_are_not_drawn(tmp_path):
-    collision = f'<collision name="c"><geometry>{BOX}</geometry></collision>'
-    scene = load(tmp_path, sdf(model("m", collision + visual(BOX))))
-    assert scene.instance_names == ("m/link/visual",)
-
-
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -307,10 +296,3 @@ def test_a_material_that_is_none_is_named(tmp_path, text, message):
 def test_a_light_that_is_none_is_named(tmp_path):
     with pytest.raises(SceneError, match=r"light\[a\]: expected type point, directional or spot"):
         load(tmp_path, world('<light name="a" type="laser"/>'))
-
-
-def test_a_script_file_without_materials_is_no_error(tmp_path):
-    (tmp_path / "a.material").write_text("no words of OGRE\n")
-    script = "<material><script><uri>a.material</uri><name>Mine</name></script></material>"
-    scene = load(tmp_path, world(model("m", visual(BOX, rest=script))))
-    assert scene.notices == ("test.world: material Mine not found: gray is drawn (1 visual)",)

@@ -41,14 +41,10 @@ def test_poses_of_model_link_and_visual_are_multiplied(tmp_path):
 
 def test_angles_in_degrees_and_quaternions(tmp_path):
     degrees = (*A[:3], *np.degrees(A[3:]))
-    quaternion = Rotation.from_euler("xyz", B[3:]).as_quat()
-    scene = load(
-        tmp_path,
-        world(
-            model("a", visual(BOX), text(degrees, degrees="true"))
-            + model("b", visual(BOX), text((*B[:3], *quaternion), rotation_format="quat_xyzw"))
-        ),
-    )
+    turned = (*B[:3], *Rotation.from_euler("xyz", B[3:]).as_quat())
+    models = model("a", visual(BOX), text(degrees, degrees="true"))
+    models += model("b", visual(BOX), text(turned, rotation_format="quat_xyzw"))
+    scene = load(tmp_path, world(models))
     assert node_pose(scene, "a/link/visual") == pytest.approx(matrix(A))
     assert node_pose(scene, "b/link/visual") == pytest.approx(matrix(B))
 

@@ -6,6 +6,7 @@ from PIL import Image
 
 from omnisim.core.errors import SceneError
 from tests.scene.formats.sdf.worlds import load, model, sdf, visual
+from tests.scene.world_corners import points_of
 
 # a ramp along x, and a corner at the smallest x and the largest y
 LEVELS = np.array([[255, 102, 204], [0, 102, 204], [0, 102, 204]], np.uint8)
@@ -18,12 +19,6 @@ def terrain(tmp_path, rest=SIZE, levels=LEVELS):
     return load(tmp_path, sdf(model("m", visual(text))))
 
 
-def points_of(scene):
-    (instance,) = scene.instances
-    positions = scene.meshes[instance.mesh].positions
-    return positions + instance.world_from_mesh[:3, 3]
-
-
 @pytest.mark.parametrize("levels", [LEVELS, LEVELS.astype(np.uint16) * 257])
 def test_levels_are_heights_and_the_first_row_is_at_the_largest_y(tmp_path, levels):
     points = points_of(terrain(tmp_path, f"{SIZE}<pos>1 0 2</pos>", levels)).reshape(3, 3, 3)
@@ -32,13 +27,9 @@ def test_levels_are_heights_and_the_first_row_is_at_the_largest_y(tmp_path, leve
     assert points[:, :, 2] == pytest.approx(np.flipud(LEVELS) / 25.5 + 2.0, abs=1e-5)
 
 
-def test_the_brightest_pixel_has_the_height(tmp_path):
-    points = points_of(terrain(tmp_path, levels=np.array([[0, 50], [0, 100]], np.uint8)))
-    assert points[:, 2].max() == pytest.approx(10.0)
-
-
-def test_its_front_is_above(tmp_path):
-    scene = terrain(tmp_path)
+def test_its_front_is_above_and_the_brightest_pixel_has_the_height(tmp_path):
+    scene = terrain(tmp_path, levels=np.array([[0, 50], [0, 100]], np.uint8))
+    assert points_of(scene)[:, 2].max() == pytest.approx(10.0)
     mesh = scene.meshes[0]
     a, b, c = mesh.positions[mesh.triangles].swapaxes(0, 1)
     assert (np.cross(b - a, c - a)[:, 2] > 0.0).all()

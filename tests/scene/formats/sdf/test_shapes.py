@@ -1,59 +1,41 @@
-"""SDF's geometries against trimesh's, and their closed forms."""
+"""SDF's geometries against their closed forms."""
 
 import math
 
 import numpy as np
 import pytest
-import trimesh
 
 from omnisim.core.errors import SceneError
 from omnisim.scene.formats.sdf.geometry import segment_limit
 from tests.scene.formats.sdf.worlds import load, model, sdf, visual
+from tests.scene.world_corners import solid_of
 
 # A circle's polygon differs from it by some 1e-4 of its area.
 ROUND = 1e-3
+# Volume, and half sizes of the bounds.
 SHAPES = {
-    "<box><size>1 2 3</size></box>": trimesh.creation.box((1, 2, 3)),
-    "<sphere><radius>0.5</radius></sphere>": trimesh.creation.icosphere(5, 0.5),
-    "<cylinder><radius>0.5</radius><length>2</length></cylinder>": trimesh.creation.cylinder(
-        0.5, 2.0, sections=512
-    ),
-    "<capsule><radius>0.5</radius><length>2</length></capsule>": trimesh.creation.capsule(
-        2.0, 0.5, count=(256, 256)
-    ),
-    "<cone><radius>0.5</radius><length>2</length></cone>": trimesh.creation.cone(
-        0.5, 2.0, sections=512, transform=trimesh.transformations.translation_matrix((0, 0, -1))
-    ),
-    "<ellipsoid><radii>0.5 1 2</radii></ellipsoid>": trimesh.creation.icosphere(5, 1.0).apply_scale(
-        (0.5, 1, 2)
-    ),
-}
-
-
-def _trimesh(scene, name=None):
-    """All triangles of a scene, or of an instance, in the world, corners joined."""
-    parts = []
-    for instance in scene.instances:
-        if name in (None, instance.name):
-            mesh = scene.meshes[instance.mesh]
-            points = trimesh.transform_points(mesh.positions, instance.world_from_mesh)
-            parts.append(trimesh.Trimesh(points, mesh.triangles))
-    return trimesh.util.concatenate(parts)
+    "<box><size>1 2 3</size></box>": (6.0, (0.5, 1.0, 1.5)),
+    "<sphere><radius>0.5</radius></sphere>": (math.pi / 6, (0.5, 0.5, 0.5)),
+    "<cylinder><radius>0.5</radius><length>2</length></cylinder>": (math.pi / 2, (0.5, 0.5, 1)),
+    "<capsule><radius>0.5</radius><length>2</length></capsule>":
+        (math.pi / 2 + math.pi / 6, (0.5, 0.5, 1.5)),
+    "<cone><radius>0.5</radius><length>2</length></cone>": (math.pi / 6, (0.5, 0.5, 1)),
+    "<ellipsoid><radii>0.5 1 2</radii></ellipsoid>": (4 / 3 * math.pi, (0.5, 1.0, 2.0)),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("text", SHAPES, ids=lambda text: text[1 : text.index(">")])
-def test_a_solid_is_closed_and_has_volume_and_bounds_of_trimeshs(tmp_path, text):
-    scene = load(tmp_path, sdf(model("a", visual(text))))
-    ours, theirs = _trimesh(scene), SHAPES[text]
-    ours.merge_vertices(merge_tex=True, merge_norm=True, digits_vertex=6)
-    assert ours.is_watertight
-    assert ours.volume == pytest.approx(theirs.volume, rel=2 * ROUND)  # positive: fronts outside
-    assert ours.bounds == pytest.approx(theirs.bounds, abs=ROUND)
+def test_a_solid_is_closed_and_has_its_volume_and_bounds(tmp_path, text):
+    solid = solid_of(load(tmp_path, sdf(model("a", visual(text)))))
+    volume, half_sizes = SHAPES[text]
+    assert solid.is_watertight
+    assert solid.volume == pytest.approx(volume, rel=2 * ROUND)  # positive: fronts outside
+    assert solid.bounds == pytest.approx(np.multiply(((-1,), (1,)), half_sizes), abs=ROUND)
 
 
 def test_a_plane_is_across_its_normal(tmp_path):
     text = "<plane><normal>0 1 1</normal><size>4 2</size></plane>"
-    plane = _trimesh(load(tmp_path, sdf(model("a", visual(text)))))
+    plane = solid_of(load(tmp_path, sdf(model("a", visual(text)))))
     assert plane.area == pytest.approx(8.0)
     assert plane.face_normals == pytest.approx(np.tile((0, 0.5**0.5, 0.5**0.5), (2, 1)), abs=1e-6)
     x, y, z = plane.bounds[1]
@@ -70,21 +52,15 @@ HOLE = ((0.2, 0.2), (0.2, 0.8), (0.8, 0.8), (0.8, 0.2))
 
 @pytest.mark.parametrize("turn", [1, -1])
 def test_a_polyline_is_extruded_with_its_holes(tmp_path, turn):
+    """The first of its points may be repeated at its end."""
     lines = "".join(
         f"<polyline>{_points(corners[::turn])}<height>2</height></polyline>"
-        for corners in (L_SHAPE, HOLE)
+        for corners in ((*L_SHAPE, L_SHAPE[0]), HOLE)
     )
-    solid = _trimesh(load(tmp_path, sdf(model("a", visual(lines)))))
-    solid.merge_vertices(digits_vertex=6)
+    solid = solid_of(load(tmp_path, sdf(model("a", visual(lines)))))
     assert solid.is_watertight
     assert solid.volume == pytest.approx(2.0 * (5.0 - 0.36), rel=1e-6)
     assert solid.bounds == pytest.approx(np.array(((0.0, 0, 0), (3, 3, 2))))
-
-
-def test_a_polyline_may_repeat_its_first_point(tmp_path):
-    text = f"<polyline>{_points((*L_SHAPE, L_SHAPE[0]))}<height>1</height></polyline>"
-    solid = _trimesh(load(tmp_path, sdf(model("a", visual(text)))))
-    assert solid.volume == pytest.approx(5.0)
 
 
 def test_a_star_with_many_points_is_filled(tmp_path):
@@ -92,7 +68,7 @@ def test_a_star_with_many_points_is_filled(tmp_path):
     radii = np.where(np.arange(40) % 2, 1.0, 0.3)
     corners = np.stack((radii * np.cos(angles), radii * np.sin(angles)), axis=1)
     text = f"<polyline>{_points(corners)}<height>1</height></polyline>"
-    solid = _trimesh(load(tmp_path, sdf(model("a", visual(text)))))
+    solid = solid_of(load(tmp_path, sdf(model("a", visual(text)))))
     x, y = corners.T
     area = 0.5 * np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))  # the shoelace formula
     assert solid.volume == pytest.approx(area)

@@ -1,5 +1,8 @@
 """Robots of URDF: visuals, materials, meshes of packages, and poses of joints at rest."""
 
+import shutil
+import sys
+
 import numpy as np
 import pytest
 import trimesh
@@ -11,6 +14,7 @@ from omnisim.core.srgb import linear_from_srgb
 from omnisim.scene.labels import find_labels
 from omnisim.scene.model import AlphaMode
 from tests.scene.gltf_builder import png
+from tests.scene.world_corners import material_of
 
 ROBOT = """
 <robot name="arm">
@@ -52,11 +56,6 @@ def robot(tmp_path):
     return path
 
 
-def _material(scene, name):
-    mesh = next(one.mesh for one in scene.instances if one.name == name)
-    return scene.materials[scene.meshes[mesh].material]
-
-
 def test_visuals_are_instances_named_by_their_links(robot):
     scene = load_scene(robot, resources=[robot.parents[1] / "share"])
     assert scene.instance_names == (
@@ -68,42 +67,37 @@ def test_visuals_are_instances_named_by_their_links(robot):
 
 def test_joints_rest_at_zero_or_in_the_middle_of_their_limits(robot):
     scene = load_scene(robot, resources=[robot.parents[1] / "share"])
-    upper = np.eye(4)
-    upper[:3, :3] = (
-        Rotation.from_euler("z", 0.5 * np.pi) * Rotation.from_euler("y", 0.4)
-    ).as_matrix()
-    upper[:3, 3] = (1.0, 0.0, 0.0)
-    visual = np.eye(4)
+    upper, visual = np.eye(4), np.eye(4)
+    turned = Rotation.from_euler("z", 0.5 * np.pi) * Rotation.from_euler("y", 0.4)
+    upper[:3, :3], upper[:3, 3] = turned.as_matrix(), (1.0, 0.0, 0.0)
     visual[:3, :3] = Rotation.from_euler("xyz", (0.1, 0.2, 0.3)).as_matrix()
     visual[:3, 3] = (0.0, 0.0, 1.0)
     assert scene.pose_of("upper/cylinder") == pytest.approx(upper @ visual)
     hand = upper.copy()
     hand[:3, 3] += upper[:3, 2] * 2.0
     assert scene.pose_of("hand/hand") == pytest.approx(hand)
-    corners = np.abs(scene.bounds_m("hand/hand") - hand[:3, 3])
-    assert np.sort(corners[0]).max() < 0.5  # millimeters became meters
+    assert np.ptp(scene.bounds_m("hand/hand"), axis=0).max() < 0.5  # millimeters became meters
 
 
 def test_colors_are_display_values_and_replace_those_of_meshes(robot):
     scene = load_scene(robot, resources=[robot.parents[1] / "share"])
     orange = (*linear_from_srgb([1.0, 0.5, 0.0]), 1.0)
-    assert _material(scene, "base/box").base_color == pytest.approx(orange)
-    assert _material(scene, "hand/hand").base_color == pytest.approx(orange)
-    assert _material(scene, "base/glass").alpha_mode is AlphaMode.BLEND
+    assert material_of(scene, "base/box").base_color == pytest.approx(orange)
+    assert material_of(scene, "hand/hand").base_color == pytest.approx(orange)
+    assert material_of(scene, "base/glass").alpha_mode is AlphaMode.BLEND
 
 
-@pytest.mark.parametrize("variable", ["ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH"])
-def test_packages_are_found_by_the_environment(robot, monkeypatch, variable):
+@pytest.mark.parametrize(
+    ("variable", "folder"),
+    [("ROS_PACKAGE_PATH", "elsewhere"), ("AMENT_PREFIX_PATH", "elsewhere/share")],
+)
+def test_packages_are_found_by_the_environment(robot, monkeypatch, variable, folder):
     top = robot.parents[1]
     for name in ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH"):
         monkeypatch.delenv(name, raising=False)
-    (top / "share").rename(top / "elsewhere")
-    if variable == "AMENT_PREFIX_PATH":
-        (top / "prefix").mkdir()
-        (top / "elsewhere").rename(top / "prefix" / "share")
-        monkeypatch.setenv(variable, str(top / "prefix"))
-    else:
-        monkeypatch.setenv(variable, str(top / "elsewhere"))
+    shutil.copytree(top / "share", top / folder)
+    shutil.rmtree(top / "share")
+    monkeypatch.setenv(variable, str(top / "elsewhere"))
     assert "hand/hand" in load_scene(robot).instance_names
 
 
@@ -117,15 +111,13 @@ def test_missing_meshes_are_said(robot):
 
 
 def test_a_robot_may_be_named_like_a_mujoco_model_and_needs_no_extra(robot, monkeypatch):
-    import sys
-
     monkeypatch.setitem(sys.modules, "mujoco", None)
     xml = robot.with_suffix(".xml")
     robot.rename(xml)
     assert "base/box" in load_scene(xml).instance_names
 
 
-def test_textures_are_those_of_the_material(tmp_path):
+def test_textures_are_those_of_thematerial_of(tmp_path):
     (tmp_path / "wood.png").write_bytes(png(np.full((2, 2, 3), 200)))
     path = tmp_path / "a.urdf"
     path.write_text(
@@ -133,7 +125,7 @@ def test_textures_are_those_of_the_material(tmp_path):
         "<material name='wood'><texture filename='wood.png'/></material></visual></link></robot>"
     )
     scene = load_scene(path)
-    assert _material(scene, "l/box").texture is not None
+    assert material_of(scene, "l/box").texture is not None
 
 
 def test_a_robot_without_any_mesh_that_is_found_is_an_error(tmp_path):
@@ -183,17 +175,16 @@ def test_faults_are_one_line_with_the_place(tmp_path, body, message):
     assert "\n" not in str(error.value)
 
 
-def _two_materials(folder):
-    (folder / "a.mtl").write_text("newmtl own\nKd 0 0 1\n")
-    (folder / "own.obj").write_text(
-        "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl own\nf 1 2 3\n"
-    )
-    (folder / "plain.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
-    visuals = "".join(
-        f'<visual name="{name}"><geometry><mesh filename="{name}.obj"/></geometry>'
-        '<material name="red"><color rgba="1 0 0 1"/></material></visual>'
-        for name in ("own", "plain")
-    )
+TRIANGLE_OBJ = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\n{}f 1 2 3\n"
+VISUAL = '<visual name="{0}"><geometry><mesh filename="{0}.obj"/></geometry>{1}</visual>'
+
+
+def _robot_of_meshes(folder, names, use, mtl, material=""):
+    """Robot of triangles by their names, with a material file."""
+    (folder / "a.mtl").write_text(mtl)
+    for name in names:
+        (folder / f"{name}.obj").write_text(TRIANGLE_OBJ.format(use.get(name, "")))
+    visuals = "".join(VISUAL.format(name, material) for name in names)
     path = folder / "a.urdf"
     path.write_text(f'<robot name="r"><link name="l">{visuals}</link></robot>')
     return path
@@ -204,11 +195,13 @@ def _two_materials(folder):
     [("", "red", 1), ('urdf_materials = "robot"', "red", 0), ('urdf_materials = "mesh"', "own", 0)],
 )
 def test_a_material_of_the_robot_on_a_mesh_with_its_own_is_noted(key, own, notices, tmp_path):
-    path = _two_materials(tmp_path)
+    red = '<material name="red"><color rgba="1 0 0 1"/></material>'
+    use, mtl = {"own": "usemtl own\n"}, "newmtl own\nKd 0 0 1\n"
+    path = _robot_of_meshes(tmp_path, ("own", "plain"), use, mtl, red)
     toml = tmp_path / "scene.toml"
     toml.write_text(f'file = "{path.name}"\n{key}\n')
     scene = load_scene(toml)
-    assert (_material(scene, "l/own").name, _material(scene, "l/plain").name) == (own, "red")
+    assert (material_of(scene, "l/own").name, material_of(scene, "l/plain").name) == (own, "red")
     assert len(scene.notices) == notices
     if notices:
         assert "in place of their meshes' own (1 visual)" in scene.notices[0]
@@ -231,14 +224,8 @@ def test_a_package_in_a_clone_of_another_name_is_found_by_package_xml(tmp_path):
 
 
 def test_equal_notices_of_several_mesh_files_are_one(tmp_path):
-    (tmp_path / "a.mtl").write_text("newmtl m\nKd 1 0 0\nKs 1 1 1\n")
-    visuals = ""
-    for name in ("a", "b", "c"):
-        path = tmp_path / f"{name}.obj"
-        path.write_text("mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl m\nf 1 2 3\n")
-        visuals += f'<visual><geometry><mesh filename="{path.name}"/></geometry></visual>'
-    path = tmp_path / "a.urdf"
-    path.write_text(f'<robot name="r"><link name="l">{visuals}</link></robot>')
+    use = dict.fromkeys("abc", "usemtl m\n")
+    path = _robot_of_meshes(tmp_path, "abc", use, "newmtl m\nKd 1 0 0\nKs 1 1 1\n")
     assert load_scene(path).notices == (
         "a.urdf: a.obj and 2 more files: highlights are not drawn: surfaces are matte",
     )

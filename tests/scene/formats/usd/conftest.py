@@ -14,3 +14,11 @@ def _stages_are_read_here(request, monkeypatch):
 @pytest.fixture
 def own_process():
     """A test with it reads stages as users do, in a process of their own."""
+
+
+@pytest.fixture
+def stage(tmp_path):
+    """An empty stage in meters, z up."""
+    from tests.scene.formats.usd.stages import new_stage
+
+    return new_stage(tmp_path / "a.usda")

@@ -7,6 +7,8 @@ import trimesh
 pytest.importorskip("pxr", reason="usd-core is not installed")
 from pxr import Gf, Usd, UsdGeom
 
+from omnisim.scene import load_scene
+
 
 def new_stage(path, up="Z", meters_per_unit=1.0):
     stage = Usd.Stage.CreateNew(str(path))
@@ -14,6 +16,12 @@ def new_stage(path, up="Z", meters_per_unit=1.0):
     UsdGeom.SetStageMetersPerUnit(stage, meters_per_unit)
     stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/World").GetPrim())
     return stage
+
+
+def saved(stage):
+    """Scene of a stage's file."""
+    stage.Save()
+    return load_scene(stage.GetRootLayer().realPath)
 
 
 def define_mesh(stage, path, points, counts, vertices):

@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from omnisim import load_scene
 from omnisim.core.files.image_files import write_radiance
 from omnisim.scene.light.lighting import illuminance
 from omnisim.scene.model import LightKind
-from tests.scene.formats.usd.stages import define_box, new_stage
+from tests.scene.formats.usd.stages import define_box, new_stage, saved
 
 from pxr import UsdGeom, UsdLux  # isort: skip - skipped without it
 
@@ -26,8 +25,7 @@ def _light(tmp_path, kind, meters_per_unit=1.0, shape=None, **values):
     if shape is not None:
         api = UsdLux.ShapingAPI.Apply(light.GetPrim())
         api.CreateShapingConeAngleAttr(shape)
-    stage.Save()
-    scene = load_scene(tmp_path / "a.usda")
+    scene = saved(stage)
     (one,) = scene.lighting.lights
     return scene, one
 
@@ -44,7 +42,7 @@ def _lux_of_samples(points, normals, areas, luminance):
 
 
 def _sphere(radius):
-    count = 200_000
+    count = 20_000
     z = 1.0 - (2.0 * np.arange(count) + 1.0) / count
     angle = np.arange(count) * 2.399963
     ring = np.sqrt(1.0 - z * z)
@@ -111,22 +109,19 @@ def test_colors_are_those_of_the_temperature(tmp_path):
     assert light.color == pytest.approx(tuple(UsdLux.BlackbodyTemperatureAsRgb(3000.0)))
 
 
-def test_a_dome_is_the_light_from_everywhere_and_the_background(tmp_path):
-    stage = new_stage(tmp_path / "a.usda")
+def test_a_dome_is_the_light_from_everywhere_and_the_background(stage):
     define_box(stage, "/World/box")
     dome = UsdLux.DomeLight.Define(stage, "/World/dome")
     dome.CreateColorAttr((0.5, 0.75, 1.0))
     dome.CreateIntensityAttr(40.0)
-    stage.Save()
-    scene = load_scene(tmp_path / "a.usda")
+    scene = saved(stage)
     assert scene.lighting.ambient == pytest.approx((0.5, 0.75, 1.0))
     assert scene.background == scene.lighting.ambient
     assert scene.lighting.lights == ()
     sun = UsdLux.DistantLight.Define(stage, "/World/sun")
     sun.CreateIntensityAttr(40.0 * np.pi)
     sun.CreateNormalizeAttr(True)
-    stage.Save()
-    scene = load_scene(tmp_path / "a.usda")
+    scene = saved(stage)
     (light,) = scene.lighting.lights
     # the sun gives a surface that faces it as much light as the brightest of the dome does
     assert scene.lighting.ambient[2] == pytest.approx(light.intensity * scene.lighting.exposure)
@@ -143,8 +138,7 @@ def _textured(tmp_path, pixels, up="Z", rotate=(0.0, 0.0, 0.0), name="map.exr"):
     UsdGeom.XformCommonAPI(dome).SetRotate(rotate)
     if pixels is not None:
         write_radiance(tmp_path / name, pixels.astype(np.float16))
-    stage.Save()
-    return load_scene(tmp_path / "a.usda")
+    return saved(stage)
 
 
 def _storm(directions):
@@ -194,10 +188,3 @@ def test_a_texture_that_cannot_be_read_leaves_the_color(tmp_path, content):
     assert scene.lighting.environment is None
     assert scene.lighting.ambient == (1.0, 1.0, 1.0)
     assert any("texture of a dome light is not drawn" in notice for notice in scene.notices)
-
-
-def test_a_domes_texture_counts_by_its_content(tmp_path):
-    pixels = np.full((16, 32, 3), (1.0, 1.5, 2.0))
-    first, again = _textured(tmp_path, pixels), _textured(tmp_path, pixels)
-    assert again.identity == first.identity  # not by where a copy of it lies
-    assert _textured(tmp_path, 2.0 * pixels).identity != first.identity

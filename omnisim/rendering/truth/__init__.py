@@ -1,1 +1,0 @@
-"""Ground truth of a camera's image."""
