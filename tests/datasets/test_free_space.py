@@ -66,12 +66,14 @@ def test_a_box_takes_its_place_and_the_margin():
     clear_m = 0.5 + RADIUS_M + (MARGIN_CELLS + 1.5) * free.cell_m
     assert free.is_free_at(np.array((clear_m, 0.0)))
     assert free.is_free_at(np.array((0.0, -clear_m)))
+    for cell, is_free in np.ndenumerate(free.is_free):
+        assert free.clears(cell, RADIUS_M) == is_free
 
     # low things and high things do not count
-    scene = _room(((1.0, 1.0, 0.04), (0.0, 0.0, 0.02)), ((1.0, 1.0, 0.1), (0.0, 0.0, 1.5)))
+    scene = _room(((1.0, 1.0, 0.04), (0.0, 0.0, 0.02)), ((1.0, 1.0, 0.1), (0.0, 0.0, 0.9)))
     free = find_free_space(scene, RADIUS_M, HEIGHT_M, STEP_M, floor_m=0.0)
     assert free.is_free_at(np.zeros(2))
-    under = find_free_space(scene, RADIUS_M, 2.0, STEP_M, floor_m=0.0)
+    under = find_free_space(scene, RADIUS_M, 0.9, STEP_M, floor_m=0.0)
     assert not under.is_free_at(np.zeros(2))
 
 

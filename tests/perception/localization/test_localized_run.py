@@ -24,6 +24,7 @@ from omnisim.perception.localization.track import (
     write_track,
 )
 from omnisim.runs.run_data import RunLabels, landmark_colors, read_run, train_on_run
+from omnisim.sensors import calibration_file
 
 STEPS = 5
 
@@ -240,7 +241,7 @@ def test_a_image_of_another_camera_is_named(run, monkeypatch):
         (stored[..., :1], "px of 1 × uint8"),
         (stored.astype(np.uint16) * 257, "px of 3 × uint16"),
     ):
-        monkeypatch.setattr("omnisim.runs.run_data.read_image", lambda _, s=spoiled: (s, None))
+        monkeypatch.setattr(calibration_file, "read_image", lambda _, s=spoiled: (s, None))
         with pytest.raises(OmnisimError, match=rf"000002.png: has .*{message}.* 3 × uint8"):
             data.image(2)
 
