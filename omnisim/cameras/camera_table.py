@@ -30,7 +30,7 @@ def camera_from_table(parameters: Mapping[str, Any], source: str, key: str) -> C
         for name in parameters if missing != message and not rest else ():
             hint = did_you_mean(name, [missing])
             # a key that is misspelled, and no other key of a model
-            if hint.startswith("did") and not any(name in one for one in FIELDS):
+            if hint.startswith("did") and not any(name in fields for fields in FIELDS):
                 message = f"{name}: unknown key; {hint}"
         if message.endswith(": missing"):
             message = f"{', '.join((message.removesuffix(': missing'), *others))}: missing"
@@ -76,7 +76,6 @@ def camera_from_calibration(
         raise SensorFileError(f"{place}{reason}") from None
     for other in sorted(keys.keys() - allowed):
         hint = f"unknown key beside calibration; {did_you_mean(other, ('camera', *allowed))}"
-        raise SensorFileError(
-            f"{source}: {key}.{other}: {has_it if any(other in one for one in FIELDS) else hint}"
-        )
+        is_of_lens = any(other in fields for fields in FIELDS)
+        raise SensorFileError(f"{source}: {key}.{other}: {has_it if is_of_lens else hint}")
     return found.camera

@@ -66,11 +66,11 @@ def solve_polynomial(coefficients: Coefficients, values: Floats, low: float, hig
 
 def polyval(coefficients: Coefficients, arguments: Floats) -> Floats:
     """Values (...,) of a polynomial, constant term first, at arguments (...,)."""
-    *others, last = (float(one) for one in coefficients)
+    *others, last = (float(term) for term in coefficients)
     values = np.full(np.shape(arguments), last)
-    for one in reversed(others):  # NumPy's own checks its arguments, which takes longer
+    for term in reversed(others):  # NumPy's own checks its arguments, which takes longer
         values *= arguments
-        values += one
+        values += term
     return values
 
 
@@ -81,7 +81,7 @@ def first_root(coefficients: Coefficients, highest: float = math.inf) -> float:
     terms below rounding error on the whole range up to `highest` are dropped, because they would
     spoil the accuracy of the other roots.
     """
-    return _first_root(tuple(float(one) for one in coefficients), highest)
+    return _first_root(tuple(float(term) for term in coefficients), highest)
 
 
 @lru_cache(maxsize=1024)  # a fit moves one parameter of a lens at a time, seldom one of its terms

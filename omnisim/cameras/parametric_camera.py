@@ -118,9 +118,9 @@ class ParametricCamera(Parameters, ABC, name="camera"):
             if field.name in ("width_px", "height_px"):
                 changes[field.name] = round(value * scale)
             elif field.name == "principal_point_px":  # measured from the center of the first pixel
-                changes[field.name] = tuple((one + 0.5) * scale - 0.5 for one in value)
+                changes[field.name] = mapped(lambda px: (px + 0.5) * scale - 0.5, value)
             elif field.name.endswith("_px"):
-                changes[field.name] = mapped(lambda one: one * scale, value)
+                changes[field.name] = mapped(lambda px: px * scale, value)
         return dataclasses.replace(self, **changes)
 
     def ending_at(self, theta_max_rad: float) -> Self | None:

@@ -99,7 +99,9 @@ def _whole(
         "categories": [
             {"id": label.id, "name": label.name, "supercategory": ""} for label in labels.classes
         ],
-        "annotations": [one | {"id": number} for number, one in enumerate(annotations, start=1)],
+        "annotations": [
+            annotation | {"id": number} for number, annotation in enumerate(annotations, start=1)
+        ],
     }
 
 
@@ -238,7 +240,7 @@ class OrientedBox:
         return cls(rotation @ (0.5 * (low + high)), rotation, high - low)
 
     def __repr__(self) -> str:
-        size = " × ".join(f"{one:.4g}" for one in self.size_m)
+        size = " × ".join(f"{edge_m:.4g}" for edge_m in self.size_m)
         return short_repr(self, f"{size} m", f"at {point_text(self.center_m, 4)} m")
 
     def transformed(self, pose: Floats) -> OrientedBox:

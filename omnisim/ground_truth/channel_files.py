@@ -140,11 +140,11 @@ def limit_boxes(image: Path, limits: BoxLimits, shares: Mapping[int, float]) -> 
     """
     path = sidecar_path(image, "coco.json")
     content = json.loads(path.read_text(encoding="utf-8"))
-    for one in content["annotations"]:
-        if one["instance_id"] in shares:
-            one[VISIBLE_SHARE] = round(shares[one["instance_id"]], 4)
-    kept = [one for one in content["annotations"] if limits.keeps(one)]
-    numbered = [one | {"id": number} for number, one in enumerate(kept, start=1)]
+    for annotation in content["annotations"]:
+        if annotation["instance_id"] in shares:
+            annotation[VISIBLE_SHARE] = round(shares[annotation["instance_id"]], 4)
+    kept = [annotation for annotation in content["annotations"] if limits.keeps(annotation)]
+    numbered = [annotation | {"id": number} for number, annotation in enumerate(kept, start=1)]
     write_json(path, content | {"annotations": numbered})
 
 

@@ -196,7 +196,7 @@ class Slice:
                 strict=True,
             )
         ]
-        start_s, end_s = (time_of(one.world_from_objects) for one in (self.start, self.end))
+        start_s, end_s = (time_of(poses.world_from_objects) for poses in (self.start, self.end))
         return LidarPoses(poses[0], ObjectPoses(poses[1:], start_s + share * (end_s - start_s)))
 
 

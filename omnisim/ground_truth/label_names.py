@@ -90,15 +90,15 @@ class Labels:
             KeyError, TypeError, ValueError: an invalid table.
         """
         classes = [
-            ClassLabel(_id(one["id"]), str(one["name"]), _color(one["color"]))
-            for one in content["classes"]
-            if one["id"] != NOTHING
+            ClassLabel(_id(row["id"]), str(row["name"]), _color(row["color"]))
+            for row in content["classes"]
+            if row["id"] != NOTHING
         ]
         instances = [
-            InstanceLabel(_id(one["id"]), str(one["name"]), _id(one["class"]), one.get("object"))
-            for one in content["instances"]
+            InstanceLabel(_id(row["id"]), str(row["name"]), _id(row["class"]), row.get("object"))
+            for row in content["instances"]
         ]
-        if [one.id for one in instances] != list(range(1, 1 + len(instances))):
+        if [label.id for label in instances] != list(range(1, 1 + len(instances))):
             raise ValueError("expected instances 1, 2, and so on")
         return cls(tuple(classes), tuple(instances), str(content["classes_from"]))
 

@@ -184,11 +184,11 @@ def legend(name: str, values: NDArray[Any], labels: Labels | None = None) -> Leg
         colors = [_hex((35, 95, 235)), "#ffffff", _hex((235, 55, 35))]
         return _ramp(-largest, largest, CHANNELS[name].unit, colors, "linear")
     if name in CLASSES and labels is not None:
-        names = {one.id: one.name for one in labels.classes}
-        palette = {one.id: _hex(one.color) for one in labels.classes}
+        names = {label.id: label.name for label in labels.classes}
+        palette = {label.id: _hex(label.color) for label in labels.classes}
         return _items(values, names, palette)
     if name == "instance" and labels is not None:
-        names = {one.id: one.name for one in labels.instances}
+        names = {label.id: label.name for label in labels.instances}
         return _items(values, names, {id_: _hex(distinct_color(id_)) for id_ in names})
     if name in ("occluded", "occluded_backward"):
         return _items(values, _OCCLUSION_NAMES, {k: _hex(c) for k, c in OCCLUSION.items()})
@@ -207,7 +207,7 @@ def _items(ids: NDArray[Any], names: dict[int, str], colors: dict[int, str]) -> 
     present, counts = np.unique(ids, return_counts=True)
     order = np.argsort(-counts, kind="stable")
     listed = [int(present[at]) for at in order if int(present[at]) in names]
-    items = [{"name": names[one], "color": colors[one]} for one in listed[:MAX_ITEMS]]
+    items = [{"name": names[number], "color": colors[number]} for number in listed[:MAX_ITEMS]]
     return {"kind": "list", "items": items, "more": max(0, len(listed) - MAX_ITEMS)}
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import scipy
 
-from omnisim.cameras import PerspectiveCamera
+from omnisim.cameras import PerspectiveCamera, RadialTableCamera
 from tests.camera_examples import CAMERA_EXAMPLES, points_around_axis
 
 NO_TURN = np.zeros(3)
@@ -46,8 +46,11 @@ def test_elliptic_mirror_is_opencv_omnidir_in_a_mirrored_frame():
     _assert_same(camera, -points, pixels)
 
 
-def test_radial_table_is_scipys_pchip():
-    camera = CAMERA_EXAMPLES["radial-table"]
+STEEPER = RadialTableCamera(90, 90, (44.5, 44.5), (0.0, 0.2, 0.4), (0.0, 2.0, 22.0))
+
+
+@pytest.mark.parametrize("camera", [CAMERA_EXAMPLES["radial-table"], STEEPER])
+def test_radial_table_is_scipys_pchip(camera):
     theta = np.linspace(0.0, camera.thetas_rad[-1], 500)
     rays = np.stack((np.sin(theta), 0.0 * theta, np.cos(theta)), axis=-1)
     radius = scipy.interpolate.PchipInterpolator(camera.thetas_rad, camera.radii_px)(theta)

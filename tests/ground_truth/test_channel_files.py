@@ -175,16 +175,9 @@ def test_both_formats_leave_the_files_of_each(tmp_path):
 
 @pytest.mark.parametrize(
     ("farthest_m", "steps_per_m"),
-    [
-        (0.0, 1000),
-        (65.5344, 1000),
-        (65.535, 500),
-        (131.0, 500),
-        (131.07, 200),
-        (1e3, 50),
-        (1e5, 0.5),
-    ],
-)
+    [(0.0, 1000), (65.5344, 1000), (65.535, 500), (131.0, 500), (131.07, 200), (1e3, 50),
+     (1e5, 0.5)],
+)  # fmt: skip
 def test_ranges_have_the_finest_scale_that_holds_them(tmp_path, farthest_m, steps_per_m):
     ranges = np.array([[1e-6, farthest_m], [np.inf, np.inf]], dtype=np.float32)
     rgba = np.full((2, 2, 4), 255, dtype=np.uint8)

@@ -167,10 +167,10 @@ def load_calibration(
     else:
         calibration = read_cameras(path, format, mirrored, limit_rad)
     selected = calibration if camera is None else calibration.only(camera)
-    for one in selected.cameras:
-        if limit_rad not in (None, math.pi) and one.camera.domain_limit_rad is None:
+    for model in (calibrated.camera for calibrated in selected.cameras):
+        if limit_rad not in (None, math.pi) and model.domain_limit_rad is None:
             raise CalibrationError(
-                f"theta_max_deg: {one.camera.model_name} ends by its own parameters: `omnisim "
+                f"theta_max_deg: {model.model_name} ends by its own parameters: `omnisim "
                 "calibration convert` to opencv_fisheye fits a lens that has this key"
             )
     for note in selected.notes:

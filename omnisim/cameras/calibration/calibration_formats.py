@@ -23,8 +23,8 @@ from omnisim.core.errors import CalibrationError, did_you_mean
 
 # In the order in which the signatures are tried.
 FORMATS: dict[str, Format[Any]] = {
-    one.name: one
-    for one in (
+    form.name: form
+    for form in (
         OmnisimJson(), Kalibr(), Camodocal(), OpencvOmnidir(), OpencvFisheye(), OpencvPinhole(),
         Ros(), Basalt(), Woodscape(), Nerfstudio(), Foxglove(), Ocamcalib(), Colmap(), Gazebo(),
     )
@@ -75,7 +75,7 @@ def detect_format(text: str, source: str, name: str | None = None) -> Format[Any
     """
     candidates = [form for form in FORMATS.values() if form.looks_like(text)]
     # Foxglove's signature is a key that Gyroflow has, too
-    if name is None and all(one.name == Foxglove.name for one in candidates):
+    if name is None and all(form.name == Foxglove.name for form in candidates):
         for tool, signature, remedy in FOREIGN_FILES:
             if re.search(signature, text, re.M):
                 raise CalibrationError(f"{source}: this is {tool}: {remedy}")

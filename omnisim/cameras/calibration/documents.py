@@ -162,7 +162,7 @@ def _size(node: yaml.Node, sizes: dict[int, float]) -> float:
     if id(node) not in sizes:
         sizes[id(node)] = math.inf
         inner = node.value if isinstance(node, yaml.CollectionNode) else ()
-        parts = (part for one in inner for part in (one if isinstance(one, tuple) else (one,)))
+        parts = (part for item in inner for part in (item if isinstance(item, tuple) else (item,)))
         sizes[id(node)] = 1 + sum(_size(part, sizes) for part in parts)
     return sizes[id(node)]
 
@@ -258,7 +258,7 @@ class ForeignTable(Table):
     ) -> None:
         super().__init_subclass__(**settings)
         cls.also_read = cls.also_read.union(also_read.split())
-        own = {key: one for keys, one in (unread or {}).items() for key in keys.split()}
+        own = {key: meaning for keys, meaning in (unread or {}).items() for key in keys.split()}
         cls.unread = {**cls.unread, **own}
         cls.harmless = cls.harmless.union(harmless.split())
         cls.inner = {**cls.inner, **(inner or {})}
@@ -292,11 +292,11 @@ def unread_keys(
 def _is_neutral(value: Any, neutral: tuple[Any, ...]) -> bool:
     """True for a neutral value, nothing or zeros."""
     if isinstance(value, Mapping):
-        return all(_is_neutral(one, neutral) for one in value.values())
+        return all(_is_neutral(inner, neutral) for inner in value.values())
     if value in neutral:
         return True
     if isinstance(value, list):
-        return all(_is_neutral(one, neutral) for one in value)
+        return all(_is_neutral(item, neutral) for item in value)
     if isinstance(value, str):
         return all(word.strip("0.") in ("", "false", "none") for word in value.lower().split())
     return not value

@@ -153,8 +153,8 @@ def model_named(model: str | None, form: Format[Any]) -> type[CentralCamera] | N
     """Model with the given name in a format; None for None."""
     target = None if model is None else CAMERA_MODELS.get(model)
     if model is not None and target not in form.models:
-        names: dict[type[CentralCamera], str] = {one: name for name, one in CAMERA_MODELS.items()}
-        known = ", ".join(names[one] for one in form.models)
+        names: dict[type[CentralCamera], str] = {kind: name for name, kind in CAMERA_MODELS.items()}
+        known = ", ".join(names[kind] for kind in form.models)
         raise CalibrationError(f"--model {model}: {form.name} has {known}")
     return target
 

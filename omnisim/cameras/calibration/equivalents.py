@@ -129,7 +129,7 @@ def _kannala_brandt(camera: CentralCamera) -> KannalaBrandtCamera | None:
     elif isinstance(camera, FThetaCamera) and not any(camera.coefficients_px[1::2]):
         focal, *others = camera.coefficients_px[::2]
         focals = focal, focal * camera.aspect_ratio
-        coefficients = tuple(one / focal for one in others)
+        coefficients = tuple(coefficient / focal for coefficient in others)
     else:
         return None
     return KannalaBrandtCamera(

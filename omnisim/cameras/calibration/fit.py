@@ -94,7 +94,7 @@ def fit_camera(
     upright = np.eye(3)
     if isinstance(camera, model) and type(camera) is model and not mirrored and not fixed:
         return _evaluate(camera, camera, mirrored, upright)
-    target = next((one for one in FITTED if one is model), None)
+    target = next((kind for kind in FITTED if kind is model), None)
     if target is None:
         names = ", ".join(FITTED_MODELS)
         raise _failure(camera, model, f"expected one of {names}")
@@ -242,8 +242,8 @@ def _refined(
     count = len(parameters.start)
     turns = [np.zeros(3)] if rotated else []
     first = np.concatenate([parameters.start, *turns])
-    low = np.concatenate([parameters.low, *[one - math.inf for one in turns]])
-    high = np.concatenate([parameters.high, *[one + math.inf for one in turns]])
+    low = np.concatenate([parameters.low, *[turn - math.inf for turn in turns]])
+    high = np.concatenate([parameters.high, *[turn + math.inf for turn in turns]])
     penalty = np.full(2 * len(samples.pixels_px), float(start.width_px + start.height_px))
 
     def turn_of(vector: Floats) -> Floats:
@@ -298,7 +298,7 @@ def _evaluate(
 
 
 def _failure(camera: CentralCamera, model: type[CentralCamera], reason: str) -> CalibrationError:
-    names = (name for name, one in CAMERA_MODELS.items() if one is model)
+    names = (name for name, kind in CAMERA_MODELS.items() if kind is model)
     target = next(names, model.__name__)
     source = camera.model_name
     return CalibrationError(f"camera: model {source!r} cannot be fitted by {target}: {reason}")

@@ -155,6 +155,10 @@ def _perspective_focal(profile: Profile) -> float:
     return max(float(radius @ sine / (sine @ sine)), 1e-6)
 
 
+def _perspective(profile: Profile) -> PerspectiveCamera:
+    return PerspectiveCamera(*profile.size, _perspective_focal(profile), profile.center_px)
+
+
 def _unified(profile: Profile) -> UnifiedCamera:
     alpha, focal = _alpha_and_focal(profile)
     alpha = min(alpha, MAX_ALPHA)
@@ -197,7 +201,7 @@ def _double_sphere(profile: Profile) -> DoubleSphereCamera:
 def _kannala_brandt(profile: Profile) -> KannalaBrandtCamera:
     powers = [profile.theta_rad**power for power in (1, 3, 5, 7, 9)]
     first, *others = _solve(powers, profile.radii_px)
-    coefficients = tuple(float(one / first) for one in others)
+    coefficients = tuple(float(coefficient / first) for coefficient in others)
     return KannalaBrandtCamera(*profile.intrinsics(float(first)), coefficients)
 
 
@@ -286,9 +290,7 @@ class FittedModel(NamedTuple):
 
 
 FITTED: Mapping[type[ParametricCamera], FittedModel] = {
-    PerspectiveCamera: FittedModel(
-        lambda one: PerspectiveCamera(*one.size, _perspective_focal(one), one.center_px), _FOCAL
-    ),
+    PerspectiveCamera: FittedModel(_perspective, _FOCAL),
     KannalaBrandtCamera: FittedModel(_kannala_brandt, {**_FOCALS, "coefficients": FREE}),
     UnifiedCamera: FittedModel(_unified, {**_FOCALS, "xi": (0.0, math.inf), "distortion": FREE}),
     RationalPolynomialCamera: FittedModel(_rational, {**_FOCALS, "distortion": FREE}),

@@ -104,7 +104,7 @@ class CameraMetadata(ForeignTable):
         """Residuals of the fit, if the camera was fitted."""
         match self.fitted_from, self.rms_px, self.max_px, self.cone_deg:
             case str(model), float(rms_px), float(max_px), float(cone_deg):
-                errors = tuple(one.error for one in self.at_distances)
+                errors = tuple(distance.error for distance in self.at_distances)
                 return Residuals(rms_px, max_px, math.radians(cone_deg), model, errors)
         return None
 
@@ -121,7 +121,7 @@ class CameraMetadata(ForeignTable):
         Raises:
             CalibrationError: a matrix is not a pose; `place` names it.
         """
-        if self.optics_from_camera is None or any(one.target == OPTICS for one in others):
+        if self.optics_from_camera is None or any(pose.target == OPTICS for pose in others):
             return tuple(others)
         matrix = documents.pose(self.optics_from_camera, f"{place}: optics_from_camera")
         return (*others, NamedPose(OPTICS, self.camera, matrix))

@@ -113,5 +113,4 @@ class RadialTableCamera(RadialCamera):
 
 def _end_slope(step: float, next_step: float, chord: float, next_chord: float) -> float:
     slope = ((2.0 * step + next_step) * chord - step * next_chord) / (step + next_step)
-    # chords are positive, but the parabola's slope could fall or overshoot: it is limited
-    return float(min(max(slope, 0.0), 3.0 * chord))
+    return float(max(slope, 0.0))  # chords are positive, but the parabola's slope could fall

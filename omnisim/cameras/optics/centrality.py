@@ -247,9 +247,8 @@ def lateral_color_px(system: OpticalSystem) -> Floats:
     if all(surface.is_mirror for surface in system.surfaces):
         return np.empty(0)
     directions = seen_rays(system).directions
-    red, blue = (
-        one.pixel_from_ray(directions) for one in (system.of_color("R"), system.of_color("B"))
-    )
+    red = system.of_color("R").pixel_from_ray(directions)
+    blue = system.of_color("B").pixel_from_ray(directions)
     apart: Floats = np.linalg.norm(red.positions_px - blue.positions_px, axis=1)
     return apart[red.valid & blue.valid]
 

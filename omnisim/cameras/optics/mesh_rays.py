@@ -263,8 +263,8 @@ class MeshRays:
         outgoing = deflected(normals, self._incoming(), is_mirror=True)
         fates = np.where(np.isfinite(outgoing).all(axis=1), Fate.SEEN, Fate.MISSED)
         later = tuple(  # without holes, and extended beyond their rims
-            replace(one, rim_radius_m=_WIDER * one.rim_radius_m, hole_radius_m=0.0)
-            for one in system.surfaces[number + 1 :]
+            replace(surface, rim_radius_m=_WIDER * surface.rim_radius_m, hole_radius_m=0.0)
+            for surface in system.surfaces[number + 1 :]
         )
         indices, fates = system.indices[number + 1 :], fates.astype(np.uint8)
         paths = trace(later, indices, (), vertices_m, outgoing, fates, can_block=False)

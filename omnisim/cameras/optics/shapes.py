@@ -342,7 +342,7 @@ class Profile(Shape):
             near_m, far_m = near_m[reached], far_m[reached]
             if bulge:
                 ends = (near_m, far_m), (far_m, near_m)
-                both = [self._approached(o, d, *one, bulge) for one in ends]
+                both = [self._approached(o, d, *interval, bulge) for interval in ends]
                 crossings_m[rows][reached] = np.sort(np.stack(both, axis=1), axis=1)
             else:
                 crossings_m[rows][reached] = self._crossings_between(o, d, near_m, far_m, table)
@@ -525,7 +525,7 @@ class Asphere(Parameters, Profile, name="shape"):
         curvature = 1.0 / self.radius_m
         inside = 1.0 - (1.0 + self.conic) * (curvature * radii_m) ** 2
         root = np.sqrt(np.maximum(inside, 1e-12))
-        even = (0.0, *(one for a in self.coefficients for one in (0.0, a)))
+        even = (0.0, *(term for a in self.coefficients for term in (0.0, a)))
         heights, slopes, curvatures = _series((0.0, 0.0, *even), radii_m)
         return Derivatives(
             curvature * radii_m**2 / (1.0 + root) + heights,

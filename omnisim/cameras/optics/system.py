@@ -246,7 +246,9 @@ class OpticalSystem:
         parameters: CameraParameters = {"model": self.model_name, "medium": medium}
         parameters["origin_m"] = list(self.origin_m)
         if self.orientation is not None:
-            named = (k for k, one in ORIENTATIONS.items() if np.array_equal(one, self.orientation))
+            named = (
+                k for k, known in ORIENTATIONS.items() if np.array_equal(known, self.orientation)
+            )
             parameters["looking"] = next(named, None) or self.orientation.tolist()
         if self.color is not None:
             parameters["color"] = self.color
@@ -386,8 +388,8 @@ class Inverse:
     def _misses(self, targets: Targets) -> Floats:
         """Squared chords (n, rays) between rays and the directions from them to each target."""
         rays, shape = np.arange(len(self._origins_m)), self._origins_m.shape
-        each = (Targets(np.broadcast_to(one, shape), targets.weight) for one in targets.points)
-        return np.stack([self._miss(one, rays) for one in each])
+        each = (Targets(np.broadcast_to(point, shape), targets.weight) for point in targets.points)
+        return np.stack([self._miss(target, rays) for target in each])
 
     def _from_starts(self, targets: Targets, starts: Ints) -> Pixels:
         """Pixels by Newton's method from rays (n,); valid if their traced rays agree."""

@@ -287,8 +287,8 @@ class CameraTable(AlignmentTable):
         model = CAMERA_MODELS.get(self.model or "")
         has_center = model is not None and "principal_point_px" in model.__dataclass_fields__
         if has_center:
-            sizes = [one if isinstance(one, int) else 1 for one in (width, height)]
-            middle = [0.5 * (one - 1) for one in sizes]
+            sizes = [side if isinstance(side, int) else 1 for side in (width, height)]
+            middle = [0.5 * (size - 1) for size in sizes]
             parameters.setdefault("principal_point_px", middle)
         return camera_from_table(parameters, source, key)
 

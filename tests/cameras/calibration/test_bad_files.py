@@ -24,6 +24,8 @@ BAD = [
     ("kalibr_tum_vi.yaml", "  resolution: [512, 512]\n", "", "cam0: resolution: missing"),
     ("kalibr_tum_vi.yaml", "resolution: [512, 512]", "resolution: [512, 512.5]",
      "resolution.1: expected a whole number from 1 to 32768.*, got 512.5"),
+    ("kalibr_tum_vi.yaml", "resolution: [512, 512]", "resolution: [512, 32769]",
+     "resolution.1: expected a whole number from 1 to 32768.*, got 32769"),
     ("kalibr_tum_vi.yaml", "resolution: [512, 512]", "resolution: [51, 51]",
      r"cam0: center: expected in the image of 51 × 51 px .*, got \(254\.932, 256\.897\)"),
     ("kalibr_tum_vi.yaml", "254.93170605935475", ".nan",

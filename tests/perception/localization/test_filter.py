@@ -1,4 +1,4 @@
-"""The filter: Jacobians, gate, association, bad input, and whether it is rightly sure of itself."""
+"""The filter: Jacobians, gate, association, bad input, rightful certainty, and whole tracks."""
 
 import dataclasses
 import math
@@ -10,7 +10,10 @@ import pytest
 from omnisim.core.errors import LocalizationError
 from omnisim.core.files.parameters import parse_table
 from omnisim.core.trajectories.odometry import Odometry
+from omnisim.perception.localization import track as tracks
 from omnisim.perception.localization.filter import (
+    Association,
+    Estimate,
     FilterParameters,
     LandmarkMap,
     LocalizationFilter,
@@ -19,7 +22,6 @@ from omnisim.perception.localization.filter import (
     predict_measurement,
     read_parameters,
 )
-from omnisim.perception.localization.track import mean_interval, nees, pose_errors
 
 CAMERA_M = (-0.08, 0.03)
 SQUARE = [(2.7, -0.4), (3.0, -0.4), (3.0, 0.4), (2.7, 0.4)]
@@ -239,27 +241,27 @@ def _simulate(parameters, generator, steps, wheels=None):
             error = generator.normal(size=2) * _sigmas(parameters, _seen_from(true, name))
             seen.append(_seen_from(true, name, error=error))
         estimate = robot.step(float(k), *readings, seen)
-        errors.append(pose_errors(estimate.pose, true))
+        errors.append(tracks.pose_errors(estimate.pose, true))
         covariances.append(estimate.covariance)
         nis.append(estimate.nis)
-    return nees(np.array(errors), np.array(covariances)), np.array(nis)
+    return tracks.nees(np.array(errors), np.array(covariances)), np.array(nis)
 
 
 def test_it_is_as_sure_as_it_should_be():
     parameters = _parameters(measurement__gate=1e9)  # a gate cuts the tail off
     runs, steps, generator = 10, 40, np.random.default_rng(2)
     found, nis = zip(*(_simulate(parameters, generator, steps) for _ in range(runs)), strict=True)
-    each, (low, high) = np.mean(found, axis=0), mean_interval(3, runs)
+    each, (low, high) = np.mean(found, axis=0), tracks.mean_interval(3, runs)
     # 95 % of the steps are expected within; successive steps are alike, so that some runs of
     # seeds have less: 85 % leaves three standard deviations for 20 independent ones
     assert np.mean((each > low) & (each < high)) > 0.85
-    low, high = mean_interval(10, runs * steps, share=0.999)
+    low, high = tracks.mean_interval(10, runs * steps, share=0.999)
     assert low < np.mean(nis) < high
     # and a filter that takes its wheels for five times as good is found out
     noise = {name: value / 5.0 for name, value in parameters.motion.to_table(full=True).items()}
     sure = _parameters(measurement__gate=1e9, **{f"motion__{k}": v for k, v in noise.items()})
     wrong, _ = _simulate(sure, np.random.default_rng(2), 60, parameters)
-    assert np.nanmean(wrong) > mean_interval(3, 60).high
+    assert np.nanmean(wrong) > tracks.mean_interval(3, 60).high
 
 
 def test_a_step_is_some_tens_of_calls_per_observation_however_long_the_run():
@@ -279,3 +281,52 @@ def _calls(function, *arguments):
     finally:
         sys.setprofile(None)
     return events.count("call") + events.count("c_call")
+
+
+# Notices and errors of a whole run.
+
+
+def _estimate(k, accepted=0, gated=0, rejected_steps=0):
+    judged = tuple(
+        Association("a", 1.0, 0.0, 0.0, 0.0, 1.0, verdict)
+        for verdict in ["accepted"] * accepted + ["gated"] * gated
+    )
+    return Estimate(float(k), np.zeros(3), np.eye(3), judged, steps_rejected=rejected_steps)
+
+
+def _track(*seen):
+    estimates, rejected = [], 0
+    for k, (accepted, gated) in enumerate(seen):
+        rejected = 0 if accepted else rejected + bool(gated)
+        estimates.append(_estimate(k, accepted, gated, rejected))
+    return tracks.Track(tuple(estimates), np.zeros((len(seen), 3)))
+
+
+def test_the_gate_opens_where_most_pass():
+    assert _track((0, 0), (0, 3), (1, 2), (2, 1), (0, 3)).gate_opening_step == 3
+    assert _track((0, 0), (0, 3)).gate_opening_step is None
+
+
+def test_notices_of_long_rejection_and_blindness():
+    parameters = read_parameters()
+    limit = parameters.measurement.report_after_steps
+    closed = _track((0, 0), *[(0, 2)] * limit, (2, 0))
+    assert tracks.notices(closed, parameters) == [
+        f"steps 1 to {limit}: none of the landmarks that were seen passed the gate; the estimate "
+        "went by the wheels, and its doubt grew"
+    ]
+    assert tracks.notices(_track((0, 0), *[(0, 2)] * (limit - 1), (2, 0)), parameters) == []
+    # also where the run ends like that
+    assert len(tracks.notices(_track((0, 0), (2, 0), *[(0, 2)] * limit), parameters)) == 1
+    assert tracks.notices(_track((0, 0), (0, 0), (1, 0)), parameters) == [
+        "1 of 2 steps show no landmark: 1"
+    ]
+
+
+def test_errors_are_distances_from_the_truth():
+    track = _track((0, 0), (1, 0))
+    moved = dataclasses.replace(track, reckoned=np.array([[0.0, 0.0, 0.0], [3.0, 4.0, 0.0]]))
+    truth = np.array([[0.0, 0.0, 0.0], [0.3, 0.4, 0.1]])
+    np.testing.assert_allclose(moved.errors_m(truth), (0.0, 0.5))
+    np.testing.assert_allclose(moved.reckoned_errors_m(truth), (0.0, 4.5))
+    np.testing.assert_allclose(moved.nees(truth), (0.0, 0.09 + 0.16 + 0.01))

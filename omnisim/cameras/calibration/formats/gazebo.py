@@ -198,7 +198,9 @@ class Gazebo(Format[GazeboLens]):
 def _elements(root: Element) -> dict[str, Element]:
     """Elements of the cameras with a field of view, by distinct names."""
     parents = {child: parent for parent in root.iter() for child in parent}
-    cameras = [one for one in root.iter("camera") if one.find("horizontal_fov") is not None]
+    cameras = [
+        camera for camera in root.iter("camera") if camera.find("horizontal_fov") is not None
+    ]
     return dict(zip(_names(cameras, parents), cameras, strict=True))
 
 

@@ -155,9 +155,9 @@ class Nerfstudio(Format[NerfstudioLens]):
         """Text with the camera and one frame for each of its poses in the world."""
         (camera,) = cameras
         frames = [
-            {"file_path": one.source,
-             "transform_matrix": documents.rows(one.target_from_source * OPENGL_FROM_OPENCV)}
-            for one in camera.poses if one.target == "world"
+            {"file_path": pose.source,
+             "transform_matrix": documents.rows(pose.target_from_source * OPENGL_FROM_OPENCV)}
+            for pose in camera.poses if pose.target == "world"
         ]  # fmt: skip
         return json.dumps({**intrinsics(camera.lens), "frames": frames}, indent=2) + "\n"
 
@@ -226,7 +226,7 @@ def _lens(part: _Intrinsics, size: tuple[int, int], place: str, notes: list[str]
         raise CalibrationError(f"{place}: fl_x: missing")
     u = 0.5 * width if part.cx is None else part.cx
     v = 0.5 * height if part.cy is None else part.cy
-    focal, other = (one for one in (focal or other, other or focal) if one is not None)
+    focal, other = (px for px in (focal or other, other or focal) if px is not None)
     intrinsics = base.Intrinsics(width, height, (focal, other), (u - CENTER_PX, v - CENTER_PX))
     with error_context(place):
         if model in FISHEYES:
