@@ -212,13 +212,10 @@ def import_arrays(
 def color_material(
     name: str, base_color: ArrayLike, texture: ArrayLike | None, like: Material
 ) -> Material:
-    """Material of a linear RGB or RGBA color multiplied by a texture.
+    """Material of a linear RGB or RGBA color from 0 to 1, multiplied by a texture.
 
-    Args:
-        name: instance name, for errors.
-        base_color: (3,) or (4,), from 0 to 1.
-        texture: (height, width, 3 or 4) uint8 sRGB; None: no texture.
-        like: material that supplies the name, `double_sided` and `unlit`.
+    The texture (height, width, 3 or 4) is uint8 sRGB. `like` supplies the name, `double_sided` and
+    `unlit`; errors name the instance.
     """
     rgba = _numbers(name, "base_color", base_color, None)
     if rgba.shape not in ((3,), (4,)) or rgba.min() < 0.0 or rgba.max() > 1.0:

@@ -29,12 +29,9 @@ Named = Sequence[model.NamedStart | model.ScenePath | model.Landmark | model.Dyn
 
 
 def extend(base: model.Scene, additions: model.Scene, source: str) -> model.Scene:
-    """Scene that combines the starts, paths and landmarks of two scenes.
+    """Scene of the additions, with the starts, paths and landmarks of the base before their own.
 
-    Args:
-        base: first scene; only its starts, paths and landmarks are used.
-        additions: second scene, which supplies everything else.
-        source: name of the second scene in messages.
+    `source` names the additions in messages.
 
     Raises:
         SceneError: a name that both scenes have.
@@ -127,12 +124,9 @@ _WITH_GLOSS = ("roughness", "ior", "specular_color")
 def with_materials(
     scene: model.Scene, tables: Sequence[scene_file.MaterialTable], source: Path
 ) -> model.Scene:
-    """Scene with changed materials, also of its dynamic objects.
+    """Scene with materials, also of its dynamic objects, changed by tables in their order.
 
-    Args:
-        scene: scene of a mesh file, or a base scene.
-        tables: changes, applied in their order.
-        source: their file, for messages.
+    `source` is the tables' file, for messages.
 
     Raises:
         SceneError: a pattern without a matching material.
@@ -229,13 +223,7 @@ LoadShape = Callable[[Path, str | None, str | None], model.Scene]
 def load_object(
     table: scene_file.ObjectTable, folder: Path, load_shape: LoadShape, reader: SourceReader
 ) -> model.DynamicObject:
-    """Load a dynamic object of a scene's TOML file.
-
-    Args:
-        table: validated table.
-        folder: folder of the TOML file, the base of relative paths.
-        load_shape: loader for a mesh file or a scene TOML file.
-        reader: reader of its trajectory.
+    """Load a dynamic object of a scene's TOML file, in whose folder its paths begin.
 
     Raises:
         SceneError: it is invalid; names object, key, actual and expected value.
