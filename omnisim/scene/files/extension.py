@@ -91,17 +91,17 @@ def _part(scene: model.Scene, numbers: Sequence[int], part_from_world: Floats) -
     return dataclasses.replace(
         scene,
         meshes=tuple(
-            dataclasses.replace(one, material=material_at[one.material]) for one in meshes
+            dataclasses.replace(mesh, material=material_at[mesh.material]) for mesh in meshes
         ),
         materials=tuple(scene.materials[number] for number in material_at),
         instances=tuple(
             model.Instance(
-                one.name,
-                mesh_at[one.mesh],
-                part_from_world @ one.world_from_mesh,
-                part_from_world @ one.world_from_node,
+                instance.name,
+                mesh_at[instance.mesh],
+                part_from_world @ instance.world_from_mesh,
+                part_from_world @ instance.world_from_node,
             )
-            for one in instances
+            for instance in instances
         ),
     )
 
@@ -201,7 +201,7 @@ def _without_effect(material: model.Material, changes: Mapping[str, Any], source
 
 
 def _with_changed(scene: model.Scene, changed: Mapping[int, model.Material]) -> model.Scene:
-    materials = tuple(changed.get(id(one), one) for one in scene.materials)
+    materials = tuple(changed.get(id(material), material) for material in scene.materials)
     return dataclasses.replace(scene, materials=materials)
 
 
@@ -210,7 +210,7 @@ def _lit_properties(material: model.Material) -> tuple[Any, ...]:
     if not (material.transmission or kind_of(material) & SurfaceKind.MIRROR):
         return material.base_color, material.alpha_mode, material.emissive
     values = (getattr(material, field.name) for field in dataclasses.fields(material))
-    return tuple(one for one in values if not isinstance(one, model.Texture | np.ndarray))
+    return tuple(value for value in values if not isinstance(value, model.Texture | np.ndarray))
 
 
 # Dynamic objects of a scene's TOML file: their shapes and motions.
@@ -287,7 +287,7 @@ def lit_scene(scene: model.Scene, settings: scene_file.SceneFile) -> model.Scene
     Lamps added to a base scene with a sky use the base scene's exposure.
     """
     table, lighting = settings.light, scene.lighting
-    lamps = [_lamp(one) for one in settings.lamps]
+    lamps = [_lamp(lamp) for lamp in settings.lamps]
     if settings.sun is not None:
         lamps += _sun(settings.sun)
     if lamps:

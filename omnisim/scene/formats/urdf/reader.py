@@ -140,7 +140,7 @@ class _Reader:
         if isinstance(file, str):
             self._omissions.count(f"{path.name}: not drawn: {file}", "visual")
             return
-        meshes = [file.meshes[one.mesh] for one in file.instances]
+        meshes = [file.meshes[instance.mesh] for instance in file.instances]
         has_own = []  # colors, a texture, or another material than that of plain files
         for mesh in meshes:
             stated = file.materials[mesh.material]
