@@ -32,7 +32,7 @@ class Content(NamedTuple):
 
 def find(content: Content, name: str) -> tuple[Instance, ...]:
     """Parts of an instance, by its name."""
-    parts = tuple(one for one in content.instances if one.name == name)
+    parts = tuple(instance for instance in content.instances if instance.name == name)
     if not parts:
         names = dict.fromkeys(one.name for one in content.instances)
         hint = did_you_mean(str(name), names, "the scene has")
@@ -57,15 +57,15 @@ def move(content: Content, name: str, world_from_instance: ArrayLike) -> Content
     displacement = instance_pose(name, world_from_instance) @ inverse(before)
     moved = tuple(
         dataclasses.replace(
-            one,
-            world_from_mesh=displacement @ one.world_from_mesh,
-            world_from_node=displacement @ one.world_from_node,
+            instance,
+            world_from_mesh=displacement @ instance.world_from_mesh,
+            world_from_node=displacement @ instance.world_from_node,
             light_rectangle=None,  # baked for the previous pose
             light_back_rectangle=None,
         )
-        if one.name == name
-        else one
-        for one in content.instances
+        if instance.name == name
+        else instance
+        for instance in content.instances
     )
     return content._replace(instances=moved)
 
@@ -82,8 +82,8 @@ def add(content: Content, name: str, part: Content, world_from_part: ArrayLike) 
     mesh_at = {_geometry(mesh, content.materials): i for i, mesh in enumerate(meshes)}
     material_at = {id(material): i for i, material in enumerate(materials)}
     instances = list(content.instances)
-    for one in part.instances:
-        mesh = part.meshes[one.mesh]
+    for instance in part.instances:
+        mesh = part.meshes[instance.mesh]
         key, material = _geometry(mesh, part.materials), part.materials[mesh.material]
         if key not in mesh_at:
             if id(material) not in material_at:
@@ -91,13 +91,13 @@ def add(content: Content, name: str, part: Content, world_from_part: ArrayLike) 
                 materials.append(material)
             mesh_at[key] = len(meshes)
             meshes.append(dataclasses.replace(mesh, material=material_at[id(material)]))
-        instances.append(Instance(name, mesh_at[key], pose @ one.world_from_mesh, pose))
+        instances.append(Instance(name, mesh_at[key], pose @ instance.world_from_mesh, pose))
     return Content(tuple(meshes), tuple(materials), tuple(instances))
 
 
 def free_name(content: Content, name: str) -> str:
     """Name with underscores appended until no instance has it."""
-    used_names = {one.name for one in content.instances}
+    used_names = {instance.name for instance in content.instances}
     while name in used_names:
         name += "_"
     return name
@@ -106,7 +106,7 @@ def free_name(content: Content, name: str) -> str:
 def remove(content: Content, name: str) -> Content:
     """Remove an instance."""
     find(content, name)
-    kept = tuple(one for one in content.instances if one.name != name)
+    kept = tuple(instance for instance in content.instances if instance.name != name)
     return _without_unused(content, content._replace(instances=kept))
 
 
@@ -142,7 +142,7 @@ def _geometry(mesh: Mesh, materials: tuple[Material, ...]) -> tuple[int, ...]:
 
 def _without_unused(before: Content, after: Content) -> Content:
     """Edited content without the meshes and materials that only the edited instance used."""
-    lost = {one.mesh for one in before.instances} - {one.mesh for one in after.instances}
+    lost = {instance.mesh for instance in before.instances} - {one.mesh for one in after.instances}
     if not lost:
         return after
     meshes = [mesh for i, mesh in enumerate(after.meshes) if i not in lost]
@@ -212,13 +212,10 @@ def import_arrays(
 def color_material(
     name: str, base_color: ArrayLike, texture: ArrayLike | None, like: Material
 ) -> Material:
-    """Material of a linear RGB or RGBA color multiplied by a texture.
+    """Material of a linear RGB or RGBA color from 0 to 1, multiplied by a texture.
 
-    Args:
-        name: instance name, for errors.
-        base_color: (3,) or (4,), from 0 to 1.
-        texture: (height, width, 3 or 4) uint8 sRGB; None: no texture.
-        like: material that supplies the name, `double_sided` and `unlit`.
+    The texture (height, width, 3 or 4) is uint8 sRGB. `like` supplies the name, `double_sided` and
+    `unlit`; errors name the instance.
     """
     rgba = _numbers(name, "base_color", base_color, None)
     if rgba.shape not in ((3,), (4,)) or rgba.min() < 0.0 or rgba.max() > 1.0:

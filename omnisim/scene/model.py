@@ -168,8 +168,8 @@ class Scene:
         """Oriented boxes of the instances, like `instance_boxes`, at a world time."""
         if not self.deforms or time_s == 0.0:
             return self.instance_boxes
-        is_rigid = [one.deformation is None for one in self.meshes]
-        names = {one.name for one in self.instances if not is_rigid[one.mesh]}
+        is_rigid = [mesh.deformation is None for mesh in self.meshes]
+        names = {instance.name for instance in self.instances if not is_rigid[instance.mesh]}
         deforming = [one for one in self.instances if one.name in names]
         return self.instance_boxes | _boxes(deforming, self.meshes, time_s)
 
@@ -382,15 +382,15 @@ def _boxes(
     """
     parts: dict[str, list[Floats]] = {}
     axes: dict[str, Floats] = {}
-    for one in instances:
-        mesh, matrix = meshes[one.mesh], one.world_from_mesh
+    for instance in instances:
+        mesh, matrix = meshes[instance.mesh], instance.world_from_mesh
         used = np.unique(mesh.triangles).astype(np.intp)
         points = mesh.positions[used].astype(np.float64)
         if mesh.deformation is not None:
             points = mesh.deformation.positions_at(time_s, used)
         points_m = points @ matrix[:3, :3].T + matrix[:3, 3]
-        parts.setdefault(one.name, []).append(points_m)
-        axes.setdefault(one.name, one.world_from_node[:3, :3])
+        parts.setdefault(instance.name, []).append(points_m)
+        axes.setdefault(instance.name, instance.world_from_node[:3, :3])
     boxes = {}
     for name, of_name in parts.items():
         points_m = np.concatenate(of_name)

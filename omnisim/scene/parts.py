@@ -330,7 +330,7 @@ class Lighting:
 
     def by_kind(self) -> tuple[tuple[Light, ...], tuple[Light, ...]]:
         """Directional lights, and point and spot lights, as two groups."""
-        directional = [one for one in self.lights if one.kind is LightKind.DIRECTIONAL]
+        directional = [light for light in self.lights if light.kind is LightKind.DIRECTIONAL]
         punctual = [one for one in self.lights if one.kind is not LightKind.DIRECTIONAL]
         return tuple(directional), tuple(punctual)
 

@@ -115,7 +115,7 @@ def cone(radius_m: float, half_length_m: float, max_segments: int = MAX_SEGMENTS
 def join(*surfaces: Surface) -> Surface:
     """Union of several surfaces; either all of them have normals or none has."""
     starts = np.cumsum([0, *(len(one.positions) for one in surfaces)])
-    normals = [one.normals for one in surfaces if one.normals is not None]
+    normals = [surface.normals for surface in surfaces if surface.normals is not None]
     triangles = [one.triangles + start for one, start in zip(surfaces, starts, strict=False)]
     return Surface(
         np.concatenate([one.positions for one in surfaces]),

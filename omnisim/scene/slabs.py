@@ -32,11 +32,11 @@ def with_slabs(
 ) -> tuple[tuple[Mesh, ...], tuple[Material, ...]]:
     """Meshes and materials of a scene, in which meshes that are slabs have a `SlabMaterial`."""
     places: dict[int, list[Floats]] = {}
-    for one in instances:
-        material = materials[meshes[one.mesh].material]
+    for instance in instances:
+        material = materials[meshes[instance.mesh].material]
         is_opaque = material.alpha_mode is AlphaMode.OPAQUE and material.normal_map is None
         if is_opaque and material.thickness_m and kind_of(material) & SurfaceKind.GLASS:
-            places.setdefault(one.mesh, []).append(one.world_from_mesh)
+            places.setdefault(instance.mesh, []).append(instance.world_from_mesh)
     found = {number: _thickness_m(meshes[number], own) for number, own in places.items()}
     slabs = {number: slab_m for number, slab_m in found.items() if slab_m is not None}
     meshes, materials = list(meshes), list(materials)

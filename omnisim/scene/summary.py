@@ -56,7 +56,7 @@ def instance_summaries(scene: Scene) -> tuple[InstanceSummary, ...]:
     """Summaries of the instances, in the order of their IDs."""
     labels = find_labels(scene)
     classes = {one.id: one.name for one in labels.classes}
-    class_of = {one.name: classes[one.class_id] for one in labels.instances}
+    class_of = {instance.name: classes[instance.class_id] for instance in labels.instances}
     parts: dict[str, list[int]] = {}
     for number, one in enumerate(scene.instances):
         parts.setdefault(one.name, []).append(number)
@@ -75,7 +75,7 @@ def instance_summaries(scene: Scene) -> tuple[InstanceSummary, ...]:
                 sum(len(mesh.triangles) for mesh in meshes),
                 tuple(low.tolist()),
                 tuple(high.tolist()),
-                tuple(one.name for one in materials),
+                tuple(material.name for material in materials),
                 tuple((one.pixels.shape[1], one.pixels.shape[0]) for one in textures),
             )
         )
@@ -108,7 +108,7 @@ def floors(scene: Scene) -> tuple[Floor, ...]:
 def start_summaries(scene: Scene) -> tuple[StartSummary, ...]:
     """Start poses: the camera's, then those of vehicles."""
     starts = [("", scene.start.position_m, scene.start.yaw_deg)]
-    starts += [(one.name, one.position_m, one.yaw_deg) for one in scene.starts]
+    starts += [(start.name, start.position_m, start.yaw_deg) for start in scene.starts]
     return tuple(
         StartSummary(name, place_m, yaw_deg, floor_height_m(scene, place_m[:2], place_m[2]))
         for name, place_m, yaw_deg in starts

@@ -53,8 +53,7 @@ class TextureStore:
         """Texture of an image, or None if it cannot be decoded.
 
         Args:
-            image: opened image.
-            used_by: name of the material, for notices.
+            image, used_by: opened image, and the name of its material, for notices.
             wraps: wrapping modes along u and v.
             mirrored: True along u or v: append the mirror image along that axis.
             is_linear: True for values, False for sRGB-encoded colors.

@@ -46,9 +46,9 @@ min_hit_share = 0.2
 """
 
 
-def read_plan(folder: Path) -> None:
+def read_plan(path: Path) -> None:
     """Read a plan, and make its cameras."""
-    prepared = PreparedPlan.read(folder / "plan.toml")
+    prepared = PreparedPlan.read(path)
     for share in (0.1, 0.5, 0.9):
         for file in prepared.rig_files:
             file.rig(ConstantShares(share))

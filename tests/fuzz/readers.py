@@ -84,128 +84,144 @@ class Reader:
 
     Attributes:
         name: its own.
-        build: writes a valid sample into an empty folder.
-        read: reads the sample in a folder.
+        file: name of the file, in a folder of its own; empty: the folder.
+        sample: valid text, a file to copy, or a function that writes at a path.
+        read_path: reads the file or folder at a path.
         damaged: names of the files that are damaged; empty: all of the sample.
     """
 
     name: str
-    build: Callable[[Path], object]
-    read: Callable[[Path], object]
+    file: str
+    sample: str | Path | Callable[[Path], object]
+    read_path: Callable[[Path], object]
     damaged: tuple[str, ...] = ()
 
+    def build(self, folder: Path) -> None:
+        """Write the sample into an empty folder."""
+        path = folder / self.file
+        if isinstance(self.sample, str):
+            path.write_text(self.sample)
+        elif isinstance(self.sample, Path):
+            shutil.copyfile(self.sample, path)
+        else:
+            self.sample(path)
 
-def _box_obj(folder: Path) -> None:
+    def read(self, folder: Path) -> None:
+        """Read the sample in a folder."""
+        self.read_path(folder / self.file)
+
+
+def _box_obj(path: Path) -> None:
     box = trimesh.creation.box(extents=(20.0, 3.0, 20.0))
     corners = "".join(f"v {x:g} {y:g} {z:g}\n" for x, y, z in box.vertices)
     faces = "".join(f"f {a}/1/1 {b}/2/1 {c}/3/1\n" for a, b, c in box.faces + 1)
     text = f"mtllib box.mtl\no box\n{corners}vt 0 0\nvt 1 0\nvt 0 1\nvn 0 0 1\nusemtl wood\n{faces}"
-    (folder / "box.obj").write_text(text)
-    (folder / "box.mtl").write_text(
+    path.write_text(text)
+    path.with_name("box.mtl").write_text(
         "newmtl wood\nKd 0.8 0.4 0.2\nd 0.5\nmap_Kd -s 2 2 1 wood.png\nmap_d wood.png\n"
     )
-    (folder / "wood.png").write_bytes(png(np.arange(48).reshape(4, 4, 3)))
+    path.with_name("wood.png").write_bytes(png(np.arange(48).reshape(4, 4, 3)))
 
 
-def _gltf_json(folder: Path) -> None:
+def _gltf_json(path: Path) -> None:
     tree, blob = skinned_and_textured()
     tree["buffers"][0]["uri"] = "box.bin"
-    (folder / "box.bin").write_bytes(blob)
-    (folder / "box.gltf").write_text(json.dumps(tree))
+    path.with_suffix(".bin").write_bytes(blob)
+    path.write_text(json.dumps(tree))
 
 
-def _mesh(name: str, folder: Path, **options: object) -> None:
+def _mesh(path: Path, **options: object) -> None:
     """Box by trimesh, with the colors that the format has."""
     box = trimesh.creation.box(extents=(1.0, 2.0, 3.0))
-    if name.endswith("ply"):
+    if path.suffix == ".ply":
         box.visual.vertex_colors = np.tile([[200, 100, 50, 255]], (8, 1))
-    data = box.export(**{"file_type": Path(name).suffix[1:], **options})
-    if name.endswith("dae"):  # without the time of writing, and names that chance gives
+    data = box.export(**{"file_type": path.suffix[1:], **options})
+    if path.suffix == ".dae":  # without the time of writing, and names that chance gives
         data = re.sub(rb"(?s)<(created|modified)>.*?</\1>", b"", data)
         for number, found in enumerate(dict.fromkeys(re.findall(rb"[0-9a-f]{32}", data))):
             data = data.replace(found, b"id%d" % number)
-    (folder / name).write_bytes(data if isinstance(data, bytes) else data.encode())
+    path.write_bytes(data if isinstance(data, bytes) else data.encode())
 
 
-def _collada_submesh(folder: Path) -> None:
+def _collada_submesh(path: Path) -> None:
     """World of Gazebo with a submesh by its node's name."""
-    _mesh("a.dae", folder)
+    _mesh(path.with_suffix(".dae"))
     mesh = "<mesh><uri>a.dae</uri><submesh><name>node0</name><center>1</center></submesh></mesh>"
     visual = f'<visual name="v"><geometry>{mesh}</geometry></visual>'
     model = f'<model name="m"><link name="l">{visual}</link></model>'
-    (folder / "a.world").write_text(f'<sdf version="1.9"><world name="w">{model}</world></sdf>')
+    path.write_text(f'<sdf version="1.9"><world name="w">{model}</world></sdf>')
 
 
-def _scene_file(folder: Path) -> None:
+def _scene_file(path: Path) -> None:
     """Tables of the soccer scene, a mesh of ours."""
-    _box_obj(folder)
+    _box_obj(path.with_name("box.obj"))
     text = (SCENES / "soccer" / "scene.toml").read_text()
     text = re.sub(
         r"(?m)^file = .*$", 'file = "box.obj"\nmeters_per_unit = 1.0\nup_axis = "y"', text
     )
     text = re.sub(r"(?m)^baked = .*$", 'shading = "matte"', text)  # the mesh is not the scene's
     labels = LINES.findall(text)
-    (folder / "scene.toml").write_text(LINES.sub("", text) + "".join(labels[:4]))
+    path.write_text(LINES.sub("", text) + "".join(labels[:4]))
 
 
-def _baked_light(folder: Path) -> None:
-    _box_obj(folder)
-    (folder / "scene.toml").write_text('file = "box.obj"\n[light]\nbaked = "a"\n')
-    scene = read_scene(folder / "scene.toml", baked="none")
-    write_baked(folder / "a", scene, np.abs, spacing_m=10.0)
+def _baked_light(path: Path) -> None:
+    _box_obj(path.with_name("box.obj"))
+    path.write_text('file = "box.obj"\n[light]\nbaked = "a"\n')
+    write_baked(path.with_name("a"), read_scene(path, baked="none"), np.abs, spacing_m=10.0)
 
 
-def _gazebo_world(folder: Path) -> None:
+def _gazebo_world(path: Path) -> None:
     """World with every geometry, and a model that it includes."""
-    _box_obj(folder)
-    (folder / "cup").mkdir()
-    _box_obj(folder / "cup")
-    (folder / "cup" / "model.config").write_text("<model><sdf version='1.9'>cup.sdf</sdf></model>")
-    (folder / "cup" / "cup.sdf").write_text(GAZEBO_MODEL)
-    (folder / "cup" / "cup.material").write_text("material Cup { diffuse 0.1 0.2 0.3 1 }")
-    (folder / "a.world").write_text(GAZEBO_WORLD)
+    cup = path.with_name("cup")
+    cup.mkdir()
+    for folder in (path.parent, cup):
+        _box_obj(folder / "box.obj")
+    (cup / "model.config").write_text("<model><sdf version='1.9'>cup.sdf</sdf></model>")
+    (cup / "cup.sdf").write_text(GAZEBO_MODEL)
+    (cup / "cup.material").write_text("material Cup { diffuse 0.1 0.2 0.3 1 }")
+    path.write_text(GAZEBO_WORLD)
 
 
-def _urdf(folder: Path) -> None:
+def _urdf(path: Path) -> None:
     """Robot with every geometry, and a package beside it."""
-    (folder / "pack").mkdir()
-    _box_obj(folder / "pack")
-    (folder / "a.urdf").write_text(URDF)
+    path.with_name("pack").mkdir()
+    _box_obj(path.with_name("pack") / "box.obj")
+    path.write_text(URDF)
 
 
-def _mujoco_model(folder: Path) -> None:
+def _mujoco_model(path: Path) -> None:
     """Model with every geom, and a mesh."""
-    _box_obj(folder)
+    _box_obj(path.with_name("box.obj"))
     text = SHAPES.replace("</asset>", '<mesh name="wood" file="box.obj"/></asset>')
     text = text.replace("</worldbody>", '<geom type="mesh" mesh="wood"/></worldbody>')
-    (folder / "a.xml").write_text(text)
+    path.write_text(text)
 
 
-def _moving_objects(folder: Path) -> None:
+def _moving_objects(path: Path) -> None:
     """Objects of every motion, in a scene that extends another."""
-    _scene_file(folder)
-    write_trajectory(folder / "ball.tum", _trajectory(), "tum")
-    (folder / "objects.toml").write_text(OBJECTS)
+    _scene_file(path.with_name("scene.toml"))
+    write_trajectory(path.with_name("ball.tum"), _trajectory(), "tum")
+    path.write_text(OBJECTS)
 
 
-def _robot(folder: Path) -> None:
-    _box_obj(folder)
+def _robot(path: Path) -> None:
+    _box_obj(path.with_name("box.obj"))
     text = p2at_with_every_sensor().replace("p2at.glb", "box.obj")
     text = re.sub(r"(?m)^hides = .*$", 'hides = ["box"]', text)
-    (folder / "robot.toml").write_text(text)
-    shutil.copy(SCENES / "p2at" / "omnicam.toml", folder)
+    path.write_text(text)
+    shutil.copy(SCENES / "p2at" / "omnicam.toml", path.parent)
 
 
-def _usd_stage(name: str, folder: Path) -> None:
+def _usd_stage(path: Path) -> None:
     """Stage with all that is read of one."""
-    (folder / "wood.png").write_bytes(png(np.arange(48).reshape(4, 4, 3)))
-    write_sample(folder / name)
+    path.with_name("wood.png").write_bytes(png(np.arange(48).reshape(4, 4, 3)))
+    write_sample(path)
 
 
-def _read_usd_scene(name: str, folder: Path) -> None:
+def _read_usd_scene(path: Path) -> None:
     """Read a stage; usd-core has no end with some that are damaged."""
     usd_reader.LIMIT_CPU_S = 5
-    _read_scene(name, folder)
+    _read_scene(path)
 
 
 def _sensors(folder: Path) -> None:
@@ -248,17 +264,9 @@ def _read_optics_sensors(folder: Path) -> None:
         OmniCamera.from_file(path).resized(SIZE_PX).model.ray_from_pixel([[9.0, 5.0], [20.0, 3.0]])
 
 
-def _optics_mount(folder: Path) -> None:
+def _optics_mount(path: Path) -> None:
     sensor = OmniCamera(read_optics_file(OPTICS / "tilted-mirror.toml")).resized(SIZE_PX)
-    (folder / "calibration.json").write_text(sensor.calibration_json())
-
-
-def _copy(source: Path, name: str, folder: Path) -> None:
-    shutil.copyfile(source, folder / name)
-
-
-def _write(name: str, text: str, folder: Path) -> None:
-    (folder / name).write_text(text)
+    path.write_text(sensor.calibration_json())
 
 
 @cache
@@ -287,8 +295,8 @@ def _trajectory():
     return truth
 
 
-def _odometry(folder: Path) -> None:
-    write_odometry(folder / "a.csv", simulate_odometry(_trajectory(), _vehicle().odometry, 7))
+def _odometry(path: Path) -> None:
+    write_odometry(path, simulate_odometry(_trajectory(), _vehicle().odometry, 7))
 
 
 def _metadata(camera: OmniCamera) -> dict[str, object]:
@@ -301,11 +309,11 @@ def _metadata(camera: OmniCamera) -> dict[str, object]:
     }
 
 
-def _image(name: str, folder: Path) -> None:
+def _image(path: Path) -> None:
     rng, size = np.random.default_rng(3), (SIZE_PX, SIZE_PX, 3)
-    is_float = name.endswith("exr")
+    is_float = path.suffix == ".exr"
     pixels = rng.random(size).astype("f4") if is_float else rng.integers(0, 256, size, np.uint8)
-    write_image(folder / name, pixels, _metadata(OmniCamera().resized(SIZE_PX)))
+    write_image(path, pixels, _metadata(OmniCamera().resized(SIZE_PX)))
 
 
 def _arrays() -> dict[str, np.ndarray]:
@@ -319,45 +327,45 @@ def _channels(path: Path) -> None:
     write_exr(path, _arrays(), None, _metadata(OmniCamera().resized(SIZE_PX)))
 
 
-def _sidecars(channel_format: str, folder: Path) -> None:
+def _sidecars(path: Path, channel_format: str) -> None:
     rgba = np.zeros((SIZE_PX, SIZE_PX, 4), np.uint8)
     labels = Labels((ClassLabel(1, "wall", (1, 2, 3)),), (InstanceLabel(1, "wall_1", 1),), "table")
     frame = Frame(rgba, None, _metadata(OmniCamera().resized(SIZE_PX)), _arrays(), labels)
-    frame.save(folder / "a.png", channel_format=channel_format)
+    frame.save(path, channel_format=channel_format)
 
 
-def _read_sidecars(folder: Path) -> None:
-    stored = StoredChannels(folder / "a.png", _metadata(OmniCamera().resized(SIZE_PX)))
+def _read_sidecars(path: Path) -> None:
+    stored = StoredChannels(path, _metadata(OmniCamera().resized(SIZE_PX)))
     repr(stored.labels)
     stored.read(stored.names)
 
 
-def _colors(folder: Path) -> None:
+def _colors(path: Path) -> None:
     counts = np.zeros((3, BINS**3))
     counts[:, :9] = 5.0
     model = ColorModel(("yellow", "blue"), counts, (4.9, 4.9), smoothing=1.0)
-    save_model(folder / "a.npz", model, _soccer().landmarks)
+    save_model(path, model, _soccer().landmarks)
 
 
-def _states(folder: Path) -> None:
+def _states(path: Path) -> None:
     """True states along a trajectory."""
-    motion = SplineMotion(_trajectory())
-    write_states(folder / "a.csv", motion, (_trajectory().times_s,))
+    write_states(path, SplineMotion(_trajectory()), (_trajectory().times_s,))
 
 
 def _run(folder: Path) -> None:
     """Run of two steps as a drive leaves it, its images by us: without OpenGL."""
     (folder / "path.csv").write_text("x_m,y_m\n0,0\n1,0\n")
-    _scene_file(folder)
+    _scene_file(folder / "scene.toml")
     scene = read_scene(folder / "scene.toml")
     route = Route(str(folder / "path.csv"), step_m=1.0)
     plan = Drive(scene, _vehicle(), route, channels=("instance",)).plan()
     with open_run(folder / "run", _manifest(plan)) as run:
         plan._write_records(run)
         for step in range(len(plan.truth)):
-            _image(f"run/omnicam/{step:06d}.png", folder)
-            _channels(folder / f"run/omnicam/{step:06d}.channels.exr")
-            _write(f"run/omnicam/{step:06d}.coco.json", "{}", folder)
+            stem = folder / f"run/omnicam/{step:06d}"
+            _image(stem.with_suffix(".png"))
+            _channels(stem.with_suffix(".channels.exr"))
+            stem.with_suffix(".coco.json").write_text("{}")
         labels = find_labels(scene).to_json()
         (run.path / "labels.json").write_text(json.dumps(labels))
 
@@ -389,21 +397,21 @@ def _scan() -> Scan:
     return Scan(angles_rad, ranges_m, scanner, pose((1.0, 2.0, 0.3)), {"scan_number": 1})
 
 
-def _read_scan(folder: Path) -> None:
-    table = read_table(folder / "a.csv", "beam", "angle_deg", "range_m")
+def _read_scan(path: Path) -> None:
+    table = read_table(path, "beam", "angle_deg", "range_m")
     table.header.pose("world_from_scanner")
     table.header.number("range_max_m")
 
 
-def _cloud(kind: str, folder: Path) -> None:
+def _cloud(path: Path) -> None:
     points = np.zeros(3, dtype=POINT)
     points["x"] = 1.0, 2.0, 3.0
     lidar = SpinningLidar.vlp16()
-    PointCloud(points, lidar, pose(), pose((1.0, 0.0, 0.0))).save(folder / f"a.{kind}")
+    PointCloud(points, lidar, pose(), pose((1.0, 0.0, 0.0))).save(path)
 
 
-def _read_cloud(kind: str, folder: Path) -> None:
-    cloud = read_cloud(folder / f"a.{kind}")
+def _read_cloud(path: Path) -> None:
+    cloud = read_cloud(path)
     cloud.header.pose("world_from_lidar")
     cloud.points["x"].sum()
 
@@ -413,8 +421,8 @@ def _export(folder: Path) -> None:
         list(export_run(folder / "run", "tum", Path(parent) / "out"))
 
 
-def _read_scene(name: str, folder: Path) -> None:
-    scene = read_scene(folder / name)
+def _read_scene(path: Path) -> None:
+    scene = read_scene(path)
     find_labels(scene).notices()
     scene.bounds_m()
     repr(scene)
@@ -423,137 +431,118 @@ def _read_scene(name: str, folder: Path) -> None:
             moving.motion.pose_at(time_s)
 
 
-def _read_calibration(name: str, folder: Path) -> None:
-    for camera in load_calibration(folder / name).cameras:
+def _read_calibration(path: Path) -> None:
+    for camera in load_calibration(path).cameras:
         camera.camera.ray_from_pixel([[0.0, 0.0], [9.0, 5.0]])
 
 
-def _read_image(name: str, folder: Path) -> None:
-    taken = read_captured_image(folder / name)
+def _read_image(path: Path) -> None:
+    taken = read_captured_image(path)
     view = cylinder_view(16, -0.5, 0.3)
     rotation = taken.base_from_optical.T @ view.base_from_view
     with suppress(OpticsError):  # the image shows nothing of this view
         Unwarping(taken.camera, view.camera, rotation, taken.covered)(taken.pixels)
 
 
-def _read_route(name: str, folder: Path) -> None:
-    plan_route(_soccer(), _vehicle(), Route(str(folder / name), rate_hz=None))
+def _read_route(path: Path) -> None:
+    plan_route(_soccer(), _vehicle(), Route(str(path), rate_hz=None))
 
 
-def _import_robots(folder: Path) -> None:
-    import_robot(folder / "a.ini", "OmniP2AT").write(folder / "robot.toml")
+def _import_robots(path: Path) -> None:
+    import_robot(path, "OmniP2AT").write(path.with_name("robot.toml"))
+
+
+def _import_gazebo(path: Path) -> None:
+    import_model(path).write(path.with_name("robot.toml"))
 
 
 def _readers() -> list[Reader]:
     scene = [
-        Reader("glb", lambda f: (f / "a.glb").write_bytes(glb(*skinned_and_textured())),
-               partial(_read_scene, "a.glb")),
-        Reader("gltf", _gltf_json, partial(_read_scene, "box.gltf")),
-        Reader("glb-meshopt", lambda f: compressed_tetrahedron().write(f / "a.glb"),
-               partial(_read_scene, "a.glb")),
-        Reader("obj", _box_obj, partial(_read_scene, "box.obj")),
-        Reader("sdf", _gazebo_world, partial(_read_scene, "a.world"),
+        Reader("glb", "a.glb", lambda path: path.write_bytes(glb(*skinned_and_textured())),
+               _read_scene),
+        Reader("gltf", "box.gltf", _gltf_json, _read_scene),
+        Reader("glb-meshopt", "a.glb", lambda path: compressed_tetrahedron().write(path),
+               _read_scene),
+        Reader("obj", "box.obj", _box_obj, _read_scene),
+        Reader("sdf", "a.world", _gazebo_world, _read_scene,
                ("a.world", "cup/cup.sdf", "cup/model.config", "cup/cup.material", "wood.png")),
-        Reader("sdf-dae", _collada_submesh, partial(_read_scene, "a.world"), ("a.dae",)),
-        Reader("urdf", _urdf, partial(_read_scene, "a.urdf"), ("a.urdf",)),
-        Reader("mujoco", _mujoco_model, partial(_read_scene, "a.xml"), ("a.xml",)),
-        Reader("scene-toml", _scene_file, partial(_read_scene, "scene.toml"), ("scene.toml",)),
-        Reader("baked", _baked_light, partial(_read_scene, "scene.toml"), BAKED_FILES),
-        Reader("objects", _moving_objects, partial(_read_scene, "objects.toml"),
+        Reader("sdf-dae", "a.world", _collada_submesh, _read_scene, ("a.dae",)),
+        Reader("urdf", "a.urdf", _urdf, _read_scene, ("a.urdf",)),
+        Reader("mujoco", "a.xml", _mujoco_model, _read_scene, ("a.xml",)),
+        Reader("scene-toml", "scene.toml", _scene_file, _read_scene, ("scene.toml",)),
+        Reader("baked", "scene.toml", _baked_light, _read_scene, BAKED_FILES),
+        Reader("objects", "objects.toml", _moving_objects, _read_scene,
                ("objects.toml", "ball.tum")),
     ]  # fmt: skip
-    meshes = [
-        ("ply-text", "a.ply", {"encoding": "ascii"}), ("ply", "a.ply", {}), ("stl", "a.stl", {}),
-        ("stl-text", "a.stl", {"file_type": "stl_ascii"}), ("off", "a.off", {}),
-        ("dae", "a.dae", {}),
-    ]  # fmt: skip
     if is_installed("DracoPy"):
-        scene.append(
-            Reader(
-                "glb-draco",
-                lambda f: colored_draco_triangle().write(f / "a.glb"),
-                partial(_read_scene, "a.glb"),
-            )
-        )
-    for name in ("a.usda", "a.usdc") if is_installed("pxr") else ():
-        build, read = partial(_usd_stage, name), partial(_read_usd_scene, name)
-        scene.append(Reader(name[2:], build, read, (name,)))
-    for name, file, options in meshes:
-        scene.append(Reader(name, partial(_mesh, file, **options), partial(_read_scene, file)))
+        draco = colored_draco_triangle()
+        scene.append(Reader("glb-draco", "a.glb", draco.write, _read_scene))
+    for name in ("usda", "usdc") if is_installed("pxr") else ():
+        file = f"a.{name}"
+        scene.append(Reader(name, file, _usd_stage, _read_usd_scene, (file,)))
+    scene += [
+        Reader("ply-text", "a.ply", partial(_mesh, encoding="ascii"), _read_scene),
+        Reader("ply", "a.ply", _mesh, _read_scene),
+        Reader("stl", "a.stl", _mesh, _read_scene),
+        Reader("stl-text", "a.stl", partial(_mesh, file_type="stl_ascii"), _read_scene),
+        Reader("off", "a.off", _mesh, _read_scene),
+        Reader("dae", "a.dae", _mesh, _read_scene),
+    ]
     tables = [
-        Reader("sensor", partial(_copy, DEFAULT_SENSOR_FILE, "a.toml"),
-               lambda f: OmniCamera.from_file(f / "a.toml")),
-        Reader("sensor-lens", partial(_write, "a.toml", SENSOR),
-               lambda f: OmniCamera.from_file(f / "a.toml")),
-        Reader("sensor-models", _sensors, _read_sensors),
-        Reader("optics", partial(shutil.copytree, OPTICS, dirs_exist_ok=True), _read_optics),
-        Reader("corners", partial(_write, "a.csv", CORNERS), lambda f: read_corners(f / "a.csv")),
-        Reader("sensor-optics", _optics_sensors, _read_optics_sensors),
-        Reader("mount-optics", _optics_mount, lambda f: read_mount(f / "calibration.json")),
-        Reader("preset", partial(_copy, PRESETS / "bad-day.toml", "a.toml"),
-               lambda f: preset("a.toml", f)),
-        Reader("labels", partial(_write, "a.toml", LABELS),
-               lambda f: read_label_file(f / "a.toml")),
-        Reader("filter", partial(_copy, FILTER_FILE, "a.toml"),
-               lambda f: read_parameters(f / "a.toml")),
-        Reader("robot", _robot, lambda f: Vehicle.load(f / "robot.toml"),
-               ("robot.toml", "omnicam.toml")),
-        Reader("gazebo-robot", partial(_copy, GAZEBO_ROBOT, "a.sdf"),
-               lambda f: import_model(f / "a.sdf").write(f / "robot.toml")),
-        Reader("urdf-robot", partial(_write, "a.urdf", URDF_ROBOT),
-               lambda f: load_robot_model(f / "a.urdf")),
-        Reader("mujoco-robot", partial(_write, "a.xml", MUJOCO_ROBOT),
-               lambda f: load_robot_model(f / "a.xml")),
-        Reader("usarsim", partial(_copy, ROBOTS_INI, "a.ini"), _import_robots),
+        Reader("sensor", "a.toml", DEFAULT_SENSOR_FILE, OmniCamera.from_file),
+        Reader("sensor-lens", "a.toml", SENSOR, OmniCamera.from_file),
+        Reader("sensor-models", "", _sensors, _read_sensors),
+        Reader("optics", "", partial(shutil.copytree, OPTICS, dirs_exist_ok=True), _read_optics),
+        Reader("corners", "a.csv", CORNERS, read_corners),
+        Reader("sensor-optics", "", _optics_sensors, _read_optics_sensors),
+        Reader("mount-optics", "calibration.json", _optics_mount, read_mount),
+        Reader("preset", "a.toml", PRESETS / "bad-day.toml",
+               lambda path: preset(path.name, path.parent)),
+        Reader("labels", "a.toml", LABELS, read_label_file),
+        Reader("filter", "a.toml", FILTER_FILE, read_parameters),
+        Reader("robot", "robot.toml", _robot, Vehicle.load, ("robot.toml", "omnicam.toml")),
+        Reader("gazebo-robot", "a.sdf", GAZEBO_ROBOT, _import_gazebo),
+        Reader("urdf-robot", "a.urdf", URDF_ROBOT, load_robot_model),
+        Reader("mujoco-robot", "a.xml", MUJOCO_ROBOT, load_robot_model),
+        Reader("usarsim", "a.ini", ROBOTS_INI, _import_robots),
     ]  # fmt: skip
-    calibrations = [
-        Reader(path.name, partial(_copy, path, path.name), partial(_read_calibration, path.name))
-        for path in EXACT_SAMPLES
-    ]
+    calibrations = [Reader(path.name, path.name, path, _read_calibration) for path in EXACT_SAMPLES]
     routes = [
-        Reader(
-            f"{name}-poses",
-            lambda folder, name=name: write_trajectory(folder / "a.txt", _trajectory(), name),
-            partial(_read_route, "a.txt"),
-        )
+        Reader(f"{name}-poses", "a.txt",
+               lambda path, name=name: write_trajectory(path, _trajectory(), name), _read_route)
         for name in FORMATS
-    ]
+    ]  # fmt: skip
     routes += [
-        Reader("waypoints", partial(_write, "a.csv", WAYPOINTS), partial(_read_route, "a.csv")),
-        Reader("odometry", _odometry, lambda f: read_odometry(f / "a.csv")),
+        Reader("waypoints", "a.csv", WAYPOINTS, _read_route),
+        Reader("odometry", "a.csv", _odometry, read_odometry),
     ]
     images = [
-        Reader(f"image-{name}", partial(_image, f"a.{name}"), partial(_read_image, f"a.{name}"))
+        Reader(f"image-{name}", f"a.{name}", _image, _read_image)
         for name in ("png", "jpg", "exr", "tif")
     ]
     images += [
-        Reader("channels", lambda f: _channels(f / "a.exr"), lambda f: read_channels(f / "a.exr")),
-        Reader("rays", lambda f: write_ray_table(f / "a.exr", OmniCamera().resized(SIZE_PX).model),
-               lambda f: read_ray_table(f / "a.exr")),
-        Reader("colors", _colors, lambda f: load_model(f / "a.npz")),
+        Reader("channels", "a.exr", _channels, read_channels),
+        Reader("rays", "a.exr",
+               lambda path: write_ray_table(path, OmniCamera().resized(SIZE_PX).model),
+               read_ray_table),
+        Reader("colors", "a.npz", _colors, load_model),
+        Reader("sidecars-auto", "a.png", partial(_sidecars, channel_format="auto"),
+               _read_sidecars),
+        Reader("sidecars-npy", "a.png", partial(_sidecars, channel_format="npy"), _read_sidecars),
     ]  # fmt: skip
-    images += [
-        Reader(f"sidecars-{name}", partial(_sidecars, name), _read_sidecars)
-        for name in ("auto", "npy")
-    ]
     measurements = [
-        Reader("states", _states, lambda f: read_states(f / "a.csv")),
-        Reader(
-            "times",
-            partial(_write, "a.csv", "t_s\n0.100000000\n0.200000000\n"),
-            lambda f: read_times(f / "a.csv", 2),
-        ),
-        Reader("scan", lambda f: _scan().save_csv(f / "a.csv"), _read_scan),
-        *(
-            Reader(f"cloud-{kind}", partial(_cloud, kind), partial(_read_cloud, kind))
-            for kind in ("ply", "pcd")
-        ),
-    ]
+        Reader("states", "a.csv", _states, read_states),
+        Reader("times", "a.csv", "t_s\n0.100000000\n0.200000000\n",
+               lambda path: read_times(path, 2)),
+        Reader("scan", "a.csv", lambda path: _scan().save_csv(path), _read_scan),
+        Reader("cloud-ply", "a.ply", _cloud, _read_cloud),
+        Reader("cloud-pcd", "a.pcd", _cloud, _read_cloud),
+    ]  # fmt: skip
     runs = [
-        Reader("run", _run, _read_run, RUN_FILES),
-        Reader("export", _run, _export, RUN_FILES),
-        Reader("plan", partial(_write, "plan.toml", PLAN), read_plan),
-        Reader("data-set", write_data_set, read_data_set),
+        Reader("run", "", _run, _read_run, RUN_FILES),
+        Reader("export", "", _run, _export, RUN_FILES),
+        Reader("plan", "plan.toml", PLAN, read_plan),
+        Reader("data-set", "", write_data_set, read_data_set),
     ]
     return [*scene, *tables, *calibrations, *routes, *images, *measurements, *runs]
 

@@ -6,7 +6,6 @@
 import multiprocessing
 import os
 import warnings
-from functools import partial
 
 import pytest
 
@@ -58,10 +57,6 @@ def test_a_case_is_the_same_damage_every_time(samples, tmp_path):
         assert samples.damaged(case) == again.damaged(case)
 
 
-def _write(name, text, folder):
-    (folder / name).write_text(text)
-
-
 def _hang():
     while True:
         pass
@@ -88,11 +83,11 @@ def test_faults_of_a_reader_are_findings(tmp_path, monkeypatch, fault, kind):
     monkeypatch.setattr(workers, "LIMIT_CPU_S", 0.5)
     monkeypatch.setattr(cases, "MAX_BYTES", 50 << 20)
 
-    def read(folder):
-        if (folder / "a.txt").read_bytes() != b"1":
+    def read(path):
+        if path.read_bytes() != b"1":
             fault()
 
-    monkeypatch.setitem(READERS, "faulty", Reader("faulty", partial(_write, "a.txt", "1"), read))
+    monkeypatch.setitem(READERS, "faulty", Reader("faulty", "a.txt", "1", read))
     damaged = [Case("faulty", number, 0) for number in range(3)]
     events = list(run_cases(Samples(tmp_path / "s", ("faulty",)), iter(damaged), 1, tmp_path))
     findings = [event for event in events if isinstance(event, Finding)]

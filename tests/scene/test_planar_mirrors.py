@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from omnisim.core.poses import pose
-from omnisim.scene.model import Material, Texture
+from omnisim.scene.model import Material
 from omnisim.scene.planar_mirrors import MAX_PLANES, SceneSurface, find_mirrors, flat_parts
 from omnisim.scene.surface_kind import SurfaceKind, kind_of
 from omnisim.validation.material_chart import sphere
@@ -15,7 +15,6 @@ from tests.scenes import square
 from tests.vehicles import box
 
 CHROME = Material(metallic=1.0, roughness=0.0)
-MAP = Texture(np.full((2, 2, 4), 128, dtype=np.uint8))
 
 
 def _surface(mesh, place=None, object_index=None, material=CHROME):

@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 from omnisim.core.poses import pose
-from omnisim.scene.model import Material, Mesh, Texture
+from omnisim.scene.model import Material, Mesh
 from omnisim.scene.motion.deformation import Sphere
 from omnisim.scene.planar_mirrors import SceneSurface, find_mirrors, scene_surfaces
 from omnisim.scene.reflection_probes import find_probes
@@ -18,7 +18,6 @@ from tests.scenes import room, scene_of, square
 CHROME = Material("chrome", metallic=1.0, roughness=0.0)
 SATIN = Material("satin", metallic=1.0, roughness=0.4)
 PLAIN = Material("plain")
-HALF_AS_ROUGH = Texture(np.array([[[0, 255, 0, 255], [0, 127.5, 0, 255]]]).astype(np.uint8))
 
 
 def _probes(meshes, materials, poses=None):

@@ -29,12 +29,9 @@ Named = Sequence[model.NamedStart | model.ScenePath | model.Landmark | model.Dyn
 
 
 def extend(base: model.Scene, additions: model.Scene, source: str) -> model.Scene:
-    """Scene that combines the starts, paths and landmarks of two scenes.
+    """Scene of the additions, with the starts, paths and landmarks of the base before their own.
 
-    Args:
-        base: first scene; only its starts, paths and landmarks are used.
-        additions: second scene, which supplies everything else.
-        source: name of the second scene in messages.
+    `source` names the additions in messages.
 
     Raises:
         SceneError: a name that both scenes have.
@@ -94,17 +91,17 @@ def _part(scene: model.Scene, numbers: Sequence[int], part_from_world: Floats) -
     return dataclasses.replace(
         scene,
         meshes=tuple(
-            dataclasses.replace(one, material=material_at[one.material]) for one in meshes
+            dataclasses.replace(mesh, material=material_at[mesh.material]) for mesh in meshes
         ),
         materials=tuple(scene.materials[number] for number in material_at),
         instances=tuple(
             model.Instance(
-                one.name,
-                mesh_at[one.mesh],
-                part_from_world @ one.world_from_mesh,
-                part_from_world @ one.world_from_node,
+                instance.name,
+                mesh_at[instance.mesh],
+                part_from_world @ instance.world_from_mesh,
+                part_from_world @ instance.world_from_node,
             )
-            for one in instances
+            for instance in instances
         ),
     )
 
@@ -127,12 +124,9 @@ _WITH_GLOSS = ("roughness", "ior", "specular_color")
 def with_materials(
     scene: model.Scene, tables: Sequence[scene_file.MaterialTable], source: Path
 ) -> model.Scene:
-    """Scene with changed materials, also of its dynamic objects.
+    """Scene with materials, also of its dynamic objects, changed by tables in their order.
 
-    Args:
-        scene: scene of a mesh file, or a base scene.
-        tables: changes, applied in their order.
-        source: their file, for messages.
+    `source` is the tables' file, for messages.
 
     Raises:
         SceneError: a pattern without a matching material.
@@ -207,7 +201,7 @@ def _without_effect(material: model.Material, changes: Mapping[str, Any], source
 
 
 def _with_changed(scene: model.Scene, changed: Mapping[int, model.Material]) -> model.Scene:
-    materials = tuple(changed.get(id(one), one) for one in scene.materials)
+    materials = tuple(changed.get(id(material), material) for material in scene.materials)
     return dataclasses.replace(scene, materials=materials)
 
 
@@ -216,7 +210,7 @@ def _lit_properties(material: model.Material) -> tuple[Any, ...]:
     if not (material.transmission or kind_of(material) & SurfaceKind.MIRROR):
         return material.base_color, material.alpha_mode, material.emissive
     values = (getattr(material, field.name) for field in dataclasses.fields(material))
-    return tuple(one for one in values if not isinstance(one, model.Texture | np.ndarray))
+    return tuple(value for value in values if not isinstance(value, model.Texture | np.ndarray))
 
 
 # Dynamic objects of a scene's TOML file: their shapes and motions.
@@ -229,13 +223,7 @@ LoadShape = Callable[[Path, str | None, str | None], model.Scene]
 def load_object(
     table: scene_file.ObjectTable, folder: Path, load_shape: LoadShape, reader: SourceReader
 ) -> model.DynamicObject:
-    """Load a dynamic object of a scene's TOML file.
-
-    Args:
-        table: validated table.
-        folder: folder of the TOML file, the base of relative paths.
-        load_shape: loader for a mesh file or a scene TOML file.
-        reader: reader of its trajectory.
+    """Load a dynamic object of a scene's TOML file, in whose folder its paths begin.
 
     Raises:
         SceneError: it is invalid; names object, key, actual and expected value.
@@ -299,7 +287,7 @@ def lit_scene(scene: model.Scene, settings: scene_file.SceneFile) -> model.Scene
     Lamps added to a base scene with a sky use the base scene's exposure.
     """
     table, lighting = settings.light, scene.lighting
-    lamps = [_lamp(one) for one in settings.lamps]
+    lamps = [_lamp(lamp) for lamp in settings.lamps]
     if settings.sun is not None:
         lamps += _sun(settings.sun)
     if lamps:

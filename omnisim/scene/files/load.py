@@ -253,7 +253,7 @@ def _with_materials(
         changed = extension.with_materials(unbaked.scene, tables, toml)
         notice = f"{toml.name}: materials change the light: without the bake of the base scene"
         changed = dataclasses.replace(changed, notices=(*changed.notices, notice))
-    keys = [one.model_dump(mode="json") for one in tables]
+    keys = [table.model_dump(mode="json") for table in tables]
     return _Built(changed, source_digest(built.light, keys))
 
 

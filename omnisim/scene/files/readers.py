@@ -67,13 +67,8 @@ def read_file(
 ) -> tuple[ImportedScene, Floats]:
     """Read a file in any supported format.
 
-    Args:
-        path: path of the file.
-        reader: reader of the file, and of all others of the scene.
-        axes: overrides of the file's up axis and unit.
-        folders: folders of models and packages, see `load_scene`.
-        animation: glTF animation to play.
-        urdf_materials: "robot" or "mesh", see `SceneFile`; None: not stated.
+    `folders` are those of models and packages, see `load_scene`; `urdf_materials` are "robot" or
+    "mesh", see `SceneFile`, or None if they are not stated.
 
     Returns:
         File contents with all notices, and the transform (4, 4) world_from_file.

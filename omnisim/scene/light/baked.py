@@ -64,11 +64,7 @@ def with_baked_light(
     gloss: the bake has none. Meshes are split at the seams of their unwrapping; triangles keep
     their order.
 
-    Args:
-        scene: scene without baked light.
-        folder: folder of baked light.
-        reader: reader of its files.
-        light: digest of the inputs of the scene's light; None: that of its identity.
+    `light` is the digest of the inputs of the scene's light; None: that of its identity.
 
     Raises:
         SceneError: the light belongs to another scene, or a file is missing or damaged.

@@ -83,7 +83,7 @@ def expose(
 def is_even(lighting: parts.Lighting) -> bool:
     """True for even light, the substitute for lamps in scenes without any, whatever its shadows."""
     found, even = (
-        [(one.kind, one.color, one.intensity, *one.direction.tolist()) for one in lights]
+        [(light.kind, light.color, light.intensity, *light.direction.tolist()) for light in lights]
         for lights in (lighting.lights, DEFAULT_LIGHTING.lights)
     )
     return found == even

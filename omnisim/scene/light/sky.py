@@ -35,14 +35,9 @@ def with_sky(
     folder: Path,
     reader: SourceReader,
 ) -> Scene:
-    """Scene with a sky in place of even light; its lamps stay on.
+    """Scene with a sky in place of even light, by the tables of its TOML file; its lamps stay on.
 
-    Args:
-        scene: scene without the sky.
-        sky, light, sun: tables of the scene's TOML file; None: no sun.
-        toml: path of the TOML file, for messages.
-        folder: base folder of a map's path.
-        reader: reader of the map.
+    `toml` is the path of that file, for messages, and `folder` the base of a map's path.
 
     Raises:
         SceneError: a map that cannot be read or is invalid, or a clear sky at night.
@@ -275,8 +270,7 @@ class SunPosition(NamedTuple):
     def direction(self, north_deg: float) -> Floats:
         """Direction of travel (3,) of the sun's light, world frame.
 
-        Args:
-            north_deg: direction of north, counter-clockwise from the world's x.
+        North is counter-clockwise from the world's x.
         """
         height, yaw = math.radians(self.elevation_deg), math.radians(north_deg - self.azimuth_deg)
         across = math.cos(height)
@@ -284,12 +278,9 @@ class SunPosition(NamedTuple):
 
 
 def sun_position(time: datetime, latitude_deg: float, longitude_deg: float) -> SunPosition:
-    """Direction of the sun at a time, as seen from a position on Earth.
+    """Direction of the sun at a time with an offset from UTC, as seen from a position on Earth.
 
-    Args:
-        time: time with its UTC offset.
-        latitude_deg: latitude, positive in the north.
-        longitude_deg: longitude, positive in the east.
+    Latitudes are positive in the north, longitudes in the east.
     """
     days = (time - _J2000).total_seconds() / 86400.0
     longitude, obliquity = _ecliptic(days / _CENTURY_DAYS)

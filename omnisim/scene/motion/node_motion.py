@@ -163,7 +163,7 @@ class _Tracks:
         self._groups: list[tuple[Indices, Keyframes]] = []
         for indices in groups.values():
             tracks = [one for one in map(values.__getitem__, indices) if isinstance(one, Keyframes)]
-            before = [one.in_tangents for one in tracks if one.in_tangents is not None]
+            before = [track.in_tangents for track in tracks if track.in_tangents is not None]
             after = [one.out_tangents for one in tracks if one.out_tangents is not None]
             joined = replace(
                 tracks[0],

@@ -24,11 +24,7 @@ def enclosing_nodes(
     entirely nearer than `near_m`, which a camera at the point does not render. Surfaces with gaps
     count by their solid angle. Blended surfaces, such as glass, do not count.
 
-    Args:
-        scene: scene with the nodes.
-        point_m: (3,), world frame.
-        near_m: near plane distance.
-        ignored: names of nodes that do not count.
+    `point_m` (3,) is in the world frame; nodes with `ignored` names do not count.
     """
     point = np.asarray(point_m, dtype=np.float64)
     windings: dict[str, Floats] = {}  # for all triangles, and for the rendered ones

@@ -96,6 +96,7 @@ DAMAGES = [
     (_arrays(UNWRAPPING, vertex_of=np.zeros(108, dtype=int)),
      "unwrapping.npz: vertex_of of mesh 0: expected the scene's triangles, got others"),
     (_arrays(UNWRAPPING, uv=np.full((108, 2), np.nan)), "of mesh 0: expected places from 0 to 1"),
+    (_arrays(UNWRAPPING, uv=np.full((108, 2), 1.1)), "uv of mesh 0: expected places from 0 to 1"),
     (_arrays(UNWRAPPING, meshes=_counts(0, 1, 2) * [1, 1, -1]), "meshes: expected numbers of 108"),
     (_arrays(UNWRAPPING, meshes=_counts(0, 1, 2) - [0, 1, 0]), "meshes: expected numbers of 108"),
     (_arrays(UNWRAPPING, meshes=np.empty((0, 3), int)), "meshes: expected numbers of 108 in all"),

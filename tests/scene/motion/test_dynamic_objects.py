@@ -7,6 +7,7 @@ import trimesh
 from omnisim.core.errors import SceneError
 from omnisim.scene import load_scene
 
+FLOOR, SOCCER = 'file = "floor.glb"\n', 'extends = "soccer"\n'
 BALL = '[[objects]]\nname = "ball"\nfile = "ball.glb"\n'
 
 
@@ -18,7 +19,7 @@ def folder(tmp_path):
     return tmp_path
 
 
-def load(folder, text, head='file = "floor.glb"\n'):
+def load(folder, text, head=FLOOR):
     (folder / "scene.toml").write_text(head + text)
     return load_scene(folder)
 
@@ -42,17 +43,10 @@ def test_motions(folder, motion, at_1_s):
 
 
 def test_a_scene_extends_another(folder):
-    scene = load(
-        folder,
-        '[[starts]]\nname = "mine"\nposition_m = [0, 0, 0]\n' + BALL,
-        'extends = "soccer"\n',
-    )
-    soccer = load_scene("soccer")
+    start = '[[starts]]\nname = "mine"\nposition_m = [0, 0, 0]\n'
+    scene, soccer = load(folder, start + BALL, 'extends = "soccer"\n'), load_scene("soccer")
     assert scene.triangle_count == soccer.triangle_count
-    assert [start.name for start in scene.starts] == [
-        *(start.name for start in soccer.starts),
-        "mine",
-    ]
+    assert [one.name for one in scene.starts] == [*(one.name for one in soccer.starts), "mine"]
     assert (scene.start, scene.background) == (soccer.start, soccer.background)
     (folder / "second.toml").write_text(f'extends = "scene.toml"\n{BALL.replace("ball", "b", 1)}')
     second = load_scene(folder / "second.toml")
@@ -80,27 +74,15 @@ def test_a_scene_extends_another(folder):
         (BALL + "path = { times_s = [1, 1], positions_m = [[0, 0, 0], [1, 0, 0]] }\n",
          "object 'ball': trajectory: time 1, 1 s, is not after"),
         (BALL.replace("ball.glb", "scene.toml"), "extends itself, or has itself as an object"),
-    ],
-)  # fmt: skip
-def test_faulty_objects(folder, text, words):
-    with pytest.raises(SceneError, match=words) as caught:
-        load(folder, text)
-    assert "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    ("head", "words"),
-    [
-        ('extends = "soccer"\nfile = "floor.glb"\n', "expected either file or extends, got both"),
+        (SOCCER + FLOOR, "expected either file or extends, got both"),
         ('extends = "scene.toml"\n', "extends itself"),
         ('extends = "socer"\n', "did you mean 'soccer'"),
-        ('extends = "soccer"\nup_axis = "z"\n', "expected no up_axis"),
-        (
-            'extends = "soccer"\n[[starts]]\nname = "kick_off"\nposition_m = [0, 0, 0]\n',
-            "starts: name = 'kick_off': the scene that it extends has one",
-        ),
+        (SOCCER + 'up_axis = "z"\n', "expected no up_axis"),
+        (SOCCER + '[[starts]]\nname = "kick_off"\nposition_m = [0, 0, 0]\n',
+         "starts: name = 'kick_off': the scene that it extends has one"),
     ],
-)
-def test_faulty_extensions(folder, head, words):
-    with pytest.raises(SceneError, match=words):
-        load(folder, "", head)
+)  # fmt: skip
+def test_faulty_objects_and_extensions(folder, text, words):
+    with pytest.raises(SceneError, match=words) as caught:
+        load(folder, text, "" if text.startswith("extends") else FLOOR)
+    assert "\n" not in str(caught.value)

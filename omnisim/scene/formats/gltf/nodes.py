@@ -231,7 +231,7 @@ def read_animation(
         width = _WIDTHS.get(path, 0)
         if path == _WEIGHTS and nodes[index].has("mesh"):
             primitives = meshes[nodes[index].index("mesh", meshes)].objects("primitives")
-            width = max((len(one.array("targets")) for one in primitives), default=0)
+            width = max((len(primitive.array("targets")) for primitive in primitives), default=0)
         if not width:  # weights of a mesh without morph targets
             continue
         sampler = samplers[channel.index("sampler", samplers)]

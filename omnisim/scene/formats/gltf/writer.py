@@ -217,7 +217,7 @@ def node_meshes(scene: Scene) -> tuple[list[Entry], list[NodeMesh]]:
 
     for (name, _, _), group in itertools.groupby(enumerate(scene.instances), node_of):
         parts = [one for _, one in group]
-        indices = tuple(one.mesh for one in parts)
+        indices = tuple(part.mesh for part in parts)
         node_from_meshes = [frames[index] for index in indices]
         matrix = file_from_world @ parts[0].world_from_mesh
         if node_from_meshes[0] is not None:
@@ -459,7 +459,7 @@ def written_lights(lights: Sequence[Light]) -> tuple[list[Entry], list[Entry]]:
         if light.kind is not LightKind.DIRECTIONAL and math.isfinite(light.range_m):
             entry["range"] = light.range_m
         if light.kind is LightKind.SPOT:
-            inner, outer = (math.acos(min(max(one, -1.0), 1.0)) for one in light.cone_cosines)
+            inner, outer = (math.acos(min(max(cosine, -1.0), 1.0)) for cosine in light.cone_cosines)
             outer = min(max(outer, _NARROWEST_RAD), 0.5 * math.pi)
             inner = min(max(inner, 0.0), outer - _NARROWEST_RAD)
             entry["spot"] = {"innerConeAngle": inner, "outerConeAngle": outer}

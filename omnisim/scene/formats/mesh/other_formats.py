@@ -192,8 +192,7 @@ def import_trimesh(
     """Import the meshes of a trimesh scene.
 
     Args:
-        loaded: trimesh scene.
-        textures: store that decodes the scene's images.
+        loaded, textures: trimesh scene, and the store that decodes its images.
         assets: files referenced by the scene file; None: built in memory.
         smooth: True: vertex normals; False: flat shading; None: vertex normals if present.
         objects: names of the objects by number, for geometries named `:number`.

@@ -102,8 +102,8 @@ class MeshLibrary:
             text = re.sub(r" \([\d,]+ [a-z ]+\)$", "", notice)
             self._notices.setdefault(text, []).append((path.name, notice))
         instances = tuple(
-            replace(one, world_from_mesh=meters_from_file @ one.world_from_mesh)
-            for one in read.instances
+            replace(instance, world_from_mesh=meters_from_file @ instance.world_from_mesh)
+            for instance in read.instances
         )
         return MeshFile(instances, read.meshes, read.materials, data if suffix == ".dae" else b"")
 
@@ -178,11 +178,11 @@ def centered(file: MeshFile, instances: tuple[Instance, ...]) -> tuple[Instance,
     Source: gz-rendering, Ogre2MeshFactory: each part of a submesh is centered separately.
     """
     moved = []
-    for one in instances:
-        file_from_mesh = one.world_from_mesh.copy()
-        points = file.meshes[one.mesh].positions @ file_from_mesh[:3, :3].T
+    for instance in instances:
+        file_from_mesh = instance.world_from_mesh.copy()
+        points = file.meshes[instance.mesh].positions @ file_from_mesh[:3, :3].T
         file_from_mesh[:3, 3] = -0.5 * (points.min(axis=0) + points.max(axis=0))
-        moved.append(replace(one, world_from_mesh=file_from_mesh))
+        moved.append(replace(instance, world_from_mesh=file_from_mesh))
     return tuple(moved)
 
 

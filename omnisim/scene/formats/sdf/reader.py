@@ -245,8 +245,8 @@ class _Reader:
                 instances = centered(file, instances)
         is_stated = self._materials.is_stated(visual)
         own = self._materials.read(visual, double_sided=True) if is_stated else None
-        for one in instances:
-            mesh = file.meshes[one.mesh]
+        for instance in instances:
+            mesh = file.meshes[instance.mesh]
             material = own
             if material is None:
                 material = self._materials.of_mesh(file.materials[mesh.material], visual)
@@ -254,7 +254,7 @@ class _Reader:
             if key not in self._made:
                 self._made[key] = len(self._meshes), np.zeros(3)
                 self._meshes.append(replace(mesh, material=material))
-            pose = file_from_visual @ visual_from_file @ one.world_from_mesh
+            pose = file_from_visual @ visual_from_file @ instance.world_from_mesh
             if not np.abs(pose).max() < _FARTHEST_M:  # false for NaN as well
                 self._omissions.count(f"{path.name}: a part is too far away to be drawn", "part")
                 continue

@@ -46,11 +46,8 @@ def read_urdf(
 ) -> ImportedScene:
     """Read a robot.
 
-    Args:
-        path, data: path and content of the file.
-        textures: store of the images.
-        resources: search path for packages.
-        materials: "robot" or "mesh": materials of meshes that have their own; None: robot.
+    `materials` says which ones meshes with materials of their own show: those of the "robot", which
+    is the default, or of the "mesh".
 
     Raises:
         SceneError: a damaged file; naming element, attribute, value and the expected value.
@@ -143,7 +140,7 @@ class _Reader:
         if isinstance(file, str):
             self._omissions.count(f"{path.name}: not drawn: {file}", "visual")
             return
-        meshes = [file.meshes[one.mesh] for one in file.instances]
+        meshes = [file.meshes[instance.mesh] for instance in file.instances]
         has_own = []  # colors, a texture, or another material than that of plain files
         for mesh in meshes:
             stated = file.materials[mesh.material]

@@ -336,11 +336,8 @@ class Corners(NamedTuple):
     ) -> Corners:
         """Corners of all triangles of a mesh.
 
-        Args:
-            point_count, face_count: numbers of points and faces of the mesh.
-            vertices: (face corners,) point indices.
-            corners: (m, 3) indices into `vertices`.
-            faces: (m,) face index of each triangle.
+        Its `vertices` (face corners,) are indices of points; `corners` (m, 3) are indices into
+        these, and `faces` (m,) the triangles' faces.
         """
         flat = corners.ravel()
         points = vertices[flat]

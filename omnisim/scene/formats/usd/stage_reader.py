@@ -152,10 +152,10 @@ class _Reader:
                     name, frame, class_name = self._object(site, owners)
                     placed += [
                         _PlacedMesh(
-                            name, one.mesh, translate(site.stage_from_prim, one.center), frame,
+                            name, part.mesh, translate(site.stage_from_prim, part.center), frame,
                             class_name,
                         )
-                        for one in parts
+                        for part in parts
                     ]  # fmt: skip
             elif prim.IsA(UsdGeom.Gprim):
                 self._notices.count(f"{prim.GetTypeName()} is not drawn")
@@ -190,7 +190,7 @@ class _Reader:
                 raise SceneError(f"expected at most {MAX_INSTANCES:,} meshes in the scene")
             with np.errstate(all="ignore"):
                 frames = site.stage_from_prim @ copies.instancer_from_copies
-                poses = [frames @ one.frame_from_mesh for one in parts]
+                poses = [frames @ part.frame_from_mesh for part in parts]
             for row, frame in enumerate(frames):
                 if site.owner is None:
                     name = self._distinct(f"{copies.prototype.GetName()}_{copies.numbers[row]}")

@@ -421,7 +421,7 @@ class TextureFiles:
                 for scale, bias in zip(source.scale[:3], source.bias[:3], strict=True)
             ]
             plain = np.arange(256)
-            is_plain = not any(source.bias) or all(np.array_equal(one, plain) for one in levels)
+            is_plain = not any(source.bias) or all(np.array_equal(level, plain) for level in levels)
             if texture is not None and not is_plain:
                 pixels = texture.pixels.copy()
                 for channel, table in enumerate(levels):
