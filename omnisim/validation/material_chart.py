@@ -89,15 +89,9 @@ def chart(lighting: Lighting) -> Scene:
         meshes.append(replace(shape, name=name, material=number))
         world_from_mesh = pose(tuple(center_m.tolist()))
         instances.append(Instance(name, number, world_from_mesh, world_from_mesh))
-    return Scene(
-        name="material chart",
-        meshes=tuple(meshes),
-        materials=tuple(materials),
-        instances=tuple(instances),
-        lighting=lighting,
-        background=(0.0, 0.0, 0.0),
-        start=StartPose((0.0, 0.0, 0.0)),
-    )
+    black = (0.0, 0.0, 0.0)
+    parts = tuple(meshes), tuple(materials), tuple(instances)
+    return Scene("material chart", *parts, lighting, black, StartPose(black))
 
 
 def camera() -> OmniCamera:

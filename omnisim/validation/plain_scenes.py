@@ -29,23 +29,23 @@ _UNTURNED: Floats = np.eye(3)
 
 def plain_scene(name: str, *colored: tuple[Mesh, tuple[float, float, float, float]]) -> Scene:
     """Scene of meshes in the world frame, each in one linear RGBA color, on black."""
+    materials = [Material(base_color=color, double_sided=True, unlit=True) for _, color in colored]
+    return scene_at_rest(name, [mesh for mesh, _ in colored], materials)
+
+
+def scene_at_rest(
+    name: str,
+    meshes: Sequence[Mesh],
+    materials: Sequence[Material],
+    ambient: tuple[float, float, float] = (1.0, 1.0, 1.0),
+) -> Scene:
+    """Scene of meshes in the world frame, on black, without lamps."""
+    rest, black = np.eye(4), (0.0, 0.0, 0.0)
+    instances = tuple(Instance(one.name, number, rest, rest) for number, one in enumerate(meshes))
+    lighting = Lighting(ambient, ())
     return Scene(
-        name=name,
-        meshes=tuple(mesh for mesh, _ in colored),
-        materials=tuple(
-            Material(base_color=color, double_sided=True, unlit=True) for _, color in colored
-        ),
-        instances=resting([mesh for mesh, _ in colored]),
-        lighting=Lighting((1.0, 1.0, 1.0), ()),
-        background=(0.0, 0.0, 0.0),
-        start=StartPose((0.0, 0.0, 0.0)),
+        name, tuple(meshes), tuple(materials), instances, lighting, black, StartPose(black)
     )
-
-
-def resting(meshes: Sequence[Mesh]) -> tuple[Instance, ...]:
-    """One instance of each mesh, at rest in the world frame."""
-    rest = np.eye(4)
-    return tuple(Instance(mesh.name, number, rest, rest) for number, mesh in enumerate(meshes))
 
 
 def discs(

@@ -15,7 +15,7 @@ from omnisim.core.poses import pose
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.scene.model import Light, Lighting, LightKind, Material, Mesh, Scene, StartPose
 from omnisim.validation.material_chart import sphere
-from omnisim.validation.plain_scenes import quads, resting
+from omnisim.validation.plain_scenes import quads, scene_at_rest
 
 HALF_M = np.array((3.0, 2.5, 1.5))  # half the room's length, width and height
 SQUARES = 6  # along a wall
@@ -78,15 +78,7 @@ def _room(material: Material, mesh: Mesh) -> Scene:
     shining = Material("walls", unlit=True, double_sided=True)
     post = _moved(_box((0.15, 0.15, 0.6), (1.0, 0.5, 0.1)), pose((0.6, -1.1, -0.4)))
     meshes = (_walls(), post, dataclasses.replace(mesh, material=1))
-    return Scene(
-        name=material.name,
-        meshes=meshes,
-        materials=(shining, material),
-        instances=resting(meshes),
-        lighting=Lighting((0.0, 0.0, 0.0), ()),
-        background=(0.0, 0.0, 0.0),
-        start=StartPose((0.0, 0.0, 0.0)),
-    )
+    return scene_at_rest(material.name, meshes, (shining, material), ambient=(0.0, 0.0, 0.0))
 
 
 @cache  # every room has them

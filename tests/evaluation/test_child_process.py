@@ -6,12 +6,12 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from pathlib import Path
 
 import pytest
 
 from omnisim.evaluation.child_process import ChildProcesses
-from tests.evaluation.test_sweep import _is_alive, _wait_for
 
 ROOT = str(Path(__file__).parents[2])
 SLEEPER = """
@@ -28,6 +28,21 @@ def module(tmp_path, monkeypatch):
     (tmp_path / "sleeper.py").write_text(SLEEPER)
     monkeypatch.setenv("PYTHONPATH", f"{tmp_path}:{ROOT}")
     return tmp_path
+
+
+def _wait_for(condition, limit_s=120.0):
+    end_s = time.monotonic() + limit_s
+    while not condition():
+        assert time.monotonic() < end_s
+        time.sleep(0.05)
+
+
+def _is_alive(process):
+    """State of a process: true if it runs; one that has ended, and was not waited for, does not."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
 
 
 def _numbers(file):

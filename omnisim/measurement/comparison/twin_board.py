@@ -344,8 +344,8 @@ def _april_grid(board: AprilGrid, quarter_turns: int) -> PrintedPattern:
         (crossings, crossings, True),
         (gaps, gaps, False),
     )
-    left, top, right, bottom = tags.T
-    corners = ((left, top), (right, top), (right, bottom), (left, bottom), (left, top))
+    x0, y0, x1, y1 = tags.T
+    corners = ((x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0))
     points = np.stack([np.stack(corner, axis=-1) for corner in corners], axis=1)
     sides = np.stack((points[:, :-1], points[:, 1:]), axis=2).reshape(-1, 2, 2)
     return PrintedPattern(x, y, cells, patches, sides, min(border / tag, board.spacing))

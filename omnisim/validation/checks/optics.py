@@ -321,9 +321,13 @@ def same_triangles(
         )
         undecided = sources[1].undecided[judge.has_ray]
     stage.collect()
-    cast_undecided = float(cast[undecided].mean()) if undecided.any() else np.nan
-    means = (float(values.mean()) for values in (cast, alone, alone[~undecided]))
-    return SameTriangles(*means, cast_undecided, float(undecided.mean()))
+    return SameTriangles(
+        float(cast.mean()),
+        float(alone.mean()),
+        float(alone[~undecided].mean()),
+        float(cast[undecided].mean()) if undecided.any() else np.nan,
+        float(undecided.mean()),
+    )
 
 
 def pose_beside_nearest(sensor: OmniCamera, rays: RayScene, start: Floats) -> Floats:
