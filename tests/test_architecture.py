@@ -78,9 +78,7 @@ HOMES = {
     "rawpy": {"measurement"},
 }
 # Outside of rendering.opengl, what draws by OpenGL: imported by functions that are asked to.
-DRAWING = {
-    f"omnisim.{name}" for name in ("validation.checks.optics", "validation.checks.paper_mirror")
-}
+DRAWING = {f"omnisim.validation.checks.{name}" for name in ("optics", "paper_mirror")}
 MODULES = {
     ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts).removesuffix(".__init__"): path
     for path in sorted(PACKAGE.rglob("*.py"))

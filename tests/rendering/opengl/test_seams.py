@@ -19,7 +19,7 @@ pytestmark = pytest.mark.usefixtures("needs_opengl")
 
 
 @pytest.mark.parametrize(
-    ("theta_max_deg", "face_size_px"), [(105.0, None), (150.0, 128), (150.0, 1024)]
+    ("theta_max_deg", "face_size_px"), [(105.0, None), (150.0, 128), (150.0, 512)]
 )
 def test_no_seam_and_the_right_color_everywhere(theta_max_deg, face_size_px):
     pose = poses.pose((-1.0, 0.7, -0.5), roll_deg=12.0, pitch_deg=-20.0, yaw_deg=33.0)
