@@ -4,7 +4,7 @@ import argparse
 import time
 from collections import Counter
 
-from tests.chance.run import KINDS
+from tests.chance.run import KINDS, check_scenes
 
 PRINT_EVERY = 20  # scenes
 
@@ -14,21 +14,19 @@ def _main() -> int:
     parser.add_argument("--scenes", type=int, default=100, help="how many of each kind")
     parser.add_argument("--first", type=int, default=0, help="number of the first one")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--only", choices=list(KINDS), help="one kind")
+    parser.add_argument("--only", choices=KINDS, help="one kind")
     options = parser.parse_args()
-    failed = False
+    failed, last = False, options.first + options.scenes
     for kind in [options.only] if options.only else KINDS:
         counts, begin_s = Counter(), time.perf_counter()
-        for number in range(options.first, options.first + options.scenes):
-            some, findings = KINDS[kind](options.seed, number)
+        for number in range(options.first, last, PRINT_EVERY):
+            some, findings = check_scenes(
+                kind, options.seed, range(number, min(number + PRINT_EVERY, last))
+            )
             counts += some
-            for line in findings:
-                failed = True
-                print(line, flush=True)
-            if number % PRINT_EVERY == PRINT_EVERY - 1:
-                print(f"{kind} up to number {number}: {dict(counts)}", flush=True)
-        spent_s = time.perf_counter() - begin_s
-        print(f"{options.scenes} scenes with {kind}, {spent_s:.0f} s: {dict(counts)}", flush=True)
+            failed |= bool(findings)
+            print(*findings, f"{kind} after number {number}: {dict(counts)}", sep="\n", flush=True)
+        print(f"{options.scenes} scenes with {kind}, {time.perf_counter() - begin_s:.0f} s")
     return int(failed)
 
 

@@ -49,16 +49,18 @@ def _opened(scene, sensor, **options):
     return open_sensor(scene, sensor, **options)
 
 
-@pytest.mark.parametrize("offset_m", [(0.0, 0.0, 0.0), (4e5, -3e6, 20.0)])
-def test_body_renders_as_the_same_static_geometry(offset_m):
+@pytest.mark.parametrize(
+    ("offset_m", "names"), [((0.0, 0.0, 0.0), list(POSES)[1:]), ((4e5, -3e6, 20.0), ["tilted"])]
+)
+def test_body_renders_as_the_same_static_geometry(offset_m, names):
     """All poses with one renderer: what it draws is that of the pose, not of the one before."""
     world_from_scene = pose(offset_m)
     scene = moved(surroundings(), world_from_scene)
     empty = image(scene, world_from_scene @ POSES["tilted"])
     with Stage(scene, body()) as stage:
         camera, scanner = stage.open(CAMERA), _scanner(stage)
-        for name, scene_from_base in POSES.items():
-            base = world_from_scene @ scene_from_base
+        for name in names:
+            base = world_from_scene @ POSES[name]
             rgba, scan = camera.render(base).rgba, scanner.scan(base)
             with Stage(merged(scene, body(), base)) as one:
                 expected, expected_m = image(one, base), ranges(one, base)

@@ -28,7 +28,6 @@ FLAT = OpticalSystem(
 )
 CHROMATIC = dataclasses.replace(FLAT, chromatic=True)
 FISHEYE = dataclasses.replace(SYSTEMS["port"].scaled(0.25), chromatic=True)
-each_backend = pytest.mark.parametrize("backend", ["cube", "rays"])
 needs_opengl = pytest.mark.usefixtures("needs_opengl")
 
 
@@ -96,9 +95,9 @@ def test_rays_of_each_channel_are_its_wavelengths():
 
 
 @needs_opengl
-@each_backend
 @pytest.mark.parametrize(
-    "degradation", [Degradation(), Degradation(shutter=Shutter(exposure_s=0.1))]
+    ("backend", "degradation"),
+    [("cube", Degradation(shutter=Shutter(exposure_s=0.1))), ("rays", Degradation())],
 )
 def test_channels_are_those_of_three_cameras(backend, degradation):
     """And what is valid is what the green one sees."""

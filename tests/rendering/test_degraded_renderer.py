@@ -76,6 +76,8 @@ def test_rolling_shutter_slants_an_edge_by_the_rotation(exposure_s):
     expected = _edge_px(instants_s).mean(axis=1)
     seen = edges_px(frame.linear)
     assert np.abs(seen - expected).max() <= 0.1
+    slant = np.polyfit(np.arange(SIZE_PX[1]), seen - expected, 1)[0] * SIZE_PX[1]
+    assert abs(slant) <= 0.1
     assert seen[-1] - seen[0] > 3.3  # later rows see the edge further right: a turn to the left
     assert frame.metadata["degradation"]["sub_frames"] > 5
 

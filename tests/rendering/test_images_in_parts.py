@@ -9,7 +9,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from omnisim import OmniCamera, Stage, load_scene, open_sensor
+from omnisim import OmniCamera, Stage, open_sensor
 from omnisim.cameras import EquidistantCamera, EquirectangularCamera
 from omnisim.core.errors import GraphicsError
 from omnisim.core.poses import pose
@@ -27,12 +27,12 @@ from tests.slow import slow_but
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")
 
-FISHEYE = EquidistantCamera(240, 240, 72.0, (119.5, 119.5), theta_max_rad=1.66)
+FISHEYE = EquidistantCamera(160, 160, 48.0, (79.5, 79.5), theta_max_rad=1.66)
 CAMERAS = {
-    "exact mirror": OmniCamera(polygons=None).resized(240),
-    "mesh": OmniCamera(polygons=64).resized(240),
+    "exact mirror": OmniCamera(polygons=None).resized(160),
+    "mesh": OmniCamera(polygons=64).resized(160),
     "fisheye": OmniCamera(FISHEYE),
-    "equirectangular": OmniCamera(EquirectangularCamera(320, 160)),
+    "equirectangular": OmniCamera(EquirectangularCamera(200, 100)),
     "one sample, mip levels": OmniCamera(FISHEYE, supersampling=1, texels_per_pixel=3.0),
     "four samples per texel": OmniCamera(FISHEYE, samples=4, texels_per_pixel=2.0),
 }
@@ -52,7 +52,7 @@ def stage():
 def whole_and_parts(monkeypatch):
     """Function that takes something whole, and then with limits that cut the image."""
 
-    def taken(take, part_px=640):
+    def taken(take, part_px=448):
         whole = take()
         with monkeypatch.context() as lowered:
             lowered.setattr(image_parts, "MAX_TEXELS", 1 << 14)
@@ -86,27 +86,6 @@ def test_an_image_in_parts_is_the_whole_image(stage, name, whole_and_parts):
 
     _assert_alike(*whole_and_parts(take))
     assert counts[0] == 1 < counts[1]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("scene", ["arcade", "mapping"])
-def test_reflections_sky_and_many_triangles(scene, whole_and_parts):
-    """Facets of rough mirrors, such as the arcade's floor, are sampled by texels of the atlas.
-
-    The largest mirrors and panes of the whole image have views in all parts.
-    """
-    camera = OmniCamera().resized(240)
-    with Stage(load_scene(scene)) as stage:
-        start = stage.scene.start
-
-        def take():
-            with stage.open(camera) as renderer:
-                base = camera.base_pose(start.position_m, yaw_deg=start.yaw_deg)
-                return renderer.render(base).rgba
-
-        whole, parts = whole_and_parts(take)
-    _assert_alike(whole, parts, edges=0.1, steps=0.2)
-    assert (np.abs(whole.astype(int) - parts).max(axis=-1) > 16).mean() < 0.002
 
 
 @pytest.mark.parametrize("name", ["exact mirror", "equirectangular"])
@@ -173,24 +152,21 @@ def test_edits_of_the_scene_show_in_all_parts(stage, whole_and_parts):
     _assert_alike(*whole_and_parts(take))
 
 
-def test_parts_without_kept_textures_are_drawn_alike(stage, whole_and_parts, monkeypatch):
+def test_parts_without_kept_textures_are_drawn_alike(stage, monkeypatch):
+    monkeypatch.setattr(image_parts, "MAX_TEXELS", 1 << 14)
+    monkeypatch.setattr(image_parts, "PART_PX", 320)
     camera = CAMERAS["one sample, mip levels"]
     images = []
-    for kept_bytes in (0, 1 << 18, 1 << 30):
+    for kept_bytes in (1 << 18, 1 << 30):  # some, and all
         monkeypatch.setattr(image_pass, "MAX_KEPT_BYTES", kept_bytes)
-
-        def take():
-            with stage.open(camera) as renderer:
-                renderer.render(_state(camera, 1))
-                return renderer.render(_state(camera)).rgba
-
-        images.append(whole_and_parts(take, 320)[1])
-    np.testing.assert_array_equal(images[0], images[1])
-    np.testing.assert_array_equal(images[0], images[2])
+        with stage.open(camera) as renderer:
+            renderer.render(_state(camera, 1))
+            images.append(renderer.render(_state(camera)).rgba)
+    np.testing.assert_array_equal(*images)
 
 
 def test_virtual_cameras_of_any_size(whole_and_parts):
-    camera = dataclasses.replace(CAMERAS["mesh"], face_size_px=900)
+    camera = dataclasses.replace(CAMERAS["mesh"], face_size_px=600)
 
     def take():
         with open_sensor(scene_of([room()]), camera) as renderer:

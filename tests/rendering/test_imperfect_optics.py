@@ -17,8 +17,7 @@ from omnisim.rendering.twist import Twist, moved_px
 from omnisim.scene.model import DynamicObject, Material
 from omnisim.scene.motion.object_motion import Orbit
 from omnisim.validation.image_differences import psnr_db, psnr_of_levels_db
-from tests.camera_examples import camera_examples
-from tests.cameras.optics.examples import SYSTEMS, at, behind_a_dome, pinhole
+from tests.cameras.optics.examples import SYSTEMS, at, pinhole
 from tests.rendering.frames import BACKENDS, assert_batch_is_frames, each_backend
 from tests.scenes import room, scene_of
 from tests.vehicles import box
@@ -165,26 +164,6 @@ def test_supersampling(backend):
         both = ours.valid & expected.valid
         assert (ours.valid != expected.valid).mean() < 0.02
         assert psnr_db(ours.linear, expected.linear, both) > bound_db
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("backend", "percent"), [("cube", 50.0), ("rays", 98.0)])
-@camera_examples
-def test_every_camera_behind_a_concentric_dome_takes_its_own_image(camera, backend, percent):
-    """Such a dome bends no ray; the virtual cameras' edges are theirs."""
-    bare = OmniCamera(camera, polygons=None, supersampling=1).resized(48)
-    dome = dataclasses.replace(bare, model=behind_a_dome(bare.model, 0.05))
-    with Stage(_world(), backend=backend) as stage:
-        frames = []
-        for sensor in (bare, dome):
-            with stage.open(sensor, unlit=True) as renderer:
-                frames.append(renderer.render(NOW, linear=True))
-    expected, ours = frames
-    both = ours.valid & expected.valid
-    assert both.sum() > 0.3 * ours.valid.sum() > 10
-    off = np.abs(ours.rgb.astype(int) - expected.rgb).max(axis=-1)[both]
-    assert np.percentile(off, percent) <= 2.0
-    assert (off > 60).mean() < 0.06
 
 
 @each_backend

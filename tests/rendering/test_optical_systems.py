@@ -170,15 +170,6 @@ def test_no_seam_shows_in_the_sky():
     np.testing.assert_allclose(frame.linear[is_sky], [scene.background] * is_sky.sum(), atol=1e-3)
 
 
-def test_undecided_samples_are_counted_without_rays(embree, monkeypatch):
-    monkeypatch.setattr(parallax_camera, "missing_packages", lambda extra: ["a"])
-    system = SYSTEMS["tilted camera"].scaled(0.5)
-    cube, rays = by_both(_near_boxes(), system, NOW)
-    assert not cube.metadata["undecided"]["cast"]
-    assert cube.metadata["undecided"]["samples"] > 0
-    assert _psnr_db(cube, rays) > 28.0
-
-
 CHANNELS = ("range", "z", "position", "normals", "normals_camera", "albedo", "instance", "semantic",
             "flow", "occluded", "flow_backward", "scene_flow", "valid")  # fmt: skip
 

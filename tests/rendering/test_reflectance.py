@@ -12,7 +12,7 @@ from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.scene.light.environment import Environment, map_directions
 from omnisim.scene.model import AlphaMode, Light, Lighting, LightKind, Material, Texture
 from omnisim.validation import material_chart
-from tests.rendering.frames import BACKENDS, assert_batch_is_frames, by_both, each_backend, frame_of
+from tests.rendering.frames import BACKENDS, by_both, each_backend, frame_of
 from tests.scenes import next_to_another_face, scene_of, square, upright
 
 pytest.importorskip("embreex")
@@ -234,19 +234,6 @@ def test_light_from_behind_a_surface_does_not_light_it(backend, slot, casts_shad
     assert (before - dark).max() > 10
 
 
-def test_an_edited_instance_looks_as_in_a_new_scene():
-    """Edited instances are drawn one by one, others as clusters."""
-    scene = _spheres(LIGHTINGS["sky"], **MATERIALS["second coordinates"])
-    pose = scene.pose_of("sphere 4")
-    pose[:3, :3] = omnisim.pose((0, 0, 0), yaw_deg=40.0)[:3, :3]
-    moved = scene.moved("sphere 4", pose)
-    with omnisim.open_sensor(scene, CAMERA) as renderer:
-        renderer.render(np.eye(4))
-        renderer.scene = moved
-        edited = renderer.render(np.eye(4)).rgba
-    assert np.abs(edited - _image(moved, CAMERA)).max() <= 4
-
-
 @pytest.mark.parametrize("alpha_mode", [AlphaMode.MASK, AlphaMode.BLEND])
 def test_masked_and_blended_materials_have_gloss(alpha_mode):
     pixels = _texture(9).pixels.copy()
@@ -255,14 +242,6 @@ def test_masked_and_blended_materials_have_gloss(alpha_mode):
     scene = _spheres(LIGHTINGS["sky"], **values)
     difference = _difference_on_spheres(scene, FINE_CAMERA)
     assert difference.mean() < 0.8
-
-
-def test_batches_have_the_sky_and_the_gloss_of_single_images():
-    scene = _spheres(LIGHTINGS["sky"], **MATERIALS["normal map"])
-    camera = OmniCamera().resized(80)
-    poses = [omnisim.pose((x, 0.2, 0.1), yaw_deg=30.0 * x) for x in (0.0, 1.0, 2.0)]
-    with omnisim.open_sensor(scene, camera) as renderer:
-        assert_batch_is_frames(renderer, poses)
 
 
 def test_a_matte_scene_has_no_gloss():

@@ -111,10 +111,12 @@ def facts(step: Step) -> None:
     )
 
 
-def buffers(step: Step) -> None:
-    """Buffers that processor and shaders take turns with."""
+def buffers(step: Step, kind: str) -> None:
+    """Buffers of a kind that processor and shaders take turns with."""
     from tests.drivers.gpu.buffers_step import take_turns
+    from tests.drivers.gpu.variants import use_buffers
 
+    use_buffers(kind)
     turns = take_turns()
     _, *later = turns["seconds"]
     is_right = not turns["wrong"] and turns["error"] == "GL_NO_ERROR"
@@ -126,13 +128,22 @@ def buffers(step: Step) -> None:
     )
 
 
-def sequence(step: Step, scene: str) -> None:
+def sequence(step: Step, scene: str, variant: str) -> None:
     """Images one after the other, all poses twice."""
+    from tests.drivers.gpu.variants import CHANGES, COPY_FIRST, copy_between_buffers, use_buffers
+
+    kind, change = CHANGES[variant]
+    use_buffers(kind)
+    if change is not None:
+        change()
     loaded, camera = load_scene(scene), OmniCamera().with_quality("fast").resized(360)
     poses = poses_at(loaded, camera, step.count(24))
     digests: list[str] = []
     seconds: list[float] = []
     with Stage(loaded) as stage, stage.open(camera) as renderer:
+        if variant == COPY_FIRST:
+            with stage.current():
+                copy_between_buffers(stage.context)
         for number, pose in enumerate([*poses, *poses]):
             frame, elapsed_s = step.timed(
                 f"image {number}", lambda pose=pose: renderer.render(pose), not number

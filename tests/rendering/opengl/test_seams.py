@@ -1,6 +1,5 @@
 """The exact capture against colors computed without any renderer."""
 
-import dataclasses
 import math
 
 import numpy as np
@@ -20,7 +19,7 @@ pytestmark = pytest.mark.usefixtures("needs_opengl")
 
 
 @pytest.mark.parametrize(
-    ("theta_max_deg", "face_size_px"), [(105.0, None), (150.0, 128), (150.0, 1024)]
+    ("theta_max_deg", "face_size_px"), [(105.0, None), (150.0, 128), (150.0, 512)]
 )
 def test_no_seam_and_the_right_color_everywhere(theta_max_deg, face_size_px):
     pose = poses.pose((-1.0, 0.7, -0.5), roll_deg=12.0, pitch_deg=-20.0, yaw_deg=33.0)
@@ -52,28 +51,3 @@ def test_no_seam_and_the_right_color_everywhere(theta_max_deg, face_size_px):
     assert seam.sum() > 500
     assert off[seam].max() <= 2.0
     assert off[seam].mean() < 1.0
-
-
-def test_thousand_polygons_show_the_exact_image():
-    sensor = OmniCamera()
-    pose = poses.pose((0.3, -0.4, 0.1), yaw_deg=20.0)
-    images = []
-    for polygons in (None, 1024):
-        with open_sensor(scene_of([room()]), sensor.with_polygons(polygons)) as renderer:
-            images.append(renderer.render(pose))
-    both = images[0].valid & images[1].valid
-    assert both.sum() > 0.99 * images[0].valid.sum()
-    off = np.abs(images[0].rgb.astype(int) - images[1].rgb.astype(int))[both]
-    # 0.4 px of geometry at the steepest gradient of the room
-    assert off.max() <= 4
-
-
-def test_tilted_mounting_is_a_tilted_vehicle():
-    tilt = poses.pose((0.2, 0.1, 0.3), roll_deg=10.0, pitch_deg=5.0, yaw_deg=90.0)
-    mounted = dataclasses.replace(OmniCamera(polygons=None), base_from_rig=tilt)
-    vehicle = poses.pose((0.4, -0.2, 0.0), yaw_deg=-40.0)
-    with open_sensor(scene_of([room()]), mounted) as renderer:
-        one = renderer.render(vehicle)
-    with open_sensor(scene_of([room()]), OmniCamera(polygons=None)) as renderer:
-        other = renderer.render(vehicle @ tilt)
-    np.testing.assert_array_equal(one.rgba, other.rgba)

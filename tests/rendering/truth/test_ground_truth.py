@@ -87,21 +87,6 @@ def test_channels_of_a_room_are_those_of_the_exact_rays(lens):
     assert np.percentile(step, 99) < 0.05
 
 
-@pytest.mark.slow
-def test_a_mesh_has_the_hits_of_its_own_rays():
-    """Points lie on the walls; a mesh of 16 polygons sees them elsewhere than the exact mirror."""
-    sensor = OmniCamera(LENSES["mirror"], polygons=16, supersampling=1)
-    frame = frame_of(scene_of([room()]), sensor, POSE, also=("position", "valid"))
-    valid = frame.channels["valid"] > 0
-    np.testing.assert_array_equal(valid, frame.valid)
-    points = frame.channels["position"][valid]
-    on_walls = np.abs(np.abs(points) / ROOM_HALF_M - 1.0).min(axis=1)
-    assert on_walls.max() < 1e-5
-    exact = _truth(LENSES["mirror"], ("position",)).channels["position"][valid]
-    apart = np.linalg.norm(points - exact, axis=1)
-    assert np.nanmedian(apart) > 0.02
-
-
 def test_hits_are_between_the_near_and_the_far_plane():
     scene = scene_of([box("crate", 0, half_m=0.2), room()])
     frame = _truth(LENSES["sphere"], ("range",), pose(), scene=scene, near_m=0.3, far_m=2.5)

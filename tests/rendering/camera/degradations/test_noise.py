@@ -145,18 +145,6 @@ def test_noise_has_no_pattern(context):
     assert power.max() < np.log(0.5 * 256.0**2) - np.log(1e-4)
 
 
-def test_noise_differs_by_key_and_frame(context):
-    noise, image = Noise(), flat_image([0.4], 64, 64)
-    same = _noisy(context, noise, image, 3), _noisy(context, noise, image, 3)
-    np.testing.assert_array_equal(*same)
-    for other in (
-        _noisy(context, noise, image, 4),
-        _noisy(context, noise, image, 3, key_of("noise", 1)),
-    ):
-        assert np.mean(other == same[0]) < 0.05
-    assert key_of("noise", 1) != key_of("noise", "1") != key_of("noise", 1, "")
-
-
 SHOT = Shot(exposure_s=0.02, noise_key=key_of("noise", 3), frame_number=7)
 
 
