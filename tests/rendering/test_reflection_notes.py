@@ -88,7 +88,7 @@ def test_more_bodies_than_probes_are_noted():
 
 CHROME = Material(metallic=1.0, roughness=0.0)
 WITHIN = (
-    "reflectors within reflections are approximate (22 to 44 dB within mirrors and floors that "
+    "reflectors within reflections are approximate (25 to 43 dB within mirrors and floors that "
     "show them): --backend rays traces them"
 )
 

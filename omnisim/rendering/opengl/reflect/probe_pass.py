@@ -47,7 +47,7 @@ from omnisim.rendering.opengl.surfaces.surface_program import (
 from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
 from omnisim.scene.parts import Material
 from omnisim.scene.reflection_probes import ProbePlace
-from omnisim.scene.surface_kind import lobe_roughnesses
+from omnisim.scene.surface_kind import SurfaceKind, lobe_roughnesses
 from omnisim.scene.surface_reflectance import MIN_ROUGHNESS
 
 SIZE_PX, PLANAR_SIZE_PX = 128, 256  # of a face, of planar mirrors and panes
@@ -61,8 +61,9 @@ _LEVELS = 6
 _ALPHAS = (0.0, *(0.024 * 2.0**level for level in range(_LEVELS - 1)))
 _FACES = 6
 _MIN_ROUGH = 0.25  # roughness from which level 2 and further ones are looked up
-# Steps toward a hit and refinements of it, of a single reflector, and of one among others.
-_STEPS, _MORE_STEPS = (4, 2), (16, 4)
+# Steps toward a hit and refinements of it: of bodies and smooth mirrors among other reflectors,
+# and of all others.
+_MORE_STEPS, _STEPS = (10, 2), (4, 2)
 _COLORS_UNIT, _DEPTHS_UNIT, _CUBES_UNIT = 0, 1, 0
 # Lobes of two levels add up between linearly and by their squares.
 _POWER = 1.5
@@ -154,11 +155,18 @@ class ProbePass:
         self._left_out = [self._mask(one.left_out) | left_out for one in places]
         self._mirrors = [self._is_mirror & ~self._mask(one.left_out) for one in places]
         items = buffers.draw_items
+        self._steps = [self._steps_of(one) for one in places]
         self._gloss = [_Gloss.of(items[one].material for one in place.surfaces) for place in places]
         self._states: list[bytes | None] = [None] * len(places)
         self._static: dict[int, tuple[moderngl.Texture, moderngl.Texture]] = {}
         self._has_moving = any(item.moves for item in buffers.draw_items)
         self._state = GlState()
+
+    def _steps_of(self, place: ProbePlace) -> tuple[int, int]:
+        kinds = [self._buffers.draw_items[index].kind for index in place.surfaces]
+        is_smooth = not place.is_planar or any(SurfaceKind.MIRROR in one for one in kinds)
+        is_pane = all(SurfaceKind.PANE in one for one in kinds)
+        return _MORE_STEPS if self._within is not None and is_smooth and not is_pane else _STEPS
 
     def _mask(self, left_out: Collection[int]) -> Bools:
         mask = np.zeros(len(self._buffers.draw_items), dtype=np.bool_)
@@ -251,11 +259,11 @@ class ProbePass:
 
     def at(self, shot: ScenePoses) -> dict[int, Probe]:
         """Probes of items, see `SurfaceProgram.set_probes`."""
-        steps = _STEPS if self._within is None else _MORE_STEPS
         probes: dict[int, Probe] = {}
         for number, place in enumerate(self._places):
             center_m = self._center_m(place, shot.world_from_objects) - shot.viewpoint_m
-            probe = Probe(np.array((*center_m, number), dtype=np.float32), steps, self._maps.name)
+            at_m = np.array((*center_m, number), dtype=np.float32)
+            probe = Probe(at_m, self._steps[number], self._maps.name)
             probes |= {id(self._buffers.draw_items[index]): probe for index in place.surfaces}
         return probes
 
