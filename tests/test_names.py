@@ -14,7 +14,7 @@ QUANTITY = re.compile(
     r"period|time|mass)$"
 )
 WITHOUT_UNIT = {
-    ("omnisim/runs/physics/simulated_motion.py", "distance"),  # a share of it
+    ("omnisim/runs/physics/rover.py", "distance"),  # a share of it
     ("omnisim/apps/cli/images/unwarp.py", "yaw"),  # of a private function
 }
 
