@@ -30,9 +30,10 @@ from omnisim.cameras import (
     UnifiedCamera,
 )
 from omnisim.cameras.mirrors import HyperbolicMirror
+from omnisim.core.arrays import Floats
 
 
-def _framed(width, height, **mirror):
+def _framed(width: int, height: int, **mirror: float) -> HyperbolicCamera:
     return HyperbolicCamera.framed_on_rim(HyperbolicMirror(**mirror), width, height)
 
 
@@ -185,17 +186,17 @@ POLE = RationalPolynomialCamera(
 class OwnCamera(EquidistantCamera):
     """A model that is not omnisim's own: r = 1.5 f sin(θ / 1.5), under the name of another."""
 
-    def _radius_from_theta(self, theta):
+    def _radius_from_theta(self, theta: Floats) -> Floats:
         return 1.5 * np.sin(theta / 1.5)
 
-    def _theta_from_radius(self, radius):
+    def _theta_from_radius(self, radius: Floats) -> Floats:
         return 1.5 * np.arcsin(radius / 1.5)
 
 
 OWN = OwnCamera(120, 90, 34.0, (60.25, 44.0), theta_max_rad=1.7)
 
 
-def points_around_axis(largest_theta_rad, count=2000, seed=5):
+def points_around_axis(largest_theta_rad: float, count: int = 2000, seed: int = 5) -> Floats:
     """Points (n, 3) up to an angle from +z, at different distances."""
     generator = np.random.default_rng(seed)
     theta = generator.uniform(0.0, largest_theta_rad, count)
