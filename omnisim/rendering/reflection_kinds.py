@@ -38,8 +38,8 @@ def reflection_kinds(
 ) -> dict[str, tuple[ReflectionKind, ...]]:
     """Kinds of reflections by the names of the static instances that reflect.
 
-    An instance has several if its parts or faces differ. Of mirrors and panes, a camera draws the
-    largest in view.
+    An instance has several if its parts or faces differ. Of mirrors and panes, a camera draws those
+    that fill most of its view.
 
     Args:
         probes: number of reflection probes of the camera.

@@ -30,7 +30,7 @@ def _blocks(instances):
 
 # Least PSNR by view: of all, and of objects by a part of their names. Measured 0.5 to 1.5 dB more;
 # with reflections of sky and lamps alone mirrors had 18.2 to 23.4 dB, floors 31.7 to 35.3 dB.
-LEAST_DB = {
+MIN_DB = {
     "east": (34.5, {"mirror": 26.0, "floor": 41, "ball": 30, "partition": 43, "screen": 28.5}),
     "west": (35.5, {"mirror": 25.5, "floor": 40.5, "ball": 25.5, "partition": 31, "screen": 39}),
     "north": (32.5, {"mirror": 25.5, "floor": 38, "ball": 24.5, "partition": 37.5}),
@@ -51,7 +51,7 @@ def test_reflections_within_reflections_are_near_the_path_tracer_s(view, monkeyp
     with open_sensor(scene, camera) as renderer:
         frame = renderer.render(at, linear=True, also=("instance",))
     ours, theirs = (_means(np.clip(one[..., :3], 0.0, 1.0)) for one in (frame.linear, traced))
-    least_db, of_objects = LEAST_DB[view]
+    least_db, of_objects = MIN_DB[view]
     assert psnr_db(ours, theirs, np.ones(ours.shape[:2], dtype=bool)) >= least_db
     blocks = _blocks(frame.channels["instance"])
     for number, name in enumerate(furnished.names(), start=1):

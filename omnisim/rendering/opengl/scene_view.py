@@ -78,7 +78,8 @@ class VirtualCameras:
         hidden: parts of dynamic objects to leave out.
         both_sides: draw back faces, too.
         mirrors: maximum number of planar mirrors in view, and of panes, that reflect the scene.
-        reflection_probes: maximum number of probes that curved and rough surfaces reflect.
+        reflection_probes: maximum number of probes that curved and rough surfaces reflect, and of
+            those of planar mirrors and panes.
     """
 
     near_m: float

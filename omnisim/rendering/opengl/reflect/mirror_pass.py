@@ -3,7 +3,7 @@
 The mirrored rig has the tiles of the rig itself, so that the view in a mirror has the atlas
 coordinates of the mirror. Each mirror's view is drawn only in the texels where that mirror is the
 nearest one. Panes have views of their own, since mirrors may be behind them. Mirrors within a
-mirrored view reflect sky and lamps.
+mirrored view, and those beyond the number of views, reflect their probes.
 """
 
 from __future__ import annotations
