@@ -31,9 +31,9 @@ SUBMISSIONS = (
     "glDrawArraysInstanced", "glDrawElementsInstanced", "glMultiDrawElementsIndirect",
 )  # fmt: skip
 # In the built-in scenes: state, draws, dispatches; lamps that shine bind the tables of materials.
-MAX_CALLS, MAX_SUBMISSIONS = 195, 45
+MAX_CALLS, MAX_SUBMISSIONS = 185, 45
 MAX_SCAN_CALLS, MAX_OPTICS_CALLS = 60, 250
-MAX_CALLS_WITH_BODY, MAX_SUBMISSIONS_WITH_BODY = 240, 55  # which has materials of its own
+MAX_CALLS_WITH_BODY, MAX_SUBMISSIONS_WITH_BODY = 230, 55  # which has materials of its own
 
 
 def _poses(count):
