@@ -132,9 +132,9 @@ def board_poses_in_front(
     return poses
 
 
-def _outward(theta: float, azimuth: float) -> Floats:
-    across = math.sin(theta)
-    return np.array([across * math.cos(azimuth), across * math.sin(azimuth), math.cos(theta)])
+def _outward(theta_rad: float, azimuth_rad: float) -> Floats:
+    across, up = math.sin(theta_rad), math.cos(theta_rad)
+    return np.array([across * math.cos(azimuth_rad), across * math.sin(azimuth_rad), up])
 
 
 def _facing(outward: Floats, side: Floats, tilt: Floats, distance_m: float) -> Floats:

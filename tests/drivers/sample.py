@@ -17,6 +17,7 @@ from omnisim.ground_truth import CHANNELS
 from omnisim.rendering.camera.degradations import Degradation, Encoding, Exposure, preset
 from omnisim.rendering.camera.degradations.point_spread import PointSpread
 from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.opengl import scene_view
 from omnisim.rendering.opengl.capture import image_pass
 from omnisim.rendering.opengl.world import geometry_store, scene_buffers
 from omnisim.rendering.stage import Stage, open_sensor
@@ -80,6 +81,7 @@ def sample_cases(size_px: int, poses: int) -> Cases:
         "cameras": partial(_cameras, size_px),
         "samples": partial(_drawn_samples, size_px),
         "windows": partial(_windows, size_px, poses),
+        "triangles": partial(_culled_triangles, size_px, poses),
     }
 
 
@@ -209,6 +211,14 @@ def _windows(size_px: int, count: int) -> Drawings:
             patch.setattr(module, "window_bytes", lambda context: 1 << 17)
         _scans(count)
         return draw_frames(mixed_scene, PANORAMA, size_px, count, channels=EVERY_CHANNEL)
+
+
+def _culled_triangles(size_px: int, count: int) -> Drawings:
+    """Images whose triangles are culled one by one, as those of large scenes are."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(scene_view, "MIN_CULLED_TRIANGLES", 0)
+        patch.setattr(scene_view, "MIN_TRIANGLES_OF_PASSES", (0,))
+        return draw_frames(mixed_scene, OmniCamera(), size_px, count)
 
 
 def _by_each(cameras: list, size_px: int) -> Drawings:

@@ -181,10 +181,10 @@ class TriangleCounter:
         self._query, self.triangles = context.query(primitives=True), 0
 
     def __enter__(self) -> None:
-        self._query.__enter__()
+        self._query.__enter__()  # type: ignore[no-untyped-call]
 
     def __exit__(self, *raised: object) -> None:
-        self._query.__exit__(*raised)
+        self._query.__exit__(*raised)  # type: ignore[arg-type]
         self.triangles += self._query.primitives
 
 

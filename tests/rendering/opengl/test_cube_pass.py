@@ -25,6 +25,7 @@ POSITIONS_M = ((-1.0, 0.3, 1.2), (1.0, 0.3, 1.2))
 def always_tested(monkeypatch):
     """As in a scene of very many triangles."""
     monkeypatch.setattr(scene_view, "MIN_TRIANGLES_OF_PASSES", (0, 0, 0, 0))
+    monkeypatch.setattr(scene_view, "MIN_CULLED_TRIANGLES", 0)
 
 
 @pytest.mark.parametrize("samples", [1, 4])

@@ -54,7 +54,7 @@ def _frame(calls, renderer):
 
 
 @pytest.mark.parametrize(
-    ("has_body", "most_calls", "most_submissions"), [(False, 195, 45), (True, 240, 55)]
+    ("has_body", "most_calls", "most_submissions"), [(False, 185, 45), (True, 230, 55)]
 )
 def test_calls_of_a_frame_are_few_and_those_of_a_batch_as_many(
     has_body, most_calls, most_submissions, monkeypatch

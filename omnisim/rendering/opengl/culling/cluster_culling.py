@@ -43,7 +43,7 @@ _CELL_PX, _CELL_LEVELS = 64, 6  # of the last level, in shaders/culling/hi_z.gls
 # that look wider than a plan's angles occlude others: they are drawn in the passes before the last.
 MIN_TRIANGLES_OF_PASSES = (40_000, 80_000, 200_000, 2_000_000)
 OCCLUDERS_RAD = ((), (0.05,), (0.05, 0.015), (0.025, 0.007), (0.02, 0.005, 0.0015))
-MIN_CULLED_TRIANGLES = 20_000  # for which it pays to cull triangles one by one
+MIN_CULLED_TRIANGLES = 80_000  # for which it pays to cull triangles one by one
 SETTINGS = np.dtype(  # as in shaders/culling/views.glsl
     [
         ("counts", "<u4", 4),
