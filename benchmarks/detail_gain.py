@@ -148,7 +148,7 @@ def _compare(scene: Scene, pose: NDArray[np.float64], size_px: int) -> None:
         renderers = {
             name: opened.enter_context(stage.open(at_setting(camera, name))) for name in SETTINGS
         }
-        images = {name: one.render(pose).rgba for name, one in renderers.items()}
+        images = {name: renderer.render(pose).rgba for name, renderer in renderers.items()}
         submitted = RepeatedFrame(renderers[SETTING], pose).count().virtual_cameras.triangles
         print(f"{'whole':19} {scene.triangle_count:9} triangles, {submitted:7} submitted")
         for title, change in changes.items():
@@ -165,7 +165,9 @@ def _compare(scene: Scene, pose: NDArray[np.float64], size_px: int) -> None:
                 ours = others[SETTING]
                 submitted = RepeatedFrame(ours, pose).count().virtual_cameras.triangles
                 ratio = _ratio((stage, renderers[SETTING]), (second, ours), pose)
-            of_settings = ", ".join(f"{name} {one:.1f} dB" for name, one in decibels.items())
+            of_settings = ", ".join(
+                f"{name} {decibel:.1f} dB" for name, decibel in decibels.items()
+            )
             print(
                 f"{title:19} {other.triangle_count:9} triangles, {submitted:7} submitted, "
                 f"processor time × {ratio:.2f}, {of_settings}",

@@ -54,7 +54,7 @@ def idle_driver_rows(scenes: Sequence[str], options: Options) -> list[dict[str, 
     Raises:
         BenchmarkError: the process fails.
     """
-    paths = [str(Path(one).resolve()) if Path(one).is_file() else one for one in scenes]
+    paths = [str(Path(scene).resolve()) if Path(scene).is_file() else scene for scene in scenes]
     numbers = [str(options.rounds), str(options.warm_up)]
     device = _FIRST if options.device is None else str(options.device)
     done = subprocess.run(

@@ -59,7 +59,7 @@ def _time(renderer: LidarRenderer, motion: Motion) -> TimedCloud:
 def _opaque_part(scene: Scene) -> Scene:
     """Scene without instances that beams may pass through."""
     modes = [scene.materials[mesh.material].alpha_mode for mesh in scene.meshes]
-    kept = (one for one in scene.instances if modes[one.mesh] is AlphaMode.OPAQUE)
+    kept = (instance for instance in scene.instances if modes[instance.mesh] is AlphaMode.OPAQUE)
     return dataclasses.replace(scene, instances=tuple(kept))
 
 

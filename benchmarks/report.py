@@ -68,7 +68,11 @@ def make_report(
     judgments = [
         limits.judge(name, value, machine["is_software"]) for name, value, limits in judged
     ]
-    bounds = [one for one in judgments if one["bound"] is not None or one["goal"] is not None]
+    bounds = [
+        judgment
+        for judgment in judgments
+        if judgment["bound"] is not None or judgment["goal"] is not None
+    ]
     return {
         "suite": suite,
         "schema": SCHEMA,

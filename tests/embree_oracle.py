@@ -161,7 +161,7 @@ def print_comparison(source):
         with open_sensor(scene, lens) as renderer:
             results = [compare(scene, oracle, renderer, now, next_pose(now)) for now in poses]
         for key in results[0]:
-            values = np.array([one[key] for one in results])
+            values = np.array([result[key] for result in results])
             print(f"{name:16} {key:14} mean {values.mean():.5f}", end=" ")
             print(f"from {values.min():.5f} to {values.max():.5f}")
 

@@ -52,9 +52,9 @@ def cluster_triangles_once(monkeypatch):
 
     def build_clusters(*arrays):
         digest = hashlib.sha1()
-        for one in arrays:
-            digest.update(f"{one.dtype} {one.shape}".encode())
-            digest.update(one.tobytes())
+        for array in arrays:
+            digest.update(f"{array.dtype} {array.shape}".encode())
+            digest.update(array.tobytes())
         return hierarchies.get(digest.digest(), lambda: build(*arrays))
 
     monkeypatch.setattr(clustered_geometry, "build_clusters", build_clusters)

@@ -235,7 +235,7 @@ def test_only_the_checks_import_the_validation():
         for module in MODULES
         if any(f"{name}.".startswith("omnisim.validation.") for name in _imports(module))
     }
-    assert {one for one in users if one.split(".")[0] != "validation"} == {"apps.cli.checks"}
+    assert {user for user in users if user.split(".")[0] != "validation"} == {"apps.cli.checks"}
 
 
 def _is_within(folder, other):

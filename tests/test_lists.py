@@ -83,7 +83,9 @@ def test_links_and_paths_of_readmes_lead_to_files_and_headings(path):
         assert file.exists(), target
         if anchor:
             headings = re.findall(r"^#+ (.+)$", file.read_text(encoding="utf-8"), re.MULTILINE)
-            slugs = [re.sub(r"[^\w\- ]", "", one.lower()).replace(" ", "-") for one in headings]
+            slugs = [
+                re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings
+            ]
             assert anchor in slugs, f"{target}#{anchor}"
     for name in re.findall(r"`((?:[\w.-]+/)+[\w.-]*)`", text):
         # in code, from the root or the package; `out` is what make writes

@@ -168,7 +168,9 @@ def test_skins_and_cloths_are_bent_in_each_frame():
         rows = []
         for _ in range(3):
             frame = camera.render(also=("instance",))
-            (cloth_id,) = (one.id for one in frame.labels.instances if one.name == "cloth")
+            (cloth_id,) = (
+                instance.id for instance in frame.labels.instances if instance.name == "cloth"
+            )
             is_cloth = frame.channels["instance"] == cloth_id
             assert (camera.geom_ids(frame)[is_cloth] == NO_GEOM).all()
             rows.append(is_cloth.nonzero()[0].mean())

@@ -123,7 +123,7 @@ def test_interpolated_pose_moves_and_turns_evenly():
 def test_wrapped_angles():
     angles = np.array([0.0, 3.0, -3.0, 4.0, -4.0, 20.0])
     wrapped = poses.wrap_angles(angles)
-    np.testing.assert_allclose(wrapped, [poses.wrap_angle(one) for one in angles], atol=1e-14)
+    np.testing.assert_allclose(wrapped, [poses.wrap_angle(angle) for angle in angles], atol=1e-14)
     np.testing.assert_allclose(np.exp(1j * wrapped), np.exp(1j * angles), atol=1e-14)
     assert np.all(np.abs(wrapped) <= math.pi)
 

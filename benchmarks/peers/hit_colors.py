@@ -29,8 +29,10 @@ class HitColors:
         self._coordinates = geometry.texture_coordinates[geometry.corners]
         self._colors = None if geometry.colors is None else geometry.colors[geometry.corners]
         self._table = _TextureTable(scene.materials)
-        of_surface = np.array([scene.meshes[one.mesh].material for one in scene.instances])
-        textured = np.array([one.is_textured for one in geometry.surfaces])
+        of_surface = np.array(
+            [scene.meshes[instance.mesh].material for instance in scene.instances]
+        )
+        textured = np.array([surface.is_textured for surface in geometry.surfaces])
         self._material = of_surface[geometry.surface_of_triangle]
         # the last texture is white
         self._texture = np.where(

@@ -80,16 +80,16 @@ def run(options: Options, poses: int = POSES, quality_poses: int = QUALITY_POSES
         with Stage(scene, device=options.device) as stage:
             path = race_poses(stage, poses)
             with Field(stage, options.device) as racers:
-                fast_ones = [one for one in racers.peers if one not in SLOW]
+                fast_ones = [peer for peer in racers.peers if peer not in SLOW]
                 ours = (*field.LADDER, field.UNLIT)
-                slow_ones = [one for one in racers.peers if one in (*ours, *SLOW)]
+                slow_ones = [peer for peer in racers.peers if peer in (*ours, *SLOW)]
                 groups = [(fast_ones, options), (slow_ones, options.fewer(TIMES_FEWER))]
                 timings: dict[str, tuple[Timings, int]] = {}
                 for group, fewer in groups:
                     timed = _timings(stage, racers, group, path, fewer, f"peers: {name}")
                     timings |= {one: (timed, fewer.rounds) for one in group if one not in timings}
                 quality = _quality(stage, racers, path, quality_poses, options)
-                as_good = {one: _as_good(one, quality) for one in racers.peers}
+                as_good = {peer: _as_good(peer, quality) for peer in racers.peers}
                 rows += [
                     {"scene": name, **_row(one, racers, timings, quality, as_good)}
                     for one in field.NAMES

@@ -98,7 +98,7 @@ def measure_drive(
             recording = Recording.read(drive_folder / RUN)
         except OmnisimError as reason:
             failure = str(reason)
-    return [_measure(plan, one, drive_folder, recording, failure, children) for one in points]
+    return [_measure(plan, point, drive_folder, recording, failure, children) for point in points]
 
 
 def _measure(
@@ -112,7 +112,7 @@ def _measure(
     """Apply the estimators to a run, or to its copy with the point's calibration error."""
     given, errors, digest = drive_folder / RUN, point.calibration, ""
     if errors:
-        digest = fingerprint(sorted((name, str(one)) for name, one in errors.items()))[:8]
+        digest = fingerprint(sorted((name, str(error)) for name, error in errors.items()))[:8]
         given = drive_folder / f"{GIVEN}-{digest}"
     estimates = drive_folder / (f"{ESTIMATES}-{digest}" if digest else ESTIMATES)
     outcomes = []

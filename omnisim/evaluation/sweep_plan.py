@@ -60,7 +60,7 @@ class Variation(Table):
     @property
     def value_labels(self) -> tuple[str, ...]:
         """Labels of the values, in order."""
-        return self.labels or tuple(_text(one) for one in self.values)
+        return self.labels or tuple(_text(value) for value in self.values)
 
     @model_validator(mode="after")
     def _check(self) -> Variation:
@@ -229,9 +229,9 @@ def shown_points(
 
     The unchanged drive comes first, unless it equals one of the values.
     """
-    own = [one for one in points if one.variation == variation]
+    own = [point for point in points if point.variation == variation]
     made = {(one.drive.name, str(one.calibration)) for one in own}
-    base = [one for one in points if one.variation is None]
+    base = [point for point in points if point.variation is None]
     if (
         variation is not None
         and not {(one.drive.name, str(one.calibration)) for one in base} <= made

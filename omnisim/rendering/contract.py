@@ -249,8 +249,8 @@ class CameraBackend(ABC):
         Returns:
             Result that waits until `out` is filled.
         """
-        for number, one in enumerate(poses):
-            request = FrameRequest(one, None, False, frame_number + number, None)
+        for number, pose in enumerate(poses):
+            request = FrameRequest(pose, None, False, frame_number + number, None)
             out[number] = self.begin(request).result()[0].rgba[..., : out.shape[-1]]
         return Pending(lambda: None)
 
@@ -266,10 +266,10 @@ class CameraBackend(ABC):
         """Numbers of triangles behind an image."""
         parts = [(None, self.world.scene), *enumerate(self.world.objects.values())]
         submitted = sum(
-            len(part.meshes[one.mesh].triangles)
+            len(part.meshes[instance.mesh].triangles)
             for index, part in parts
-            for one in part.instances
-            if (index, one.name) not in self.setup.hidden
+            for instance in part.instances
+            if (index, instance.name) not in self.setup.hidden
         )
         hits = self.hit_source(NO_DETAILS).hits(poses)
         shown = np.stack((hits.draw_ids, hits.triangles), axis=-1)[hits.draw_ids > 0]
@@ -504,8 +504,8 @@ class HitSource(ABC):
         self, poses: Sequence[ScenePoses], details: HitDetails = NO_DETAILS
     ) -> Iterator[Hits]:
         """Cast all rays of each image, in order; by default one after the other."""
-        for one in poses:
-            yield self.hits(one, details)
+        for pose in poses:
+            yield self.hits(pose, details)
 
     @abstractmethod
     def through(self, poses: ScenePoses, hits: Hits) -> ThroughHits:

@@ -85,7 +85,7 @@ class DegradedCamera:
         ends = [motion(seconds) for seconds in (-half_s, 0.0, half_s)]
         boxes = self._boxes
         moved = [
-            one._replace(world_from_objects=boxes.poses(one.world_from_objects)) for one in ends
+            end._replace(world_from_objects=boxes.poses(end.world_from_objects)) for end in ends
         ]
         count = shutter.sub_frame_count(moved_px(sensor.model, moved, boxes.corners_m))
         poses = [motion(float(seconds)) for seconds in shutter.times_s(count)]

@@ -105,7 +105,9 @@ class Instrument(Closeable, EditableScene, Generic[SensorT_co, PassesT_co, Readi
         return self._stage.vehicles.get(self.vehicle)
 
     def _hidden_parts(self) -> frozenset[ObjectPart]:
-        names = {} if self.body is None else {one.name: None for one in self.body.instances}
+        names = (
+            {} if self.body is None else {instance.name: None for instance in self.body.instances}
+        )
         for name in sorted(self.hidden):
             if name not in names:
                 available = f"it has {', '.join(sorted(names))}" if names else "there is no body"

@@ -44,7 +44,7 @@ def reflection_kinds(
     Args:
         probes: number of reflection probes of the camera.
     """
-    surfaces = scene_surfaces(scene, [one.shape for one in scene.objects])
+    surfaces = scene_surfaces(scene, [moving.shape for moving in scene.objects])
     found = find_reflectors(surfaces)
     probed = found.probed(probes)
     planes = (ReflectionKind.MIRROR, found.mirrors), (ReflectionKind.PANE, found.panes)
@@ -81,7 +81,7 @@ def reflection_notes(
         mirrors: number of planar mirrors, and of panes, that virtual cameras show.
         probes: number of reflection probes that they show.
     """
-    surfaces = scene_surfaces(scene, [one.shape for one in scene.objects])
+    surfaces = scene_surfaces(scene, [moving.shape for moving in scene.objects])
     found = find_reflectors(surfaces)
     planes = (*found.mirrors, *found.panes)
     probed = found.probed(probes)
@@ -93,10 +93,11 @@ def reflection_notes(
     }
     unreflected = {
         number
-        for number, one in surfaces.items()
-        if one.kind & SurfaceKind.REFLECTING and number not in (shown | flat if mirrors else shown)
+        for number, surface in surfaces.items()
+        if surface.kind & SurfaceKind.REFLECTING
+        and number not in (shown | flat if mirrors else shown)
     }
-    glass = {number for number, one in surfaces.items() if one.kind & SurfaceKind.GLASS}
+    glass = {number for number, surface in surfaces.items() if surface.kind & SurfaceKind.GLASS}
     notes = []
     if curved := probed - flat:
         notes.append(
@@ -148,15 +149,15 @@ def _flat_share(surface: SceneSurface, number: int, planes: Sequence[MirrorPlane
     """Share of a surface's area that mirrors and panes hold."""
     corners = surface.mesh.positions[surface.mesh.triangles] @ surface.object_from_mesh[:3, :3].T
     areas = np.linalg.norm(triangle_crosses(corners), axis=1)
-    held = np.any([one.parts[number] for one in planes if number in one.parts], axis=0)
+    held = np.any([plane.parts[number] for plane in planes if number in plane.parts], axis=0)
     return float(areas[held].sum() / max(areas.sum(), 1e-30))
 
 
 def frosted_notes(scene: Scene, is_traced: bool) -> list[str]:
     """Notice on frosted glass that is drawn opaque; `is_traced`: panes are not, by rays."""
-    surfaces = scene_surfaces(scene, [one.shape for one in scene.objects])
+    surfaces = scene_surfaces(scene, [moving.shape for moving in scene.objects])
     opaque = SurfaceKind.FROSTED_GLASS if is_traced else SurfaceKind.FROSTED
-    frosted = [number for number, one in surfaces.items() if one.kind & opaque]
+    frosted = [number for number, surface in surfaces.items() if surface.kind & opaque]
     if not frosted:
         return []
     number = _materials(surfaces, frosted)
@@ -174,7 +175,9 @@ def specular_notes(scene: Scene, objects: Collection[Scene], backend: BackendNam
         backend: name of the back end.
     """
     surfaces = scene_surfaces(scene, objects)
-    specular = {key: one for key, one in surfaces.items() if one.kind & SurfaceKind.SPECULAR}
+    specular = {
+        key: surface for key, surface in surfaces.items() if surface.kind & SurfaceKind.SPECULAR
+    }
     if specular and backend == "cube" and missing_packages("rays"):
         return [f"beams and depths end at glass and mirrors: {install_hint('rays')} follows them"]
     planes = find_mirrors(specular, SurfaceKind.SPECULAR)

@@ -322,9 +322,9 @@ class Renderer(Instrument[OmniCamera, CameraBackend, RecordedFrame]):
         truth = {name: array for name, array in arrays.items() if name in CHANNELS}
         with self._current() as passes:
             begun = [
-                passes.begin_batch(poses, arrays[one], frame_number)
-                for one in IMAGES
-                if one in arrays
+                passes.begin_batch(poses, arrays[image], frame_number)
+                for image in IMAGES
+                if image in arrays
             ]
             if truth:
                 _fill_channels(passes, truth, poses, others)
@@ -440,8 +440,8 @@ class Renderer(Instrument[OmniCamera, CameraBackend, RecordedFrame]):
         Raises:
             OmnisimError: an invalid pose.
         """
-        if isinstance(states, Sequence) and any(isinstance(one, WorldState) for one in states):
-            return [self._poses_in(self._state(one)) for one in states]
+        if isinstance(states, Sequence) and any(isinstance(state, WorldState) for state in states):
+            return [self._poses_in(self._state(state)) for state in states]
         world_from_bases = check_poses(states)
         if not len(world_from_bases):
             return []
@@ -472,7 +472,7 @@ class Renderer(Instrument[OmniCamera, CameraBackend, RecordedFrame]):
         stage = self._stage
         world_from_object = dict(zip(stage.objects, poses.world_from_objects, strict=True))
         time_s, boxes = time_of(poses.world_from_objects), {}
-        of_scenes = {name: one.boxes_at(time_s) for name, one in stage.objects.items()}
+        of_scenes = {name: moving.boxes_at(time_s) for name, moving in stage.objects.items()}
         of_static = stage.scene.boxes_at(time_s)
         for label in labels.instances:
             owner = label.object_name

@@ -234,9 +234,9 @@ class SharedScene(Closeable, EditableScene):
             SceneError: an object without a pose.
         """
         poses = dict(state.world_from_object)
-        for one in self.scene.objects:
-            if one.name not in poses:
-                poses[one.name] = one.motion.pose_at(state.time_s)
+        for moving in self.scene.objects:
+            if moving.name not in poses:
+                poses[moving.name] = moving.motion.pose_at(state.time_s)
         missing = [name for name in self.objects if name not in poses]
         if missing:
             actual = ", ".join(poses) or "none"

@@ -201,8 +201,8 @@ class MovingBoxes:
 
     def __init__(self, scene: Scene, objects: Iterable[Scene]):
         objects = list(objects)
-        boxes = [np.array(list(itertools.product(*one.bounds_m().T))) for one in objects]
-        self.corners_m = [one if np.isfinite(one).all() else one[:0] for one in boxes]
+        boxes = [np.array(list(itertools.product(*moving.bounds_m().T))) for moving in objects]
+        self.corners_m = [box if np.isfinite(box).all() else box[:0] for box in boxes]
         self._joints: list[_JointBox] = []
         for index, part in enumerate((scene, *objects), start=-1):
             for instance in part.instances:

@@ -494,7 +494,7 @@ class DriveWorld:
         """Other vehicles for a run's manifest; empty without other vehicles."""
         if not self.others:
             return {}
-        others = {name: fingerprint(one.body) for name, one in self.others.items()}
+        others = {name: fingerprint(other.body) for name, other in self.others.items()}
         return {"world": {"vehicle": self.vehicle, "others": others}}
 
     def write_poses(self, folder: Path) -> None:
@@ -504,8 +504,8 @@ class DriveWorld:
             OutputError: a file cannot be written.
         """
         times_s = self.ego.truth.times_s
-        motions = {name: one.pose_at for name, one in self.others.items()}
-        motions |= {one.name: one.motion.pose_at for one in self.scene.objects}
+        motions = {name: other.pose_at for name, other in self.others.items()}
+        motions |= {moving.name: moving.motion.pose_at for moving in self.scene.objects}
         if motions:
             folder.mkdir(exist_ok=True)
         for name, pose_at in motions.items():

@@ -460,7 +460,7 @@ def write_states(path: Path, motion: BodyMotion, times_s: Iterable[Floats]) -> N
     Raises:
         OutputError: the file cannot be written.
     """
-    times = np.unique(np.concatenate([printed_s(one) for one in times_s]))
+    times = np.unique(np.concatenate([printed_s(time_s) for time_s in times_s]))
     times = times[times >= printed_s(np.array([motion.start_s]))]
     parts = (times[first : first + BLOCK] for first in range(0, len(times), BLOCK))
     write_table(path, COLUMNS, (_rows(part, motion.at(part)) for part in parts))

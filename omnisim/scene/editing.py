@@ -128,8 +128,10 @@ def recolor(
         mesh_at[number] = len(meshes)
         meshes.append(dataclasses.replace(mesh, material=material_at[mesh.material], colors=None))
     instances = tuple(
-        dataclasses.replace(one, mesh=mesh_at[one.mesh]) if one.name == name else one
-        for one in content.instances
+        dataclasses.replace(instance, mesh=mesh_at[instance.mesh])
+        if instance.name == name
+        else instance
+        for instance in content.instances
     )
     return _without_unused(content, Content(tuple(meshes), tuple(materials), instances))
 
@@ -153,7 +155,7 @@ def _without_unused(before: Content, after: Content) -> Content:
         tuple(dataclasses.replace(one, material=material_at[one.material]) for one in meshes)
         if orphaned
         else tuple(meshes),
-        tuple(one for i, one in enumerate(after.materials) if i not in orphaned),
+        tuple(material for i, material in enumerate(after.materials) if i not in orphaned),
         tuple(dataclasses.replace(one, mesh=mesh_at[one.mesh]) for one in after.instances),
     )
 

@@ -91,7 +91,7 @@ def find_labels(
     for number, (owner, name) in enumerate(names, start=1):
         # patterns know only the wildcards * and ?
         patterns = (
-            (rule.id, one.replace("[", "[[]")) for rule in scene.labels for one in rule.nodes
+            (rule.id, node.replace("[", "[[]")) for rule in scene.labels for node in rule.nodes
         )
         matches = (number for number, pattern in patterns if fnmatchcase(name, pattern))
         class_id = next(matches, None) if scene.labels else ids.get(class_name(name))

@@ -162,7 +162,9 @@ class Scene:
     @cached_property
     def deforms(self) -> bool:
         """True if any instance has a mesh that deforms over time."""
-        return any(self.meshes[one.mesh].deformation is not None for one in self.instances)
+        return any(
+            self.meshes[instance.mesh].deformation is not None for instance in self.instances
+        )
 
     def boxes_at(self, time_s: float) -> dict[str, OrientedBox]:
         """Oriented boxes of the instances, like `instance_boxes`, at a world time."""
@@ -347,9 +349,9 @@ class Scene:
     def _still(self) -> editing.Content:
         """Content in which the dynamic objects are instances, posed as at 0 s."""
         content = self._content
-        for one in self.objects:
-            name = editing.free_name(content, one.name)
-            content = editing.add(content, name, one.shape._content, one.motion.pose_at(0.0))
+        for moving in self.objects:
+            name = editing.free_name(content, moving.name)
+            content = editing.add(content, name, moving.shape._content, moving.motion.pose_at(0.0))
         return content
 
     def altered(self, *change: object, **fields: Any) -> Scene:

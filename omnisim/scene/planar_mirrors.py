@@ -50,18 +50,18 @@ def scene_surfaces(scene: Scene, objects: Iterable[Scene]) -> dict[int, SceneSur
     """
     surfaces: list[SceneSurface] = []
     for index, shape in [(None, scene), *enumerate(objects)]:
-        for one in shape.instances:
-            mesh = shape.meshes[one.mesh]
+        for instance in shape.instances:
+            mesh = shape.meshes[instance.mesh]
             material = shape.materials[mesh.material]
             kind = kind_of(material, scene.lighting.is_matte)
-            surfaces.append(SceneSurface(mesh, material, kind, one.world_from_mesh, index))
+            surfaces.append(SceneSurface(mesh, material, kind, instance.world_from_mesh, index))
     return dict(enumerate(surfaces))
 
 
 def has_specular(scene: Scene, objects: Iterable[Scene]) -> bool:
     """True if a scene, or one of its dynamic objects, has visible glass or mirrors."""
     surfaces = scene_surfaces(scene, objects)
-    return any(one.kind & SurfaceKind.SPECULAR for one in surfaces.values())
+    return any(surface.kind & SurfaceKind.SPECULAR for surface in surfaces.values())
 
 
 @dataclass(frozen=True, eq=False)

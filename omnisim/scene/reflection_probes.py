@@ -112,16 +112,16 @@ def find_probes(
     """
     own = [
         index
-        for index, one in surfaces.items()
+        for index, surface in surfaces.items()
         if (possible is None or index in possible)
-        and one.kind & SurfaceKind.REFLECTING
-        and len(one.mesh.triangles)
-        and (one.kind & SurfaceKind.GLASS or not is_surface_planar(index, planes))
+        and surface.kind & SurfaceKind.REFLECTING
+        and len(surface.mesh.triangles)
+        and (surface.kind & SurfaceKind.GLASS or not is_surface_planar(index, planes))
     ]
     if not own:
         return ()
     indices = np.array(list(surfaces), dtype=np.intp)
-    boxes_m = np.array([_bounds_m(one) for one in surfaces.values()])  # (surfaces, 2, 3)
+    boxes_m = np.array([_bounds_m(surface) for surface in surfaces.values()])  # (surfaces, 2, 3)
     centers_m = 0.5 * boxes_m.sum(axis=1)
     radii_m = np.array([0.5 * np.linalg.norm(high - low) for low, high in boxes_m])
     row_of = {index: row for row, index in enumerate(surfaces)}
@@ -154,7 +154,9 @@ def find_probes(
             places.append(place)
 
     def prominence(place: ProbePlace) -> float:
-        return place.area_m2 * max(_strength(surfaces[one].material) for one in place.surfaces)
+        return place.area_m2 * max(
+            _strength(surfaces[surface].material) for surface in place.surfaces
+        )
 
     return tuple(sorted(places, key=lambda place: -prominence(place)))
 

@@ -45,7 +45,7 @@ def with_slabs(
     for number, slab_m in slabs.items():
         old, key = meshes[number].material, (meshes[number].material, f"{slab_m:.3g}")
         if key not in known:
-            values = {one.name: getattr(materials[old], one.name) for one in fields(Material)}
+            values = {field.name: getattr(materials[old], field.name) for field in fields(Material)}
             slab = SlabMaterial(**values | {"double_sided": False}, slab_m=slab_m)
             if old in taken:
                 known[key] = len(materials)

@@ -55,7 +55,7 @@ class StartSummary:
 def instance_summaries(scene: Scene) -> tuple[InstanceSummary, ...]:
     """Summaries of the instances, in the order of their IDs."""
     labels = find_labels(scene)
-    classes = {one.id: one.name for one in labels.classes}
+    classes = {kind.id: kind.name for kind in labels.classes}
     class_of = {instance.name: classes[instance.class_id] for instance in labels.instances}
     parts: dict[str, list[int]] = {}
     for number, one in enumerate(scene.instances):
@@ -132,7 +132,9 @@ def memory_bytes(scene: Scene) -> tuple[int, int]:
 
 def scene_textures(scene: Scene) -> list[Texture]:
     """Distinct textures of all materials."""
-    return [*dict.fromkeys(texture for one in scene.materials for texture in textures_of(one))]
+    return [
+        *dict.fromkeys(texture for material in scene.materials for texture in textures_of(material))
+    ]
 
 
 def textures_of(material: Material) -> list[Texture]:

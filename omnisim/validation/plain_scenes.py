@@ -41,7 +41,7 @@ def scene_at_rest(
 ) -> Scene:
     """Scene of meshes in the world frame, on black, without lamps."""
     rest, black = np.eye(4), (0.0, 0.0, 0.0)
-    instances = tuple(Instance(one.name, number, rest, rest) for number, one in enumerate(meshes))
+    instances = tuple(Instance(mesh.name, number, rest, rest) for number, mesh in enumerate(meshes))
     lighting = Lighting(ambient, ())
     return Scene(
         name, tuple(meshes), tuple(materials), instances, lighting, black, StartPose(black)

@@ -77,11 +77,11 @@ class World:
 def placed(scene, world_from_object):
     """Name and corners (m, 3, 3) of each instance, world."""
     parts = []
-    for one in scene.instances:
-        mesh = scene.meshes[one.mesh]
+    for instance in scene.instances:
+        mesh = scene.meshes[instance.mesh]
         points = mesh.positions.astype(np.float64)
-        matrix = world_from_object @ one.world_from_mesh
-        parts.append((one.name, (points @ matrix[:3, :3].T + matrix[:3, 3])[mesh.triangles]))
+        matrix = world_from_object @ instance.world_from_mesh
+        parts.append((instance.name, (points @ matrix[:3, :3].T + matrix[:3, 3])[mesh.triangles]))
     return parts
 
 
@@ -185,7 +185,7 @@ def _scene(name, placed):
 def _is_free(world, time_s):
     """True if the sensor is in the room, and no body's box is near it."""
     origin_m = world.sensor_pose(time_s)[:3, 3]
-    bodies = [one.world_from_mesh for one in world.scene.instances]
+    bodies = [instance.world_from_mesh for instance in world.scene.instances]
     for name, where in world.object_poses(time_s).items():
         bodies.append(where @ world.objects[name].instances[0].world_from_mesh)
     for number, matrix in enumerate(bodies):

@@ -97,7 +97,7 @@ def test_kitti360_has_the_labels_of_the_samples_and_the_poses_of_both_cameras(ri
     target, shards = _converted(rig, tmp_path / "k", "kitti360"), Shards(rig)
     (folder,) = target.glob("data_2d_semantics/train/*")
     labels = json.loads((folder / "labels.json").read_text())
-    assert [one["name"] for one in labels["instances"]] == ["horizon", "lines", "sphere"]
+    assert [label["name"] for label in labels["instances"]] == ["horizon", "lines", "sphere"]
     for row in range(len(shards)):
         sample = shards[row]
         for name, kitti in (("cam0", "image_00"), ("cam1", "image_01")):

@@ -97,13 +97,13 @@ def test_a_window_has_what_the_whole_floor_plan_has(monkeypatch):
         monkeypatch.setattr(free_space, "WINDOW_CELLS", halves)
         found.append(find_free_space(scene, 0.15, HEIGHT_M, STEP_M, floor_m=0.0))
     whole, *windows = found
-    for one in windows:
-        assert one.is_free.shape != whole.is_free.shape
-        places = (free.low_m + free.cell_m * free.free_cells()[:, ::-1] for free in (one, whole))
+    for window in windows:
+        assert window.is_free.shape != whole.is_free.shape
+        places = (free.low_m + free.cell_m * free.free_cells()[:, ::-1] for free in (window, whole))
         np.testing.assert_allclose(*places, atol=1e-12)
-        for cell, same in zip(one.free_cells(), whole.free_cells(), strict=True):
-            assert one.floor_m[tuple(cell)] == whole.floor_m[tuple(same)]
-            assert one.clearance_m[tuple(cell)] <= whole.clearance_m[tuple(same)]
+        for cell, same in zip(window.free_cells(), whole.free_cells(), strict=True):
+            assert window.floor_m[tuple(cell)] == whole.floor_m[tuple(same)]
+            assert window.clearance_m[tuple(cell)] <= whole.clearance_m[tuple(same)]
 
 
 def test_no_floor_is_one_line():

@@ -183,7 +183,7 @@ def test_the_comparison_with_the_paper_is_that_of_the_benchmark(pattern, measure
 def _result(suite, **row):
     """First row of a suite's committed results with these values."""
     text = (ROOT / f"benchmarks/results/llvmpipe-2-cores/{suite}.json").read_text(encoding="utf-8")
-    return next(one for one in json.loads(text)["rows"] if row.items() <= one.items())
+    return next(load for load in json.loads(text)["rows"] if row.items() <= load.items())
 
 
 def test_numbers_of_batches_are_those_of_the_benchmark():
@@ -233,7 +233,7 @@ def test_numbers_of_physics():
 
 
 def test_what_gltf_materials_lack_is_said():
-    (transmission,) = [one for one in FEATURES if "glass is opaque" in one.effect]
+    (transmission,) = [feature for feature in FEATURES if "glass is opaque" in feature.effect]
     assert transmission.name == "transmissionTexture"
 
 

@@ -54,7 +54,7 @@ def test_examples_in_the_default_sensor_file_are_valid(monkeypatch):
     monkeypatch.syspath_prepend(str(EXTENSION))
     examples = dict(importlib.import_module("default_sensor_file").EXAMPLES)
     of_calibration = ("calibration", "camera")
-    lens = {key: one for key, one in examples["lens"].items() if key not in of_calibration}
+    lens = {key: example for key, example in examples["lens"].items() if key not in of_calibration}
     assert OmniCamera.from_table({"lens": lens}).model.model_name == lens["model"]
     for name in ("mirror", "virtual_cameras", "camera", "degradation"):
         assert OmniCamera.from_table({name: examples[name]}) != OmniCamera()

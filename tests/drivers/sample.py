@@ -119,12 +119,12 @@ def _materials() -> Scene:
     sky = Environment(generator.uniform(0.2, 1.0, (16, 32, 3)).astype(np.float32))
     scene = material_chart.chart(Lighting((0.1, 0.1, 0.1), (SUN, LAMP), environment=sky))
     materials = [
-        dataclasses.replace(one, **values[number % len(values)])
-        for number, one in enumerate(scene.materials)
+        dataclasses.replace(material, **values[number % len(values)])
+        for number, material in enumerate(scene.materials)
     ]
     meshes = [
-        dataclasses.replace(one, second_texture_coordinates=one.texture_coordinates[:, ::-1])
-        for one in scene.meshes
+        dataclasses.replace(mesh, second_texture_coordinates=mesh.texture_coordinates[:, ::-1])
+        for mesh in scene.meshes
     ]
     return dataclasses.replace(scene, materials=tuple(materials), meshes=tuple(meshes))
 
@@ -190,8 +190,8 @@ def _scans(count: int) -> Drawings:
 
 def _cameras(size_px: int) -> Drawings:
     """One image by each camera model."""
-    cameras = [one for name, one in CAMERA_EXAMPLES.items() if name in FIRST_EXAMPLES]
-    lens = next(one for one in cameras if isinstance(one, UnifiedCamera))
+    cameras = [example for name, example in CAMERA_EXAMPLES.items() if name in FIRST_EXAMPLES]
+    lens = next(camera for camera in cameras if isinstance(camera, UnifiedCamera))
     mirror = OmniCamera(polygons=None)  # the others are lenses, without a mesh
     return _by_each([*cameras, POLE, OWN, MirroredCamera(lens), mirror], size_px)
 
@@ -224,7 +224,7 @@ def _culled_triangles(size_px: int, count: int) -> Drawings:
 def _by_each(cameras: list, size_px: int) -> Drawings:
     """One image by each camera, pixel after pixel."""
     with Stage("compass") as stage:
-        parts = [_by_one(stage, OmniCamera.of(one).resized(size_px)) for one in cameras]
+        parts = [_by_one(stage, OmniCamera.of(camera).resized(size_px)) for camera in cameras]
     sums = ("images", "unlike itself")
     return {
         name: sum(part[name] for part in parts)

@@ -77,7 +77,9 @@ def test_every_shader_is_compiled(shaders):
     texts = {str(path.relative_to(SHADERS)): path.read_text("utf-8") for path in files}
     opening = {name: text.splitlines()[0] for name, text in texts.items()}
     assert len(set(opening.values())) == len(opening)
-    assert not [name for name, line in opening.items() if not any(line in one for one in sources)]
+    assert not [
+        name for name, line in opening.items() if not any(line in source for source in sources)
+    ]
     asked = re.compile(r"#ifn?def (\w+)|defined\((\w+)\)")
     names = {a or b for text in texts.values() for a, b in asked.findall(text)}
     defined = set(re.findall(r"#define (\w+)", "\n".join(sources)))

@@ -37,8 +37,10 @@ def test_it_runs_to_its_end(tmp_path):
     with tarfile.open(out) as tar:
         tar.extractall(tmp_path, filter="data")
     outcomes = json.loads((tmp_path / "summary.json").read_text("utf-8"))
-    assert [one["name"] for one in outcomes] == list(STEPS)
-    assert [one["name"] for one in outcomes if one["verdict"] != "ok" or one["health"]] == []
+    assert [outcome["name"] for outcome in outcomes] == list(STEPS)
+    assert [
+        outcome["name"] for outcome in outcomes if outcome["verdict"] != "ok" or outcome["health"]
+    ] == []
     assert (tmp_path / "summary.txt").read_text("utf-8") in done.stdout
     results = {
         path.parent.name: json.loads(path.read_text("utf-8"))

@@ -46,7 +46,9 @@ def run(tmp_path_factory):
 
 def given(run, folder, **errors):
     """Recording with errors by sensor."""
-    tables = {name: parse_table(one, CalibrationError, PlanError) for name, one in errors.items()}
+    tables = {
+        name: parse_table(error, CalibrationError, PlanError) for name, error in errors.items()
+    }
     write_given_run(Recording.read(run), tables, folder / "given")
     return Recording.read(folder / "given")
 

@@ -140,8 +140,8 @@ def test_images_alone_find_the_way(tmp_path):
     steps = ("--step", "0.4", "--turn-step", "30")
     run = record(tmp_path, "".join(cameras), "way.csv", "courtyard", ACROSS, steps)
     errors = errors_of(run, ("colmap", "colmap-rig"), tmp_path)
-    for one in errors.values():
-        assert one.poses == Recording.read(run).steps
+    for error in errors.values():
+        assert error.poses == Recording.read(run).steps
     assert errors["colmap"].ate_m < 0.0025
     assert errors["colmap-rig"].scale == pytest.approx(1.0, abs=0.003)
     assert errors["colmap-rig"].ate_m < 0.005  # most of it by the scale

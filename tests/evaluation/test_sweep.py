@@ -47,7 +47,7 @@ def plan(folder, *variations):
 
 
 def drives(points):
-    return [(one.label, one.seed) for one in points]
+    return [(point.label, point.seed) for point in points]
 
 
 def test_each_value_and_seed_is_a_drive(folder):
@@ -61,7 +61,7 @@ def test_each_value_and_seed_is_a_drive(folder):
     assert front["file"] == str(folder / "front.toml")
     assert points[0].drive.robot["sensors"][0]["rate_hz"] == 200.0
     assert points[6].drive.robot["odometry"] == {"turn_scale": 1.05}
-    assert len({one.drive.name for one in points}) == len(points)
+    assert len({point.drive.name for point in points}) == len(points)
 
 
 @pytest.mark.parametrize("changed", ["front.toml", "way.csv"])
@@ -111,7 +111,7 @@ def test_scene_path_and_options_vary(folder, tmp_path):
         folder, ("scene", ["courtyard"]), ("path", ["other.csv"]), ("drive.sky", ["none"]),
         ("scene.light.exposure", [0.5]), ("sensors.front.file", ["wide.toml"]),
     )  # fmt: skip
-    scene, path, option, light, lens = (one.drive for one in points[2::2])
+    scene, path, option, light, lens = (point.drive for point in points[2::2])
     assert scene.write(tmp_path)[0] == "courtyard"
     assert path.path == str(folder / "other.csv")
     assert option.write(tmp_path)[-2:] == ["--sky", "none"]

@@ -22,10 +22,10 @@ def test_the_room_is_textured_and_lit(tmp_path):
     assert lamp.kind is LightKind.POINT
     assert lamp.casts_shadow
     np.testing.assert_allclose(lamp.position_m, (0.0, 0.0, 2.1), atol=1e-9)
-    names = {one.name for one in scene.instances}
+    names = {instance.name for instance in scene.instances}
     assert {"walls", "floor", "ceiling", "crate", "ball", "pillar"} <= names
-    textures = [one.texture for one in scene.materials]
-    assert sum(one is not None and np.ptp(one.pixels) > 30 for one in textures) >= 8
+    textures = [material.texture for material in scene.materials]
+    assert sum(texture is not None and np.ptp(texture.pixels) > 30 for texture in textures) >= 8
     start = find_start(scene.meshes, scene.instances)
     np.testing.assert_allclose(start.position_m, (0.0, 0.0, 1.0), atol=0.01)
     assert abs(floor_height_m(scene, (-1.5, -1.0)) or 0.0) < 0.01

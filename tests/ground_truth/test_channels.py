@@ -60,7 +60,7 @@ def test_layer_names_are_unique():
 def test_reference_and_help_name_all_channels():
     readme = (Path(omnisim.ground_truth.__file__).parent / "README.md").read_text(encoding="utf-8")
     rows = dict(re.findall(r"^\| `(\w+)` \| `(\w+)", readme, flags=re.MULTILINE))
-    first_layers = {name: one.layers[0].partition(".")[0] for name, one in CHANNELS.items()}
+    first_layers = {name: channel.layers[0].partition(".")[0] for name, channel in CHANNELS.items()}
     assert rows == first_layers
     assert list(rows) == list(CHANNELS)
     (option,) = (field for field in request_fields(TruthOptions) if field.name == "also")

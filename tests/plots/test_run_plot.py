@@ -41,7 +41,9 @@ def test_a_scene_where_everything_moves_is_drawn_as_it_begins():
     moving = DynamicObject("all", soccer, Rest((0.0, 0.0, 0.0)))
     empty = dataclasses.replace(soccer, meshes=(), materials=(), instances=(), objects=(moving,))
     map_of = [_figure([(0.0, 0.0)], [0], scene).axes[0] for scene in (soccer, empty)]
-    still, begun = ([one.get_paths() for one in axes.collections[:2]] for axes in map_of)
+    still, begun = (
+        [collection.get_paths() for collection in axes.collections[:2]] for axes in map_of
+    )
     assert list(map(len, still)) == list(map(len, begun))
 
 

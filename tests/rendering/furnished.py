@@ -57,9 +57,9 @@ VIEWS = {
 
 def furnished_room():
     """The room; instances have the names of `names`."""
-    meshes = [_walls(), *(_box(name, *one) for name, one in BOXES.items())]
-    meshes += [_upright(name, *one, 1) for name, one in UPRIGHTS.items()]
-    meshes += [_upright(name, *one, 3) for name, one in PANES.items()]
+    meshes = [_walls(), *(_box(name, *box) for name, box in BOXES.items())]
+    meshes += [_upright(name, *upright, 1) for name, upright in UPRIGHTS.items()]
+    meshes += [_upright(name, *pane, 3) for name, pane in PANES.items()]
     meshes.append(_floor())
     for name, (center_m, radius_m, material) in BALLS.items():
         ball = sphere(radius_m, 64)

@@ -85,8 +85,8 @@ def test_back_ends_agree_on_gloss(tmp_path, sky):
     """Metal, gloss and a coat take lamps' gloss, and surroundings as bright as the baked light."""
     scene = surroundings()
     glossy = [
-        dataclasses.replace(one, **options)
-        for one, options in zip(
+        dataclasses.replace(material, **options)
+        for material, options in zip(
             scene.materials,
             ({"metallic": 0.7, "roughness": 0.3}, {"specular": 1.0, "clearcoat": 0.8}, {}),
             strict=True,
@@ -100,7 +100,7 @@ def test_back_ends_agree_on_gloss(tmp_path, sky):
     scene = dataclasses.replace(scene, materials=tuple(glossy), lighting=lighting)
     scene = baked(tmp_path / "gloss.baked", scene)
     metal = dataclasses.replace(body(), materials=tuple(
-        dataclasses.replace(one, metallic=1.0, roughness=0.4) for one in body().materials
+        dataclasses.replace(material, metallic=1.0, roughness=0.4) for material in body().materials
     ))  # fmt: skip
     assert psnr_of_levels_db(*_both_rgb(scene, metal)) >= 36.0
 
@@ -135,7 +135,7 @@ def test_ground_truth_and_plain_colors_are_those_without_it(furnished):
     other = dataclasses.replace(furnished, lighting=bright)
     np.testing.assert_array_equal(_linear(other, "cube"), _linear(furnished, "cube"))
     plain = dataclasses.replace(furnished, lighting=surroundings().lighting)
-    split = [dataclasses.replace(one, light_coordinates=None) for one in furnished.meshes]
+    split = [dataclasses.replace(mesh, light_coordinates=None) for mesh in furnished.meshes]
     plain = dataclasses.replace(plain, meshes=tuple(split))
     frames = []
     for scene in (furnished, plain):
@@ -174,7 +174,7 @@ def test_an_instance_without_a_rectangle_has_the_light_of_the_probes(tmp_path):
     scene = surroundings()
     whole = baked(tmp_path / "whole.baked", scene)
     some = baked(tmp_path / "some.baked", scene, without=(1, 2))
-    assert [one.light_rectangle is None for one in some.instances] == [False, True, True]
+    assert [instance.light_rectangle is None for instance in some.instances] == [False, True, True]
     np.testing.assert_allclose(_linear(some, "cube"), _linear(whole, "cube"), atol=HALF_FLOATS)
 
 

@@ -33,7 +33,9 @@ CAMERAS = {
     "fisheye": FISHEYE,
 }
 NAMES = tuple(
-    name for name, one in CHANNELS.items() if name not in {*FLOWS.values()} and not one.other
+    name
+    for name, channel in CHANNELS.items()
+    if name not in {*FLOWS.values()} and not channel.other
 )
 
 

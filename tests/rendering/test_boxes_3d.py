@@ -35,7 +35,8 @@ def _framed(meshes, poses):
     """Scene whose instances have the frames of their meshes."""
     scene = scene_of(meshes, poses=poses)
     instances = [
-        dataclasses.replace(one, world_from_node=one.world_from_mesh) for one in scene.instances
+        dataclasses.replace(instance, world_from_node=instance.world_from_mesh)
+        for instance in scene.instances
     ]
     return dataclasses.replace(scene, instances=tuple(instances))
 

@@ -72,5 +72,5 @@ def test_a_glossy_floor_in_a_mirror_has_as_many_rays_as_the_floor_itself():
             images.append(renderer.render(reflective_rooms.camera_pose(), also=("instance",)))
     shown = binary_erosion(images[0].channels["instance"] == len(scene.instances))
     assert shown.sum() > 500
-    ours, many = (one.rgba[..., :3][shown] for one in images)
+    ours, many = (image.rgba[..., :3][shown] for image in images)
     assert psnr_of_levels_db(ours, many) >= 34.0

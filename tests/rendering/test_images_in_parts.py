@@ -92,7 +92,7 @@ def test_an_image_in_parts_is_the_whole_image(stage, name, whole_and_parts):
 def test_ground_truth_in_parts_is_that_of_the_whole(stage, name, whole_and_parts):
     camera = CAMERAS[name]
     others = [one for one in CHANNELS if one not in CHANNELS_OF_NEXT and not CHANNELS[one].other]
-    others = [one for one in others if one not in FLOWS.values()]
+    others = [other for other in others if other not in FLOWS.values()]
 
     def take():
         with stage.open(camera) as renderer:

@@ -98,8 +98,8 @@ def test_rows_of_a_rolling_shutter_are_those_of_their_instants(system, backend):
         rows = np.arange(2, height, 17)
         times_s = (rows / (height - 1) - 0.5) * readout_s
         *instants, middle = _taken(stage, system, *map(motion, (*times_s, 0.0)))
-    expected = np.stack([one.linear[row] for one, row in zip(instants, rows, strict=True)])
-    valid = np.stack([one.valid[row] for one, row in zip(instants, rows, strict=True)])
+    expected = np.stack([instant.linear[row] for instant, row in zip(instants, rows, strict=True)])
+    valid = np.stack([instant.valid[row] for instant, row in zip(instants, rows, strict=True)])
     assert ours.metadata["degradation"]["sub_frames"] > 10
     found_db = psnr_db(ours.linear[rows], expected, valid)
     assert found_db > 35.0
@@ -146,7 +146,9 @@ def test_what_moves_is_where_it_is_at_the_time(system):
     for time_s in (0.0, 1.0):
         cube, rays = (frames[backend, time_s] for backend in BACKENDS)
         assert psnr_of_levels_db(cube.rgb[cube.valid], rays.rgb[cube.valid]) > 28.0
-        names = {one.id: (one.object_name, one.name) for one in rays.labels.instances}
+        names = {
+            instance.id: (instance.object_name, instance.name) for instance in rays.labels.instances
+        }
         seen = {names[one] for one in np.unique(rays.channels["instance"]).tolist() if one}
         assert ("body", "object 1") not in seen
         assert ("other", "object 0") in seen

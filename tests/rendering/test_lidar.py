@@ -28,9 +28,9 @@ START = pose((0.4, -0.3, -0.2), roll_deg=3.0, pitch_deg=-4.0, yaw_deg=30.0)
 def _embree_ranges(scene, origins_m, directions):
     """Ranges (n,) of rays (n, 3) to the surfaces of a scene."""
     corners = [
-        trimesh.transform_points(mesh.positions, one.world_from_mesh)[mesh.triangles]
-        for one in scene.instances
-        for mesh in (scene.meshes[one.mesh],)
+        trimesh.transform_points(mesh.positions, instance.world_from_mesh)[mesh.triangles]
+        for instance in scene.instances
+        for mesh in (scene.meshes[instance.mesh],)
     ]
     return embree_ranges(np.concatenate(corners), origins_m, directions)
 

@@ -53,7 +53,7 @@ def _bilinear(values, uv):
 
     at = uv[:, ::-1].T * TEXELS - 0.5
     layers = np.moveaxis(values.astype(float), -1, 0)
-    return np.stack([map_coordinates(one, at, order=1, mode="grid-wrap") for one in layers], 1)
+    return np.stack([map_coordinates(layer, at, order=1, mode="grid-wrap") for layer in layers], 1)
 
 
 @pytest.mark.parametrize("backend", BACKENDS)

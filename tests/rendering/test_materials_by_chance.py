@@ -89,7 +89,7 @@ def _matte_room(rng):
         meshes.append(_shape(rng, number))
         places.append(_place(rng, rng.uniform(-0.8, 0.8, 3) * ROOM_HALF_M, 0.5))
         materials.append(_matte(rng))
-    centers_m = np.array([one[:3, 3] for one in places[1:]])
+    centers_m = np.array([place[:3, 3] for place in places[1:]])
     lamps = [_lamp_in(rng, centers_m) for _ in range(rng.integers(1, 4))]
     if rng.integers(2):
         lamps.append(_sun(rng))

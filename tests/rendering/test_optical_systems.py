@@ -227,7 +227,7 @@ def test_the_robot_itself_is_right(embree, monkeypatch, casts):
         assert off[ray & decided].mean() <= 1e-3, channel
         assert off[ray].mean() <= (1e-3 if casts else 0.02), channel
     if casts:
-        assert psnr_of_levels_db(*(one.rgb[rays.valid] for one in frames)) > 36.0
+        assert psnr_of_levels_db(*(frame.rgb[rays.valid] for frame in frames)) > 36.0
 
 
 @pytest.mark.parametrize(

@@ -86,8 +86,10 @@ def _evenly_lit():
     """Rooms without overexposed lamps and sky, edges of which count more than all else."""
     scene = load_scene("mapping", baked="none")
     materials = tuple(
-        dataclasses.replace(one, emissive=tuple(min(level, 1.0) for level in one.emissive))
-        for one in scene.materials
+        dataclasses.replace(
+            material, emissive=tuple(min(level, 1.0) for level in material.emissive)
+        )
+        for material in scene.materials
     )
     return dataclasses.replace(scene, materials=materials, background=DEFAULT_BACKGROUND)
 

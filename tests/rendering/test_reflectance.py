@@ -87,14 +87,14 @@ MATERIALS = {
 
 def _spheres(lighting, **values):
     scene = material_chart.chart(lighting)
-    materials = tuple(dataclasses.replace(one, **values) for one in scene.materials)
+    materials = tuple(dataclasses.replace(material, **values) for material in scene.materials)
     shape = material_chart.sphere(material_chart.RADIUS_M, rows=24)
     second = shape.texture_coordinates[:, ::-1]
     meshes = tuple(
         dataclasses.replace(
-            shape, name=one.name, material=one.material, second_texture_coordinates=second
+            shape, name=mesh.name, material=mesh.material, second_texture_coordinates=second
         )
-        for one in scene.meshes
+        for mesh in scene.meshes
     )
     return dataclasses.replace(scene, materials=materials, meshes=meshes)
 
@@ -106,7 +106,7 @@ def _image(scene, camera, backend="cube", pose=None):
 
 def _difference(scene, camera):
     """Differences of the two back ends in steps of 255."""
-    cube, rays = (_image(scene, camera, one) for one in BACKENDS)
+    cube, rays = (_image(scene, camera, backend) for backend in BACKENDS)
     assert cube[..., :3].max() > 100, "expected an image of something"
     return np.abs(cube - rays)[..., :3].max(axis=2)
 
@@ -249,7 +249,7 @@ def test_a_matte_scene_has_no_gloss():
     full = _spheres(LIGHTINGS["lamps"])
     matte = dataclasses.replace(full, lighting=dataclasses.replace(full.lighting, is_matte=True))
     plain = dataclasses.replace(
-        full, materials=tuple(Material("", one.base_color) for one in full.materials)
+        full, materials=tuple(Material("", material.base_color) for material in full.materials)
     )
     for backend in BACKENDS:
         assert (_image(matte, CAMERA, backend) == _image(plain, CAMERA, backend)).all()

@@ -22,7 +22,7 @@ def kinds_of(meshes, materials, lighting=LIGHTING, **options):
     places = [pose((4.0 * at, 0.0, 0.0)) for at in range(len(meshes))]
     scene = scene_of(meshes, materials, places, lighting)
     kinds = reflection_kinds(scene, **options)
-    return [kinds.get(one.name) for one in scene.instances]
+    return [kinds.get(instance.name) for instance in scene.instances]
 
 
 def test_planes_are_mirrors_or_panes_and_bodies_have_probes():
@@ -43,7 +43,7 @@ def test_parts_of_an_instance_have_their_own():
         [pose((0.0, 0.0, 0.0)), pose((4.0, 0.0, 0.0))],
         LIGHTING,
     )
-    instances = tuple(dataclasses.replace(one, name="trolley") for one in scene.instances)
+    instances = tuple(dataclasses.replace(instance, name="trolley") for instance in scene.instances)
     kinds = reflection_kinds(dataclasses.replace(scene, instances=instances))
     assert kinds == {"trolley": ("mirror", "probe")}
 

@@ -153,7 +153,7 @@ def test_a_mesh_of_a_mirror_and_a_ball_is_that_of_both(roughness):
     sensor = dataclasses.replace(fisheye(80), supersampling=1)
     images = []
     for meshes in ([joined], [ball, floor]):
-        parts = [room(), *(dataclasses.replace(one, material=1) for one in meshes)]
+        parts = [room(), *(dataclasses.replace(mesh, material=1) for mesh in meshes)]
         places = [np.eye(4), *(pose(BALL_M) for _ in meshes)]
         images.append(_image(scene_of(parts, [SHINING, material], places), sensor))
     off = np.abs(images[0].astype(int) - images[1]).max(axis=-1)

@@ -41,7 +41,10 @@ def _facing(half_m=1.2):
 
 def _row(count=6):
     """Equal mirrors beside each other, across the camera's axis."""
-    meshes = [room(), *[square(1.0, material=1, name=f"mirror {one}") for one in range(count)]]
+    meshes = [
+        room(),
+        *[square(1.0, material=1, name=f"mirror {number}") for number in range(count)],
+    ]
     offsets = 0.5 * (np.arange(count) - 0.5 * (count - 1))
     depths = 2.0 + 0.001 * np.arange(count)  # not coplanar
     places = [_upright(x, y, 0.2) for x, y in zip(depths, offsets, strict=True)]

@@ -85,9 +85,9 @@ def assert_same(frame, expected):
         ours, theirs = frame.channels[name], expected.channels[name]
         same = np.isclose(ours, theirs, rtol=1e-4, atol=1e-4, equal_nan=True)
         assert same.reshape(96, 96, -1).all(axis=-1).mean() > 1 - 2e-3, name
-    assert [(one.id, one.name, one.class_id) for one in frame.labels.instances] == [
-        (one.id, one.name, one.class_id) for one in expected.labels.instances
-    ]
+    assert [
+        (instance.id, instance.name, instance.class_id) for instance in frame.labels.instances
+    ] == [(instance.id, instance.name, instance.class_id) for instance in expected.labels.instances]
 
 
 @pytest.mark.parametrize("name", slow_but(EDITS, "move", "clear", "texture", "opaque", "add"))

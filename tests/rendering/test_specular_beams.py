@@ -76,7 +76,7 @@ def test_points_behind_a_mirror_are_ghosts_of_the_room(backend):
     seen = np.isfinite(ranges) & (ranges > free + 0.1)
     assert seen.sum() > 10
     # the mirrored points, moved back, are on walls or the post
-    panel = next(one for one in MIRROR.meshes if one.name == "panel")
+    panel = next(mesh for mesh in MIRROR.meshes if mesh.name == "panel")
     corners = panel.positions.astype(np.float64)
     normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
     normal /= np.linalg.norm(normal)
@@ -84,7 +84,7 @@ def test_points_behind_a_mirror_are_ghosts_of_the_room(backend):
     ghosts = ranges[seen, None] * LIDAR.beams.directions[rings, firings] + AT[:3, 3]
     real = ghosts - 2.0 * ((ghosts - corners[0]) @ normal)[:, None] * normal
     on_wall = np.isclose(np.abs(real), (3.0, 2.5, 1.5), atol=1e-3).any(axis=1)
-    names = [one.name for one in MIRROR.instances]
+    names = [instance.name for instance in MIRROR.instances]
     is_post = instances[seen] == 1 + names.index("post")
     assert (on_wall | is_post).all()
     assert on_wall.sum() > 10

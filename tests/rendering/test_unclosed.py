@@ -68,7 +68,7 @@ def test_garbage_of_another_thread_is_released_by_its_own():
         others = [
             stack.enter_context(open_sensor(scene_of([room()]), CAMERA)) for _ in range(MAX_IDLE)
         ]
-        (again,) = (one for one in others if one._stage.context is context)  # emptied
+        (again,) = (other for other in others if other._stage.context is context)  # emptied
         render(again)
 
 

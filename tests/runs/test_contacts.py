@@ -40,7 +40,7 @@ def test_boxes_and_triangles_meet_where_a_linear_program_finds_a_point():
     middles = random.uniform(-2.0, 2.0, (200, 1, 3)) * HALF_M
     corners = middles + random.normal(0.0, 0.25, (200, 3, 3))
     found = meet_box(corners, HALF_M)
-    np.testing.assert_array_equal(found, [_has_common_point(one) for one in corners])
+    np.testing.assert_array_equal(found, [_has_common_point(corner) for corner in corners])
     assert 50 < found.sum() < 150
 
 
@@ -60,8 +60,8 @@ def _scene(*objects):
     names = ["floor", *(f"crate {k}" for k in range(len(objects)))]
     scene = scene_of(meshes, poses=poses)
     instances = tuple(
-        dataclasses.replace(one, name=name)
-        for one, name in zip(scene.instances, names, strict=True)
+        dataclasses.replace(instance, name=name)
+        for instance, name in zip(scene.instances, names, strict=True)
     )
     way = ScenePath("way", ((-2.0, 0.0), (2.0, 0.0)))
     return dataclasses.replace(scene, instances=instances, paths=(way,))
@@ -120,7 +120,10 @@ def test_contacts_are_in_order_and_parts_of_an_object_are_one(vehicle):
     scene = _scene(((1.5, 0.0, 0.3), (0.1, 0.1, 0.1)), ((0.5, 0.0, 0.3), (0.1, 0.1, 0.1)))
     found = _contacts(scene, vehicle)
     assert [contact.object for contact in found] == ["crate 1", "crate 0"]
-    same = tuple(Instance("shelf", one.mesh, one.world_from_mesh) for one in scene.instances[1:])
+    same = tuple(
+        Instance("shelf", instance.mesh, instance.world_from_mesh)
+        for instance in scene.instances[1:]
+    )
     shelf = dataclasses.replace(scene, instances=(scene.instances[0], *same))
     (contact,) = _contacts(shelf, vehicle)
     assert contact.steps == sum(one.steps for one in found)

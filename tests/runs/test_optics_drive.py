@@ -147,7 +147,7 @@ def test_sensor_file(tmp_path):
 
 
 def test_differences_of_long_lists_are_named_by_number():
-    values = [float(one) for one in range(100)]
+    values = [float(number) for number in range(100)]
     other = [*values[:40], -1.0, *values[41:]]
     assert first_difference({"a": values}, {"a": other}) == "a.40 was 40.0, is -1.0"
     assert first_difference({"a": values}, {"a": values[:-1]}) == "a.99 was 99.0, is None"

@@ -47,7 +47,7 @@ def _bytes(folder):
 
 def test_every_step_has_its_channels_and_flows_to_the_steps_beside_it(drive, whole):
     labels = json.loads((whole / "labels.json").read_text())
-    names = {one["id"]: one["name"] for one in labels["classes"]}
+    names = {label["id"]: label["name"] for label in labels["classes"]}
     seen = set()
     poses = drive.plan().truth.world_from_base
     for step in range(STEPS):

@@ -184,7 +184,7 @@ def test_measurements_beyond_those_in_progress_are_written_at_once(whole, tmp_pa
     monkeypatch.setattr(drives.PlannedDrive, "_moment", begun)
     list(drive_of(*SENSORS).plan().record(tmp_path / "run"))
     assert bytes_of(tmp_path / "run") == bytes_of(whole)
-    in_progress = np.cumsum([1 if one == "begun" else -1 for one in events])
+    in_progress = np.cumsum([1 if event == "begun" else -1 for event in events])
     assert (in_progress.max(), in_progress[-1]) == (2, 0)
 
 

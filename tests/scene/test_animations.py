@@ -58,11 +58,11 @@ def _expected(interpolation, time_s):
 def _corners_m(scene, time_s):
     """Corners (n, 3) of all dynamic objects in the world."""
     corners_m = []
-    for one in scene.objects:
-        pose = one.motion.pose_at(time_s)
+    for moving in scene.objects:
+        pose = moving.motion.pose_at(time_s)
         assert is_pose(pose)
-        for number in range(len(one.shape.instances)):
-            corners_m.append(points_of(one.shape, number) @ pose[:3, :3].T + pose[:3, 3])
+        for number in range(len(moving.shape.instances)):
+            corners_m.append(points_of(moving.shape, number) @ pose[:3, :3].T + pose[:3, 3])
     return np.concatenate(corners_m)
 
 
@@ -89,7 +89,7 @@ def test_nodes_move_as_scipy_interpolates(interpolation, mirrored, tmp_path):
     )
     scene = load_scene(gltf.write(tmp_path / "a.glb"))
     assert scene.notices == ()
-    assert [one.name for one in scene.objects] == ["arm"]
+    assert [moving.name for moving in scene.objects] == ["arm"]
     assert scene.objects[0].shape.instance_names == ("hand",)
     base = np.eye(4)
     base[:3, :3] = Rotation.from_quat([0, 0.6, 0, 0.8]).as_matrix() @ np.diag([mirrored * 2, 2, 2])
@@ -125,9 +125,9 @@ def _turntable():
 def test_only_what_moves_is_a_dynamic_object(tmp_path):
     scene = load_scene(_turntable().write(tmp_path / "a.glb"))
     assert scene.instance_names == ("floor",)
-    assert [one.name for one in scene.objects] == ["table", "cup"]
+    assert [moving.name for moving in scene.objects] == ["table", "cup"]
     assert len(scene.meshes) == 1
-    cup = next(one for one in scene.objects if one.name == "cup")
+    cup = next(moving for moving in scene.objects if moving.name == "cup")
     # the table has turned by 45°, and the cup is at its end since 1 s: each channel ends by itself
     place = cup.motion.pose_at(1.0)[:3, 3]
     np.testing.assert_allclose(place, [np.sqrt(0.5), np.sqrt(0.5), 0.5], atol=1e-6)
@@ -142,7 +142,7 @@ def _named(folder, name):
 def test_a_toml_chooses_the_animation(tmp_path):
     _turntable().write(tmp_path / "a.glb")
     slide = _named(tmp_path, "slide")
-    assert [one.name for one in slide.objects] == ["cup"]
+    assert [moving.name for moving in slide.objects] == ["cup"]
     assert slide.notices == ()
     rest = _named(tmp_path, "none")
     assert rest.objects == ()
@@ -179,7 +179,7 @@ def test_a_scene_where_everything_moves_has_bounds_and_exposure(tmp_path):
     scene = load_scene(gltf.write(tmp_path / "a.glb"))
     assert scene.instances == ()
     # the name of a vehicle's body is taken
-    assert [one.name for one in scene.objects] == ["body_1"]
+    assert [moving.name for moving in scene.objects] == ["body_1"]
     expected = WORLD_FROM_FILE[:3, :3] @ (CORNERS + [3, 0, 0]).T
     low, high = expected.min(axis=1), expected.max(axis=1)
     np.testing.assert_allclose(scene.bounds_m(), [low, high], atol=1e-6)

@@ -36,10 +36,10 @@ def test_starts_are_on_the_stroll(scene):
 
 
 def test_surfaces_are_of_every_kind_that_fools_robots(scene):
-    materials = {one.name: one for one in scene.materials}
+    materials = {material.name: material for material in scene.materials}
 
     def names(kind):
-        return {name for name, one in materials.items() if kind_of(one) & kind}
+        return {name for name, material in materials.items() if kind_of(material) & kind}
 
     assert names(SurfaceKind.PLANAR_PANE) == {"pane", "roof_glass"}
     assert transmitted(materials["frosted"], SurfaceKind.FROSTED) == 1.0

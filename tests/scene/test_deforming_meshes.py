@@ -49,8 +49,8 @@ def _write(folder, skinned=True, morphed=True, weights=None, sets=2, **animation
         ]
     if morphed:
         primitive["targets"] = [
-            {"POSITION": gltf.accessor(one, "VEC3"), "NORMAL": gltf.accessor(two, "VEC3")}
-            for one, two in zip(OFFSETS, NORMAL_OFFSETS, strict=True)
+            {"POSITION": gltf.accessor(offset, "VEC3"), "NORMAL": gltf.accessor(two, "VEC3")}
+            for offset, two in zip(OFFSETS, NORMAL_OFFSETS, strict=True)
         ]
     gltf.tree["meshes"].append({"primitives": [primitive], "weights": [0.5, 0, 0, 0, 0.25]})
     node = {"mesh": 0, "name": "blob", "translation": [3, 1, 2]}
@@ -206,7 +206,7 @@ def test_an_object_plays_the_animation_that_it_names(tmp_path):
 
 def test_nodes_together_are_nodes_one_by_one(tmp_path):
     scene = load_scene(Figure().write(tmp_path / "a.glb"))
-    (deformation,) = [one.deformation for one in scene.meshes if one.deformation is not None]
+    (deformation,) = [mesh.deformation for mesh in scene.meshes if mesh.deformation is not None]
     skeleton = deformation.skeleton
     for time_s in (0.0, 0.123, 0.9999, 17.3):
         alone = np.stack([node.transform_at(time_s) for node in skeleton.nodes])

@@ -57,7 +57,7 @@ def test_objects_are_added_moved_and_removed():
 def test_only_the_named_object_gets_the_color():
     part = tetrahedron(colors=np.zeros((4, 3)))
     scene = part.added("second", part).recolored("second", (0.5, 0.25, 0.125))
-    first, second = (scene.meshes[one.mesh] for one in scene.instances)
+    first, second = (scene.meshes[instance.mesh] for instance in scene.instances)
     assert scene.materials[second.material].base_color == (0.5, 0.25, 0.125, 1.0)
     assert second.colors is None
     assert first.colors is part.meshes[0].colors

@@ -371,7 +371,9 @@ def test_maps_of_gloss_and_clear_coats_are_packed(tmp_path):
             "index": first,
             "extensions": {"KHR_texture_transform": {"offset": [0.5, 0.0]}},
         }
-        content = {key: places[one] if isinstance(one, str) else one for key, one in values.items()}
+        content = {
+            key: places[value] if isinstance(value, str) else value for key, value in values.items()
+        }
         plain.attribute("TEXCOORD_0", np.array([[0, 0], [1, 0], [0, 1]], "<f4"), "VEC2")
         plain.extend(plain.material, extension, **content)
         scene = load_scene(plain.gltf.write(tmp_path / "a.glb"))

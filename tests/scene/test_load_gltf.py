@@ -430,7 +430,8 @@ def copies(gltf, tmp_path):
 
     def load(**attributes):
         entries = {
-            name: gltf.accessor(one, f"VEC{one.shape[1]}") for name, one in attributes.items()
+            name: gltf.accessor(attribute, f"VEC{attribute.shape[1]}")
+            for name, attribute in attributes.items()
         }
         extensions = {"EXT_mesh_gpu_instancing": {"attributes": entries}}
         gltf.tree["extensionsRequired"] = list(extensions)
@@ -442,7 +443,7 @@ def copies(gltf, tmp_path):
 
 def test_copies_are_instances_at_their_places(copies):
     scene = copies(TRANSLATION=PLACES, ROTATION=TURNS, SCALE=SCALES)
-    assert [one.name for one in scene.instances] == ["tree_0", "tree_1", "tree_2"]
+    assert [instance.name for instance in scene.instances] == ["tree_0", "tree_1", "tree_2"]
     assert len(scene.meshes) == 1
     expected = [
         [[10, 0, 0], [11, 0, 0], [10, 1, 0]],

@@ -294,7 +294,7 @@ def test_objects_and_groups_of_obj_are_instances(first, second, names, tmp_path)
     assert set(scene.instance_names) == names
     assert scene.triangle_count == 2
     if names == {"legs", "top"}:  # the material goes on through a group
-        assert {scene.materials[one.material].name for one in scene.meshes} == {"m"}
+        assert {scene.materials[mesh.material].name for mesh in scene.meshes} == {"m"}
 
 
 @pytest.mark.parametrize(("line", "is_noted"), [("Tr 1", 1), ("d 0", 1), ("Tr 0", 0), ("d 1", 0)])
@@ -318,8 +318,8 @@ def test_collada_without_an_up_axis_says_which_was_taken(tmp_path):
     trimesh.creation.box().export(path)
     text = re.sub(r"<up_axis>.*?</up_axis>", "", path.read_text())
     path.write_text(text)
-    assert any("states no up axis: y is up" in one for one in load_scene(path).notices)
-    assert not any("up axis" in one for one in load_scene(path, up_axis="z").notices)
+    assert any("states no up axis: y is up" in notice for notice in load_scene(path).notices)
+    assert not any("up axis" in notice for notice in load_scene(path, up_axis="z").notices)
 
 
 def test_the_likely_unit_of_an_unusually_large_scene_is_said(tmp_path):

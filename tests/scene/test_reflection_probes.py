@@ -75,13 +75,13 @@ def test_smooth_metal_precedes_larger_rough_gloss():
     gloss = Material(metallic=0.0, roughness=0.4, specular=1.0)
     meshes = [sphere(2.0, 8), dataclasses.replace(sphere(0.5, 8), material=1)]
     places = [pose(), pose((9.0, 0.0, 0.0))]
-    assert [one.surfaces for one in _probes(meshes, [gloss, CHROME], places)] == [{1}, {0}]
+    assert [probe.surfaces for probe in _probes(meshes, [gloss, CHROME], places)] == [{1}, {0}]
     coated = dataclasses.replace(gloss, clearcoat=1.0)
-    assert [one.surfaces for one in _probes(meshes, [coated, gloss], places)] == [{0}, {1}]
+    assert [probe.surfaces for probe in _probes(meshes, [coated, gloss], places)] == [{0}, {1}]
     column = dataclasses.replace(sphere(1.0, 8), name="column")  # of less area than a ball
     places = [np.diag((0.05, 0.05, 2.0, 1.0)), pose((9.0, 0.0, 0.0))]
     ball = sphere(0.5, 8)
-    assert [one.surfaces for one in _probes([column, ball], [CHROME], places)] == [{1}, {0}]
+    assert [probe.surfaces for probe in _probes([column, ball], [CHROME], places)] == [{1}, {0}]
 
 
 def test_objects_do_not_share_probes():
@@ -93,7 +93,7 @@ def test_objects_do_not_share_probes():
     first, second = find_probes(surfaces, ())
     assert (first.object_index, first.surfaces) == (None, {0})
     assert (second.object_index, second.surfaces) == (0, {1, 2})
-    assert [one.surfaces for one in find_probes(surfaces, (), {2})] == [{2}]
+    assert [probe.surfaces for probe in find_probes(surfaces, (), {2})] == [{2}]
 
 
 def test_slim_pipes_are_left_out_of_their_probes():

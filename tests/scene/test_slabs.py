@@ -41,9 +41,9 @@ def slab(size_m, center_m=(0.0, 0.0, 0.0), material=0):
 
 def joined(*meshes):
     """Mesh of several."""
-    starts = np.cumsum([0, *(len(one.positions) for one in meshes)])
-    triangles = [one.triangles + start for one, start in zip(meshes, starts, strict=False)]
-    positions = np.concatenate([one.positions for one in meshes])
+    starts = np.cumsum([0, *(len(mesh.positions) for mesh in meshes)])
+    triangles = [mesh.triangles + start for mesh, start in zip(meshes, starts, strict=False)]
+    positions = np.concatenate([mesh.positions for mesh in meshes])
     return Mesh("joined", positions, np.concatenate(triangles).astype(np.uint32), 0)
 
 
@@ -88,9 +88,9 @@ def test_two_parallel_faces_that_look_away_from_each_other_are_a_pane(mesh, plac
 
 def test_bodies_of_the_same_material_stay_bodies():
     scene = scene_of([WINDOW, sphere(1.0, 8)], [GLASS])
-    assert [is_slab(scene.materials[one.material]) for one in scene.meshes] == [True, False]
+    assert [is_slab(scene.materials[mesh.material]) for mesh in scene.meshes] == [True, False]
     moved = scene.added("other", scene_of([WINDOW], [GLASS]), TURNED)
-    assert [is_slab(moved.materials[one.material]) for one in moved.meshes] == [True, False, True]
+    assert [is_slab(moved.materials[mesh.material]) for mesh in moved.meshes] == [True, False, True]
     thin = dataclasses.replace(moved.materials[moved.meshes[0].material], thickness_m=0.0)
     assert not is_slab(thin)
     assert pane_transmission(thin) == GLASS.transmission

@@ -32,5 +32,5 @@ def solid_of(scene, name=None):
 
 def material_of(scene, name):
     """Material of the first instance of a name."""
-    mesh = next(one.mesh for one in scene.instances if one.name == name)
+    mesh = next(instance.mesh for instance in scene.instances if instance.name == name)
     return scene.materials[scene.meshes[mesh].material]

@@ -38,8 +38,8 @@ def test_light_is_that_of_the_lamps(name):
     scene = load_scene(FOLDER / f"{name}.toml")
     kinds, exposure = LIT[name]
     lighting = scene.lighting
-    assert [one.kind for one in lighting.lights] == kinds
-    assert all(one.casts_shadow for one in lighting.lights)
+    assert [light.kind for light in lighting.lights] == kinds
+    assert all(light.casts_shadow for light in lighting.lights)
     assert (lighting.ambient, lighting.exposure) == ((0.0, 0.0, 0.0), exposure)
     assert (lighting.environment, lighting.baked, lighting.fog) == (None, None, None)
     assert scene.background == (0.0, 0.0, 0.0)

@@ -94,7 +94,7 @@ def detect_format(text: str, source: str, name: str | None = None) -> Format[Any
         )
     form = format_named(name)
     # the name that the user gives tells OpenCV's three formats apart
-    foreign = [one for one in candidates if _family(one) != _family(form)]
+    foreign = [candidate for candidate in candidates if _family(candidate) != _family(form)]
     if foreign and not form.looks_like(text) and len(foreign) == len(candidates):
         raise CalibrationError(
             f"{source}: this looks like a {foreign[0].name} file ({foreign[0].title}): "

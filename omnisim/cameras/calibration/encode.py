@@ -64,9 +64,9 @@ def encode_cameras(
     parsed, metadata, written = [], [], []
     for camera in cameras:
         poses = tuple(
-            NamedPose(new.get(one.target, one.target), new.get(one.source, one.source),
-                      one.target_from_source)
-            for one in camera.poses
+            NamedPose(new.get(pose.target, pose.target), new.get(pose.source, pose.source),
+                      pose.target_from_source)
+            for pose in camera.poses
         )  # fmt: skip
         named = dataclasses.replace(camera, name=new[camera.name], poses=poses)
         encoded = encode(named, form, f"{source}: {camera.name}", model)

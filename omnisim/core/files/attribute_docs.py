@@ -34,7 +34,7 @@ def _docs_in(module: str) -> dict[str, dict[str, str]]:
         return {}
     with open(spec.origin, encoding="utf-8") as file:
         classes = [one for one in ast.parse(file.read()).body if isinstance(one, ast.ClassDef)]
-    return {one.name: _docs_below(one.body) for one in classes}
+    return {kind.name: _docs_below(kind.body) for kind in classes}
 
 
 def _docs_below(body: list[ast.stmt]) -> dict[str, str]:

@@ -53,7 +53,7 @@ def keys_of(model: type[pydantic.BaseModel]) -> Iterator[Key]:
     docs = attribute_docs(model)
     for name, field in model.model_fields.items():
         rules = [*field.metadata, *_rules(field.annotation)]
-        typical = next((one for one in rules if isinstance(one, Typical)), None)
+        typical = next((rule for rule in rules if isinstance(rule, Typical)), None)
         text = docs.get(name, "")
         if typical is not None:
             text = f"{text.removesuffix('.')}; {typical}."

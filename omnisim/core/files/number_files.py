@@ -33,7 +33,7 @@ def read_arrays(
         quiet = warnings.catch_warnings(action="ignore")
         with quiet, np.load(path, allow_pickle=False) as stored:
             selected_names = (
-                stored.files if names is None else [one for one in stored.files if one in names]
+                stored.files if names is None else [file for file in stored.files if file in names]
             )
             arrays = {name: stored[name] for name in selected_names}
     except OSError as reason:
@@ -41,7 +41,7 @@ def read_arrays(
         raise error(f"{path}: cannot be read: {message}: {expected}") from None
     except Exception:  # NumPy and zipfile raise many exceptions for a damaged file
         raise error(f"{path}: is no {kind}: {expected}") from None
-    if not all(isinstance(one, np.ndarray) for one in arrays.values()):  # bytes of another file
+    if not all(isinstance(array, np.ndarray) for array in arrays.values()):  # bytes of another file
         raise error(f"{path}: is no {kind}: {expected}")
     return arrays
 

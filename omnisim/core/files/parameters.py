@@ -266,7 +266,7 @@ def _written(value: Any, full: bool) -> Any:
 
 def _settings(kind: type) -> list[dataclasses.Field[Any]]:
     """Fields of a dataclass that are settings."""
-    return [one for one in dataclasses.fields(kind) if one.metadata.get("in_files", True)]
+    return [field for field in dataclasses.fields(kind) if field.metadata.get("in_files", True)]
 
 
 def _default(field: dataclasses.Field[Any]) -> Any:
@@ -290,7 +290,7 @@ def table_of(kind: type) -> type[Table]:
 def _checks_of(kind: type[Parameters]) -> type[Table]:
     """Schema of the fields as they are in Python: angles in radians."""
     if kind not in _CHECKS:
-        is_same = all(kind.file_key(one.name) == one.name for one in _settings(kind))
+        is_same = all(kind.file_key(setting.name) == setting.name for setting in _settings(kind))
         _CHECKS[kind] = table_of(kind) if is_same else _make_table(kind, str)
     return _CHECKS[kind]
 
@@ -300,7 +300,9 @@ def _make_table(kind: type, file_key: Callable[[str], str]) -> type[Table]:
         key: (hint, default) for key, hint, default in _file_fields(kind, file_key)
     }
     made = pydantic.create_model(kind.__name__, __base__=Table, __doc__=kind.__doc__, **fields)
-    names = {one.name: file_key(one.name) for one in _settings(kind)}  # as they are in Python
+    names = {
+        setting.name: file_key(setting.name) for setting in _settings(kind)
+    }  # as they are in Python
     made.fields_of, made.synonyms = kind, names | dict(getattr(kind, "synonyms", {}))
     return made
 
@@ -352,8 +354,8 @@ def _in_degrees(annotation: Any) -> Any:
     if origin is Annotated:
         rules = [
             rule
-            for one in parts[1:]
-            for rule in (one.metadata if isinstance(one, FieldInfo) else [one])
+            for part in parts[1:]
+            for rule in (part.metadata if isinstance(part, FieldInfo) else [part])
         ]
         return Annotated[_in_degrees(parts[0]), *map(_rule_in_degrees, rules)]
     if origin in (typing.Union, types.UnionType):

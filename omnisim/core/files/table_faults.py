@@ -105,7 +105,9 @@ def _expected(
         table = _table_at(model, names[:-1])
         field = table.model_fields.get(names[-1]) if table else None
         annotation = field.annotation if field else None
-        is_open = len(names) == 1 and any(get_origin(one) is dict for one in get_args(annotation))
+        is_open = len(names) == 1 and any(
+            get_origin(argument) is dict for argument in get_args(annotation)
+        )
         if is_open or _table_at(model, names) is not None:
             return f"tables, [[{key}]]"
         if _are_words(annotation):

@@ -181,7 +181,7 @@ def extended(
         base = extended(read_tables(path, error), str(path), error, find, rivals, here)
     except OmnisimError as reason:
         raise error(f"{source}: extends = {name!r}: {reason}") from None
-    lost = {one for key, others in rivals.items() if key in own.keys() - base for one in others}
+    lost = {other for key, others in rivals.items() if key in own.keys() - base for other in others}
     base = {key: value for key, value in base.items() if key not in lost}
     return _merged(with_absolute_files(base, path.parent), own)
 

@@ -150,7 +150,7 @@ class PreparedPlan:
             if free is None:
                 table = self.plan.viewpoints
                 highest_m = table.height_m.high
-                tallest = max((one.height_m for one in self.objects), default=0.0)
+                tallest = max((moving.height_m for moving in self.objects), default=0.0)
                 free = find_free_space(
                     self.scene(number),
                     table.radius_m,
@@ -261,7 +261,7 @@ class PreparedPlan:
         """Hash of the plan, the contents of its files and omnisim's version; hexadecimal."""
         digest = hashlib.sha256(json.dumps(self.plan.content(), sort_keys=True).encode())
         scenes = [fingerprint(self.scene(number)) for number in range(len(self.plan.scenes))]
-        objects = [fingerprint(one.scene) for one in self.objects]
+        objects = [fingerprint(moving.scene) for moving in self.objects]
         _ = self.rigs  # reports their faults first
         reader = SourceReader()
         for file in self.rig_files:

@@ -171,10 +171,10 @@ def compare_images(
     unknown.
     """
     center = np.array(sensor.model.principal_point_px)
-    corners = np.concatenate([one.corners_px for one in images])
-    offsets = np.concatenate([one.offsets_px for one in images])
-    rises = np.concatenate([one.rises_px for one in images])
-    edges = np.concatenate([one.edge_centers_px for one in images])
+    corners = np.concatenate([image.corners_px for image in images])
+    offsets = np.concatenate([image.offsets_px for image in images])
+    rises = np.concatenate([image.rises_px for image in images])
+    edges = np.concatenate([image.edge_centers_px for image in images])
     radii = np.linalg.norm(corners - center, axis=1)
     edge_radii = np.linalg.norm(edges - center, axis=1)
     limits = np.quantile(radii, np.linspace(0.0, 1.0, RINGS + 1))
@@ -197,8 +197,8 @@ def compare_images(
         lost = count - int(inside.sum())
         radius_px = float(radii[in_ring].max())
         rings.append(Ring(radius_px, count, lost, bias, rms, *median.tolist()))
-    levels = np.concatenate([one.levels for one in images])
-    noise = noise_by_level([one.blocks for one in images])
+    levels = np.concatenate([image.levels for image in images])
+    noise = noise_by_level([image.blocks for image in images])
     return Comparison(tuple(images), tuple(rings), levels[:, 1] - levels[:, 0], noise)
 
 
@@ -272,7 +272,7 @@ def noise_by_level(blocks: Sequence[Floats]) -> tuple[NoiseLevel, ...]:
         noises = [both[bins[:, side] == index, side, 1] for side in (0, 1)]
         if min(map(len, noises)) >= MIN_BLOCKS:
             middle = BIN_LEVELS * (index + 0.5)
-            medians = [float(np.median(one)) for one in noises]
+            medians = [float(np.median(noise)) for noise in noises]
             rows.append(NoiseLevel(middle, len(noises[0]), *medians))
     return tuple(rows)
 

@@ -97,13 +97,13 @@ def compare_scene_images(sensor: OmniCamera, images: list[ImageComparison]) -> C
     Raises:
         MeasurementError: too few corners, or most are not found in the twin's images.
     """
-    count = sum(len(one.corners_px) for one in images)
+    count = sum(len(image.corners_px) for image in images)
     if count < MIN_CORNERS:
         raise MeasurementError(
             f"{count} corners in the images: expected at least {MIN_CORNERS}: take sharp images of "
             "a scene with more detail"
         )
-    found = sum(int(np.isfinite(one.offsets_px).all(axis=1).sum()) for one in images)
+    found = sum(int(np.isfinite(image.offsets_px).all(axis=1).sum()) for image in images)
     if found < max(_MIN_FOUND * count, RINGS):
         raise MeasurementError(
             f"{found} of {count} corners are found in the twin's images: expected most of them: "
@@ -114,7 +114,7 @@ def compare_scene_images(sensor: OmniCamera, images: list[ImageComparison]) -> C
 
 def brighter_ev(sensor: OmniCamera, images: list[ImageComparison]) -> float:
     """Median light of the images' even blocks over that of the twin's, EV; NaN: no even blocks."""
-    levels = np.concatenate([one.levels for one in images])
+    levels = np.concatenate([image.levels for image in images])
     if not len(levels):
         return math.nan
     encoding = sensor.degradation.encoding or Encoding()

@@ -319,8 +319,10 @@ def _april_grid(board: AprilGrid, quarter_turns: int) -> PrintedPattern:
     starts_x = pitch * np.arange(board.columns)
     starts_y = -tag - pitch * np.arange(board.rows)[::-1]  # y is down, rows count upward
     x, y = (
-        np.concatenate((starts[0] - gap * np.array([2.0, 1.0]), *(one + lines for one in starts),
-                        starts[-1] + tag + gap * np.array([1.0, 2.0])))
+        np.concatenate((
+            starts[0] - gap * np.array([2.0, 1.0]), *(start + lines for start in starts),
+            starts[-1] + tag + gap * np.array([1.0, 2.0]),
+        ))
         for starts in (starts_x, starts_y)
     )  # fmt: skip
     cells = np.zeros((len(y) - 1, len(x) - 1), dtype=bool)

@@ -81,12 +81,12 @@ def choose_model(
         except (CalibrationError, OpticsError) as reason:
             results.append(ModelResult(name, 0, math.nan, math.nan, str(reason)))
     if not candidates:
-        reasons = "; ".join(f"{one.name}: {one.reason}" for one in results)
+        reasons = "; ".join(f"{result.name}: {result.reason}" for result in results)
         raise MeasurementError(f"no model describes the lens: {reasons}")
     limit = _MAX_ERROR_RATIO * min(one.fit.rms_px for one in candidates)
     near = [one for one in candidates if one.fit.rms_px <= limit]
     errors = {one.name: _held_out(one, part, stiffness) for one in near}
-    known = {name: one for name, one in errors.items() if one is not None}
+    known = {name: error for name, error in errors.items() if error is not None}
     if known:
         chosen = _chosen([one for one in candidates if one.name in known], known, part)
     else:
@@ -142,7 +142,10 @@ def _chosen(
         Learning (2009), 7.10.
     """
     counts = np.diff(corners.starts)
-    sums = {name: np.square(errors[name]).sum(axis=1) for name in (one.name for one in candidates)}
+    sums = {
+        name: np.square(errors[name]).sum(axis=1)
+        for name in (candidate.name for candidate in candidates)
+    }
     squared = {
         name: np.add.reduceat(values, corners.starts[:-1]) / counts for name, values in sums.items()
     }
@@ -153,7 +156,7 @@ def _chosen(
         error = float(excess.std(ddof=1)) / math.sqrt(len(excess))
         return float(excess.mean()) <= min(error, MAX_EXCESS * float(squared[best].mean()))
 
-    good = [one for one in candidates if is_as_good(one.name)]
+    good = [candidate for candidate in candidates if is_as_good(candidate.name)]
     return min(good, key=lambda one: (len(one.parameters.start), float(squared[one.name].mean())))
 
 

@@ -133,7 +133,7 @@ def _bag_files(bag: Path, topic: str, folder: Path) -> list[Path]:
             images = [
                 one for one in reader.connections if one.msgtype in (_RAW_TYPE, _COMPRESSED_TYPE)
             ]
-            names = sorted({one.topic for one in images})
+            names = sorted({image.topic for image in images})
             if not names:
                 raise MeasurementError(f"{bag}: expected a topic of images, got none")
             if topic and topic not in names:
@@ -145,7 +145,7 @@ def _bag_files(bag: Path, topic: str, folder: Path) -> list[Path]:
                     f"{example}"
                 )
             name = topic or names[0]
-            used = [one for one in images if one.topic == name]
+            used = [image for image in images if image.topic == name]
             chosen = _chosen(sum(one.msgcount for one in used))
             messages = (
                 (index, reader.deserialize(data, connection.msgtype))

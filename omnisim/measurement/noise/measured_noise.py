@@ -111,7 +111,7 @@ def _aligned(
     used = (bits >> shift).bit_length()
     if bit_depth is not None and used > bit_depth:
         raise MeasurementError(f"bit depth {bit_depth}: expected at least {used}, which values use")
-    shifted = [[one.shifted(shift) for one in frames] for frames in (darks, flats)]
+    shifted = [[frame.shifted(shift) for frame in frames] for frames in (darks, flats)]
     return shifted[0], shifted[1], bit_depth or used
 
 
@@ -163,7 +163,7 @@ class _Collector:
     def dark(self) -> None:
         """Measure black level, dark current and read noise."""
         dark, gain = self._dark, self._gain
-        count = sum(one.count for one in dark.frames)
+        count = sum(frame.count for frame in dark.frames)
         black = dark.black_dn
         exposures = len(dark.frames)
         frames = f"{count} dark frames at {exposures} exposure{'s' if exposures > 1 else ''}"
@@ -177,10 +177,10 @@ class _Collector:
             sigma = math.hypot(rate_sigma, rate_e * self._gain_share)
             self._add("dark_current_e_per_s", rate_e, sigma, "e/s", f"growth over {frames}")
         self._add("black_level_dn", black, dark.black_sigma_dn, "DN", f"mean of {frames}")
-        variances = np.array([one.variance_dn2 for one in dark.frames])
-        sigmas = np.array([one.variance_sigma_dn2 for one in dark.frames])
+        variances = np.array([frame.variance_dn2 for frame in dark.frames])
+        sigmas = np.array([frame.variance_sigma_dn2 for frame in dark.frames])
         # electrons of the dark current have shot noise of their own
-        growth = np.array([dark.rate_dn_per_s * one.exposure_s for one in dark.frames])
+        growth = np.array([dark.rate_dn_per_s * frame.exposure_s for frame in dark.frames])
         read = variances - QUANTIZATION_DN2 - np.maximum(growth, 0.0) / gain
         weights = np.maximum(sigmas, 1e-12) ** -2
         read_dn2 = float(np.average(read, weights=weights))
@@ -293,9 +293,9 @@ class DarkSignal:
 
     def mean_dn(self, exposure_s: float) -> float:
         """Mean dark value at an exposure: of frames with that exposure, else by the line."""
-        for one in self.frames:
-            if np.isclose(one.exposure_s, exposure_s, rtol=1e-6):
-                return one.mean_dn
+        for frame in self.frames:
+            if np.isclose(frame.exposure_s, exposure_s, rtol=1e-6):
+                return frame.mean_dn
         return self.black_dn + self.rate_dn_per_s * exposure_s
 
     def variance_dn2(self, exposure_s: float) -> float:
@@ -305,10 +305,10 @@ class DarkSignal:
 
 def dark_signal(darks: Sequence[FrameStatistics]) -> DarkSignal:
     """Fit a line to the means of dark frames over exposure, weighted by their precision."""
-    times = np.array([one.exposure_s for one in darks])
-    means = np.array([one.mean_dn for one in darks])
-    pixels = np.array([one.mean_image_dn.size * one.count for one in darks])
-    sigmas = np.sqrt(np.maximum([one.variance_dn2 for one in darks], 1.0 / 12.0) / pixels)
+    times = np.array([dark.exposure_s for dark in darks])
+    means = np.array([dark.mean_dn for dark in darks])
+    pixels = np.array([dark.mean_image_dn.size * dark.count for dark in darks])
+    sigmas = np.sqrt(np.maximum([dark.variance_dn2 for dark in darks], 1.0 / 12.0) / pixels)
     if np.ptp(times) == 0.0:
         black = float(np.average(means, weights=sigmas**-2))
         return DarkSignal(black, float(np.min(sigmas)), 0.0, np.inf, tuple(darks))

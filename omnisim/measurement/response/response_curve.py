@@ -394,9 +394,9 @@ def fit_profile(light: Floats, squared: Floats, offsets: Floats, brightest: floa
     rate = min(_RATES.tolist(), key=misfit)
     wide = _fit(light, squared, offsets, MIN_TERMS + 1, rate, brightest)
     profiles = [*polynomials[:2], wide, *polynomials[2:]]  # by their number of unknowns
-    errors = [float(np.sqrt(np.mean(np.square(one.residuals[judged])))) for one in profiles]
+    errors = [float(np.sqrt(np.mean(np.square(profile.residuals[judged])))) for profile in profiles]
     limit = max(_MAX_ERROR_RATIO * min(errors), _MIN_ERROR * brightest)
-    return next(one for one, rms in zip(profiles, errors, strict=True) if rms <= limit)
+    return next(profile for profile, rms in zip(profiles, errors, strict=True) if rms <= limit)
 
 
 def _terms(squared: Floats, count: int, rate: float) -> Floats:

@@ -419,7 +419,7 @@ class _Problem:
         center = np.concatenate(points).mean(axis=0)  # about which the poses change least
         self._points = np.concatenate(points) - center
         self.pixels_px = np.concatenate([view.pixels_px for view in views])
-        self._image = np.repeat(np.arange(len(views)), [len(one) for one in points])
+        self._image = np.repeat(np.arange(len(views)), [len(point) for point in points])
         self._turns = poses[:, :3, :3]
         self._centers = poses[:, :3, :3] @ center + poses[:, :3, 3]
         # indices (images, window) of the images nearest to an image, in time

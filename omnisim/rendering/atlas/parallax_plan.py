@@ -164,13 +164,13 @@ def rays_by_color(sensor: OmniCamera) -> tuple[list[ParallaxRays], Floats]:
     """
     assert isinstance(sensor.model, NonCentralCamera)
     cameras = sensor.model.by_color()
-    rays = [sample_rays(one, sensor.supersampling, sensor.mesh_polygons) for one in cameras]
-    if not all(one.shown.any() for one in rays):
+    rays = [sample_rays(camera, sensor.supersampling, sensor.mesh_polygons) for camera in cameras]
+    if not all(ray.shown.any() for ray in rays):
         raise GraphicsError("camera: no pixel of the image sees anything of the scene")
     directions, origins_m = rays[len(rays) // 2].centers()
     every = slice(None, None, max(1, len(directions) // _VIEWPOINT_RAYS))
     viewpoint_m = common_point(origins_m[every], directions[every])
-    return [one.seen_from(viewpoint_m) for one in rays], viewpoint_m
+    return [ray.seen_from(viewpoint_m) for ray in rays], viewpoint_m
 
 
 def sample_rays(

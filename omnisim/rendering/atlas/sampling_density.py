@@ -76,7 +76,7 @@ class SamplingDensity:
 
     def _densities(self, regions: list[Floats]) -> list[RegionDensity]:
         """Densities within tangent bounds (2, 2), for the regions that the image sees."""
-        return [density for one in regions if (density := self._density(one)) is not None]
+        return [density for region in regions if (density := self._density(region)) is not None]
 
     def _density(self, region: Floats) -> RegionDensity | None:
         # the visible part may begin anywhere between two samples

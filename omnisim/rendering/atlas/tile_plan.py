@@ -103,7 +103,9 @@ class TilePlan:
     @property
     def rectangles_px(self) -> Floats:
         """Left, top, width and height (tiles, 4) of each tile in the atlas."""
-        return np.array([(one.left_px, one.top_px, *one.size_px) for one in self.tiles], np.float64)
+        return np.array(
+            [(tile.left_px, tile.top_px, *tile.size_px) for tile in self.tiles], np.float64
+        )
 
 
 def sensor_tiles(

@@ -153,7 +153,9 @@ class Bake:
         baker = self.prober(baked.radiosity + self.patches.emission)
         tiles = _joined(in_tiles(folder, "probes", baker.bake, baker.tiles, jobs, progress))
         shape = baker.grid.shape
-        return baker.grid, {key: one.reshape(*shape, *one.shape[1:]) for key, one in tiles.items()}
+        return baker.grid, {
+            key: tile.reshape(*shape, *tile.shape[1:]) for key, tile in tiles.items()
+        }
 
     def prober(self, seen: Floats32) -> ProbeBaker:
         """Baker of the probes, from the light (p, 3) that leaves the patches."""
@@ -285,7 +287,7 @@ class Bake:
 
 def _joined(tiles: Iterator[Arrays]) -> Arrays:
     arrays = list(tiles)
-    return {key: np.concatenate([one[key] for one in arrays]) for key in arrays[0]}
+    return {key: np.concatenate([array[key] for array in arrays]) for key in arrays[0]}
 
 
 def hollow_triangles(scene: Scene) -> Bools:

@@ -180,7 +180,7 @@ def is_finished(
     elif (
         len(names) < len(FILES)
         or settings.texel_m not in (None, document.get("texel_m"))
-        or any(document.get(one) != getattr(settings, one) for one in _SETTINGS)
+        or any(document.get(setting) != getattr(settings, setting) for setting in _SETTINGS)
     ):
         what = "with other settings"
     else:

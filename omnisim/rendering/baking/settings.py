@@ -36,7 +36,7 @@ class BakeSettings:
 
 def emission_notes(scene: Scene) -> list[str]:
     """Notices on bright emissive materials of a scene without baked light."""
-    shapes = (scene, *(one.shape for one in scene.objects))
+    shapes = (scene, *(moving.shape for moving in scene.objects))
     shining = sum(is_bright(material) for shape in shapes for material in shape.materials)
     if not shining or scene.lighting.is_matte or scene.lighting.baked is not None:
         return []

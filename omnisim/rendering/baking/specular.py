@@ -133,7 +133,7 @@ class SpecularSurfaces:
         self.see_through = see_through[geometry.surface_of_triangle]
         self.any, self.any_see_through = self.of_triangles.any(), self.see_through.any()
         asked = NO_KIND if is_matte else SurfaceKind.FROSTED
-        frosted = [transmitted(one, asked) for one in materials]
+        frosted = [transmitted(material, asked) for material in materials]
         self.frosted = np.array(frosted, dtype=np.float32)
         self._continues = continues
 

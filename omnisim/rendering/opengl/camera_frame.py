@@ -259,7 +259,7 @@ class CubePass:
         self.use_plan(self._first_plan)
         probes = self._make_probes()
         shown = self._buffers.shown(self._cameras.hidden)
-        with_probe = [] if probes is None else [one for one in probes.items if shown[one]]
+        with_probe = [] if probes is None else [item for item in probes.items if shown[item]]
         self._shown_with_probe = np.array(with_probe, dtype=np.intp)
         self._view = SceneView(
             self._buffers,
@@ -277,9 +277,9 @@ class CubePass:
         """Draw other tiles, at most as many as at first, in an atlas of the same size."""
         if plan is not self.plan:
             self.plan = plan
-            for one in (self.tiles, self._sky, *self._view.mirrors):
-                if one is not None:
-                    one.use_plan(plan)
+            for mirror in (self.tiles, self._sky, *self._view.mirrors):
+                if mirror is not None:
+                    mirror.use_plan(plan)
 
     @property
     def tiles(self) -> TileRenderer:

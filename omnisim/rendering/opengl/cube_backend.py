@@ -226,5 +226,5 @@ def has_computed_shadows(parts: Sequence[Scene]) -> bool:
     lighting = parts[0].lighting
     if lighting.baked is None:
         return lighting.has_shadows
-    kinds = [kind_of(one, lighting.is_matte) for part in parts for one in part.materials]
+    kinds = [kind_of(material, lighting.is_matte) for part in parts for material in part.materials]
     return lighting.has_shadows and not all(SurfaceKind.MATTE in kind for kind in kinds)

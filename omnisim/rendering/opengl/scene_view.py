@@ -63,7 +63,9 @@ class SceneParts(Enum):
         """Mask (items,) of the parts' items."""
         if self is SceneParts.ALL:
             return np.ones(len(items), dtype=np.bool_)
-        return np.array([one.moves is (self is SceneParts.MOVING) for one in items], dtype=np.bool_)
+        return np.array(
+            [item.moves is (self is SceneParts.MOVING) for item in items], dtype=np.bool_
+        )
 
 
 @dataclass(frozen=True)
@@ -153,7 +155,9 @@ class TileRenderer:
             batches.groups,
             self._cluster_views,
             depth,
-            OCCLUDERS_RAD[sum(geometry.triangle_count >= one for one in MIN_TRIANGLES_OF_PASSES)],
+            OCCLUDERS_RAD[
+                sum(geometry.triangle_count >= triangle for triangle in MIN_TRIANGLES_OF_PASSES)
+            ],
             (plan.width_px, plan.height_px),
             depths_m,
             samples,
@@ -186,7 +190,7 @@ class TileRenderer:
         self._items = self._all_items[(drawn & ~left_out)[self._all_items]]
         geometry = self._buffers.clustered_geometry
         if self.culler is not None and geometry is not None:
-            is_static = np.array([one.object_index is None for one in self._buffers.draw_items])
+            is_static = np.array([item.object_index is None for item in self._buffers.draw_items])
             drawn &= self._shown & (is_static | ~left_out)
             self.culler.show(geometry.shown_clusters(drawn))
 
@@ -376,7 +380,7 @@ class SceneView:
         # planar mirrors show mirrored views, and probes where these are missing
         self._planar = frozenset() if probes is None or not mirrors else probes.planar
         of_probes -= {id(items[index]) for index in self._planar}
-        of_mirrors = {id(items[index]) for one in mirrors for index in one.items}
+        of_mirrors = {id(items[index]) for mirror in mirrors for index in mirror.items}
 
         def find_item_program(item: DrawItem, is_without_view: bool = False) -> SurfaceProgram:
             in_mirrors, has_probe = id(item) in of_mirrors, id(item) in of_probes
@@ -498,7 +502,9 @@ class SceneView:
         positions_m = self._surface_programs.positions_m
         if len(positions_m):
             positions = np.zeros((len(shots), len(positions_m), 4), dtype=np.float32)
-            positions[..., :3] = positions_m - np.array([one.viewpoint_m for one in shots])[:, None]
+            positions[..., :3] = (
+                positions_m - np.array([shot.viewpoint_m for shot in shots])[:, None]
+            )
             self._positions.write(positions)
         self._positions.bind_to_storage_buffer(_POSITIONS)
 

@@ -178,14 +178,14 @@ def intensities_of(
     """
     intensities = np.zeros(draw_ids.shape)
     at_once = max(1, _POINTS_AT_ONCE // len(intensities))
-    for one in revolution.slices:
-        for first in range(one.first, one.last, at_once):
-            firings = slice(first, min(first + at_once, one.last))
-            rays, shares = _rays(beams, revolution, one, firings)
+    for part in revolution.slices:
+        for first in range(part.first, part.last, at_once):
+            firings = slice(first, min(first + at_once, part.last))
+            rays, shares = _rays(beams, revolution, part, firings)
             hit = np.flatnonzero(draw_ids[:, firings].ravel())
             rays, own = rays.take(hit), triangles[:, firings].ravel()[hit].astype(np.int32)
-            _follow_objects(rays, one, scene.caster.geometry.part_of_triangles(own), shares[hit])
-            poses, unknown = one.middle.world_from_objects, np.zeros((len(hit), 3), np.float32)
+            _follow_objects(rays, part, scene.caster.geometry.part_of_triangles(own), shares[hit])
+            poses, unknown = part.middle.world_from_objects, np.zeros((len(hit), 3), np.float32)
             found = RayHits(own, np.zeros(len(hit)), unknown, unknown)
             with np.errstate(divide="ignore", invalid="ignore"):  # triangles seen edge-on
                 exact = scene.caster.exact(rays, found, poses)

@@ -90,7 +90,7 @@ class Geometry:
     @property
     def draws(self) -> list[ObjectPart]:
         """Index of the dynamic object (None: static) and name of each surface's instance."""
-        return [(one.object_index, one.name) for one in self.surfaces]
+        return [(surface.object_index, surface.name) for surface in self.surfaces]
 
     def triangles_of_part(
         self, part: int, hidden: frozenset[ObjectPart], deforming: bool = False

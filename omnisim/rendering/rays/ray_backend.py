@@ -193,7 +193,7 @@ class RayCamera(CameraBackend):
     def _linear(self, poses: ScenePoses, frame_number: int, sub_frame: int = 0) -> LinearImage:
         objects = ObjectState(poses.world_from_objects, self.setup.hidden)
         key = key_of("reflections", self.setup.seed, frame_number, sub_frame)
-        found = [one.render(poses.world_from_rig, objects, key) for one in self._images]
+        found = [image.render(poses.world_from_rig, objects, key) for image in self._images]
         if len(found) == 1:
             return found[0]
         red, green, blue = found
@@ -303,17 +303,17 @@ class RayHitSource(HitSource):
             return cast_hits(self._scene, *aimed, viewpoint_m, objects, details)
 
         hits = self._scene.in_threads(of_band, self._bands)
-        self._points_m = np.concatenate([one.points_m for one in hits]).astype(np.float64)
-        self._draw_ids = np.concatenate([one.draw_ids for one in hits])
-        self._triangles = np.concatenate([one.triangles for one in hits])
+        self._points_m = np.concatenate([hit.points_m for hit in hits]).astype(np.float64)
+        self._draw_ids = np.concatenate([hit.draw_ids for hit in hits])
+        self._triangles = np.concatenate([hit.triangles for hit in hits])
         none = np.empty((0, self.has_ray.shape[1], 3), dtype=np.float32)
         arrays = dict.fromkeys(details._fields, none)
         for name in details.components:
-            arrays[name] = self._placed([getattr(one, name) for one in hits], 0.0)
+            arrays[name] = self._placed([getattr(hit, name) for hit in hits], 0.0)
         return Hits(
-            self._placed([one.points_and_ranges_m for one in hits], (0.0, 0.0, 0.0, np.inf)),
-            self._placed([one.draw_ids for one in hits], 0),
-            self._placed([one.triangles for one in hits], 0),
+            self._placed([hit.points_and_ranges_m for hit in hits], (0.0, 0.0, 0.0, np.inf)),
+            self._placed([hit.draw_ids for hit in hits], 0),
+            self._placed([hit.triangles for hit in hits], 0),
             **arrays,
         )
 

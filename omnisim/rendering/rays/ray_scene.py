@@ -84,9 +84,13 @@ class RayScene:
             if shading.glass.is_dispersive and paths.channel is None:
                 channels = [  # which dispersive glass refracts differently
                     self.radiance(
-                        rays, footprints, objects, paths=paths._replace(channel=one), behind=behind
-                    )[:, one]
-                    for one in range(3)
+                        rays,
+                        footprints,
+                        objects,
+                        paths=paths._replace(channel=number),
+                        behind=behind,
+                    )[:, number]
+                    for number in range(3)
                 ]
                 return np.stack(channels, axis=1)
             glass = GlassPassage(shading, paths, poses)

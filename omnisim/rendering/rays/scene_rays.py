@@ -416,12 +416,14 @@ def _draws_of_surfaces(scene: RayScene, numbers: Mapping[ObjectPart, int]) -> Ui
 def _first_triangles(geometry: Geometry, draws: Sequence[PlacedMesh]) -> Ints32:
     """First triangle of each of some instances; 0 for those that are not in the geometry."""
     numbers = {
-        PlacedMesh(one.object_index, one.name, one.object_from_mesh.tobytes(), int(count)): first
-        for one, first, count in zip(
+        PlacedMesh(
+            surface.object_index, surface.name, surface.object_from_mesh.tobytes(), int(count)
+        ): first
+        for surface, first, count in zip(
             geometry.surfaces,
             geometry.first_of_surface,
             np.diff(geometry.first_of_surface),
             strict=False,
         )
     }
-    return np.array([numbers.get(one, 0) for one in draws], dtype=np.int32)
+    return np.array([numbers.get(draw, 0) for draw in draws], dtype=np.int32)

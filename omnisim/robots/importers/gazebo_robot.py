@@ -109,7 +109,7 @@ def _choose(tree: Model, name: str | None) -> Model:
     with_sensors = [one for one in models.values() if any(True for _ in _elements(one))]
     candidates = with_sensors or list(models.values())
     if len(candidates) != 1:
-        names = ", ".join(one.name for one in candidates) or "no model"
+        names = ", ".join(candidate.name for candidate in candidates) or "no model"
         raise RobotFileError(f"expected --class with the name of one model, got {names}")
     return candidates[0]
 

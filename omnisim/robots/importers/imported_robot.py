@@ -105,7 +105,9 @@ class ImportedRobot:
             if np.any(self.base_m):
                 table["body_offset_m"] = (-self.base_m + 0.0).tolist()
             if self.resources:
-                table["resources"] = [os.path.relpath(one, folder) for one in self.resources]
+                table["resources"] = [
+                    os.path.relpath(resource, folder) for resource in self.resources
+                ]
         table |= {
             "footprint": self.footprint,
             "kinematics": self.kinematics,

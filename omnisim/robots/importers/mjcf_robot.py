@@ -62,7 +62,7 @@ def _mechanics(
     sensors = [*_cameras(model, data, notices), *_imus(model, data)]
     others = [int(kind) for kind in model.sensor_type if int(kind) not in _INERTIAL]
     if others:
-        kinds = sorted({mujoco.mjtSensor(one).name[len("mjSENS_") :].lower() for one in others})
+        kinds = sorted({mujoco.mjtSensor(other).name[len("mjSENS_") :].lower() for other in others})
         notices.append(f"left out, as omnisim has no such sensor: {_listed(kinds)}")
     mass_kg, center_m = float(model.body_subtreemass[root]), np.array(data.subtree_com[root])
     return Mechanics(reader.body_name(model, root), wheels, mass_kg, center_m, sensors, {})

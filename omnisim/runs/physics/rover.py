@@ -270,7 +270,9 @@ class SimulatedMotion:
     def scene_with_motions(self, scene: Scene) -> Scene:
         """Scene whose free objects follow their simulated motion."""
         objects = tuple(
-            replace(one, motion=Along(self.objects[one.name])) if one.name in self.objects else one
-            for one in scene.objects
+            replace(moving, motion=Along(self.objects[moving.name]))
+            if moving.name in self.objects
+            else moving
+            for moving in scene.objects
         )
         return replace(scene, objects=objects)

@@ -133,7 +133,7 @@ def with_materials(
     """
     if not tables:
         return scene
-    shapes = (scene, *(one.shape for one in scene.objects))
+    shapes = (scene, *(moving.shape for moving in scene.objects))
     names = dict.fromkeys(one.name for shape in shapes for one in shape.materials)
     notices = list(scene.notices)
     if scene.lighting.is_matte:
@@ -160,7 +160,8 @@ def with_materials(
                 changed[id(material)] = _changed(material, changes)
                 notices += _without_effect(changed[id(material)], changes, source.name)
     objects = tuple(
-        dataclasses.replace(one, shape=_with_changed(one.shape, changed)) for one in scene.objects
+        dataclasses.replace(moving, shape=_with_changed(moving.shape, changed))
+        for moving in scene.objects
     )
     scene = _with_changed(scene, changed)
     return dataclasses.replace(scene, objects=objects, notices=tuple(dict.fromkeys(notices)))

@@ -156,12 +156,14 @@ def place(read: ImportedScene, world_from_file: Floats) -> tuple[parts.Instance,
     """
     file_from_world = np.linalg.inv(world_from_file)
     placed = []
-    for one in read.instances:
-        world_from_mesh = world_from_file @ one.world_from_mesh
+    for instance in read.instances:
+        world_from_mesh = world_from_file @ instance.world_from_mesh
         if not np.abs(world_from_mesh).max() < MAX_COORDINATE:  # false for NaN as well
-            raise SceneError(f"node {one.name!r}: expected a pose below {MAX_COORDINATE:g}")
-        world_from_node = world_from_file @ one.world_from_node @ file_from_world
-        placed.append(parts.Instance(one.name, one.mesh, world_from_mesh, world_from_node))
+            raise SceneError(f"node {instance.name!r}: expected a pose below {MAX_COORDINATE:g}")
+        world_from_node = world_from_file @ instance.world_from_node @ file_from_world
+        placed.append(
+            parts.Instance(instance.name, instance.mesh, world_from_mesh, world_from_node)
+        )
     for material in read.materials:
         if not np.isfinite((*material.base_color, material.alpha_cutoff)).all():
             raise SceneError(f"material {material.name!r}: expected finite colors")

@@ -96,11 +96,11 @@ def with_baked_light(
         meshes=tuple(meshes),
         instances=tuple(
             dataclasses.replace(
-                one, light_rectangle=rectangles[number], light_back_rectangle=backs.get(number)
+                instance, light_rectangle=rectangles[number], light_back_rectangle=backs.get(number)
             )
             if number in rectangles
-            else one
-            for number, one in enumerate(scene.instances)
+            else instance
+            for number, instance in enumerate(scene.instances)
         ),
         lighting=dataclasses.replace(lighting, baked=baked),
     )

@@ -194,8 +194,10 @@ def clear_sky(toward_sun: Floats, turbidity: float) -> Floats32:
     sun_angle = np.arccos(toward_sun[2])
     coefficients = _PEREZ @ (turbidity, 1.0)
     values = [
-        zenith * _perez(one, height, between) / _perez(one, np.float64(1.0), sun_angle)
-        for zenith, one in zip(_zenith(sun_angle, turbidity), coefficients, strict=True)
+        zenith
+        * _perez(coefficient, height, between)
+        / _perez(coefficient, np.float64(1.0), sun_angle)
+        for zenith, coefficient in zip(_zenith(sun_angle, turbidity), coefficients, strict=True)
     ]
     luminance, x, y = values
     xyz = np.stack((x / y * luminance, luminance, (1.0 - x - y) / y * luminance), axis=-1)

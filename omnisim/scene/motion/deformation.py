@@ -113,7 +113,7 @@ class Deformation:
         ]  # fmt: skip
         if self.targets is not None:
             arrays += [self.targets.positions, self.targets.normals]
-        return [one for one in arrays if one is not None]
+        return [array for array in arrays if array is not None]
 
     def matrices_at(self, time_s: float) -> Floats:
         """Transforms (joints, 4, 4) from the bind pose to the mesh's frame."""

@@ -127,7 +127,9 @@ class NodePoses:
         self._scales = _Tracks([one.scale for one in every], 3)
         parents = np.array([0 if one.parent is None else every[one.parent] for one in every])
         depth_of = np.array(depths)
-        levels = [np.flatnonzero(depth_of == one) for one in range(1, 1 + max(depths, default=0))]
+        levels = [
+            np.flatnonzero(depth_of == number) for number in range(1, 1 + max(depths, default=0))
+        ]
         self._levels = [(level, parents[level]) for level in levels]
         # the last transform is the identity of the world
         self._index = np.array([len(every) if one is None else every[one] for one in nodes])
@@ -218,7 +220,7 @@ class Keyframes:
         tangents = [one for one in (self.in_tangents, self.out_tangents) if one is not None]
         duration_s = float(self.times_s[-1] - self.times_s[0])
         return bool(np.ptp(self.values, axis=0).max() <= noise) and all(
-            float(np.abs(one).max()) * duration_s <= noise for one in tangents
+            float(np.abs(tangent).max()) * duration_s <= noise for tangent in tangents
         )
 
     def at(self, time_s: float) -> Floats:

@@ -125,7 +125,7 @@ def test_poses_are_chained(tmp_path):
     back = load_calibration(tmp_path / "basalt.json")
     first, second = (one.poses[0] for one in back.cameras)
     assert (second.target, second.source) == ("imu", "cam1")
-    known = {(one.target, one.source): one for camera in chain.cameras for one in camera.poses}
+    known = {(pose.target, pose.source): pose for camera in chain.cameras for pose in camera.poses}
     chained = (known[pair].target_from_source for pair in (("cam1", "cam0"), ("cam0", "imu")))
     cam1_from_cam0, cam0_from_imu = chained
     cam1_from_imu = cam1_from_cam0 @ cam0_from_imu

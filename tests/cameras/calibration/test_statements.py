@@ -108,7 +108,7 @@ def ocam_text(tmp_path, change):
     lens = load_calibration(FOLDER / "ocamcalib.txt").cameras[0].camera
     inverse_line = next(line for line in text.splitlines() if line.startswith("12 "))
     coefficients = change(np.array(inverse_polynomial(lens)))
-    numbers = " ".join(repr(float(one)) for one in coefficients)
+    numbers = " ".join(repr(float(coefficient)) for coefficient in coefficients)
     path.write_text(text.replace(inverse_line, f"{len(coefficients)} {numbers}"))
     return path
 

@@ -53,7 +53,7 @@ def places(form, document):
     if isinstance(document, Element):
         table = form.tables[0].inner["*"]
         cameras = document.iter("camera")
-        return [(one, table) for one in cameras if one.find("horizontal_fov") is not None]
+        return [(camera, table) for camera in cameras if camera.find("horizontal_fov") is not None]
     return list(_mappings(document, form.table_of(document)))
 
 
@@ -90,9 +90,9 @@ def outcome(form, document):
     except CalibrationError as error:
         return "error", [str(error)]
     described = [
-        (one.name, one.lens.parameters(), one.time_shift_s, one.notes,
-         [(pose.target, pose.source, pose.target_from_source.tolist()) for pose in one.poses])
-        for one in cameras
+        (camera.name, camera.lens.parameters(), camera.time_shift_s, camera.notes,
+         [(pose.target, pose.source, pose.target_from_source.tolist()) for pose in camera.poses])
+        for camera in cameras
     ]  # fmt: skip
     return described, notices
 
@@ -151,7 +151,7 @@ def test_a_harmless_key_is_harmless(sample):
 
 def all_tables(roots):
     """Schemas of a format, inner ones too."""
-    return chain.from_iterable((one, *all_tables(one.inner.values())) for one in roots)
+    return chain.from_iterable((root, *all_tables(root.inner.values())) for root in roots)
 
 
 def test_readme_lists_the_keys_of_each_format():

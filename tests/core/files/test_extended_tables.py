@@ -57,8 +57,8 @@ def test_keys_replace_and_tables_are_merged(read, own, merged):
 
 def test_named_tables_are_changed_or_added(read):
     sensors = read({"sensors": [{"name": "ear", "yaw": 5}, {"name": "nose"}]})["sensors"]
-    assert [one["name"] for one in sensors] == ["eye", "ear", "nose"]
-    assert [one.get("yaw") for one in sensors] == [0, 5, None]
+    assert [sensor["name"] for sensor in sensors] == ["eye", "ear", "nose"]
+    assert [sensor.get("yaw") for sensor in sensors] == [0, 5, None]
 
 
 def test_a_key_excludes_its_rivals_in_the_base(read):

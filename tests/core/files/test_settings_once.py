@@ -89,13 +89,16 @@ def _functions(tree):
         for function in body:
             if isinstance(function, ast.FunctionDef):
                 arguments = [*function.args.args, *function.args.kwonlyargs]
-                yield function, owner.union(*(_words(one.annotation) for one in arguments))
+                yield (
+                    function,
+                    owner.union(*(_words(argument.annotation) for argument in arguments)),
+                )
 
 
 def _passed_on(call, fields):
     """Fields that a call fills with attributes of the same name."""
     given = dict(zip(fields, call.args, strict=False))
-    given |= {one.arg: one.value for one in call.keywords if one.arg}
+    given |= {keyword.arg: keyword.value for keyword in call.keywords if keyword.arg}
     for name, value in given.items():
         read = {one.attr for one in ast.walk(value) if isinstance(one, ast.Attribute)}
         if {name, name.replace("rad", "deg")} & read:

@@ -190,7 +190,7 @@ class TestWithoutCameras:
         reader = pytest.importorskip("mcap_ros2.reader")
         list(export_run(without(*CAMERAS), "ros2-mcap", tmp_path / "out"))
         messages = reader.read_ros2_messages(str(tmp_path / "out" / "out.mcap"))
-        assert {one.channel.topic for one in messages} >= {
+        assert {message.channel.topic for message in messages} >= {
             "/lidar/points", "/imu/data_raw", "/kinect/depth/image_rect", "/laser/scan",
             "/sonar/range", "/odom", "/ground_truth/pose",
         }  # fmt: skip

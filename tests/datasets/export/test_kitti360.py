@@ -133,8 +133,8 @@ def test_labels_are_those_of_the_run(kitti, run):
     """Numbers as kitti360scripts' global2local takes them apart."""
     folder = kitti / "data_2d_semantics" / "train" / DRIVE
     labels = json.loads((folder / "labels.json").read_text())
-    names = {one["id"]: one["name"] for one in labels["instances"]}
-    classes = {one["id"]: one["class"] for one in labels["instances"]}
+    names = {label["id"]: label["name"] for label in labels["instances"]}
+    classes = {label["id"]: label["class"] for label in labels["instances"]}
     numbers = {}
     for camera, name in (("front", "image_00"), ("fisheye", "image_02"), ("mirror", "image_03")):
         recorded = Recording.read(run, camera).cameras[0]

@@ -32,8 +32,8 @@ def bag(run, tmp_path_factory):
     settings = ExportSettings(START_NS, with_points=True)
     list(export_run(run, "ros2-mcap", folder, settings, print_note=notes.append))
     found = defaultdict(list)
-    for one in reader.read_ros2_messages(str(folder / "cart.mcap")):
-        found[one.channel.topic].append(one)
+    for message in reader.read_ros2_messages(str(folder / "cart.mcap")):
+        found[message.channel.topic].append(message)
     return SimpleNamespace(folder=folder, notes=notes, topics=found)
 
 
@@ -59,8 +59,8 @@ def _pose(transform):
 
 def _transforms(message):
     return {
-        (one.header.frame_id, one.child_frame_id): _pose(one.transform)
-        for one in message.transforms
+        (transform.header.frame_id, transform.child_frame_id): _pose(transform.transform)
+        for transform in message.transforms
     }
 
 
@@ -120,7 +120,7 @@ def test_stamps_begin_at_the_start_and_follow_the_run(bag):
         for one in bag.topics[topic]:
             assert _stamp_ns(one.ros_msg) == one.log_time_ns - early_ns
     readings = bag.topics["/imu/data_raw"]
-    times = np.array([one.log_time_ns - START_NS for one in readings])
+    times = np.array([reading.log_time_ns - START_NS for reading in readings])
     np.testing.assert_array_equal(np.diff(times), 50_000_000)
     assert len(readings) == 31
     assert readings[0].ros_msg.orientation_covariance[0] == -1.0
@@ -293,7 +293,7 @@ def test_dynamic_objects_have_frames_of_the_map(run, tmp_path):
         taken.unlink()
     shutil.copy(run / "ground_truth.tum", moving / "objects" / "ball 1.tum")
     list(export_run(moving, "ros2-mcap", tmp_path / "bag", camera_name="front"))
-    for one in reader.read_ros2_messages(str(tmp_path / "bag" / "bag.mcap"), ["/tf"]):
-        found = _transforms(one.ros_msg)
+    for message in reader.read_ros2_messages(str(tmp_path / "bag" / "bag.mcap"), ["/tf"]):
+        found = _transforms(message.ros_msg)
         base = found["map", "odom"] @ found["odom", "base_link"]
         np.testing.assert_allclose(inverse(found["map", "ball_1"]) @ base, np.eye(4), atol=1e-8)

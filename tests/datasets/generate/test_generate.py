@@ -322,7 +322,7 @@ def test_small_objects_are_left_out_of_splits_with_polygons(made, tmp_path, caps
     _, out = made
     assert _omnisim("dataset", "convert", out, "-o", tmp_path / "all").exit_code == 0
     everything = coco.COCO(str(tmp_path / "all" / "annotations.json"))
-    areas = sorted(one["area"] for one in everything.anns.values())
+    areas = sorted(ann["area"] for ann in everything.anns.values())
     least = areas[len(areas) // 2]
     done = _omnisim(
         "dataset", "convert", out, "-o", tmp_path / "coco", "--min-area-px", least, "--polygons",
@@ -330,15 +330,15 @@ def test_small_objects_are_left_out_of_splits_with_polygons(made, tmp_path, caps
     )  # fmt: skip
     assert done.exit_code == 0, done.output
     names, count = [], 0
-    same = {(one["image_id"], one["instance_id"]): one for one in everything.anns.values()}
+    same = {(ann["image_id"], ann["instance_id"]): ann for ann in everything.anns.values()}
     for split in ("train", "val"):
         boxes = coco.COCO(str(tmp_path / "coco" / f"annotations_{split}.json"))
         names += [image["file_name"] for image in boxes.imgs.values()]
         assert boxes.cats == everything.cats
-        for one in boxes.anns.values():
+        for ann in boxes.anns.values():
             count += 1
-            whole = everything.annToMask(same[one["image_id"], one["instance_id"]])
-            np.testing.assert_array_equal(boxes.annToMask(one), whole)
+            whole = everything.annToMask(same[ann["image_id"], ann["instance_id"]])
+            np.testing.assert_array_equal(boxes.annToMask(ann), whole)
     capsys.readouterr()
     assert sorted(names) == [f"{n:09d}.png" for n in range(6)]
     assert count == sum(area >= least for area in areas) < len(areas)

@@ -50,14 +50,14 @@ def test_shards_are_the_same_whatever_was_made_before(tmp_path):
     for name in ("shard-000000.tar", "shard-000001.tar"):
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
     contents = [Shards(tmp_path / "a").metadata(row) for row in range(6)]
-    cameras = [json.dumps(one["images"]["camera"]["camera"]) for one in contents]
-    lights = [json.dumps(one["light"]) for one in contents]
+    cameras = [json.dumps(content["images"]["camera"]["camera"]) for content in contents]
+    lights = [json.dumps(content["light"]) for content in contents]
     for values in (cameras, lights):  # shards of three, setups of two
         assert values[0] == values[1] != values[2] == values[3] != values[4] == values[5]
-    degradations = [one["images"]["camera"]["degradation"] for one in contents]
-    assert len({one["exposure"]["ev"] for one in degradations}) == 6
-    assert all(-1.0 <= one["exposure"]["ev"] <= 1.0 for one in degradations)
-    noises = [one["parameters"]["noise"]["read_noise_e"] for one in degradations]
+    degradations = [content["images"]["camera"]["degradation"] for content in contents]
+    assert len({degradation["exposure"]["ev"] for degradation in degradations}) == 6
+    assert all(-1.0 <= degradation["exposure"]["ev"] <= 1.0 for degradation in degradations)
+    noises = [degradation["parameters"]["noise"]["read_noise_e"] for degradation in degradations]
     assert len(set(noises)) == 3
     assert 1.0 <= min(noises) < max(noises) <= 50.0
     assert "lamp_factors" in contents[0]["light"]["light"]
@@ -96,7 +96,7 @@ def test_the_sun_is_where_the_hour_says(tmp_path):
     text = "[vary.sky]\nhour = 12.0\nday = 80\nlatitude_deg = 50.0\nyaw_deg = 0.0"
     prepared = _prepared(tmp_path, text, scene="courtyard")
     lights = setup_light(prepared, 0, 3).scene.lighting.lights
-    (sun,) = [one for one in lights if one.kind is LightKind.DIRECTIONAL]
+    (sun,) = [light for light in lights if light.kind is LightKind.DIRECTIONAL]
     assert np.degrees(np.arcsin(-sun.direction[2])) == pytest.approx(40.0, abs=1.0)  # equinox
     assert sun.direction[1] > 0.7  # from the south, and y is north
     assert abs(sun.direction[0]) < 0.06

@@ -65,7 +65,7 @@ def test_shares_are_those_of_each_object_alone(scene):
             alone_px[name] = _seen_px(renderer.render(gone, also=("instance",)), name)
         stage.scene = stage.scene.removed(names[-1])
         alone_px["moving"] = _seen_px(renderer.render(near, also=("instance",)), "moving")
-    ids = {one.name: one.id for one in whole.labels.instances}
+    ids = {instance.name: instance.id for instance in whole.labels.instances}
     found = {name: shares[ids[name]] for name in alone_px}
     for name, count in alone_px.items():
         visible = int((whole.channels["instance"] == ids[name]).sum())
@@ -76,7 +76,7 @@ def test_shares_are_those_of_each_object_alone(scene):
 
 
 def _seen_px(frame, name):
-    (number,) = (one.id for one in frame.labels.instances if one.name == name)
+    (number,) = (instance.id for instance in frame.labels.instances if instance.name == name)
     return int(np.sum(frame.channels["instance"] == number))
 
 
@@ -107,7 +107,7 @@ def recorded(tmp_path_factory):
 
 def test_shares_are_recorded_and_leave_nothing_out(recorded):
     plain, shares = _boxes(recorded["none"]), _boxes(recorded["shares"])
-    assert all(0.0 <= one.pop("visible_share") <= 1.0 for one in shares.values())
+    assert all(0.0 <= share.pop("visible_share") <= 1.0 for share in shares.values())
     assert shares == plain
 
 
@@ -115,15 +115,15 @@ def test_conversion_and_plan_leave_out_the_same_objects(recorded, tmp_path):
     least_px, least = 4, 0.7
     shares = _boxes(recorded["shares"])
     wanted = sorted(
-        (one["instance_id"], one["area"])
-        for one in shares.values()
-        if one["area"] >= least_px and one["visible_share"] >= least
+        (share["instance_id"], share["area"])
+        for share in shares.values()
+        if share["area"] >= least_px and share["visible_share"] >= least
     )
-    assert 0 < len(wanted) < sum(one["area"] >= least_px for one in shares.values())
+    assert 0 < len(wanted) < sum(share["area"] >= least_px for share in shares.values())
     limits = {"min_visible": least, "min_area_px": least_px}
     plan = write_plan(tmp_path, scene="courtyard", **KEYS, **limits)
     assert _omnisim("generate", plan, "-o", tmp_path / "out").exit_code == 0
-    kept = sorted((one["instance_id"], one["area"]) for one in _boxes(tmp_path / "out").values())
+    kept = sorted((box["instance_id"], box["area"]) for box in _boxes(tmp_path / "out").values())
     assert kept == wanted
     done = _omnisim(
         "dataset", "convert", recorded["shares"], "-o", tmp_path / "coco",

@@ -159,21 +159,22 @@ def summary_lines(outcomes: Sequence[Outcome]) -> list[str]:
         ("step", "", "s", "waits", "health", ""),
         *(
             (
-                one.name, one.verdict, f"{one.seconds:.1f}", str(one.waits),
-                "" if one.verdict == "skipped" else "ill" if one.health or one.kernel else "well",
-                one.text,
+                outcome.name, outcome.verdict, f"{outcome.seconds:.1f}", str(outcome.waits),
+                "" if outcome.verdict == "skipped"
+                else "ill" if outcome.health or outcome.kernel else "well",
+                outcome.text,
             )
-            for one in outcomes
+            for outcome in outcomes
         ),
     ]  # fmt: skip
-    notes = [f"{one.name}: {one.health}" for one in outcomes if one.health]
-    notes += [f"{one.name}: kernel: {line}" for one in outcomes for line in one.kernel]
+    notes = [f"{outcome.name}: {outcome.health}" for outcome in outcomes if outcome.health]
+    notes += [f"{outcome.name}: kernel: {line}" for outcome in outcomes for line in outcome.kernel]
     total_s, processor_s = (
-        sum(getattr(one, name) for one in outcomes) for name in ("seconds", "processor_s")
+        sum(getattr(outcome, name) for outcome in outcomes) for name in ("seconds", "processor_s")
     )
-    waits = sum(one.waits for one in outcomes)
+    waits = sum(outcome.waits for outcome in outcomes)
     return [
-        *_table(rows), *notes, *_speed_lines([row for one in outcomes for row in one.rows]),
+        *_table(rows), *notes, *_speed_lines([row for outcome in outcomes for row in outcome.rows]),
         f"{total_s:.0f} s, {processor_s:.0f} s of the processor; {waits} frames over 100 ms",
     ]  # fmt: skip
 

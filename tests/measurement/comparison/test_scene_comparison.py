@@ -158,8 +158,8 @@ def test_the_true_twin_shows_the_same_scene(courtyard):
 @pytest.mark.slow
 def test_a_focal_length_off_by_half_a_percent_shows(courtyard):
     images, comparison = compared(courtyard[0], courtyard[2])
-    corners = np.concatenate([one.corners_px for one in images])
-    offsets = np.concatenate([one.offsets_px for one in images])
+    corners = np.concatenate([image.corners_px for image in images])
+    offsets = np.concatenate([image.offsets_px for image in images])
     true = WRONG.pixel_from_ray(LENS.ray_from_pixel(corners).directions).positions_px - corners
     errors = (offsets - true)[np.isfinite(offsets).all(axis=1)]
     assert np.median(np.linalg.norm(errors, axis=1)) < 0.05

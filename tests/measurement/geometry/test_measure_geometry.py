@@ -46,11 +46,11 @@ def measured(views):
 def test_the_true_model_is_found_and_its_numbers_are_within_their_deviations(measured):
     assert measured.held_out_rms_px < 1.1 * SIGMA_PX * np.sqrt(2.0)
     assert measured.rms_px == pytest.approx(SIGMA_PX * np.sqrt(2.0), rel=0.08)
-    names = [one.name for one in measured.models]
+    names = [model.name for model in measured.models]
     # three fixed functions of the angle cannot be this lens
     assert names.index("kannala_brandt") < names.index("equidistant")
     if measured.model != "kannala_brandt":  # a smaller model that is as good, over this field
-        sizes = {one.name: one.parameters for one in measured.models}
+        sizes = {model.name: model.parameters for model in measured.models}
         assert sizes[measured.model] < sizes["kannala_brandt"]
 
 
@@ -106,7 +106,7 @@ def test_other_lenses_are_measured_too(lens):
     views = noisy_views(lens, varied_poses(8, widest_deg=widest, distance_m=0.6), GRID, 0.05)
     measured = measure_geometry(views, (640, 480), is_flat=True, models=[own, "kannala_brandt"])
     assert measured.held_out_rms_px < 1.15 * 0.05 * np.sqrt(2.0)
-    assert next(one for one in measured.models if one.name == own).rms_px < 0.08
+    assert next(model for model in measured.models if model.name == own).rms_px < 0.08
 
 
 def _corner_moved(views, by_px):
@@ -220,8 +220,8 @@ def test_opencv_s_fisheye_calibration_is_the_same_lens(views):
     # without a guess near the lens, OpenCV ends 37 px away from the corners
     guess = np.array([[fx, 0.0, u], [0.0, fy, v], [0.0, 0.0, 1.0]])
     rms, matrix, distortion, _, _ = cv2.fisheye.calibrate(
-        [one.points_3d_m.reshape(1, -1, 3) for one in views],
-        [one.pixels_px.reshape(1, -1, 2) for one in views],
+        [view.points_3d_m.reshape(1, -1, 3) for view in views],
+        [view.pixels_px.reshape(1, -1, 2) for view in views],
         SIZE,
         guess,
         np.array(LENS.coefficients).reshape(4, 1),
@@ -241,8 +241,8 @@ def test_opencv_s_omnidirectional_calibration_leaves_no_less():
     lens = UnifiedCamera(640, 480, (420.0, 421.0), (322.0, 236.0), 1.1, (-0.05, 0.01, 1e-3, -1e-3))
     views = noisy_views(lens, varied_poses(14, distance_m=0.5), GRID, SIGMA_PX)
     measured = measure_geometry(views, (640, 480), models=["unified"], is_flat=True)
-    objects = [one.points_3d_m[:, None] for one in views]
-    images = [one.pixels_px[:, None] for one in views]
+    objects = [view.points_3d_m[:, None] for view in views]
+    images = [view.pixels_px[:, None] for view in views]
     stop = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 500, 1e-9)
     rms = cv2.omnidir.calibrate(
         objects, images, (640, 480), None, None, None, cv2.omnidir.CALIB_FIX_SKEW, stop

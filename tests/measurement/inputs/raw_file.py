@@ -35,7 +35,7 @@ def write_dng(path, mosaic, black, white):
         (50778, _SHORT, 1, struct.pack("<H", 21)),  # daylight
     ]
     tail_at = 8 + 2 + 12 * len(entries) + 4
-    tails = b"".join(one[3] for one in entries if one[3] is not None and len(one[3]) > 4)
+    tails = b"".join(entry[3] for entry in entries if entry[3] is not None and len(entry[3]) > 4)
     image_at, position = tail_at + len(tails), tail_at
     table = struct.pack("<H", len(entries))
     for tag, kind, count, value in entries:

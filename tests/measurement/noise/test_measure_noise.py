@@ -51,7 +51,7 @@ def test_quantities_are_those_of_the_camera(measured):
 
 
 def test_the_sensor_file_has_what_was_measured(measured):
-    values = {one.name: one.value for one in measured.quantities}
+    values = {quantity.name: quantity.value for quantity in measured.quantities}
     for name in (*BOUNDS, "black_level_dn"):
         assert getattr(measured.noise, name) == values[name]
     assert measured.noise.bit_depth == 12
@@ -113,9 +113,9 @@ def test_what_frames_do_not_determine_is_said():
 def test_defective_pixels_are_found(frames):
     darks, flats = copy.deepcopy(frames)
     hot, dead = (7, 9), (100, 30)
-    for one in (*darks, *flats):
-        one.mean_image_dn[hot] += 200.0
-        one.mean_image_dn[dead] = 40.0
+    for dark in (*darks, *flats):
+        dark.mean_image_dn[hot] += 200.0
+        dark.mean_image_dn[dead] = 40.0
     assert measure_noise(darks, flats).defects.tolist() == [[7, 9], [100, 30]]
 
 

@@ -57,10 +57,12 @@ def test_lateral_color_of_a_lens(lens):
 
 
 def test_quantities_have_standard_deviations(lens):
-    names = [one.name for one in lens.quantities]
+    names = [quantity.name for quantity in lens.quantities]
     for name, count in (("mtf50", 3), ("rise", 3), ("radial", 7), ("tangential", 7), ("red", 2)):
         assert sum(one.startswith(f"{name} ") for one in names) == count
-    assert all(0.0 < one.sigma < 0.2 * abs(one.value) + 0.02 for one in lens.quantities)
+    assert all(
+        0.0 < quantity.sigma < 0.2 * abs(quantity.value) + 0.02 for quantity in lens.quantities
+    )
     assert not lens.unobservable
 
 

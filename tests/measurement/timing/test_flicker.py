@@ -53,7 +53,7 @@ def test_standard_deviation_is_honest():
 @pytest.mark.parametrize("exposure_s", [0.002, 0.008])
 def test_exposure_follows_from_the_lamp_s_modulation(exposure_s):
     found = measured(0.0301, exposure_s, lamp=0.4)
-    (exposure,) = [one for one in found.quantities if one.name == "exposure_s"]
+    (exposure,) = [quantity for quantity in found.quantities if quantity.name == "exposure_s"]
     assert exposure.value == pytest.approx(exposure_s, rel=0.03)
     assert measured(0.0301, exposure_s).unobservable[-1].name == "exposure_s"
 

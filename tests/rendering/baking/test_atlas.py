@@ -109,7 +109,7 @@ def test_many_needles_fit():
 
 
 def _double_sided(scene):
-    materials = [dataclasses.replace(one, double_sided=True) for one in scene.materials]
+    materials = [dataclasses.replace(material, double_sided=True) for material in scene.materials]
     return dataclasses.replace(scene, materials=tuple(materials))
 
 

@@ -43,7 +43,7 @@ def test_light_of_another_bright_background_is_stale():
         scene_of([square()], background=sky)
         for sky in ((4.0,) * 3, (5.0,) * 3, (0.5,) * 3, (1.0,) * 3)
     ]
-    bright, brighter, dim, white = (one.identity.light for one in scenes)
+    bright, brighter, dim, white = (scene.identity.light for scene in scenes)
     assert len({bright, brighter, dim}) == 3
     assert dim == white
 

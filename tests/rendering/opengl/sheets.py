@@ -156,11 +156,11 @@ def with_mirrors(scene, panes=True):
     ]
     count = len(scene.meshes)
     instances = [
-        Instance(one.name, count + number, place)
-        for number, (one, place) in enumerate(zip(meshes, places, strict=True))
+        Instance(mesh.name, count + number, place)
+        for number, (mesh, place) in enumerate(zip(meshes, places, strict=True))
     ]
     if not panes:
-        instances = [one for one in instances if one.name not in ("window", "lid")]
+        instances = [instance for instance in instances if instance.name not in ("window", "lid")]
     return dataclasses.replace(
         scene,
         meshes=(*scene.meshes, *meshes),

@@ -68,7 +68,7 @@ def test_calls_of_a_frame_are_few_and_those_of_a_batch_as_many(
     assert batches[0] == batches[1] == batches[2]
     for made in (frame, batches[0]):
         assert 0 < sum(made.values()) <= most_calls
-        assert sum(made[one] for one in SUBMISSIONS) <= most_submissions
+        assert sum(made[submission] for submission in SUBMISSIONS) <= most_submissions
 
 
 def test_calls_do_not_depend_on_the_number_of_tiles(monkeypatch):
@@ -232,6 +232,6 @@ def test_nothing_that_is_drawn_with_is_deleted(polygons):
             collect_garbage(stage.context)
             buffers, images = _buffers_of_arrays(), list(_images_of_targets())
             assert len(buffers) > ATTRIBUTES
-            assert [one for one in buffers if not _is("Buffer", one[1])] == []
+            assert [buffer for buffer in buffers if not _is("Buffer", buffer[1])] == []
             assert images
-            assert [one for one in images if not _is(*one[1:])] == []
+            assert [image for image in images if not _is(*image[1:])] == []

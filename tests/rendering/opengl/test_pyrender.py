@@ -45,10 +45,17 @@ def _opaque_file(source, folder):
     loaded = trimesh.load_scene(resolve_source(source).mesh_file)
     materials = {name: mesh.visual.material for name, mesh in loaded.geometry.items()}
     opaque = (None, "OPAQUE")
-    loaded.delete_geometry([n for n, one in materials.items() if one.alphaMode not in opaque])
-    for one in materials.values():
-        if one.emissiveFactor is not None and any(one.emissiveFactor):
-            one.baseColorFactor = [1.0, 1.0, 1.0, 1.0]  # a lamp, which is black when drawn flat
+    loaded.delete_geometry(
+        [n for n, material in materials.items() if material.alphaMode not in opaque]
+    )
+    for material in materials.values():
+        if material.emissiveFactor is not None and any(material.emissiveFactor):
+            material.baseColorFactor = [
+                1.0,
+                1.0,
+                1.0,
+                1.0,
+            ]  # a lamp, which is black when drawn flat
     path = folder / "opaque.glb"
     path.write_bytes(loaded.export(file_type="glb"))
     return path, trimesh.load_scene(path)

@@ -73,8 +73,8 @@ def test_hits_are_those_of_all_triangles(near_m, far_m, offset_m):
     )
     corners = np.concatenate(
         [
-            (one.positions.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3])[one.triangles]
-            for one, matrix in zip(scene.meshes, poses, strict=True)
+            (mesh.positions.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3])[mesh.triangles]
+            for mesh, matrix in zip(scene.meshes, poses, strict=True)
         ]
     )
     corners[:60] = corners[:60, [0, 2, 1]]  # mirrored
@@ -111,7 +111,7 @@ def test_objects_are_hit_where_they_are():
     hits = caster.cast(rays, above)
     np.testing.assert_allclose(hits.ranges_m, [0.875, 2.0 * np.sqrt(2.0)], rtol=1e-6)
     surfaces = caster.geometry.surface_of_triangle[hits.triangles]
-    assert [caster.geometry.surfaces[one].name for one in surfaces] == ["upper", "object 0"]
+    assert [caster.geometry.surfaces[surface].name for surface in surfaces] == ["upper", "object 0"]
     np.testing.assert_allclose(caster.exact(rays, hits, above).ranges_m[0], 0.875, rtol=1e-12)
     hits = caster.cast(rays, above, frozenset({(0, "upper")}))
     np.testing.assert_allclose(hits.ranges_m[0], 1.0, rtol=1e-6)

@@ -203,7 +203,7 @@ def test_hidden_pixels_count_but_those_out_of_the_image_do_not():
     scene = scene.added("before", _plate("before", 2.0, 0.0, 1.0))
     scene = scene.added("beside", _plate("beside", 4.0, 3.0, 5.0))
     rays = RayScene(scene)
-    names = [one.name for one in rays.caster.geometry.surfaces]
+    names = [surface.name for surface in rays.caster.geometry.surfaces]
     ids = {"behind": 1, "before": 2, "beside": 3}
     found = whole_areas_px(
         rays,

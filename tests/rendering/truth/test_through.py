@@ -43,8 +43,8 @@ def test_behind_a_pane_is_the_room_without_it(backend):
     behind = channels(scene, backend)
     free = channels(scene.removed("panel"), "rays")
     np.testing.assert_allclose(behind["range_through"], free["range"], atol=1e-4)
-    names = {one.id: one.name for one in find_labels(scene).classes}
-    free_names = {one.id: one.name for one in find_labels(scene.removed("panel")).classes}
+    names = {kind.id: kind.name for kind in find_labels(scene).classes}
+    free_names = {kind.id: kind.name for kind in find_labels(scene.removed("panel")).classes}
     assert [names[one] for one in behind["semantic_through"].ravel()] == [
         free_names[one] for one in free["semantic"].ravel()
     ]
@@ -55,7 +55,7 @@ def test_behind_a_pane_is_the_room_without_it(backend):
 def test_after_a_mirror_are_the_walls_along_mirrored_rays(backend):
     scene = ROOMS["planar mirror"]
     found = channels(scene, backend)
-    panel = next(one for one in scene.meshes if one.name == "panel").positions.astype(np.float64)
+    panel = next(mesh for mesh in scene.meshes if mesh.name == "panel").positions.astype(np.float64)
     normal = np.cross(panel[1] - panel[0], panel[2] - panel[0])
     normal /= np.linalg.norm(normal)
     lens = CAMERA.model
@@ -67,9 +67,9 @@ def test_after_a_mirror_are_the_walls_along_mirrored_rays(backend):
     mirrored = rays - 2.0 * (rays @ normal)[..., None] * normal
     to_walls_m = (np.sign(mirrored) * reflective_rooms.HALF_M - points) / mirrored
     expected_m = to_mirror_m + to_walls_m.min(axis=-1)
-    names = [one.name for one in scene.instances]
+    names = [instance.name for instance in scene.instances]
     in_mirror = found["instance"] == 1 + names.index("panel")
-    classes = {one.name: one.id for one in find_labels(scene).classes}
+    classes = {kind.name: kind.id for kind in find_labels(scene).classes}
     on_walls = in_mirror & (found["semantic_through"] == classes["walls"])
     assert 100 < on_walls.sum() < in_mirror.sum()  # the others show the post
     np.testing.assert_allclose(found["range_through"][on_walls], expected_m[on_walls], atol=1e-4)

@@ -194,5 +194,5 @@ def test_a_camera_with_distortion_is_left_out_and_the_others_stay(tmp_path):
     bent = f"<camera>{CAMERA}<distortion><k1>-0.2</k1></distortion></camera>"
     _, imported = load_sensors(tmp_path, plain, sensor("camera", bent, "bent"))
     assert [one.name for one in imported.sensors] == ["plain"]
-    assert any(one.startswith("camera bent: left out: ") for one in imported.notices)
-    assert any("distortion/k1: expected 0" in one for one in imported.notices)
+    assert any(notice.startswith("camera bent: left out: ") for notice in imported.notices)
+    assert any("distortion/k1: expected 0" in notice for notice in imported.notices)

@@ -45,7 +45,9 @@ def test_wheels_are_bodies_on_hinges_without_limits(tmp_path):
     assert (found["type"], found["track_m"]) == ("differential", 0.4)
     assert found["wheel_diameter_m"] == 0.2
     assert table["body_offset_m"] == [0.05, 0.0, -0.2]
-    tire = next(one for one in vehicle.body.instances if one.name.startswith("left/"))
+    tire = next(
+        instance for instance in vehicle.body.instances if instance.name.startswith("left/")
+    )
     assert tire.world_from_node[:3, 3] == pytest.approx((0.0, 0.2, 0.1))
     assert table["physics"] == {"mass_kg": 10.0, "center_height_m": 0.16}
 

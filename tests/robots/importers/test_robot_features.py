@@ -134,9 +134,11 @@ def test_sensors_of_mujoco_without_a_counterpart_are_noted(tmp_path):
     notices = import_model(tmp_path / "a.xml").notices
     assert "left out, as omnisim has no such sensor: magnetometer, rangefinder, touch" in notices
     assert "left out: camera room is the world's" in notices
-    assert any(one.startswith("left out: camera") and "has no name" in one for one in notices)
+    assert any(
+        notice.startswith("left out: camera") and "has no name" in notice for notice in notices
+    )
     (tmp_path / "a.xml").write_text(mujoco_model(PAIR + '<site name="i"/><camera name="own"/>'))
-    assert not any("left out" in one for one in import_model(tmp_path / "a.xml").notices)
+    assert not any("left out" in notice for notice in import_model(tmp_path / "a.xml").notices)
 
 
 @pytest.mark.parametrize("robot", ["OmniP2AT", "P2DX"])
@@ -149,9 +151,9 @@ def test_unknown_keys_of_usarsim_are_named(robot, tmp_path):
         path = tmp_path / "a.ini"
         path.write_text("\n".join([*lines[:at], "Halo=3", *lines[at:]]))
         notices = import_robot(path, robot).notices
-        assert any("Halo" in one and "left out" in one for one in notices), section
+        assert any("Halo" in notice and "left out" in notice for notice in notices), section
     first = lines.index(f"[{sections[1]}]")
     at = next(n for n, line in enumerate(lines) if "SICKLMS'" in line and n > first)
     lines[at] = lines[at].replace("(Item", "(Halo=1,Item", 1)
     path.write_text("\n".join(lines))
-    assert any("Halo: left out" in one for one in import_robot(path, robot).notices)
+    assert any("Halo: left out" in notice for notice in import_robot(path, robot).notices)

@@ -55,7 +55,7 @@ def test_the_base_is_on_the_ground_between_the_wheels(tmp_path):
     vehicle, table, _ = load(tmp_path, urdf(*parts))
     assert table["body_offset_m"] == [0.15, 0.0, 0.15]
     assert vehicle.body.bounds_m()[0, 2] == pytest.approx(0.0, abs=1e-4)  # 1.5708 is not quite π/2
-    tire = next(one for one in vehicle.body.instances if one.name.startswith("w0.2"))
+    tire = next(instance for instance in vehicle.body.instances if instance.name.startswith("w0.2"))
     assert tire.world_from_node[:3, 3] == pytest.approx((0.0, 0.2, 0.1))
     assert table["kinematics"]["max_speed_mps"] == pytest.approx(0.5)  # 5 rad/s
     assert table["footprint"]["clearance_m"] == 0.05

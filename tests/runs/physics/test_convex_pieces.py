@@ -25,7 +25,7 @@ def _pieces(scene, *free_points_m):
 
 def _inside(pieces, points_m):
     """Mask of the points within any piece, by SciPy's triangulation of its vertices."""
-    hulls = [Delaunay(one.shape.vertices_m + one.shape.center_m) for one in pieces]
+    hulls = [Delaunay(piece.shape.vertices_m + piece.shape.center_m) for piece in pieces]
     return np.any([hull.find_simplex(points_m) >= 0 for hull in hulls], axis=0)
 
 

@@ -134,9 +134,9 @@ def test_a_drive_that_was_stopped_goes_on_with_the_same_bytes(tmp_path, needs_op
     list(wanted.plan().record(tmp_path / "stopped"))
     files = [one for one in (tmp_path / "whole").rglob("*") if one.is_file()]
     assert len(files) > 14
-    for one in files:
-        other = tmp_path / "stopped" / one.relative_to(tmp_path / "whole")
-        assert other.read_bytes() == one.read_bytes(), one
+    for file in files:
+        other = tmp_path / "stopped" / file.relative_to(tmp_path / "whole")
+        assert other.read_bytes() == file.read_bytes(), file
     manifest = json.loads((tmp_path / "whole" / "manifest.json").read_text())
     assert manifest["physics"]["engine"].startswith("mujoco ")
     assert manifest["physics"]["chassis"]["mass_kg"] == 10.0

@@ -49,7 +49,7 @@ def changed(mesh_file, tmp_path):
 
 
 def by_name(scene):
-    return {one.name: one for one in scene.materials}
+    return {material.name: material for material in scene.materials}
 
 
 def test_patterns_change_the_given_properties_of_all_matching_materials(changed):

@@ -154,7 +154,7 @@ def test_parts_that_are_left_out_are_noted_unless_they_change_nothing():
             for value, name in itertools.product(values, feature.names):
                 notices = part_notices(table, [(name, value), (name, value)])
                 assert len(notices) == feature.is_used(value)
-                assert all(one.startswith(f"{feature.effect} (2 ") for one in notices)
+                assert all(notice.startswith(f"{feature.effect} (2 ") for notice in notices)
 
 
 @pytest.mark.parametrize(
@@ -213,7 +213,9 @@ def test_unknown_parts_are_named(table, slot, text, name, tmp_path):
 @pytest.mark.skipif(not is_installed("pxr"), reason="usd-core is not installed")
 def test_unknown_types_and_properties_of_a_stage_are_named(tmp_path):
     stage = 'def Mesh "m" {\n float halo = 1\n}\ndef Halo "h" {}'
-    assert any("not read: halo, Halo" in one for one in _load(tmp_path, "usd", stage=stage).notices)
+    assert any(
+        "not read: halo, Halo" in notice for notice in _load(tmp_path, "usd", stage=stage).notices
+    )
 
 
 def _ply(folder, vertex="", face="", more="", v="", f="", m=""):
@@ -226,12 +228,14 @@ def _ply(folder, vertex="", face="", more="", v="", f="", m=""):
 def test_parts_of_ply(tmp_path):
     assert _ply(tmp_path) == ()
     notices = _ply(tmp_path, vertex="property float halo\nproperty uchar diffuse_red\n", v=" 1 2")
-    assert [one[7:] for one in notices] == [
+    assert [notice[7:] for notice in notices] == [
         "colors under other names than red, green and blue are not drawn (1 property)",
         "not read: vertex.halo",
     ]
     notices = _ply(tmp_path, face="property int texnumber\n", f=" 1")
-    assert [one[7:] for one in notices] == ["textures beyond the first are not drawn (1 property)"]
+    assert [notice[7:] for notice in notices] == [
+        "textures beyond the first are not drawn (1 property)"
+    ]
 
 
 def test_colors_of_stl_and_off(tmp_path):

@@ -55,7 +55,9 @@ def _arrays(name, **values):
     def change(folder):
         with np.load(folder / name) as stored:
             arrays = dict(stored) | values
-        np.savez(folder / name, **{key: one for key, one in arrays.items() if one is not None})
+        np.savez(
+            folder / name, **{key: array for key, array in arrays.items() if array is not None}
+        )
 
     return change
 
@@ -183,7 +185,11 @@ def test_a_scene_that_extends_another_has_its_light_unless_it_has_its_own(tmp_pa
 def test_edits_take_the_light_of_what_moves(folder):
     scene = with_baked_light(surroundings(), folder)
     moved = scene.moved("object 1", np.eye(4))
-    assert [one.light_rectangle is None for one in moved.instances] == [False, True, False]
+    assert [instance.light_rectangle is None for instance in moved.instances] == [
+        False,
+        True,
+        False,
+    ]
     added = scene.added("crate", scene_of([box("crate", 0)]))
     assert added.instances[-1].light_rectangle is None
     assert added.lighting.baked is scene.lighting.baked

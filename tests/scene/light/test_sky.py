@@ -57,7 +57,7 @@ def _chain(folder, base, child):
 def _assert_same_light(found, expected):
     assert (found.exposure, found.ambient) == (expected.exposure, expected.ambient)
     lights = [
-        [(one.intensity, *one.direction) for one in each.lights] for each in (found, expected)
+        [(light.intensity, *light.direction) for light in each.lights] for each in (found, expected)
     ]
     assert lights[0] == lights[1]
     radiances = [each.environment and each.environment.radiance for each in (found, expected)]
@@ -98,7 +98,7 @@ def test_a_scene_may_be_without_the_sky_and_the_sun_of_its_base(tmp_path):
 def test_lamps_shine_beside_the_sky_of_the_base_at_its_exposure(tmp_path, base):
     before = load_scene(_chain(tmp_path, base, "")).lighting
     lit = load_scene(_chain(tmp_path, base, LAMP)).lighting
-    assert [one.kind.value for one in lit.lights] == ["directional", "point"]
+    assert [light.kind.value for light in lit.lights] == ["directional", "point"]
     assert lit.exposure == before.exposure
     np.testing.assert_array_equal(lit.environment.radiance, before.environment.radiance)
 

@@ -50,7 +50,7 @@ def test_a_scene_extends_another(folder):
     assert (scene.start, scene.background) == (soccer.start, soccer.background)
     (folder / "second.toml").write_text(f'extends = "scene.toml"\n{BALL.replace("ball", "b", 1)}')
     second = load_scene(folder / "second.toml")
-    assert [one.name for one in second.objects] == ["ball", "b"]
+    assert [moving.name for moving in second.objects] == ["ball", "b"]
 
 
 @pytest.mark.parametrize(

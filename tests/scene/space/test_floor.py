@@ -43,7 +43,9 @@ def test_a_point_on_an_edge_is_on_the_floor():
 def test_highest_surfaces_are_embree_s(source):
     """Both sides drawn, as Embree sees both."""
     scene = load_scene(source)
-    materials = tuple(dataclasses.replace(one, double_sided=True) for one in scene.materials)
+    materials = tuple(
+        dataclasses.replace(material, double_sided=True) for material in scene.materials
+    )
     scene = dataclasses.replace(scene, materials=materials)
     oracle = RayCaster(scene)
     low, high = scene.bounds_m()

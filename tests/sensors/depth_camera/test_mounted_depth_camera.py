@@ -209,13 +209,13 @@ def test_a_run_goes_on_with_the_same_bytes(tmp_path):
     drive, run = Drive(load_scene("soccer"), vehicle, Route("lap"), seed=3), tmp_path / "run"
     assert list(drive.along(truth).record(run))[-1] == 3
     files = sorted((run / "depth").iterdir())
-    assert [one.name for one in files] == [
+    assert [file.name for file in files] == [
         "000000.png", "000001.png", "000002.png", "calibration.json"
     ]  # fmt: skip
-    before = [one.read_bytes() for one in files]
+    before = [file.read_bytes() for file in files]
     files[1].unlink()
     assert list(drive.along(truth).record(run)) == [2, 3]
-    assert [one.read_bytes() for one in files] == before
+    assert [file.read_bytes() for file in files] == before
     pixels, _ = read_image(files[2])
     assert pixels.dtype == np.uint16
     (mount,) = vehicle.sensors

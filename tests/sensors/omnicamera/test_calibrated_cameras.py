@@ -30,7 +30,7 @@ def robot(tmp_path):
 
     def write(*tables):
         path = tmp_path / "robot.toml"
-        path.write_text('name = "cart"\n' + "".join(f"[[sensors]]\n{one}\n" for one in tables))
+        path.write_text('name = "cart"\n' + "".join(f"[[sensors]]\n{table}\n" for table in tables))
         return Vehicle.load(path)
 
     return write

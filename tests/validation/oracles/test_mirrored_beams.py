@@ -30,7 +30,7 @@ def test_other_intensities_and_straight_mirrored_rays_are_found(monkeypatch):
         return light._replace(passed=1.02 * light.passed, reflected=1.02 * light.reflected)
 
     monkeypatch.setattr(cast_beams, "surface_light", brighter)
-    assert [one.passed for one in measures()] == [True, False, True, False]
+    assert [measure.passed for measure in measures()] == [True, False, True, False]
     monkeypatch.setattr(cast_beams, "surface_light", seen)
     mirrored = cast_beams.mirrored_rays
 
@@ -39,4 +39,6 @@ def test_other_intensities_and_straight_mirrored_rays_are_found(monkeypatch):
         return rays._replace(origins_m=rays.origins_m - 2e-3 * rays.directions)
 
     monkeypatch.setattr(cast_beams, "mirrored_rays", late)
-    assert [bool(np.isfinite(one.value)) and one.passed for one in measures()][2] is False
+    assert [bool(np.isfinite(measure.value)) and measure.passed for measure in measures()][
+        2
+    ] is False

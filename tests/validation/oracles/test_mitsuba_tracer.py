@@ -82,7 +82,9 @@ def _bilinear(pixels, coordinates, wrap):
     mode = "grid-wrap" if wrap is Wrap.REPEAT else "nearest"
     at = np.moveaxis((coordinates * pixels.shape[1::-1] - 0.5)[..., ::-1], -1, 0)
     channels = np.moveaxis(linear_from_srgb(pixels[..., :3] / 255.0), -1, 0)
-    return np.stack([map_coordinates(one, at, order=1, mode=mode) for one in channels], axis=-1)
+    return np.stack(
+        [map_coordinates(channel, at, order=1, mode=mode) for channel in channels], axis=-1
+    )
 
 
 @pytest.mark.parametrize("wrap", list(Wrap))

@@ -91,9 +91,9 @@ class OmnisimJson(Format[CentralCamera]):
         entries = []
         for camera in cameras:
             poses = [
-                {"target": one.target, "source": one.source,
-                 "target_from_source": documents.rows(one.target_from_source)}
-                for one in camera.poses
+                {"target": pose.target, "source": pose.source,
+                 "target_from_source": documents.rows(pose.target_from_source)}
+                for pose in camera.poses
             ]  # fmt: skip
             parameters = camera.lens.parameters()
             entries.append({"name": camera.name, "camera": parameters, "poses": poses})

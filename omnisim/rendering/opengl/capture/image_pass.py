@@ -192,7 +192,9 @@ class UvPass:
 
     def _target(self, size_px: tuple[int, int]) -> moderngl.Framebuffer:
         context = self._samples.context
-        return framebuffer(context, [texture_2d(context, size_px, one) for one in self._components])
+        return framebuffer(
+            context, [texture_2d(context, size_px, component) for component in self._components]
+        )
 
 
 def image_array(

@@ -76,7 +76,7 @@ class ParallaxPass:
     ):
         self._pyramid, self.undecided_samples = pyramid, 0
         shown = colors[0].shown if len(colors) == 1 else colors[_GREEN].valid_shares() >= 0.5
-        self._colors = [_ColorPass(context, one, plan, pyramid, shown, fog) for one in colors]
+        self._colors = [_ColorPass(context, color, plan, pyramid, shown, fog) for color in colors]
 
     def draw(
         self,

@@ -487,7 +487,7 @@ class Views:
 
     def write(self, shots: Sequence[ScenePoses]) -> None:
         """Write the poses of one frame, a camera per shot."""
-        rigs = np.array([one.world_from_rig for one in shots])
+        rigs = np.array([shot.world_from_rig for shot in shots])
         self.cameras = len(rigs)
         poses = self._poses[: self.cameras]
         viewpoints_m = rigs[:, :3, 3]
@@ -495,7 +495,7 @@ class Views:
         # in float64, which keeps precision far from the origin
         poses[:, 1, :, 3] = self._anchor_m - viewpoints_m
         if self.objects > 1:
-            objects = np.array([one.world_from_objects for one in shots])[..., :3, :]
+            objects = np.array([shot.world_from_objects for shot in shots])[..., :3, :]
             poses[:, 2:, :, :3] = objects[..., :3]
             poses[:, 2:, :, 3] = objects[..., 3] - viewpoints_m[:, None]
         self.poses.write(poses)

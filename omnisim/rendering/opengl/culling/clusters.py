@@ -196,7 +196,7 @@ def spatial_clusters(
         order, codes, bits = _order(bounds, keys, MAX_MORTON_BITS)
     levels, last_level = _levels(codes, bits, min_size, max_size)
     first, levels = _merge_small_cells(levels, last_level, min_size)
-    cell_bounds = np.stack([np.maximum.reduceat(one[order], first) for one in bounds])
+    cell_bounds = np.stack([np.maximum.reduceat(bound[order], first) for bound in bounds])
     starts, counts = _merge_cells(
         cell_bounds, first, levels, total, last_level, max_size, split_factor
     )
@@ -300,8 +300,8 @@ def _order(
     codes <<= np.uint64(3 * bits)
     slices = [slice(at, at + _BOUND_AT_ONCE) for at in range(0, bounds.shape[1], _BOUND_AT_ONCE)]
     centers = [0.5 * (bounds[3:, own] - bounds[:3, own]) for own in slices]
-    starts = np.min([one.min(axis=1) for one in centers], axis=0)
-    ends = np.max([one.max(axis=1) for one in centers], axis=0)
+    starts = np.min([center.min(axis=1) for center in centers], axis=0)
+    ends = np.max([center.max(axis=1) for center in centers], axis=0)
     scale = ((1 << bits) - 1) / max(float((ends - starts).max()), 1e-9)
     for own, some in zip(slices, centers, strict=True):
         for axis in range(3):

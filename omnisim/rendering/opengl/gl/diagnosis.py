@@ -185,7 +185,7 @@ def install_hint() -> str:
     except OSError:
         system = {}
     names = [system.get("ID", ""), *system.get("ID_LIKE", "").split()]
-    command = next((_PACKAGES[one] for one in names if one in _PACKAGES), _PACKAGES["debian"])
+    command = next((_PACKAGES[name] for name in names if name in _PACKAGES), _PACKAGES["debian"])
     sudo = "sudo " if os.geteuid() else ""
     return f"install OpenGL: {sudo}{command} (software), or your graphics card's driver"
 
@@ -203,7 +203,7 @@ def _vendor_fault(file: Path) -> Fault | None:
     variable = os.environ.get("LIBGL_DRIVERS_PATH")
     folders = variable.split(":") if variable else [str(mesa.parent / "dri"), "/usr/lib/dri"]
     kind = "*_dri.so" if any(Path("/dev/dri").glob("renderD*")) else "swrast_dri.so"
-    drivers = [str(driver) for one in folders for driver in Path(one).glob(kind)]
+    drivers = [str(driver) for folder in folders for driver in Path(folder).glob(kind)]
     if drivers:  # in software, if there is one
         return _load_fault(max(drivers, key=lambda driver: driver.endswith("/swrast_dri.so")))
     if variable:
@@ -254,7 +254,7 @@ def _loaded(name: str) -> Path | None:
 def _vendor_files(*folders: Path) -> tuple[list[Path], str]:
     """Vendors' files that EGL reads, and the variable that names them; empty: the usual folders."""
     if listed := os.environ.get(_VENDOR_FILES):
-        return [path for one in listed.split(":") if (path := Path(one)).is_file()], _VENDOR_FILES
+        return [path for word in listed.split(":") if (path := Path(word)).is_file()], _VENDOR_FILES
     if listed := os.environ.get(_VENDOR_FOLDERS):
         return _files_in(*map(Path, listed.split(":"))), _VENDOR_FOLDERS
     return _files_in(*folders), ""

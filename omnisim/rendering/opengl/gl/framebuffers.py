@@ -26,7 +26,7 @@ def framebuffer(
     try:
         target = context.framebuffer(list(colors), depth)
     except moderngl.Error as error:
-        kinds = [f"{one.size}, {one.components} × {one.dtype}" for one in colors]
+        kinds = [f"{color.size}, {color.components} × {color.dtype}" for color in colors]
         kinds += [] if depth is None else [f"{depth.size}, depth"]
         raise AllocationError(f"a framebuffer of {'; '.join(kinds)}", str(error)) from None
     debug.label(debug.FRAMEBUFFER, target.glo)

@@ -79,7 +79,7 @@ class StorageBindings:
 
     def __init__(self, buffers: Sequence[moderngl.Buffer], first: int = 0):
         self.buffers = tuple(buffers)
-        self._names = (ENUM * len(buffers))(*(one.glo for one in buffers))
+        self._names = (ENUM * len(buffers))(*(buffer.glo for buffer in buffers))
         bind = gl_function("glBindBuffersBase", ENUM, ENUM, INT, POINTER)
         address = ctypes.addressof(self._names)
         self.bind = constant_call(bind, _SHADER_STORAGE_BUFFER, first, len(buffers), address)
@@ -87,7 +87,7 @@ class StorageBindings:
     @property
     def size(self) -> int:
         """Size of the buffers in bytes."""
-        return sum(one.size for one in self.buffers)
+        return sum(buffer.size for buffer in self.buffers)
 
 
 # Fences: waiting for the GPU, and llvmpipe's last passes, kept until no thread uses them.

@@ -159,7 +159,7 @@ class PixelReadback:
         """
         if len(self._readings) == LENGTH:
             self._readings[0].finish()
-        stored = [_stored(*one) for one in reads]
+        stored = [_stored(*read) for read in reads]
         ends = [*accumulate(-(-one.size // _ALIGNMENT) * _ALIGNMENT for one in stored)]
         buffer = self._buffer(ends[-1])
         end_pass(self.context)

@@ -70,7 +70,7 @@ class GlState:
         self._set_depth_test = _capability(_DEPTH_TEST)
         self._set_blending = _capability(_BLEND)
         self._set_scissor_test = _capability(_SCISSOR_TEST)
-        self._set_each_clip_distance = [_capability(one) for one in _CLIP_DISTANCES]
+        self._set_each_clip_distance = [_capability(distance) for distance in _CLIP_DISTANCES]
         self._set_mirror_clip = _capability(_MIRROR_CLIP_DISTANCE)
         face = gl_function("glFrontFace", ENUM)
         self.set_mirrored = _choice(

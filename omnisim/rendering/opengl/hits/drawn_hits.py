@@ -169,7 +169,7 @@ class CubeHits(DrawnHits):
         """Intersect the rays of many images, drawn together."""
         length = min(self.slice_length(details), len(poses))
         if length <= 1:
-            yield from (self.hits(one, details) for one in poses)
+            yield from (self.hits(pose, details) for pose in poses)
             return
         length = -(-len(poses) // -(-len(poses) // length))
         drawn: Pending[list[Hits]] | None = None

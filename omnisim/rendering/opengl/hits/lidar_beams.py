@@ -116,8 +116,10 @@ class LidarPass:
     @cached_property
     def _meshes(self) -> list[PlacedMesh]:
         return [
-            PlacedMesh(one.object_index, one.name, one.object_from_mesh.tobytes(), one.triangles)
-            for one in self._buffers.draw_items
+            PlacedMesh(
+                item.object_index, item.name, item.object_from_mesh.tobytes(), item.triangles
+            )
+            for item in self._buffers.draw_items
         ]
 
 

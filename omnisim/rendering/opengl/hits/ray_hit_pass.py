@@ -127,10 +127,10 @@ class RayHitPass:
         visibility, buffers = self.visibility, self.visibility.buffers
         (target, array), camera = self._drawing(details), self.pixels.camera
         transforms = [
-            buffers.instance_transforms(one.viewpoint_m, one.world_from_objects) for one in shots
+            buffers.instance_transforms(shot.viewpoint_m, shot.world_from_objects) for shot in shots
         ]
         rotations = np.array(
-            [one.world_from_rig[:3, :3] @ camera.rig_from_optical for one in shots]
+            [shot.world_from_rig[:3, :3] @ camera.rig_from_optical for shot in shots]
         )
         # of a single image, and of several, which have their rotations in the tables
         set_uniforms(
@@ -143,7 +143,7 @@ class RayHitPass:
         for part in self.using_parts(array.program, camera.rig_from_optical):
             visibility.render(shots, details)
             with within(target, part.rectangle_px):
-                normals = [one.normal_from_mesh for one in transforms]
+                normals = [transform.normal_from_mesh for transform in transforms]
                 self.tables.update(transforms, normals, rotations)
                 self.bind()
                 visibility.bind_details(details, _DETAIL_UNITS)
@@ -186,10 +186,10 @@ class RayHitPass:
             reading.finish()
             return [
                 Hits(
-                    points[one], primitives[one, ..., 0], primitives[one, ..., 1],
-                    **{name: values[one] for name, values in arrays.items()},
+                    points[number], primitives[number, ..., 0], primitives[number, ..., 1],
+                    **{name: values[number] for name, values in arrays.items()},
                 )
-                for one in range(count)
+                for number in range(count)
             ]  # fmt: skip
 
         return Pending(finish)
@@ -300,8 +300,8 @@ class HitTables:
         visibility, count = self._visibility, len(self._draw_items)
         tables = np.zeros((len(transforms), count + 1), dtype=_DRAW_ITEM)
         tables[:, :count] = self._draw_items
-        for table, one, second in zip(tables, transforms, second_matrices, strict=True):
-            table["viewpoint_from_mesh"][:count] = one.viewpoint_from_mesh[:, :3]
+        for table, transform, second in zip(tables, transforms, second_matrices, strict=True):
+            table["viewpoint_from_mesh"][:count] = transform.viewpoint_from_mesh[:, :3]
             table["second_matrix"][:count, :, : second.shape[-1]] = second
         if viewpoints_from_optical is not None:
             tables["viewpoint_from_mesh"][:, count, :, :3] = viewpoints_from_optical

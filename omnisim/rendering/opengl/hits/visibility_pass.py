@@ -164,8 +164,8 @@ class VisibilityPass:
         items = self.buffers.draw_items
         shown = self.buffers.shown_one_by_one(self.cameras.hidden)
         # a material may be so transparent that no texel shows it: textures only reduce alpha
-        alphas = np.array([one.material.base_color[3] for one in items])
-        shown &= alphas >= np.array([one.material.hit_cutoff for one in items])
+        alphas = np.array([item.material.base_color[3] for item in items])
+        shown &= alphas >= np.array([item.material.hit_cutoff for item in items])
         return np.flatnonzero(shown)
 
     def _item_program(self, details: HitDetails, item: DrawItem) -> VisibilityProgram:

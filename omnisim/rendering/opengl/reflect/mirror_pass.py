@@ -87,7 +87,7 @@ class MirrorPass:
         self._planes = np.zeros((len(mirrors), 4))
         items = buffers.draw_items
         self._spreads = [
-            min(_facet_slope(items[index].material) for index in one.parts) for one in mirrors
+            min(_facet_slope(items[index].material) for index in mirror.parts) for mirror in mirrors
         ]
         self._background = cameras.background
         size = (plan.width_px, plan.height_px)
@@ -108,10 +108,12 @@ class MirrorPass:
             buffers, programs, plan, seen, depth, 1, sky, is_mirrored=True, probes=probes
         )
         shown = np.flatnonzero(buffers.shown_one_by_one(cameras.hidden)).tolist()
-        self.items = frozenset(index for one in mirrors for index in one.parts) & frozenset(shown)
+        self.items = frozenset(index for mirror in mirrors for index in mirror.parts) & frozenset(
+            shown
+        )
         self.of_panes = of_panes
         self.without_view = frozenset[int]()
-        self._points_m = [self._points_of(one) for one in mirrors]
+        self._points_m = [self._points_of(mirror) for mirror in mirrors]
         self._items = np.array(sorted(self.items), dtype=np.intp)
         self._owner_drawer = self._make_owner_drawer()
         window = build_program(context, "common/full_screen.vert", "scene/mirror_window.frag")
@@ -155,7 +157,7 @@ class MirrorPass:
         whole = self._whole_views.at(shot.world_from_rig)
         visible: list[int] = []
         for number, mirror in enumerate(self._mirrors):
-            items = np.array([one for one in mirror.parts if one in self.items], dtype=np.intp)
+            items = np.array([part for part in mirror.parts if part in self.items], dtype=np.intp)
             if sides[number] in mirror.sides and transforms.seen_in(whole, items).any():
                 visible.append(number)
         beyond: list[int] = []

@@ -156,7 +156,9 @@ class ProbePass:
         self._mirrors = [self._is_mirror & ~self._mask(one.left_out) for one in places]
         items = buffers.draw_items
         self._steps = [self._steps_of(one) for one in places]
-        self._gloss = [_Gloss.of(items[one].material for one in place.surfaces) for place in places]
+        self._gloss = [
+            _Gloss.of(items[surface].material for surface in place.surfaces) for place in places
+        ]
         self._states: list[bytes | None] = [None] * len(places)
         self._static: dict[int, tuple[moderngl.Texture, moderngl.Texture]] = {}
         self._has_moving = any(item.moves for item in buffers.draw_items)
@@ -164,8 +166,8 @@ class ProbePass:
 
     def _steps_of(self, place: ProbePlace) -> tuple[int, int]:
         kinds = [self._buffers.draw_items[index].kind for index in place.surfaces]
-        is_smooth = not place.is_planar or any(SurfaceKind.MIRROR in one for one in kinds)
-        is_pane = all(SurfaceKind.PANE in one for one in kinds)
+        is_smooth = not place.is_planar or any(SurfaceKind.MIRROR in kind for kind in kinds)
+        is_pane = all(SurfaceKind.PANE in kind for kind in kinds)
         return _MORE_STEPS if self._within is not None and is_smooth and not is_pane else _STEPS
 
     def _mask(self, left_out: Collection[int]) -> Bools:
@@ -175,7 +177,7 @@ class ProbePass:
 
     def render(self, seen: Collection[int], world_from_objects: Sequence[Floats]) -> None:
         """Render the probes that items at the given indices reflect; meshes are deformed."""
-        state = b"".join(np.asarray(one).tobytes() for one in world_from_objects)
+        state = b"".join(np.asarray(moving).tobytes() for moving in world_from_objects)
         if self._buffers.deforming.size:
             state += np.float64(time_of(world_from_objects)).tobytes()
         # meshes that deform cast shadows on static ones, and cannot be moved away
@@ -283,24 +285,26 @@ class SceneProbes:
         places: Sequence[ProbePlace],
         background: tuple[float, float, float],
     ):
-        planar = [one for one in places if one.is_planar]
-        others = [one for one in places if not one.is_planar]
+        planar = [place for place in places if place.is_planar]
+        others = [place for place in places if not place.is_planar]
         make = partial(ProbePass, buffers, programs, background=background)
         within: ProbePass | None = None
         if len(places) > 1:
-            fixed = [one for one in places if one.object_index is None and one.deforming is None]
+            fixed = [
+                place for place in places if place.object_index is None and place.deforming is None
+            ]
             for _ in range(_BOUNCES if fixed else 0):
                 within = make(fixed, within=within, is_static=True)
         self._passes = [make(others, within=within)] if others else []
         if planar:
             self._passes.append(make(planar, within=within, is_static=True, size_px=PLANAR_SIZE_PX))
-        self.items = frozenset(index for one in self._passes for index in one.items)
-        self.planar = frozenset(index for one in self._passes for index in one.planar)
+        self.items = frozenset(index for step in self._passes for index in step.items)
+        self.planar = frozenset(index for step in self._passes for index in step.planar)
 
     def render(self, seen: Collection[int], world_from_objects: Sequence[Floats]) -> None:
         """Render the probes that items at the given indices reflect; meshes are deformed."""
-        for one in self._passes:
-            one.render(seen, world_from_objects)
+        for step in self._passes:
+            step.render(seen, world_from_objects)
 
     def connect(self, programs: Collection[SurfaceProgram], shot: ScenePoses) -> None:
         """Set the probes of items in the programs for a viewpoint."""
@@ -317,7 +321,7 @@ def shared_probes(
 ) -> SceneProbes:
     """Probes of a scene, which all cameras share; arguments as of `ProbePass`."""
     passes = programs.shared_passes
-    for old in [one for one in passes if one[0] != buffers.version]:
+    for old in [step for step in passes if step[0] != buffers.version]:
         del passes[old]
     key = buffers.version, tuple(places), background
     shared = passes.get(key)
@@ -340,8 +344,8 @@ class _Gloss(Enum):
     @classmethod
     def of(cls, materials: Iterable[Material]) -> _Gloss:
         """Gloss of surfaces of the given materials."""
-        roughnesses = [value for one in materials for value in lobe_roughnesses(one)]
-        rough = [one for one in roughnesses if one > MIN_ROUGHNESS]
+        roughnesses = [value for material in materials for value in lobe_roughnesses(material)]
+        rough = [roughness for roughness in roughnesses if roughness > MIN_ROUGHNESS]
         if not rough:
             return cls.MIRROR
         return cls.SMOOTH if min(rough) < _MIN_ROUGH else cls.ROUGH

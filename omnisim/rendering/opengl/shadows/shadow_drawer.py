@@ -84,12 +84,12 @@ class CasterDrawer:
     def refresh(self) -> None:
         """Update after the buffers changed."""
         buffers, items = self._buffers, self._buffers.draw_items
-        alphas = np.array([one.material.base_color[3] for one in items])
+        alphas = np.array([item.material.base_color[3] for item in items])
         single = buffers.shown_one_by_one()
-        single &= alphas >= np.array([one.material.hit_cutoff for one in items])
-        casts = np.array([one.casts_shadow for one in items], dtype=np.bool_)
+        single &= alphas >= np.array([item.material.hit_cutoff for item in items])
+        casts = np.array([item.casts_shadow for item in items], dtype=np.bool_)
         single &= casts
-        moves = np.array([one.moves for one in items], dtype=np.bool_)
+        moves = np.array([item.moves for item in items], dtype=np.bool_)
         dynamic, static = casts & moves, casts & ~moves
         self.has_dynamic = bool(np.any(dynamic & buffers.shown()))
         self._items = [np.flatnonzero(single & some) for some in (static, dynamic)]

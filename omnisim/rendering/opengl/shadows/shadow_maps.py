@@ -94,9 +94,9 @@ class ShadowMaps:
         self._posed: tuple[float, bytes] | None = None  # when, and where
         self._covered: Indices = np.empty((0, 4), dtype=np.intp)
         objects = np.array(
-            [-1 if one.object_index is None else one.object_index for one in buffers.draw_items]
+            [-1 if item.object_index is None else item.object_index for item in buffers.draw_items]
         )
-        moves = np.array([one.moves for one in buffers.draw_items], dtype=np.bool_)
+        moves = np.array([item.moves for item in buffers.draw_items], dtype=np.bool_)
         dynamic = np.flatnonzero(moves & buffers.shown())
         self._dynamic = dynamic[np.argsort(objects[dynamic], kind="stable")]
         _, self._first_of_object = np.unique(objects[self._dynamic], return_index=True)
@@ -118,7 +118,7 @@ class ShadowMaps:
         if not self._plan.follows_viewpoint:
             return True
         first, *others = (self._middles_m(rig[:3, 3]) for rig, _ in poses)
-        return all(np.array_equal(one, first) for one in others)
+        return all(np.array_equal(other, first) for other in others)
 
     def connect(self, program: moderngl.Program) -> None:
         """Set the samplers and blocks of a program that looks up shadows."""
@@ -232,13 +232,13 @@ class _Kept:
 
     def on_torus_px(self, cells: Cells) -> tuple[int, int, int, int]:
         """Left, top, width and height of cells of the torus in the texture of all."""
-        left, top, width, height = (self.cell_px * one for one in cells)
+        left, top, width, height = (self.cell_px * cell for cell in cells)
         return self.kept_px[0] + left, self.kept_px[1] + top, width, height
 
     def on_map_px(self, cells: Cells, first: tuple[int, int]) -> tuple[int, int, int, int]:
         """The same of cells of the grid on the map that begins at cell `first`."""
         left, top = cells.left - first[0], cells.top - first[1]
-        left, top, width, height = (self.cell_px * one for one in (left, top, *cells[2:]))
+        left, top, width, height = (self.cell_px * cell for cell in (left, top, *cells[2:]))
         return self.map_px[0] + left, self.map_px[1] + top, width, height
 
     def map_part(self, part: TorusPart) -> MapPart:
@@ -271,7 +271,7 @@ class KeptCascades:
         maps: DepthLevels,
         levels: DepthLevels | None = None,
     ):
-        lights = [one for one in plan.cascades if one is not None]
+        lights = [cascade for cascade in plan.cascades if cascade is not None]
         places_px = iter(plan.kept_places_px.tolist())
         self._kept = [
             _Kept(

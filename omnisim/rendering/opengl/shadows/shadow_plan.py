@@ -65,7 +65,7 @@ class ShadowPlan:
     def maps_that_follow(self) -> Bools:
         """Mask (maps,) of the maps that follow the viewpoint."""
         follow = np.zeros(sum(block.columns * block.rows for block in self.blocks), dtype=np.bool_)
-        casting = sum(one is not None for one in self.cascades)
+        casting = sum(cascade is not None for cascade in self.cascades)
         of_light = np.arange(casting * self.cascade_count) % self.cascade_count
         follow[: casting * self.cascade_count] = of_light < self.cascade_count - 1
         return follow
@@ -90,11 +90,13 @@ class ShadowPlan:
 
     def middles_m(self, viewpoint_m: Floats) -> Floats:
         """Centers (lights, cascades, 2) of cascades, for a viewpoint (3,) from the anchor."""
-        return np.array([one.middles_m(viewpoint_m) for one in self.cascades if one is not None])
+        return np.array(
+            [cascade.middles_m(viewpoint_m) for cascade in self.cascades if cascade is not None]
+        )
 
     def clips(self, middles_m: Floats, anchor_m: Floats) -> Floats:
         """Matrices (maps, 4, 4) clip_from_anchor, given the cascades' centers."""
-        casting = [one for one in self.cascades if one is not None]
+        casting = [cascade for cascade in self.cascades if cascade is not None]
         clips = [
             orthographic_clip(one.axes, middle_m, half_m, one.depths_m)
             for one, middles in zip(casting, middles_m, strict=True)
@@ -127,7 +129,7 @@ class ShadowPlan:
             f"SHADOW_CASCADES {self.cascade_count}",
             f"DIRECTIONAL_SHADOWS {len(self.casters) - len(self.punctual_casters)}",
             f"PUNCTUAL_SHADOWS {len(self.punctual_casters)}",
-            f"DIRECTIONAL_CASTERS {_bits([one is not None for one in self.cascades])}",
+            f"DIRECTIONAL_CASTERS {_bits([cascade is not None for cascade in self.cascades])}",
             f"PUNCTUAL_CASTERS {_bits([light.casts_shadow for light in self.punctual])}",
             f"CUBE_CASTERS {_bits([is_cube(light) for light in self.punctual])}",
             f"SHADOW_REGIONS vec4[]({', '.join(vectors)})",
@@ -139,7 +141,7 @@ class ShadowPlan:
 
     def _scales(self) -> list[float]:
         """Scale of each caster, see shaders/scene/shadow.glsl."""
-        scales = [one.depth_scale for one in self.cascades if one is not None]
+        scales = [cascade.depth_scale for cascade in self.cascades if cascade is not None]
         blocks = self.blocks[len(scales) :]
         for light, block in zip(self.punctual_casters, blocks, strict=True):
             scales.append(1.0 / punctual_view(light, block.size_px).tangent)
@@ -179,10 +181,10 @@ def make_shadow_plan(lighting: Lighting, boxes_m: Floats, max_size_px: int) -> S
     """
     directional, punctual = lighting.by_kind()
     axes = [light_axes(light.direction) if light.casts_shadow else None for light in directional]
-    count = max((cascade_count(one, boxes_m) for one in axes if one is not None), default=1)
-    cascades = tuple(None if one is None else Cascades(one, boxes_m, count) for one in axes)
+    count = max((cascade_count(axis, boxes_m) for axis in axes if axis is not None), default=1)
+    cascades = tuple(None if axis is None else Cascades(axis, boxes_m, count) for axis in axes)
     shapes = [
-        (_CASCADE_PX if count > 1 else _SINGLE_PX, count, 1) for one in axes if one is not None
+        (_CASCADE_PX if count > 1 else _SINGLE_PX, count, 1) for axis in axes if axis is not None
     ]
     shapes += [
         (_FACE_PX, _CUBE_COLUMNS, 2) if is_cube(light) else (_SPOT_PX, 1, 1)

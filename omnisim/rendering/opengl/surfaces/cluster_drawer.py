@@ -71,7 +71,9 @@ class DrawBatches:
         both_sides: bool,
     ):
         palette = geometry.palette.glo
-        states = [_state(one, find_program(one), both_sides, palette) for one in geometry.buckets]
+        states = [
+            _state(bucket, find_program(bucket), both_sides, palette) for bucket in geometry.buckets
+        ]
         runs = [(state, len(list(run))) for state, run in groupby(states)]
         self.states = [state for state, _ in runs]
         self.has_ids = any(state.shader.first_command is not None for state in self.states)

@@ -158,10 +158,10 @@ class SceneDrawer(Generic[P]):
 
     def _make_arrays(self) -> None:
         """Make the vertex arrays of programs that have none."""
-        for one in self.programs - self._arrays.keys():
-            self._arrays[one] = vertex_array(
+        for program in self.programs - self._arrays.keys():
+            self._arrays[program] = vertex_array(
                 self._buffers.context,
-                one.program,
+                program.program,
                 *self._of_arrays,
                 self._buffers.light_coordinates,
             )

@@ -393,7 +393,7 @@ class SurfacePrograms:
         """Bind baked light, and the lookup tables of reflective materials, if there are any."""
         tables = dict(self._baked_textures)
         if self._buffers.materials.texture is not None:
-            needed = any(one.needs_item_details for one in self._programs.values())
+            needed = any(program.needs_item_details for program in self._programs.values())
             tables |= material_tables(self._buffers, needed)
             tables[_ENVIRONMENT_UNITS["u_environment_table"]] = self._environment_table
             if self._filtered_sky is not None:
@@ -446,9 +446,9 @@ def _write_lights(program: moderngl.Program, lighting: Lighting) -> None:
     values: dict[str, ArrayLike] = {"u_ambient": lighting.ambient}
     for name, lights in (("directional", directional), ("punctual", punctual)):
         if lights:
-            colors = [np.array(one.color) * one.intensity for one in lights]
+            colors = [np.array(light.color) * light.intensity for light in lights]
             values[f"u_{name}_color"] = np.array(colors) * lighting.exposure
-            values[f"u_{name}_direction"] = [one.direction for one in lights]
+            values[f"u_{name}_direction"] = [light.direction for light in lights]
     if punctual:
         cones = [
             one.cone_cosines if one.kind is LightKind.SPOT else _ALL_DIRECTIONS for one in punctual
@@ -456,4 +456,4 @@ def _write_lights(program: moderngl.Program, lighting: Lighting) -> None:
         ranges_m = [min(one.range_m, _NO_RANGE_M) for one in punctual]
         values["u_punctual_limits"] = np.column_stack((ranges_m, cones))
     # those that baked light replaces are missing
-    set_uniforms(program, {key: np.asarray(one, np.float32) for key, one in values.items()})
+    set_uniforms(program, {key: np.asarray(value, np.float32) for key, value in values.items()})

@@ -251,7 +251,7 @@ def build_clustered_geometry(
         cullable = upload_triangles(context, made.triangles, made.corners, hierarchy)
     reflectances, details = [item.texture_layer.reflectance for item in items], None
     if any(reflectances):
-        records = [0 if one is None else one.record for one in reflectances]
+        records = [0 if reflectance is None else reflectance.record for reflectance in reflectances]
         details = vertex_details(
             context, list(zip([item.mesh for item in items], records, _bases(items), strict=True))
         )

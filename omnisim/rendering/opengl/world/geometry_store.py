@@ -338,7 +338,7 @@ def window_bytes(context: moderngl.Context) -> int:
 def window_defines(context: moderngl.Context, *buffers: moderngl.Buffer) -> tuple[str, ...]:
     """Defines of shaders that read buffers; empty if each fits into one binding."""
     size = window_bytes(context)
-    if all(one.size <= size for one in buffers):
+    if all(buffer.size <= size for buffer in buffers):
         return ()
     return (f"WINDOW_WORD_BITS {size.bit_length() - 3}",)
 

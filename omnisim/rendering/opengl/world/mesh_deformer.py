@@ -108,8 +108,11 @@ class MeshDeformer:
 
     def _state(self, time_s: float) -> tuple[Floats32, Floats32]:
         """Rows (joints, 3, 4) of all joint transforms, and weights (n,) of all morph targets."""
-        matrices = [one.matrices_at(time_s)[:, :3] for one in self._deformations]
-        weights = [np.zeros(1), *(one.weights_at(time_s) for one in self._deformations)]
+        matrices = [deformation.matrices_at(time_s)[:, :3] for deformation in self._deformations]
+        weights = [
+            np.zeros(1),
+            *(deformation.weights_at(time_s) for deformation in self._deformations),
+        ]
         return (
             np.concatenate(matrices).astype(np.float32), np.concatenate(weights).astype(np.float32)
         )  # fmt: skip
@@ -121,20 +124,20 @@ def _tables(
     """Vertices and the offsets of their morph targets."""
     bounds, offsets = [], [np.zeros(0, dtype=_OFFSET)]
     first_joint, first_weight, first_offset = 0, 1, 0
-    for one, base in zip(deformations, bases, strict=True):
-        count, width = one.joints.shape
+    for deformation, base in zip(deformations, bases, strict=True):
+        count, width = deformation.joints.shape
         part = np.zeros(count, dtype=_BOUND)
-        part["position"], part["vertex"] = one.positions, base + np.arange(count)
-        if one.normals is not None:
-            part["normal"] = one.normals
-        part["joints"][:, :width] = one.joints + np.uint32(first_joint)
-        part["shares"][:, :width] = one.shares
-        first_joint += len(one.skeleton.nodes)
-        if one.targets is not None:
-            targets = np.zeros(one.targets.positions.shape[:2], dtype=_OFFSET)
-            targets["position"][..., :3] = one.targets.positions
-            if one.targets.normals is not None:
-                targets["normal"][..., :3] = one.targets.normals
+        part["position"], part["vertex"] = deformation.positions, base + np.arange(count)
+        if deformation.normals is not None:
+            part["normal"] = deformation.normals
+        part["joints"][:, :width] = deformation.joints + np.uint32(first_joint)
+        part["shares"][:, :width] = deformation.shares
+        first_joint += len(deformation.skeleton.nodes)
+        if deformation.targets is not None:
+            targets = np.zeros(deformation.targets.positions.shape[:2], dtype=_OFFSET)
+            targets["position"][..., :3] = deformation.targets.positions
+            if deformation.targets.normals is not None:
+                targets["normal"][..., :3] = deformation.targets.normals
             part["first_offset"] = first_offset + np.arange(count)
             part["first_weight"], part["targets"] = first_weight, len(targets)
             part["step"] = count

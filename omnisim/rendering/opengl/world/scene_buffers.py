@@ -86,9 +86,9 @@ class SceneBuffers:
         self._textures.keep(())
         self._textures.share(
             [
-                (part.materials[part.meshes[one.mesh].material], part.meshes[one.mesh])
+                (part.materials[part.meshes[instance.mesh].material], part.meshes[instance.mesh])
                 for part in parts
-                for one in part.instances
+                for instance in part.instances
             ]
         )
         self._store = GeometryStore(self.context, parts)
@@ -231,15 +231,21 @@ class SceneBuffers:
             key += np.float64(time_of(world_from_objects)).tobytes()
         if self._posed is not None and self._posed[0] == key:
             return self._posed[1]
-        world_from_mesh, normal_from_mesh, centers_m = (one.copy() for one in self._rest_transforms)
+        world_from_mesh, normal_from_mesh, centers_m = (
+            transform.copy() for transform in self._rest_transforms
+        )
         radii_m = self.radii_m
         if self.deforming.size:
             radii_m = radii_m.copy()
             time_s = time_of(world_from_objects)
             if self._deformed_spheres is None or self._deformed_spheres[0] != time_s:
                 spheres = [self.draw_items[index].sphere_at(time_s) for index in self.deforming]
-                centers = np.array([one.center for one in spheres])
-                self._deformed_spheres = time_s, centers, np.array([one.radius for one in spheres])
+                centers = np.array([sphere.center for sphere in spheres])
+                self._deformed_spheres = (
+                    time_s,
+                    centers,
+                    np.array([sphere.radius for sphere in spheres]),
+                )
             _, centers_m[self.deforming], radii_m[self.deforming] = self._deformed_spheres
         if self._dynamic.size:
             dynamic = self._dynamic

@@ -169,7 +169,7 @@ class MaterialTextures:
             GraphicsError: larger than the GPU allows.
         """
         key = _base_key(material, mesh)
-        if any(one not in self._layers for one in self._uses(material, mesh)):
+        if any(use not in self._layers for use in self._uses(material, mesh)):
             self.share([(material, mesh)])
         texture = self._white if key is None else self._layers[key]
         return texture._replace(reflectance=self._reflectance(material, mesh))
@@ -179,7 +179,9 @@ class MaterialTextures:
         if not used:
             self.table, self._reflectances = MaterialTable(self._context), {}
         arrays = {id(array) for one in used for array in one.arrays}
-        self._layers = {key: one for key, one in self._layers.items() if id(one.array) in arrays}
+        self._layers = {
+            key: layer for key, layer in self._layers.items() if id(layer.array) in arrays
+        }
         self._sources = {key: self._sources[key] for key in self._layers}
 
     def share(self, used: Iterable[tuple[Material, Mesh]]) -> None:
@@ -215,8 +217,10 @@ class MaterialTextures:
         name = id(material), *keys
         if name not in self._reflectances:
             textures = [None if key is None else self._layers[key] for key in keys]
-            record = self.table.append(material, [one and one.layer for one in textures])
-            maps = tuple(None if one is None else one.array for one in textures)
+            record = self.table.append(
+                material, [texture and texture.layer for texture in textures]
+            )
+            maps = tuple(None if texture is None else texture.array for texture in textures)
             second = any(
                 one is not None and key is not None and one.uv_set
                 for one, key in zip(material.maps, keys, strict=True)

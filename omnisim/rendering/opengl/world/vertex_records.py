@@ -77,9 +77,9 @@ def gpu_bytes(scene: Scene) -> int:
     vertices = np.array([len(mesh.positions) for mesh in scene.meshes], dtype=np.int64)
     triangles = np.array([len(mesh.triangles) for mesh in scene.meshes], dtype=np.int64)
     kinds = [kind_of(scene.materials[mesh.material]) for mesh in scene.meshes]
-    is_single = np.array([bool(one & SurfaceKind.SEE_THROUGH) for one in kinds], dtype=np.bool_)
+    is_single = np.array([bool(kind & SurfaceKind.SEE_THROUGH) for kind in kinds], dtype=np.bool_)
     is_single |= np.array([mesh.deformation is not None for mesh in scene.meshes], dtype=np.bool_)
-    used = np.array([one.mesh for one in scene.instances], dtype=np.intp)
+    used = np.array([instance.mesh for instance in scene.instances], dtype=np.intp)
     is_copy = np.ones(len(used), dtype=np.bool_)
     is_copy[np.unique(used, return_index=True)[1]] = False
     copied = np.cumsum(triangles[used] * is_copy)

@@ -344,10 +344,10 @@ class Glass(NamedTuple):
     def of(cls, materials: list[Material], is_matte: bool) -> Glass:
         """Glass parameters of materials, one per surface; none if all are shown as matte."""
         asked = NO_KIND if is_matte else SurfaceKind.REFRACTING
-        shares = np.array([transmitted(one, asked) for one in materials])
-        ior = np.array([one.ior for one in materials])
-        spreads = np.array([_SPREAD * one.dispersion for one in materials]) * (ior - 1.0)
-        absorption = np.array([one.absorption_per_m for one in materials]).reshape(-1, 3)
+        shares = np.array([transmitted(material, asked) for material in materials])
+        ior = np.array([material.ior for material in materials])
+        spreads = np.array([_SPREAD * material.dispersion for material in materials]) * (ior - 1.0)
+        absorption = np.array([material.absorption_per_m for material in materials]).reshape(-1, 3)
         indices = np.maximum(np.stack((ior - spreads, ior, ior + spreads)), 1.0)
         return cls(shares, indices, absorption, bool(spreads[shares > 0.0].any()))
 

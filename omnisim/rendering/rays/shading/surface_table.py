@@ -55,21 +55,24 @@ class SurfaceTable:
         def column(values: Sequence[object]) -> Floats32:
             return np.array(values, dtype=np.float32)
 
-        self._metallic = column([one.metallic for one in materials])
-        self._roughness = column([one.roughness for one in materials])
-        self._occlusion = column([one.occlusion_strength for one in materials])
-        self._emissive = column([one.emissive for one in materials]).reshape(-1, 3)
+        self._metallic = column([material.metallic for material in materials])
+        self._roughness = column([material.roughness for material in materials])
+        self._occlusion = column([material.occlusion_strength for material in materials])
+        self._emissive = column([material.emissive for material in materials]).reshape(-1, 3)
         self._f0 = column(
-            [dielectric_f0(one.ior, one.specular, one.specular_color) for one in materials]
+            [
+                dielectric_f0(material.ior, material.specular, material.specular_color)
+                for material in materials
+            ]
         ).reshape(-1, 3)
-        self._f90 = column([one.specular for one in materials])
-        self._coat = column([one.clearcoat for one in materials])
-        self._coat_roughness = column([one.clearcoat_roughness for one in materials])
+        self._f90 = column([material.specular for material in materials])
+        self._coat = column([material.clearcoat for material in materials])
+        self._coat_roughness = column([material.clearcoat_roughness for material in materials])
         self._tint = column(
-            [tinted_reflectance(one.ior, one.specular_color) for one in materials]
+            [tinted_reflectance(material.ior, material.specular_color) for material in materials]
         ).reshape(-1, 3)
         self.normal_scales = {
-            slot: column([getattr(one, name) for one in materials])
+            slot: column([getattr(material, name) for material in materials])
             for slot, name in NORMAL_SCALES.items()
         }
 

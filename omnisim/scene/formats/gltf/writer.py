@@ -224,7 +224,7 @@ def node_meshes(scene: Scene) -> tuple[list[Entry], list[NodeMesh]]:
             matrix = file_from_world @ parts[0].world_from_node @ file_from_world.T
         if indices not in rows:
             rows[indices] = len(meshes)
-            matrices = tuple(np.eye(4) if one is None else one for one in node_from_meshes)
+            matrices = tuple(np.eye(4) if mesh is None else mesh for mesh in node_from_meshes)
             meshes.append(NodeMesh(indices, matrices))
         nodes.append({"name": name, "mesh": rows[indices], "matrix": matrix.T.ravel().tolist()})
     return nodes, meshes
@@ -259,17 +259,19 @@ def _node_from_meshes(scene: Scene) -> list[Floats | None]:
     matrices: list[Floats | None] = [None] * len(scene.meshes)
     differs = [False] * len(scene.meshes)
     file_from_world = world_from_axes("y", 1.0).T
-    for one in scene.instances:
+    for instance in scene.instances:
         matrix = None
-        if np.isfinite(np.linalg.cond(one.world_from_node)):
-            matrix = file_from_world @ (np.linalg.inv(one.world_from_node) @ one.world_from_mesh)
+        if np.isfinite(np.linalg.cond(instance.world_from_node)):
+            matrix = file_from_world @ (
+                np.linalg.inv(instance.world_from_node) @ instance.world_from_mesh
+            )
             if not abs(np.linalg.det(matrix[:3, :3])) > 0.0:
                 matrix = None
-        first = matrices[one.mesh]
+        first = matrices[instance.mesh]
         if matrix is None or (first is not None and not np.allclose(matrix, first, _SAME, _SAME)):
-            differs[one.mesh] = True
+            differs[instance.mesh] = True
         elif first is None:
-            matrices[one.mesh] = matrix
+            matrices[instance.mesh] = matrix
     return [
         None if matrix is None or unlike or not _is_exact(mesh, matrix) else matrix
         for mesh, matrix, unlike in zip(scene.meshes, matrices, differs, strict=True)

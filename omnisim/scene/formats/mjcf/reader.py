@@ -151,9 +151,11 @@ class ModelReader:
     def deformables(self) -> list[Instance]:
         """Instances of the skins and flexible bodies, in the world."""
         instances = []
-        for one in visible_deformables(self._model, self._data, self._groups):
-            part = self.meshes.add(one.name, one.mapped, one.material, one.rgba)
-            instances += _place(one.name, (part,), np.eye(4))
+        for deformable in visible_deformables(self._model, self._data, self._groups):
+            part = self.meshes.add(
+                deformable.name, deformable.mapped, deformable.material, deformable.rgba
+            )
+            instances += _place(deformable.name, (part,), np.eye(4))
         return instances
 
 

@@ -116,11 +116,17 @@ def submesh(file: MeshFile, name: str) -> tuple[Instance, ...]:
     if file.data:
         names = _submesh_names(file.data)
         for kind in (0, 1):
-            chosen = (one for one in file.instances if names.get(one.name, ("", ""))[kind] == name)
+            chosen = (
+                instance
+                for instance in file.instances
+                if names.get(instance.name, ("", ""))[kind] == name
+            )
             if instances := tuple(chosen):
                 return instances
         return ()
-    named = [(one, (one.name, file.meshes[one.mesh].name)) for one in file.instances]
+    named = [
+        (instance, (instance.name, file.meshes[instance.mesh].name)) for instance in file.instances
+    ]
     exact = tuple(one for one, names in named if name in names)
     # readers append numbers to make names unique
     numbered = re.compile(re.escape(name) + r"[._\- ]*\d+")

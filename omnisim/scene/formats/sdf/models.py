@@ -224,7 +224,7 @@ class ModelLibrary:
         model.models.append(inner)
         placement = include.text("placement_frame") or entity.attribute("placement_frame")
         first, _, rest = placement.partition("::")
-        frames = {one.name for one in entity.children("link", "frame", "joint", "model")}
+        frames = {child.name for child in entity.children("link", "frame", "joint", "model")}
         if first in (name, entity.name) and first not in frames:  # the model itself
             placement = rest
         model.scope.add_model(name, posed, inner.scope, placement)

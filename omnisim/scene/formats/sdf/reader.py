@@ -273,7 +273,7 @@ def apply_state(world: Model, omissions: Omissions) -> None:
         return
     _move(world, state, omissions)
     lights = {light.name: light for light in state.children("light")}
-    world.others[:] = [with_pose_of(one, lights.get(one.name, one)) for one in world.others]
+    world.others[:] = [with_pose_of(other, lights.get(other.name, other)) for other in world.others]
     for _ in state.children("insertions"):
         omissions.count("insertions of a state are not made", "state")
 
@@ -436,8 +436,8 @@ class MaterialReader:
         """Index of a heightmap's material, and its texture's side length, m; 0: the whole map."""
         layers = []
         blends = [
-            (one.number("min_height", 0.0), one.number("fade_dist", 0.0))
-            for one in element.children("blend")
+            (child.number("min_height", 0.0), child.number("fade_dist", 0.0))
+            for child in element.children("blend")
         ]
         starts = [(0.0, 0.0), *blends]
         for stated, (from_m, fade_m) in zip(element.children("texture"), starts, strict=False):
@@ -518,7 +518,9 @@ class MaterialReader:
         """Path of an image file by its name in an element; None: not found."""
         folder = element.file.parent
         folders = [folder / inner for inner in _TEXTURE_FOLDERS]
-        for uri in (one for script in element.children("script") for one in script.children("uri")):
+        for uri in (
+            child for script in element.children("script") for child in script.children("uri")
+        ):
             if (script := self._resources.find(uri.own_text, folder)) is not None:
                 scripts = script if script.is_dir() else script.parent
                 folders += [scripts, scripts.parent / "textures"]

@@ -110,7 +110,9 @@ class _Reader:
 
     def _read_visual(self, link: XmlElement, visual: XmlElement, pose: Floats) -> None:
         geometry = visual.find("geometry")
-        shapes = [one for tag in _GEOMETRIES for one in geometry.children(tag)] if geometry else []
+        shapes = (
+            [child for tag in _GEOMETRIES for child in geometry.children(tag)] if geometry else []
+        )
         if not shapes:
             self._omissions.count("no geometry that is known", "visual")
             return

@@ -45,8 +45,10 @@ class Gprims:
         """Meshes of a prim, shared by all instance proxies of one prototype prim."""
         source = prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim
         subsets = UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets()
-        bindings = map(UsdShade.MaterialBindingAPI, (prim, *(one.GetPrim() for one in subsets)))
-        bound = [one.ComputeBoundMaterial(_PURPOSE)[0] or None for one in bindings]
+        bindings = map(
+            UsdShade.MaterialBindingAPI, (prim, *(subset.GetPrim() for subset in subsets))
+        )
+        bound = [binding.ComputeBoundMaterial(_PURPOSE)[0] or None for binding in bindings]
         key = (str(source.GetPath()), *(str(one.GetPath()) if one else "" for one in bound))
         if key not in self._parts:
             self._parts[key] = tuple(self._read(prim, subsets, bound))

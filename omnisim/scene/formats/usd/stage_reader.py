@@ -415,7 +415,14 @@ def stage_parts(stage: Usd.Stage, time: Usd.TimeCode) -> Parts:
     roots = (stage.GetPseudoRoot(), *stage.GetPrototypes())
     for prim in (one for root in roots for one in Usd.PrimRange(root)):
         kind = str(prim.GetTypeName())
-        names = [kind, *(one for one in prim.GetAppliedSchemas() if one in known)]
+        names = [
+            kind,
+            *(
+                getappliedschema
+                for getappliedschema in prim.GetAppliedSchemas()
+                if getappliedschema in known
+            ),
+        ]
         yield from ((name, "") for name in names if name)
         for attribute in prim.GetAuthoredProperties():
             name = str(attribute.GetName())

@@ -18,11 +18,11 @@ def test_the_document_agrees_with_the_scene(quiet, name):
     document, loaded = json.loads(quiet("scene", name, "--json")), load_scene(name)
     np.testing.assert_allclose(document["bounds_m"], loaded.bounds_m())
     instances = document["instances"]
-    assert [one["name"] for one in instances] == list(loaded.instance_names)
-    assert sum(one["triangles"] for one in instances) == loaded.triangle_count
-    assert sum(one["parts"] for one in instances) == len(loaded.instances)
+    assert [instance["name"] for instance in instances] == list(loaded.instance_names)
+    assert sum(instance["triangles"] for instance in instances) == loaded.triangle_count
+    assert sum(instance["parts"] for instance in instances) == len(loaded.instances)
     assert sum(one["instances"] for one in document["classes"]) == len(instances)
-    corners = np.array([(one["min_m"], one["max_m"]) for one in instances])
+    corners = np.array([(instance["min_m"], instance["max_m"]) for instance in instances])
     np.testing.assert_allclose(corners[:, 0].min(axis=0), loaded.bounds_m()[0])
     np.testing.assert_allclose(corners[:, 1].max(axis=0), loaded.bounds_m()[1])
     assert len(document["starts"]) == 1 + len(loaded.starts)
@@ -70,10 +70,10 @@ def test_the_table_fits_a_terminal(columns, details, omnisim, monkeypatch):
     monkeypatch.setattr(Output, "is_terminal", True)
     monkeypatch.setattr(out.console, "_width", columns)
     lines = omnisim("scene", "arcade", "--all")[1].splitlines()
-    header = next(number for number, one in enumerate(lines) if "reflects by" in one)
-    assert max(len(one) for one in lines[header:]) <= columns
+    header = next(number for number, line in enumerate(lines) if "reflects by" in line)
+    assert max(len(line) for line in lines[header:]) <= columns
     assert ("textures" in lines[header]) is details
-    assert any(one.startswith("chrome_ball_05") and one.endswith("probe") for one in lines)
+    assert any(line.startswith("chrome_ball_05") and line.endswith("probe") for line in lines)
 
 
 def test_bounds_of_a_small_scene_have_digits(omnisim, tmp_path):
@@ -103,8 +103,8 @@ def test_floors_are_where_the_flat_surfaces_are(omnisim, tmp_path):
     scene.apply_transform(trimesh.transformations.rotation_matrix(-np.pi / 2, (1, 0, 0)))  # y up
     scene.export(tmp_path / "slabs.glb")
     floors = json.loads(omnisim("scene", tmp_path / "slabs.glb", "--json")[1])["floors"]
-    assert [one["height_m"] for one in floors] == [0.0, 1.5]
-    np.testing.assert_allclose([one["area_m2"] for one in floors], [16.0, 4.0], rtol=1e-5)
+    assert [floor["height_m"] for floor in floors] == [0.0, 1.5]
+    np.testing.assert_allclose([floor["area_m2"] for floor in floors], [16.0, 4.0], rtol=1e-5)
 
 
 def test_the_plot_is_written(ran, tmp_path):

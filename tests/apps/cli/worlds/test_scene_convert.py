@@ -88,7 +88,7 @@ def test_materials_and_textures_come_back(tmp_path):
             for scene, one in ((before, first), (after, second))
         ]
         for key in materials[0].__dataclass_fields__:
-            values = [getattr(one, key) for one in materials]
+            values = [getattr(material, key) for material in materials]
             if hasattr(values[0], "pixels"):
                 np.testing.assert_array_equal(values[0].pixels, values[1].pixels)
                 assert (values[0].wrap_u, values[0].wrap_v) == (values[1].wrap_u, values[1].wrap_v)
@@ -96,7 +96,7 @@ def test_materials_and_textures_come_back(tmp_path):
                 assert values[0] == values[1], key
         meshes = [scene.meshes[one.mesh] for scene, one in ((before, first), (after, second))]
         for key in ("triangles", "normals", "texture_coordinates", "colors"):
-            np.testing.assert_array_equal(*(getattr(one, key) for one in meshes))
+            np.testing.assert_array_equal(*(getattr(mesh, key) for mesh in meshes))
 
 
 def test_maps_of_gloss_and_clear_coats_come_back(tmp_path):
@@ -144,7 +144,7 @@ def test_lights_come_back(tmp_path):
     before = load_scene(tmp_path / "model.gltf")
     write_glb(before, tmp_path / "b.glb")
     after = load_scene(tmp_path / "b.glb")
-    assert [one.kind for one in after.lighting.lights] == list(LightKind)
+    assert [light.kind for light in after.lighting.lights] == list(LightKind)
     for first, second in zip(before.lighting.lights, after.lighting.lights, strict=True):
         assert (first.color, first.intensity) == (second.color, second.intensity)
         assert first.range_m == second.range_m

@@ -90,7 +90,7 @@ def test_misalignment_is_found(name):
     assert np.abs(found.before_px).max() > 0.1
     assert np.abs(found.errors_px).max() < 1e-6
     expected = FreeParameters(truth, keys.split(","), "truth").values
-    values = [one.value for one in found.parameters]
+    values = [parameter.value for parameter in found.parameters]
     np.testing.assert_allclose(values, expected, atol=1e-6)
     rays, exact = (system.rays([[100.0, 120.0]]) for system in (found.system, parse_optics(truth)))
     np.testing.assert_allclose(rays.directions, exact.directions, atol=1e-8)
@@ -114,7 +114,7 @@ def _noisy(system, count):
     """The same boards, each time with other noise of 0.1 px."""
     generator, boards = np.random.default_rng(8), boards_of(system, 2)
     for _ in range(count):
-        noise = [generator.normal(0, 0.1, one.pixels_px.shape) for one in boards]
+        noise = [generator.normal(0, 0.1, board.pixels_px.shape) for board in boards]
         pairs = zip(boards, noise, strict=True)
         yield [BoardCorners(one.points_m, one.pixels_px + more) for one, more in pairs]
 
@@ -181,9 +181,9 @@ def test_corners_come_back(tmp_path):
     write_corners(tmp_path / "corners.csv", boards)
     again = read_corners(tmp_path / "corners.csv")
     assert len(again) == 3
-    for one, other in zip(boards, again, strict=True):
-        np.testing.assert_array_equal(one.points_m, other.points_m)
-        np.testing.assert_array_equal(one.pixels_px, other.pixels_px)
+    for board, other in zip(boards, again, strict=True):
+        np.testing.assert_array_equal(board.points_m, other.points_m)
+        np.testing.assert_array_equal(board.pixels_px, other.pixels_px)
 
 
 @pytest.mark.parametrize(

@@ -122,7 +122,7 @@ def test_all_triangles_that_a_tile_shows_are_drawn(context, far_m, culls_triangl
     geometry = buffers.clustered_geometry
     vertices = read_vertices(geometry)
     corners_m = vertices["in_position"][geometry.triangles].astype(np.float64) + geometry.anchor_m
-    both_sides = np.array([one.double_sided for one in geometry.buckets])
+    both_sides = np.array([bucket.double_sided for bucket in geometry.buckets])
     both_sides = both_sides[geometry.bucket_of_cluster].repeat(geometry.clusters.triangles)
     culler, views = _culler(context, buffers, far_m, geometry.cullable if culls_triangles else None)
     generator = np.random.default_rng(3)
@@ -181,7 +181,7 @@ def test_near_clusters_come_first_and_every_run_gives_the_same(context):
         views.write((ScenePoses(np.eye(4)),))
         culler.run(0)
         runs.append(submitted_commands(culler))
-    assert all(np.array_equal(one, runs[0]) for one in runs)
+    assert all(np.array_equal(run, runs[0]) for run in runs)
     # clusters that follow each other share commands
     assert len(runs[0]) < 0.8 * _drawn_clusters(runs[0], geometry.clusters)
     cluster = np.searchsorted(geometry.clusters.first, runs[0][:, 2] // 3)

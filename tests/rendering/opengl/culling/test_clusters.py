@@ -78,8 +78,8 @@ def test_clusters_do_not_depend_on_how_many_are_bounded_at_once(corners, at_once
     monkeypatch.setattr(clusters_module, "_BOUND_AT_ONCE", at_once)
     made = _built(corners, _batches(corners))[2]
     assert np.array_equal(made.order, whole.order)
-    for one, other in zip(made.clusters, whole.clusters, strict=True):
-        assert np.array_equal(one, other)
+    for cluster, other in zip(made.clusters, whole.clusters, strict=True):
+        assert np.array_equal(cluster, other)
 
 
 @scenes

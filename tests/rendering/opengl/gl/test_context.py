@@ -99,8 +99,8 @@ def test_a_context_stays_current_within_a_block_of_its_own(needs_opengl):
         executor.submit(_use, first).result()
         with current(first), pytest.raises(GraphicsError, match="another thread uses this stage"):
             executor.submit(_use, first).result()
-    for one in contexts:
-        one.release()
+    for context in contexts:
+        context.release()
 
 
 def _use(context):

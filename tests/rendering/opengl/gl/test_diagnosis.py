@@ -109,9 +109,9 @@ def test_what_hides_an_nvidia_gpu_is_named(monkeypatch, variables, files, error,
         monkeypatch.delenv(name, raising=False)
     for name, value in variables.items():
         monkeypatch.setenv(name, value)
-    paths = [Path(one) for one in files]
+    paths = [Path(file) for file in files]
     monkeypatch.setattr(
-        Path, "glob", lambda folder, _: [one for one in paths if one.parent == folder]
+        Path, "glob", lambda folder, _: [path for path in paths if path.parent == folder]
     )
     monkeypatch.setattr(diagnosis.os, "access", lambda *_: True)
     monkeypatch.setattr(diagnosis.os.path, "exists", lambda _: False)

@@ -105,7 +105,7 @@ def _in_a_bulb():
     body, ball = _body(), trimesh.creation.icosphere(subdivisions=1, radius=0.2)
     bulb = Mesh("bulb", ball.vertices.astype(np.float32), ball.faces.astype(np.uint32), 6)
     materials = [*MATERIALS, _glass(specular=1.0, roughness=0.1)]
-    meshes, poses = [*body.meshes, bulb], [one.world_from_mesh for one in body.instances]
+    meshes, poses = [*body.meshes, bulb], [instance.world_from_mesh for instance in body.instances]
     return scene_of(meshes, materials, [*poses, np.eye(4)])
 
 

@@ -48,7 +48,7 @@ def test_slices_are_of_whole_groups_and_fit(max_commands):
         assert first <= most
     if max_commands == 10**9:
         assert len(slices) == 1
-        assert [one.batch for one in slices[0]] == [0, 1, 2]
+        assert [part.batch for part in slices[0]] == [0, 1, 2]
 
 
 def _everything(stage):
@@ -57,9 +57,9 @@ def _everything(stage):
         frames = [renderer.render(one, also=CHANNELS) for one in POSES]
         batch = renderer.render_batch(POSES, channels=("rgb", *CHANNELS))
         slices = len(renderer._passes.cube.tiles.culler.slices)
-    images = [np.stack([one.rgba for one in frames]), batch["rgb"]]
+    images = [np.stack([frame.rgba for frame in frames]), batch["rgb"]]
     for name in CHANNELS:
-        images += [np.stack([one.channels[name] for one in frames]), batch[name]]
+        images += [np.stack([frame.channels[name] for frame in frames]), batch[name]]
     return images, slices
 
 

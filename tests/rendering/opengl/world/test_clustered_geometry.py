@@ -122,7 +122,7 @@ def test_vertices_with_two_lights_get_copies_in_every_batch(context, monkeypatch
     whole = SceneBuffers(context, scene).clustered_geometry
     monkeypatch.setattr(clustered_geometry, "_BATCH_VERTICES", 8)  # two items
     geometry = SceneBuffers(context, scene).clustered_geometry
-    assert [one.shading for one in geometry.buckets] == [Shading.BAKED]
+    assert [bucket.shading for bucket in geometry.buckets] == [Shading.BAKED]
     np.testing.assert_array_equal(corners_m(geometry), corners_m(whole))
     corner = read_vertices(geometry)[geometry.triangles]
     turned = np.cross(*np.moveaxis(np.diff(corners_m(geometry), axis=1), 1, 0))

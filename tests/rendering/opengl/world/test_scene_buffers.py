@@ -108,9 +108,9 @@ def test_the_estimate_of_gpu_memory_is_that_of_the_buffers(name, changed, contex
         made += buffers.vertices.size + buffers.indices.size
     layers = {
         layer.glo: layer
-        for one in buffers.draw_items
-        if one.texture_layer.array is not None
-        for layer in one.texture_layer.array.layers
+        for item in buffers.draw_items
+        if item.texture_layer.array is not None
+        for layer in item.texture_layer.array.layers
     }
     made += sum(4 * one.width * one.height * 4 / 3 for one in layers.values())
     # baked light gives some vertices copies; textures of the same pixels may have several layers

@@ -82,7 +82,7 @@ def test_coordinates_are_those_of_the_set_after_the_transform(is_turned):
         Texture(np.zeros((2, 2, 4), np.uint8), uv_set=uv_set, uv_transform=transform)
         for uv_set, transform in enumerate(transforms)
     ]
-    surfaces = (Surface("", None, Material(texture=one), True, True) for one in textures)
+    surfaces = (Surface("", None, Material(texture=texture), True, True) for texture in textures)
     table = TextureTable(surfaces)
     first, second = np.random.default_rng(4).normal(size=(2, 5, 3, 2)).astype(np.float32)
     numbers = np.array([0, 1, 0, 1, 1])

@@ -42,7 +42,7 @@ def test_geoms_are_instances_named_by_their_bodies(shapes):
         "floor", "ball/sphere", "can/side", "pill/capsule", "egg/ellipsoid", "crate/box",
         "crate/box_2", "ground/hfield", "tet/tetra",
     )  # fmt: skip
-    classes = {one.name for one in find_labels(scene).classes}
+    classes = {kind.name for kind in find_labels(scene).classes}
     assert {"floor", "ball", "crate", "ground"} < classes
 
 
@@ -98,8 +98,8 @@ def test_one_square_image_is_on_all_faces_of_a_cube(tmp_path):
         "</asset><worldbody><geom type='box' size='1 1 1' material='w'/></worldbody>",
     )
     scene = load_scene(path)
-    textures = {id(scene.materials[scene.meshes[one.mesh].material].texture): one.mesh
-                for one in scene.instances}  # fmt: skip
+    textures = {id(scene.materials[scene.meshes[instance.mesh].material].texture): instance.mesh
+                for instance in scene.instances}  # fmt: skip
     assert len(scene.instances) == 6
     assert len(textures) == 1
     texture = scene.materials[0].texture
@@ -242,7 +242,9 @@ def test_ranges_and_geoms_are_those_of_mujoco(shapes):
     camera = OmniCamera(EquirectangularCamera(width_px=width_px, height_px=width_px // 2))
     scene = load_scene(shapes)
     # what is half transparent is hit where it hides half
-    solid = tuple(dataclasses.replace(one, alpha_mode=AlphaMode.OPAQUE) for one in scene.materials)
+    solid = tuple(
+        dataclasses.replace(material, alpha_mode=AlphaMode.OPAQUE) for material in scene.materials
+    )
     scene = dataclasses.replace(scene, materials=solid)
     with open_sensor(scene, camera, backend="rays") as renderer:
         frame = renderer.render(camera.base_pose(EYE_M), also=("range", "instance"))

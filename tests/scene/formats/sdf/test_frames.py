@@ -17,7 +17,7 @@ def pose(position, roll=0.0, pitch=0.0, yaw=0.0):
 
 
 def node_pose(scene, name):
-    return next(one.world_from_node for one in scene.instances if one.name == name)
+    return next(instance.world_from_node for instance in scene.instances if instance.name == name)
 
 
 A, B, C = (1, 2, 3, 0.1, -0.2, 0.3), (0, -1, 2, 0.4, 0.5, -0.6), (2, 0, 1, -0.7, 0.8, 0.9)
@@ -35,7 +35,7 @@ def matrix(values):
 def test_poses_of_model_link_and_visual_are_multiplied(tmp_path):
     inner = f'<link name="l">{text(B)}{visual(BOX, rest=text(C))}</link>'
     scene = load(tmp_path, world(f'<model name="m">{text(A)}{inner}</model>'))
-    assert [one.name for one in scene.instances] == ["m/l/visual"]
+    assert [instance.name for instance in scene.instances] == ["m/l/visual"]
     assert node_pose(scene, "m/l/visual") == pytest.approx(matrix(A) @ matrix(B) @ matrix(C))
 
 

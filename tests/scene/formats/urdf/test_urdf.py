@@ -62,7 +62,7 @@ def test_visuals_are_instances_named_by_their_links(robot):
         "base/box", "base/glass", "upper/cylinder", "upper/cylinder_2", "hand/hand",
     )  # fmt: skip
     assert scene.notices == ()
-    assert {"base", "upper", "hand"} < {one.name for one in find_labels(scene).classes}
+    assert {"base", "upper", "hand"} < {kind.name for kind in find_labels(scene).classes}
 
 
 def test_joints_rest_at_zero_or_in_the_middle_of_their_limits(robot):

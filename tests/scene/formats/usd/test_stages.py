@@ -34,9 +34,13 @@ def test_transforms_of_every_kind_are_usd_cores(stage):
     UsdGeom.Xformable(box).SetResetXformStack(True)
     scene = saved(stage)
     assert scene.instance_names == tuple(path.removeprefix("/World/") for path in paths)
-    for path, one in zip(paths, scene.instances, strict=True):
-        np.testing.assert_allclose(one.world_from_mesh, stage_from_prim(stage, path), atol=1e-12)
-        np.testing.assert_allclose(one.world_from_node, stage_from_prim(stage, path), atol=1e-12)
+    for path, instance in zip(paths, scene.instances, strict=True):
+        np.testing.assert_allclose(
+            instance.world_from_mesh, stage_from_prim(stage, path), atol=1e-12
+        )
+        np.testing.assert_allclose(
+            instance.world_from_node, stage_from_prim(stage, path), atol=1e-12
+        )
     np.testing.assert_allclose(scene.bounds_m(), world_bounds(stage), rtol=1e-6)
 
 
@@ -188,7 +192,7 @@ def test_copies_of_a_point_instancer_are_where_usd_core_puts_them(stage):
     assert len(scene.instance_names) == count - 1
     assert {"tree_0", "bush_1"} <= set(scene.instance_names)
     assert "tree_4" not in scene.instance_names
-    assert sum(one.name == "tree_0" for one in scene.instances) == 2
+    assert sum(instance.name == "tree_0" for instance in scene.instances) == 2
     np.testing.assert_allclose(scene.bounds_m(), world_bounds(stage), rtol=1e-5)
 
 
