@@ -24,7 +24,7 @@ from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.contract import CameraBackend
 from omnisim.rendering.opengl.culling.cluster_culling import BANDS
 from omnisim.rendering.opengl.gl.buffers import read_buffer
-from omnisim.rendering.opengl.gl.pixel_readback import PixelReadback, Reading
+from omnisim.rendering.opengl.gl.pixel_readback import PixelReadback, PixelReading
 from omnisim.rendering.opengl.opengl_camera import CubeCamera
 from omnisim.rendering.opengl.surfaces.cluster_drawer import ClusterDrawer
 from omnisim.rendering.renderer import Renderer
@@ -32,7 +32,7 @@ from omnisim.rendering.stage import Stage
 
 _READS = (
     (PixelReadback, ("start",)),
-    (Reading, ("finish",)),
+    (PixelReading, ("finish",)),
 )
 
 

@@ -9,7 +9,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from omnisim.rendering.rays.caster import NO_TRIANGLE, Rays
+from omnisim.rendering.rays.caster import NO_TRIANGLE, WorldRays
 from omnisim.rendering.rays.caster import RayCaster as Caster
 from omnisim.scene.model import AlphaMode
 
@@ -28,7 +28,7 @@ def rays_from(origin, directions):
     """Rays from a point (3,) along unit directions (n, 3), world."""
     count = len(directions)
     origins = np.tile(np.asarray(origin, dtype=np.float64), (count, 1))
-    return Rays(origins, directions, np.zeros(count), np.full(count, np.inf))
+    return WorldRays(origins, directions, np.zeros(count), np.full(count, np.inf))
 
 
 def embree_ranges(corners_m, origins_m, directions):

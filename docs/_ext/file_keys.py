@@ -92,7 +92,7 @@ def key_pages() -> dict[str, str]:
     """Markdown of the keys of each kind of file, by the name of its page."""
     from omnisim.cameras.optics.system_file import OpticsFile
     from omnisim.datasets.generate.plan import Plan
-    from omnisim.evaluation.calibration_error import CalibrationError
+    from omnisim.evaluation.calibration_error import CalibrationComparison
     from omnisim.evaluation.sweep_plan import SweepPlan
     from omnisim.perception.localization.filter import FilterParameters
     from omnisim.rendering.camera.sensor_file import SensorFile
@@ -107,7 +107,7 @@ def key_pages() -> dict[str, str]:
         "filter-file-keys": tables(table_of(FilterParameters)),
         "plan-file-keys": tables(Plan),
         "sweep-file-keys": tables(SweepPlan),
-        "calibration-error-keys": tables(CalibrationError),
+        "calibration-error-keys": tables(CalibrationComparison),
         "degradation-keys": _effects(),
         "optics-file-keys": (*tables(OpticsFile), *_shapes()),
     }

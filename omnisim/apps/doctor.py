@@ -60,7 +60,7 @@ OTHER_DRIVER = "update the graphics driver, or choose another --device"
 CHANNELS = ("range", "instance", "semantic", "normals")
 
 
-class Result(NamedTuple):
+class Finding(NamedTuple):
     """Result of a step: `OK`, `WARNING` or `FAILED`, its cause, what to do, and numbers."""
 
     status: str
@@ -78,25 +78,25 @@ def main() -> None:
     try:
         result = STEPS[name](int(device[0]) if device else None)
     except GraphicsError as error:
-        result = Result(FAILED, error.cause, error.remedy)
+        result = Finding(FAILED, error.cause, error.remedy)
     except OmnisimError as error:
-        result = Result(FAILED, str(error))
+        result = Finding(FAILED, str(error))
     Path(file).write_text(json.dumps(result._asdict()), encoding="utf-8")
 
 
-def _libraries(_: int | None) -> Result:
+def _libraries(_: int | None) -> Finding:
     require_opengl("omnisim")
     from omnisim.rendering.opengl.gl.diagnosis import cache_fault, check_libraries, driver_fault
 
     check_libraries()
     if fault := driver_fault():
-        return Result(FAILED, *fault)
+        return Finding(FAILED, *fault)
     if fault := cache_fault():
-        return Result(WARNING, *fault)
-    return Result(OK, "EGL, OpenGL and a driver load; shaders are cached")
+        return Finding(WARNING, *fault)
+    return Finding(OK, "EGL, OpenGL and a driver load; shaders are cached")
 
 
-def _devices(_: int | None) -> Result:
+def _devices(_: int | None) -> Finding:
     from omnisim.rendering.opengl.gl.context import list_devices
     from omnisim.rendering.opengl.gl.diagnosis import cuda_numbers, gpu_fault
 
@@ -113,10 +113,10 @@ def _devices(_: int | None) -> Result:
         texts.append(fault.cause)
         faults.append(fault.remedy)
     status = OK if not faults else FAILED if len(faults) >= len(texts) else WARNING
-    return Result(status, "; ".join(texts), faults[-1] if faults else "")
+    return Finding(status, "; ".join(texts), faults[-1] if faults else "")
 
 
-def _opengl(device: int | None) -> Result:
+def _opengl(device: int | None) -> Finding:
     from omnisim.rendering.opengl.gl.context import graphics_info, open_context
 
     context = open_context(device)
@@ -125,10 +125,10 @@ def _opengl(device: int | None) -> Result:
     details = {**opened._asdict(), "limits": limits}
     text = f"{opened.version}, {opened.renderer}"
     if lacking := [f"{name}={limits[name]}" for name in LIMITS if limits[name] < LIMITS[name]]:
-        return Result(FAILED, f"{text}; too small: {' '.join(lacking)}", OTHER_DRIVER, details)
+        return Finding(FAILED, f"{text}; too small: {' '.join(lacking)}", OTHER_DRIVER, details)
     if missing := ", ".join(sorted(FASTER - context.extensions)):
-        return Result(WARNING, f"{text}; slow without {missing}", "update the driver", details)
-    return Result(OK, text, details=details)
+        return Finding(WARNING, f"{text}; slow without {missing}", "update the driver", details)
+    return Finding(OK, text, details=details)
 
 
 def scene_image(name: str, device: int | None = None) -> tuple[Bytes, str]:
@@ -137,7 +137,7 @@ def scene_image(name: str, device: int | None = None) -> tuple[Bytes, str]:
         return camera.render(_poses(camera, 1)[0]).rgb, stage.backend.renderer
 
 
-def _scene(name: str, device: int | None) -> Result:
+def _scene(name: str, device: int | None) -> Finding:
     image, renderer = scene_image(name, device)
     left = IMAGE_PX * builtin_scenes().index(name)
     reference = read_image(REFERENCES)[0][:, left : left + IMAGE_PX]
@@ -147,12 +147,12 @@ def _scene(name: str, device: int | None) -> Result:
     details = {"mean": mean, "share": share}
     text = f"{mean:.2f} levels off; {share:.1%} of pixels by more than 24"
     if mean <= max_mean and share <= max_share:
-        return Result(OK, text, details=details)
+        return Finding(OK, text, details=details)
     text = f"wrong image: {text} (bounds: {max_mean}, {max_share:.1%})"
-    return Result(FAILED, text, OTHER_DRIVER, details | {"image": image.tobytes().hex()})
+    return Finding(FAILED, text, OTHER_DRIVER, details | {"image": image.tobytes().hex()})
 
 
-def _images(what: str, channels: Sequence[str], device: int | None) -> Result:
+def _images(what: str, channels: Sequence[str], device: int | None) -> Finding:
     with open_sensor("soccer", CAMERA, device=device) as camera:
         poses = _poses(camera, FRAMES)
 
@@ -163,16 +163,16 @@ def _images(what: str, channels: Sequence[str], device: int | None) -> Result:
         return _twice(what, draw, FRAMES)
 
 
-def _batches(device: int | None) -> Result:
+def _batches(device: int | None) -> Finding:
     with open_sensor("soccer", CAMERA, device=device) as camera:
         poses = _poses(camera, FRAMES)
         single = b"".join(camera.render(pose).rgb.tobytes() for pose in poses)
         if single != camera.render_batch(poses).tobytes():
-            return Result(FAILED, "a batch differs from single images", OTHER_DRIVER)
+            return Finding(FAILED, "a batch differs from single images", OTHER_DRIVER)
         return _twice("batches", lambda first: camera.render_batch(poses[first:]).tobytes(), 4)
 
 
-def _drive(device: int | None) -> Result:
+def _drive(device: int | None) -> Finding:
     vehicle = Vehicle.load("p2at").with_cameras(size_px=84, quality="fast")
     drive = Drive(load_scene("soccer"), vehicle, Route("lap_clockwise"), device=device)
     truth, steps = drive.plan().truth, 4
@@ -197,7 +197,7 @@ def _drive(device: int | None) -> Result:
         return result
 
 
-def _rates(device: int | None) -> Result:
+def _rates(device: int | None) -> Finding:
     with Stage("soccer", device=device) as stage:
         camera = stage.open(CAMERA)
         poses = _poses(camera, BATCH)
@@ -208,7 +208,7 @@ def _rates(device: int | None) -> Result:
             "scans/s": _rate(lambda: scanner.scan(base)),
         }
     text = ", ".join(f"{rate:.0f} {name}" for name, rate in rates.items())
-    return Result(OK, f"{text} (soccer, 84 × 84 px)", details=rates)
+    return Finding(OK, f"{text} (soccer, 84 × 84 px)", details=rates)
 
 
 def _rate(draw: Callable[[], object]) -> float:
@@ -221,7 +221,7 @@ def _rate(draw: Callable[[], object]) -> float:
     return count / (time.perf_counter() - start_s)
 
 
-def _twice(what: str, draw: Callable[[int], bytes], count: int) -> Result:
+def _twice(what: str, draw: Callable[[int], bytes], count: int) -> Finding:
     """Draw everything twice: it must be the same, and none may wait."""
     drawn, times_s = [], []
     for number in (*range(count), *range(count)):
@@ -232,11 +232,11 @@ def _twice(what: str, draw: Callable[[int], bytes], count: int) -> Result:
     median_s, slowest_s = float(np.median(times_s)), max(times_s[1:])
     details = {"differ": differ, "times_s": [round(time_s, 4) for time_s in times_s]}
     if differ:
-        return Result(FAILED, f"{differ} of {count} {what} differ", OTHER_DRIVER, details)
+        return Finding(FAILED, f"{differ} of {count} {what} differ", OTHER_DRIVER, details)
     text = f"{count} {what} twice, the same; {1e3 * median_s:.0f} ms each"
     if slowest_s > max(MAX_WAIT_S, 10.0 * median_s):
-        return Result(FAILED, f"{text}, but {slowest_s:.1f} s for one", OTHER_DRIVER, details)
-    return Result(OK, f"{text}, at most {1e3 * slowest_s:.0f} ms", details=details)
+        return Finding(FAILED, f"{text}, but {slowest_s:.1f} s for one", OTHER_DRIVER, details)
+    return Finding(OK, f"{text}, at most {1e3 * slowest_s:.0f} ms", details=details)
 
 
 def _poses(camera: Renderer, count: int) -> Floats:
@@ -246,7 +246,7 @@ def _poses(camera: Renderer, count: int) -> Floats:
     return np.stack([camera.camera.base_pose(start.position_m, yaw_deg=turn) for turn in turns])
 
 
-STEPS: dict[str, Callable[[int | None], Result]] = {
+STEPS: dict[str, Callable[[int | None], Finding]] = {
     "libraries": _libraries,
     "devices": _devices,
     "OpenGL": _opengl,

@@ -33,7 +33,7 @@ _FOCAL = ("focal_length_px", "focal_lengths_px")
 _EXTRINSICS = ("offset_m", "roll_deg", "pitch_deg", "yaw_deg")
 
 
-class CalibrationError(Table):
+class CalibrationComparison(Table):
     """Error of a sensor's calibration, as the estimators read it."""
 
     focal_scale: Annotated[Number, Field(ge=0.5, le=2.0)] = 1.0
@@ -63,7 +63,9 @@ class CalibrationError(Table):
         return bool(self.model_dump(exclude_defaults=True).keys() & set(_EXTRINSICS))
 
 
-def write_given_run(run: Recording, errors: Mapping[str, CalibrationError], folder: Path) -> None:
+def write_given_run(
+    run: Recording, errors: Mapping[str, CalibrationComparison], folder: Path
+) -> None:
     """Write the run for the estimators: links, and changed files of miscalibrated sensors.
 
     Args:
@@ -92,7 +94,7 @@ def write_given_run(run: Recording, errors: Mapping[str, CalibrationError], fold
         _write_sensor(run, name, error, folder / name)
 
 
-def _write_sensor(run: Recording, name: str, error: CalibrationError, folder: Path) -> None:
+def _write_sensor(run: Recording, name: str, error: CalibrationComparison, folder: Path) -> None:
     """Replace the files of a miscalibrated sensor."""
     is_camera, is_imu = (folder / CALIBRATION).exists(), (folder / PARAMETERS).exists()
     if error.focal_scale != 1.0 and not is_camera:
@@ -126,7 +128,7 @@ def _rewrite(path: Path, change: Callable[[str], str]) -> None:
     write_text(path, text)
 
 
-def _wrong_camera(text: str, name: str, error: CalibrationError) -> str:
+def _wrong_camera(text: str, name: str, error: CalibrationComparison) -> str:
     content: dict[str, Any] = json.loads(text)
     if error.focal_scale != 1.0:
         known = [key for key in _FOCAL if key in content["camera"]]
@@ -139,7 +141,7 @@ def _wrong_camera(text: str, name: str, error: CalibrationError) -> str:
     return json.dumps(content, indent=2) + "\n"
 
 
-def _wrong_imu(text: str, base_from_imu: Floats, error: CalibrationError) -> str:
+def _wrong_imu(text: str, base_from_imu: Floats, error: CalibrationComparison) -> str:
     numbers = ", ".join(f"{one:.17g}" for one in error.wrong(base_from_imu).ravel())
     return re.sub(r"(?m)^  data: \[.*\]$", f"  data: [{numbers}]", text, count=1)
 
@@ -154,7 +156,7 @@ def _later(text: str, shift_s: float) -> str:
     return "\n".join((first, *changed)) + "\n"
 
 
-def _wrong_lidar(run: Recording, name: str, error: CalibrationError, folder: Path) -> None:
+def _wrong_lidar(run: Recording, name: str, error: CalibrationComparison, folder: Path) -> None:
     """Replace poses and times in the headers of all clouds; the points are unchanged."""
     suffix = f".{(run.run.manifest.sensors[name].model_extra or {})['file_format']}"
     base_from_lidar = run.base_from_lidar(name)

@@ -25,7 +25,7 @@ from omnisim.core.files.toml_file import (
     with_absolute_files,
 )
 from omnisim.core.package_files import SWEEPS, sweep_names
-from omnisim.evaluation.calibration_error import CalibrationError
+from omnisim.evaluation.calibration_error import CalibrationComparison
 from omnisim.evaluation.estimator_registry import estimator_named
 from omnisim.robots.robot_file import find_robot
 from omnisim.sensors.sensor_registry import SENSOR_TYPES
@@ -112,7 +112,7 @@ class SweepPoint:
     seed: int  # seed of the drive
     drive: SweptDrive  # drive to record; points that differ in calibration only share it
     # calibration errors by the name of the sensor
-    calibration: Mapping[str, CalibrationError] = field(default_factory=dict)
+    calibration: Mapping[str, CalibrationComparison] = field(default_factory=dict)
 
 
 def find_plan(source: Path) -> Path:
@@ -209,8 +209,8 @@ def _with_error(point: SweepPoint, keys: list[str], value: Any, where: str) -> S
     names = matching_sensors(point.drive.robot, keys[0] if len(keys) == 2 else "", where)
     errors = dict(point.calibration)
     for name in names:
-        before = errors.get(name, CalibrationError()).model_dump(exclude_defaults=True)
-        error = parse_table({**before, keys[1]: value}, CalibrationError, PlanError, where)
+        before = errors.get(name, CalibrationComparison()).model_dump(exclude_defaults=True)
+        error = parse_table({**before, keys[1]: value}, CalibrationComparison, PlanError, where)
         errors[name] = error
         if not error.model_dump(exclude_defaults=True):
             del errors[name]  # no error

@@ -34,7 +34,7 @@ CONVERGED = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class MotionPlan:
     """Planned drive along waypoints."""
 
     trajectory: Trajectory  # poses at the start and after each step
@@ -50,7 +50,7 @@ def plan_in_steps(
     step_m: float,
     step_rad: float,
     start_yaw_rad: float | None = None,
-) -> Plan:
+) -> MotionPlan:
     """Plan a drive along waypoints with steps of limited length.
 
     Each leg or turn is cut into the smallest number of equal steps that keeps to the maximum
@@ -82,7 +82,7 @@ def plan_with_period(
     kinematics: Kinematics,
     period_s: float,
     start_yaw_rad: float | None = None,
-) -> Plan:
+) -> MotionPlan:
     """Plan a drive along waypoints with a pose every `period_s`.
 
     Each leg and turn is slowed down to last a whole number of periods. There is a pose at each
@@ -128,7 +128,9 @@ def _count(steps: float) -> int:
     return max(1, math.ceil(steps - 1e-9))
 
 
-def _sample(segments: list[Segment], counts: list[int], period_s: float | None = None) -> Plan:
+def _sample(
+    segments: list[Segment], counts: list[int], period_s: float | None = None
+) -> MotionPlan:
     """Sample consecutive segments, each in its number of steps.
 
     With a period, all steps have equal durations. Without, the steps of a segment have equal
@@ -156,7 +158,7 @@ def _sample(segments: list[Segment], counts: list[int], period_s: float | None =
     planar = np.concatenate(poses)
     stamps = np.concatenate(times) if period_s is None else period_s * np.arange(len(planar))
     trajectory = Trajectory.on_ground(stamps, planar[:, :2], planar[:, 2])
-    return Plan(trajectory, PlannedMotion(segments), tuple(counts), period_s)
+    return MotionPlan(trajectory, PlannedMotion(segments), tuple(counts), period_s)
 
 
 def time_poses(world_from_base: Floats, kinematics: Kinematics) -> Trajectory:

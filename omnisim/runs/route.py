@@ -25,7 +25,7 @@ from omnisim.core.trajectories.formats.parsed_trajectory import (
 from omnisim.core.trajectories.trajectory import step_lengths_m
 from omnisim.robots import Kinematics, check_drivable, time_poses
 from omnisim.robots.motion_profile import (
-    Plan,
+    MotionPlan,
     PlannedMotion,
     in_sequence,
     plan_in_steps,
@@ -179,7 +179,7 @@ def _check_numbers(route: Route) -> None:
         )
 
 
-def _from_scene(scene: Scene, vehicle: Vehicle, route: Route) -> Plan:
+def _from_scene(scene: Scene, vehicle: Vehicle, route: Route) -> MotionPlan:
     paths = {path.name: path for path in scene.paths}
     if route.path not in paths:
         hint = did_you_mean(route.path, paths, "it has")
@@ -200,7 +200,7 @@ def _refuse_axes(route: Route) -> None:
 
 def _from_file(
     path: Path, vehicle: Vehicle, route: Route, print_note: Callable[[str], None] | None
-) -> Plan | _RecordedPath:
+) -> MotionPlan | _RecordedPath:
     """Plan along waypoints or poses from a file."""
     waypoints_m = read_waypoints(path) if path.suffix.lower() == ".csv" else None
     if waypoints_m is not None:
@@ -255,7 +255,7 @@ def _check_steps(recording: ParsedTrajectory) -> None:
 
 def _along(
     waypoints_m: Floats, start_yaw_rad: float | None, vehicle: Vehicle, route: Route, where: str
-) -> Plan:
+) -> MotionPlan:
     kinematics = _kinematics(vehicle, where)
     try:
         if route.rate_hz is not None:
@@ -468,7 +468,7 @@ def _on_wheels(poses: Floats, yaw_rad: Floats, track: _Track, heights: Floats) -
 EVEN_M = 1e-9  # also radians: rounding on an even floor
 
 
-def on_floor(plan: Plan, sweep: Sweep) -> tuple[Sweep, PlannedMotion]:
+def on_floor(plan: MotionPlan, sweep: Sweep) -> tuple[Sweep, PlannedMotion]:
     """Time a plan's poses on the floor, and find the motion there.
 
     Steps of equal length keep the limits along the floor, and so last longer on slopes; steps of

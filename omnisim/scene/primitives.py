@@ -23,7 +23,7 @@ MIN_DEVIATION_M = 5e-5
 MIN_SEGMENTS, MAX_SEGMENTS = 16, 160
 
 
-class Surface(NamedTuple):
+class PrimitiveSurface(NamedTuple):
     """Triangles with normals.
 
     Attributes:
@@ -44,14 +44,14 @@ def segments(radius_m: float, max_segments: int = MAX_SEGMENTS) -> int:
     return min(max(count, MIN_SEGMENTS), max_segments)
 
 
-def rectangle(half_x: float, half_y: float) -> Surface:
+def rectangle(half_x: float, half_y: float) -> PrimitiveSurface:
     """Rectangle in the plane z = 0, facing up."""
     positions = np.array([(-1.0, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)])
     positions *= (half_x, half_y, 1.0)
-    return Surface(positions, np.array([(0, 1, 2), (0, 2, 3)]), None)
+    return PrimitiveSurface(positions, np.array([(0, 1, 2), (0, 2, 3)]), None)
 
 
-def box(half_sizes: ArrayLike) -> Surface:
+def box(half_sizes: ArrayLike) -> PrimitiveSurface:
     """Axis-aligned box at the origin, with half sizes (3,)."""
     square = rectangle(1.0, 1.0)
     faces = []
@@ -60,11 +60,11 @@ def box(half_sizes: ArrayLike) -> Surface:
             face = np.roll(square.positions, axis + 1, axis=1)
             face[:, axis] = sign
             order = square.triangles if sign > 0 else square.triangles[:, (0, 2, 1)]
-            faces.append(Surface(face * np.asarray(half_sizes, float), order, None))
+            faces.append(PrimitiveSurface(face * np.asarray(half_sizes, float), order, None))
     return join(*faces)
 
 
-def ellipsoid(radii: ArrayLike, max_segments: int = MAX_SEGMENTS) -> Surface:
+def ellipsoid(radii: ArrayLike, max_segments: int = MAX_SEGMENTS) -> PrimitiveSurface:
     """Ellipsoid at the origin, with radii (3,)."""
     sizes = np.asarray(radii, dtype=np.float64)
     count = segments(float(sizes.max()), max_segments)
@@ -72,10 +72,12 @@ def ellipsoid(radii: ArrayLike, max_segments: int = MAX_SEGMENTS) -> Surface:
     normals = unit.positions / sizes
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     outside = 2.0 - math.cos(math.pi / count)
-    return Surface(unit.positions * sizes * outside, unit.triangles, normals)
+    return PrimitiveSurface(unit.positions * sizes * outside, unit.triangles, normals)
 
 
-def cylinder(radius_m: float, half_length_m: float, max_segments: int = MAX_SEGMENTS) -> Surface:
+def cylinder(
+    radius_m: float, half_length_m: float, max_segments: int = MAX_SEGMENTS
+) -> PrimitiveSurface:
     """Closed cylinder around the z axis."""
     count = segments(radius_m, max_segments)
     outer = radius_m * _outside(count)
@@ -84,7 +86,9 @@ def cylinder(radius_m: float, half_length_m: float, max_segments: int = MAX_SEGM
     return join(side, *caps)
 
 
-def capsule(radius_m: float, half_length_m: float, max_segments: int = MAX_SEGMENTS) -> Surface:
+def capsule(
+    radius_m: float, half_length_m: float, max_segments: int = MAX_SEGMENTS
+) -> PrimitiveSurface:
     """Capsule around the z axis; the half length excludes the hemispheres."""
     count = segments(radius_m, max_segments)
     top = _dome(count, 0.0, 0.5 * math.pi)
@@ -98,7 +102,9 @@ def capsule(radius_m: float, half_length_m: float, max_segments: int = MAX_SEGME
     )
 
 
-def cone(radius_m: float, half_length_m: float, max_segments: int = MAX_SEGMENTS) -> Surface:
+def cone(
+    radius_m: float, half_length_m: float, max_segments: int = MAX_SEGMENTS
+) -> PrimitiveSurface:
     """Closed cone around the z axis, tip up."""
     count = segments(radius_m, max_segments)
     outer = radius_m * _outside(count)
@@ -108,16 +114,18 @@ def cone(radius_m: float, half_length_m: float, max_segments: int = MAX_SEGMENTS
     normals = np.tile(side.positions[: count + 1], (2, 1))
     normals[:, 2] = 0.5 * outer * outer / half_length_m  # perpendicular to the slope
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    slope = Surface(positions, side.triangles[::2], normals)  # the others degenerate at the tip
+    slope = PrimitiveSurface(
+        positions, side.triangles[::2], normals
+    )  # the others degenerate at the tip
     return join(slope, _disc(count, outer, -half_length_m))
 
 
-def join(*surfaces: Surface) -> Surface:
+def join(*surfaces: PrimitiveSurface) -> PrimitiveSurface:
     """Union of several surfaces; either all of them have normals or none has."""
     starts = np.cumsum([0, *(len(one.positions) for one in surfaces)])
     normals = [surface.normals for surface in surfaces if surface.normals is not None]
     triangles = [one.triangles + start for one, start in zip(surfaces, starts, strict=False)]
-    return Surface(
+    return PrimitiveSurface(
         np.concatenate([one.positions for one in surfaces]),
         np.concatenate(triangles),
         np.concatenate(normals) if normals else None,
@@ -146,7 +154,7 @@ def _circle(count: int) -> Floats:
     return np.stack((np.cos(angles), np.sin(angles)), axis=1)
 
 
-def _dome(count: int, first_rad: float, last_rad: float) -> Surface:
+def _dome(count: int, first_rad: float, last_rad: float) -> PrimitiveSurface:
     """Part of the unit sphere between two polar angles from +z."""
     steps = max(2, round((last_rad - first_rad) * count / (2.0 * math.pi)))
     polar = np.linspace(first_rad, last_rad, steps + 1)[:, None]
@@ -155,25 +163,27 @@ def _dome(count: int, first_rad: float, last_rad: float) -> Surface:
     positions = np.stack(np.broadcast_arrays(x, y, z), axis=-1).reshape(-1, 3)
     triangles = grid_triangles(steps + 1, count + 1)[:, ::-1]
     area = np.linalg.norm(triangle_crosses(positions[triangles]), axis=1)
-    return Surface(positions, triangles[area > 1e-12], positions)  # drops zero areas at the poles
+    return PrimitiveSurface(
+        positions, triangles[area > 1e-12], positions
+    )  # drops zero areas at the poles
 
 
-def _tube(count: int, radius_m: float, half_length_m: float) -> Surface:
+def _tube(count: int, radius_m: float, half_length_m: float) -> PrimitiveSurface:
     normals = np.concatenate((_circle(count), np.zeros((count + 1, 1))), axis=1)
     normals = np.concatenate((normals, normals))
     positions = normals * radius_m
     positions[: count + 1, 2] = -half_length_m
     positions[count + 1 :, 2] = half_length_m
-    return Surface(positions, grid_triangles(2, count + 1), normals)
+    return PrimitiveSurface(positions, grid_triangles(2, count + 1), normals)
 
 
-def _disc(count: int, radius_m: float, z_m: float) -> Surface:
+def _disc(count: int, radius_m: float, z_m: float) -> PrimitiveSurface:
     """Disc facing up if z is positive, otherwise down."""
     rim = np.concatenate((_circle(count)[:-1] * radius_m, np.full((count, 1), z_m)), axis=1)
     corners = np.arange(count)
     triangles = np.stack((np.full(count, count), corners, (corners + 1) % count), axis=1)
     up = math.copysign(1.0, z_m)
-    return Surface(
+    return PrimitiveSurface(
         np.concatenate((rim, [[0.0, 0.0, z_m]])),
         triangles if up > 0 else triangles[:, ::-1],
         np.tile((0.0, 0.0, up), (count + 1, 1)),

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from omnisim.core.errors import PlanError
 from omnisim.datasets import free_space
 from omnisim.datasets.free_space import MARGIN_CELLS, find_free_space, surface_points
-from omnisim.datasets.generate.distributions import Stream
+from omnisim.datasets.generate.distributions import RandomStream
 from omnisim.scene import Scene, load_scene
 from omnisim.scene.model import StartPose
 from omnisim.scene.space.floor import triangles_within
@@ -43,7 +43,7 @@ def _distances(scene, points, low_z, high_z):
 
 
 def _drawn(free, count=300):
-    stream, places = Stream(1), free.free_cells()
+    stream, places = RandomStream(1), free.free_cells()
     cells = [places[stream.whole(len(places))] for _ in range(count)]
     return np.array([free.point_in(cell, (stream.share(), stream.share())) for cell in cells])
 

@@ -9,7 +9,7 @@ from omnisim.core.errors import EstimatorError, PlanError
 from omnisim.core.files.parameters import parse_table
 from omnisim.core.poses import inverse, pose
 from omnisim.datasets.export.recording import Recording, read_cloud
-from omnisim.evaluation.calibration_error import CalibrationError, write_given_run
+from omnisim.evaluation.calibration_error import CalibrationComparison, write_given_run
 from omnisim.evaluation.run_evaluation import evaluate_estimator
 from omnisim.sensors.lidar.point_files import write_points
 from tests.evaluation.in_process import run_in_process
@@ -47,7 +47,7 @@ def run(tmp_path_factory):
 def given(run, folder, **errors):
     """Recording with errors by sensor."""
     tables = {
-        name: parse_table(error, CalibrationError, PlanError) for name, error in errors.items()
+        name: parse_table(error, CalibrationComparison, PlanError) for name, error in errors.items()
     }
     write_given_run(Recording.read(run), tables, folder / "given")
     return Recording.read(folder / "given")
@@ -73,7 +73,7 @@ def test_all_clouds_have_the_wrong_mount(run, tmp_path, file_format):
     true = Recording.read(run)
     if file_format == "pcd":
         true = _with_pcd(run, tmp_path / "pcd")
-    error = CalibrationError(offset_m=(0.01, 0.0, -0.02), yaw_deg=2.0)
+    error = CalibrationComparison(offset_m=(0.01, 0.0, -0.02), yaw_deg=2.0)
     write_given_run(true, {"lidar": error}, tmp_path / "given")
     wrong = Recording.read(tmp_path / "given")
     true_from_wrong = inverse(true.base_from_lidar("lidar")) @ wrong.base_from_lidar("lidar")

@@ -10,7 +10,7 @@ from omnisim.core.files.image_files import write_image
 from omnisim.datasets.converted_datasets import write_recordings
 from omnisim.datasets.generate.distributions import ConstantShares
 from omnisim.datasets.generate.prepared_plan import PreparedPlan
-from omnisim.datasets.generate.samples import MANIFEST, Manifest, Shards
+from omnisim.datasets.generate.samples import MANIFEST, SampleManifest, Shards
 from omnisim.datasets.generate.shard import ShardSummary, Statistics, shard_stem, write_tar
 from omnisim.rendering.camera.omnicamera import OmniCamera
 
@@ -71,7 +71,7 @@ def write_data_set(folder: Path) -> None:
         digest, size = write_tar(folder / f"{shard_stem(0)}.tar", Path(name))
     shard = ShardSummary(0, "plan", digest, size, Statistics(samples=1))
     (folder / f"{shard_stem(0)}.json").write_text(json.dumps(shard.to_json()))
-    manifest = Manifest("rooms", None, "plan", (), (shard,))
+    manifest = SampleManifest("rooms", None, "plan", (), (shard,))
     (folder / MANIFEST).write_text(json.dumps(manifest.to_json()))
 
 

@@ -102,10 +102,10 @@ def test_flow_leads_to_the_pixel_whose_ray_meets_the_point(embree, name):
 
 def _shows(scene, origins, directions, lengths_m):
     """Mask of the rays in whose way nothing is before a length."""
-    from omnisim.rendering.rays.caster import RayCaster, Rays
+    from omnisim.rendering.rays.caster import RayCaster, WorldRays
 
     count = len(origins)
-    rays = Rays(origins, directions, np.full(count, 0.05), np.full(count, np.inf))
+    rays = WorldRays(origins, directions, np.full(count, 0.05), np.full(count, np.inf))
     return RayCaster(scene).cast(rays).ranges_m >= (1.0 - 2e-3) * lengths_m
 
 

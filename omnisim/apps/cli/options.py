@@ -301,7 +301,7 @@ class RequestField:
         return CommandLineError(f"{label}: expected {expected}")
 
 
-class Entry(NamedTuple):
+class OptionEntry(NamedTuple):
     """Command of a request."""
 
     path: str  # name of the command, preceded by its group's
@@ -335,7 +335,7 @@ class Entry(NamedTuple):
         return _make(self.request, {**values, **defaults})
 
 
-ENTRIES: dict[str, Entry] = {}  # by path, of all requests that have been imported
+ENTRIES: dict[str, OptionEntry] = {}  # by path, of all requests that have been imported
 
 
 @dataclass_transform(frozen_default=True, kw_only_default=True)
@@ -353,11 +353,13 @@ def command(
     extra: str | None = None,
     elsewhere: Mapping[str, str] | None = None,
 ) -> Callable[[type[T]], type[T]]:
-    """Make a request of a class, and its command; see `Entry`."""
+    """Make a request of a class, and its command; see `OptionEntry`."""
 
     def register(kind: type[T]) -> type[T]:
         request = options(kind)
-        ENTRIES[path] = Entry(path, run, request, tuple(first.split()), extra, elsewhere or {})
+        ENTRIES[path] = OptionEntry(
+            path, run, request, tuple(first.split()), extra, elsewhere or {}
+        )
         return request
 
     return register

@@ -13,8 +13,12 @@ import pydantic
 from omnisim.apps.live.camera_document import LIGHT, SENSOR, SIZE, SIZES_PX, CameraDocument
 from omnisim.cameras import CAMERA_MODELS, HyperbolicCamera
 from omnisim.cameras.optics.surface import Rod
-from omnisim.cameras.optics.system_file import CameraTable as OpticsCamera
-from omnisim.cameras.optics.system_file import OpticsFile, SurfaceTable, shape_schemas
+from omnisim.cameras.optics.system_file import (
+    OpticalSurfaceTable,
+    OpticsFile,
+    SystemCameraTable,
+    shape_schemas,
+)
 from omnisim.core.files.file_keys import Limit, keys_of, summary
 from omnisim.core.files.parameters import Table, Typical, table_of
 from omnisim.rendering.camera.degradations.degradation_file import EFFECTS
@@ -144,13 +148,13 @@ def _optics_groups(document: CameraDocument) -> Iterator[Json]:
     path = f"{OPTICS}.camera"
     lens = _lens_group(document, path, "Lens")
     placed = "position_m", "decenter_m", "tilt_deg"
-    lens["controls"] += _keys(document, path, OpticsCamera, placed)
+    lens["controls"] += _keys(document, path, SystemCameraTable, placed)
     yield lens
     shapes = shape_schemas()
     for number, surface in enumerate(document.value(f"{OPTICS}.surfaces") or ()):
         path, shape = f"{OPTICS}.surfaces.{number}", surface.get("shape")
         keys = _keys(document, path, shapes[shape]) if shape in shapes else []
-        own = _keys(document, path, SurfaceTable)
+        own = _keys(document, path, OpticalSurfaceTable)
         keys += [control for control in own if control["label"] not in ("name", "shape")]
         name = surface.get("name") or shape
         kind = "mirror" if surface.get("medium") is None else "boundary"

@@ -18,9 +18,9 @@ import numpy as np
 from omnisim.apps.live import view_maker
 from omnisim.apps.live.camera_document import FILE_NAME, SCENE_FILE
 from omnisim.apps.live.controls import control_groups
-from omnisim.apps.live.live_messages import Part, Probe, Save, Statistics, pack
+from omnisim.apps.live.live_messages import MessagePart, Probe, Save, Statistics, pack
 from omnisim.apps.live.live_source import LiveSource, RunSource
-from omnisim.apps.live.session import Draw, Job, Session
+from omnisim.apps.live.session import PageDraw, PageJob, Session
 from omnisim.core.arrays import Bytes
 from omnisim.core.errors import OmnisimError
 from omnisim.core.files.image_files import image_bytes, png_bytes
@@ -92,7 +92,7 @@ class Engine:
         try:
             while (work := self._session.next_work()) is not None:
                 try:
-                    if isinstance(work, Draw):
+                    if isinstance(work, PageDraw):
                         self._draw(work)
                     else:
                         self._answer(work)
@@ -104,9 +104,9 @@ class Engine:
         finally:
             self.source.close()
 
-    def _fail(self, work: Draw | Job, error: OmnisimError) -> None:
+    def _fail(self, work: PageDraw | PageJob, error: OmnisimError) -> None:
         message = pack("error", {"text": str(error)})
-        if isinstance(work, Job):
+        if isinstance(work, PageJob):
             work.reply(message)
             return
         self._publish("error", message, 0)
@@ -115,7 +115,7 @@ class Engine:
         self._session.drawn(work)
         self._session.ask()  # the page that asked has received no image
 
-    def _draw(self, draw: Draw) -> None:
+    def _draw(self, draw: PageDraw) -> None:
         self._times_ms, begin_s, is_new = {}, time.perf_counter(), False
         source, state = self.source, draw.state
         use = partial(source.use, state.document) if isinstance(source, LiveSource) else None
@@ -153,15 +153,15 @@ class Engine:
         if shows_map:
             self._renew_map(frame)
 
-    def _parts(self, draw: Draw, frame: view_maker.LiveFrame) -> list[Part]:
+    def _parts(self, draw: PageDraw, frame: view_maker.LiveFrame) -> list[MessagePart]:
         """Parts of a message: the camera's image and the views; a failed view has the reason."""
         if frame.png is not None:
-            parts = [Part("camera", "image/png", frame.png, {})]
+            parts = [MessagePart("camera", "image/png", frame.png, {})]
         else:
             parts = [self._timed("encode", lambda: _jpeg("camera", frame.rgb, COARSE_JPEG))]
         gaze, height_m = draw.state.gaze, frame.viewpoint.position_m[2] - self._ground_m
 
-        def view(name: str) -> Part:
+        def view(name: str) -> MessagePart:
             unwarped = self._views.image(name, frame, gaze, height_m, draw.is_fine)
             return _jpeg(name, unwarped, VIEW_JPEG)
 
@@ -172,7 +172,7 @@ class Engine:
                 elif name in CHANNELS:
                     parts.append(self._timed(name, partial(_channel, name, draw, frame)))
             except OmnisimError as reason:
-                parts.append(Part(name, "", b"", {"reason": str(reason)}))
+                parts.append(MessagePart(name, "", b"", {"reason": str(reason)}))
         return parts
 
     @property
@@ -193,7 +193,7 @@ class Engine:
         }  # fmt: skip
         self._publish("map", pack("map", about, [_jpeg("map", new.rgb, VIEW_JPEG)]), 0)
 
-    def _publish_camera(self, draw: Draw) -> None:
+    def _publish_camera(self, draw: PageDraw) -> None:
         source = self.source
         assert isinstance(source, LiveSource)
         model, scene = source.camera.model, source.scene if source.has_light else None
@@ -208,8 +208,8 @@ class Engine:
         }
         self._publish("camera", pack("camera", content), 0)
 
-    def _answer(self, job: Job) -> None:
-        source, draw = self.source, Draw(job.state, True)
+    def _answer(self, job: PageJob) -> None:
+        source, draw = self.source, PageDraw(job.state, True)
         if isinstance(job.message, Statistics):
             counted = source.statistics(draw)
             job.reply(pack("statistics", {"change": job.state.change, **counted}))
@@ -231,7 +231,7 @@ class Engine:
                     for file, content in files.items():
                         target.writestr(zipfile.ZipInfo(file), content)
                 data = archive.getvalue()
-            job.reply(pack("saved", {"name": name}, [Part(name, media_type, data, {})]))
+            job.reply(pack("saved", {"name": name}, [MessagePart(name, media_type, data, {})]))
             return
         assert isinstance(job.message, Probe)
         # the fine state's image, with the needed channels; else the last image
@@ -284,17 +284,19 @@ def _place(place: Any) -> dict[str, Any]:
     }
 
 
-def _jpeg(name: str, rgb: Bytes, quality: int) -> Part:
-    return Part(name, "image/jpeg", image_bytes(Path("a.jpg"), rgb, None, quality), {})
+def _jpeg(name: str, rgb: Bytes, quality: int) -> MessagePart:
+    return MessagePart(name, "image/jpeg", image_bytes(Path("a.jpg"), rgb, None, quality), {})
 
 
-def _channel(name: str, draw: Draw, frame: view_maker.LiveFrame) -> Part:
+def _channel(name: str, draw: PageDraw, frame: view_maker.LiveFrame) -> MessagePart:
     """Part with a channel's preview and legend: PNG for fine images, else JPEG."""
     if name not in frame.channels:
-        return Part(name, "", b"", {"reason": "not recorded at this step"})
+        return MessagePart(name, "", b"", {"reason": "not recorded at this step"})
     values = frame.channels[name]
     colors = preview(name, values, frame.labels)
     about = {"legend": legend(name, values, frame.labels)}
     if draw.is_fine:
-        return Part(name, "image/png", png_bytes(colors), about)
-    return Part(name, "image/jpeg", image_bytes(Path("a.jpg"), colors, None, VIEW_JPEG), about)
+        return MessagePart(name, "image/png", png_bytes(colors), about)
+    return MessagePart(
+        name, "image/jpeg", image_bytes(Path("a.jpg"), colors, None, VIEW_JPEG), about
+    )

@@ -30,7 +30,7 @@ from omnisim.apps.live.camera_document import CameraDocument, preset_lists
 from omnisim.apps.live.engine import AnySource, Engine
 from omnisim.apps.live.live_source import LiveSettings, LiveSource, RunSource, start_place
 from omnisim.apps.live.session import Session
-from omnisim.apps.live.viewpoint_motion import FreeFlight, Ground, Pilot, Place, WheelDrive
+from omnisim.apps.live.viewpoint_motion import FreeFlight, Ground, Pilot, Place, ViewpointDrive
 from omnisim.core.errors import OmnisimError, OutputError
 from omnisim.core.version import __version__
 from omnisim.ground_truth import CHANNELS
@@ -334,7 +334,7 @@ class LivePage:
                 raise OutputError(f"robot {vehicle.name!r}: {expected}")
             else:
                 ground = Ground(source.scene, BodyBoxes.of(vehicle))
-                pilot = WheelDrive(place, vehicle.kinematics, ground)
+                pilot = ViewpointDrive(place, vehicle.kinematics, ground)
             open_source = partial(LiveSource, source)
         else:
             pilot, document = FreeFlight(Place((0.0, 0.0, 0.0))), CameraDocument()

@@ -182,7 +182,7 @@ MESSAGES: dict[str, type[Message]] = {
 }
 
 
-class Part(NamedTuple):
+class MessagePart(NamedTuple):
     """Binary part of a message with name, media type and further properties for the page."""
 
     name: str
@@ -209,7 +209,7 @@ def parse_message(text: str | bytes) -> Message:
     return parse_table(data, MESSAGES[kind], OutputError, at=kind)
 
 
-def pack(kind: str, content: dict[str, Any], parts: Sequence[Part] = ()) -> bytes:
+def pack(kind: str, content: dict[str, Any], parts: Sequence[MessagePart] = ()) -> bytes:
     """Encode a message of the server: its type and content as JSON, followed by binary parts."""
     listed = [
         {"name": part.name, "media_type": part.media_type, "size": len(part.data), **part.about}

@@ -22,7 +22,7 @@ from omnisim.apps.live.camera_document import (
     scene_text,
     without_overridden,
 )
-from omnisim.apps.live.session import Draw, PageState
+from omnisim.apps.live.session import PageDraw, PageState
 from omnisim.apps.live.view_maker import LiveFrame, ViewMaker
 from omnisim.apps.live.viewpoint_motion import DIGITS_M, MAX_TRIANGLES, Place
 from omnisim.cameras import NonCentralCamera
@@ -151,7 +151,7 @@ class LiveSource:
             raise SceneError(_NO_LIGHT)
         return scene_text(self._settings.light.source, document.light)
 
-    def take(self, draw: Draw, channels: Collection[str]) -> LiveFrame:
+    def take(self, draw: PageDraw, channels: Collection[str]) -> LiveFrame:
         """Render the image of a state."""
         self.use(draw.state.document)
         begin_s = time.monotonic()
@@ -171,7 +171,7 @@ class LiveSource:
         rest = frame.rgb, png, frame.channels, frame.labels
         return LiveFrame(camera.model, camera.base_from_optical, base, *rest)
 
-    def files(self, draw: Draw) -> dict[str, bytes]:
+    def files(self, draw: PageDraw) -> dict[str, bytes]:
         """Image files with all channels, as `omnisim render --also all` writes them."""
         self.use(draw.state.document)
         frame = self._render(self._renderer(None), draw, tuple(CHANNELS))
@@ -179,7 +179,7 @@ class LiveSource:
             frame.save(Path(folder) / "image.png", previews=True)
             return {path.name: path.read_bytes() for path in sorted(Path(folder).iterdir())}
 
-    def statistics(self, draw: Draw) -> dict[str, Any]:
+    def statistics(self, draw: PageDraw) -> dict[str, Any]:
         """Numbers of triangles behind the fine image of a state: submitted, drawn, seen."""
         self.use(draw.state.document)
         renderer = self._renderer(None)
@@ -272,7 +272,7 @@ class LiveSource:
         x, y, z = (round(float(value), DIGITS_M) + 0.0 for value in rig[:3, 3])
         return dataclasses.replace(place, position_m=(x, y, z))
 
-    def _render(self, renderer: Renderer, draw: Draw, channels: Collection[str]) -> Frame:
+    def _render(self, renderer: Renderer, draw: PageDraw, channels: Collection[str]) -> Frame:
         base, time_s = self._base(renderer, draw.state.place), draw.state.time_s
         states = {}
         for other, distance_m in (("next", ADVANCE_M), ("previous", -ADVANCE_M)):
@@ -318,7 +318,7 @@ class RunSource:
         self.channel_names = self._run.channels_at(0, self._camera_name)
         self.stage = Stage(self.scene, device=device)
 
-    def take(self, draw: Draw, channels: Collection[str]) -> LiveFrame:
+    def take(self, draw: PageDraw, channels: Collection[str]) -> LiveFrame:
         """Read the image of a step, with the requested channels that were recorded."""
         path = self._image(min(draw.state.step, self.steps - 1))
         frame = read_captured_image(path)
@@ -333,12 +333,12 @@ class RunSource:
         truth = (stored.read(tuple(names)), stored.labels) if names else ({}, None)
         return LiveFrame(self.camera.model, base_from_optical, base, frame.pixels, png, *truth)
 
-    def files(self, draw: Draw) -> dict[str, bytes]:
+    def files(self, draw: PageDraw) -> dict[str, bytes]:
         """Contents of the camera's files at a step, by file name."""
         stem = self._run.stem(self._camera_name, min(draw.state.step, self.steps - 1))
         return {path.name: path.read_bytes() for path in sorted(stem.parent.glob(f"{stem.name}.*"))}
 
-    def statistics(self, draw: Draw) -> dict[str, Any]:
+    def statistics(self, draw: PageDraw) -> dict[str, Any]:
         """None, as nothing is drawn.
 
         Raises:
@@ -433,7 +433,7 @@ def _images(source: LiveSource, document: CameraDocument, start: Place) -> Itera
     """Images of a circular drive: the camera with its range beside it, and the panorama below."""
     views = ViewMaker()
     for place in circle(start, round(RATE_HZ * SECONDS)):
-        draw = Draw(PageState(document, place), True)
+        draw = PageDraw(PageState(document, place), True)
         frame = source.take(draw, ("range",))
         depth = preview("range", frame.channels["range"], frame.labels)
         top = np.concatenate((frame.rgb, depth), axis=1)

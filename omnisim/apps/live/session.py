@@ -38,7 +38,7 @@ class PageState:
 
 
 @dataclass(frozen=True)
-class Draw:
+class PageDraw:
     """Image to draw: coarse during motion, or fine."""
 
     state: PageState
@@ -46,7 +46,7 @@ class Draw:
 
 
 @dataclass(frozen=True)
-class Job:
+class PageJob:
     """Pending request of a page: files, or a probe."""
 
     message: messages.Message
@@ -80,8 +80,8 @@ class Session:
         self._undo: deque[CameraDocument] = deque(maxlen=UNDO_STEPS)
         self._redo: list[CameraDocument] = []
         self._edit = ("", 0.0)  # key and time of the last edit
-        self._jobs: deque[Job] = deque()
-        self._probe: Job | None = None
+        self._jobs: deque[PageJob] = deque()
+        self._probe: PageJob | None = None
         self._coarse = self._fine = -1  # numbers of the last drawn states
         self._rest_s = REST_S
         self._changed_s = self._advanced_s = self._driven_s = time.monotonic()
@@ -148,7 +148,7 @@ class Session:
             OutputError: too many requests are waiting.
         """
         with self._condition:
-            job = Job(message, self._state, reply)
+            job = PageJob(message, self._state, reply)
             if isinstance(message, messages.Probe):
                 self._probe = job  # replaces the previous one, as the mouse has moved
             elif len(self._jobs) >= MAX_JOBS:
@@ -170,7 +170,7 @@ class Session:
             if self._state.document == document:
                 self._change(document=self._good)
 
-    def next_work(self) -> Draw | Job | None:
+    def next_work(self) -> PageDraw | PageJob | None:
         """Wait for work; None: the session has ended."""
         with self._condition:
             while not self._is_stopping:
@@ -180,7 +180,7 @@ class Session:
                 self._condition.wait(wait_s)
             return None
 
-    def drawn(self, draw: Draw, seconds: float = 0.0) -> None:
+    def drawn(self, draw: PageDraw, seconds: float = 0.0) -> None:
         """Record a drawn image; slow fine images delay the start of the next one."""
         with self._condition:
             if draw.is_fine:
@@ -197,7 +197,7 @@ class Session:
             if (gaze := messages.Gaze(**angles, fov_deg=old.fov_deg)) != old:
                 self._change(gaze=gaze)
 
-    def _work(self, now_s: float) -> tuple[Draw | Job | None, float | None]:
+    def _work(self, now_s: float) -> tuple[PageDraw | PageJob | None, float | None]:
         """Next piece of work, or the seconds to wait for it; None: wait for an event."""
         if self._jobs:
             return self._jobs.popleft(), None
@@ -207,7 +207,7 @@ class Session:
         if self._is_requested and (is_moving or self._coarse < self._state.change):
             self._advance(now_s, is_moving)
             self._is_requested = False
-            return Draw(self._state, False), None
+            return PageDraw(self._state, False), None
         if not is_moving:
             self._advanced_s = now_s
         wait_s: float | None = None
@@ -215,7 +215,7 @@ class Session:
             wait_s = self._changed_s + self._rest_s - now_s
             if wait_s <= 0.0:
                 self._is_requested = False
-                return Draw(self._state, True), None
+                return PageDraw(self._state, True), None
         if self._probe is not None and (self._fine == self._state.change or is_moving):
             job, self._probe = self._probe, None
             return replace(job, state=self._state), None

@@ -276,7 +276,7 @@ class FreeFlight(Pilot):
         return reached_m
 
 
-class WheelDrive(Pilot):
+class ViewpointDrive(Pilot):
     """Robot on wheels with limited speed and acceleration, level on the floor below its base."""
 
     def __init__(self, place: Place, kinematics: Kinematics, ground: Ground):

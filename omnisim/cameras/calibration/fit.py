@@ -32,8 +32,8 @@ from omnisim.cameras.calibration.linear_fit import (
     MIN_SAMPLES,
     STEEPEST_RAD,
     Bounds,
+    FitSamples,
     ParameterVector,
-    Samples,
     linear_fit,
     radial_profile,
 )
@@ -116,7 +116,7 @@ def fit_camera(
 
 
 @lru_cache(maxsize=4)  # one camera is fitted by several models
-def samples_of(camera: CentralCamera, mirrored: bool, phase: float = 0.0) -> Samples:
+def samples_of(camera: CentralCamera, mirrored: bool, phase: float = 0.0) -> FitSamples:
     """Valid pixels, spread evenly over the image and along its edge, with their rays.
 
     If mirrored, rays are in `mirrored_frame`. Another phase in [0, 1] gives other pixels.
@@ -130,7 +130,7 @@ def samples_of(camera: CentralCamera, mirrored: bool, phase: float = 0.0) -> Sam
     rays = camera.ray_from_pixel(pixels)
     directions = rays.directions @ mirrored_frame(camera).T if mirrored else rays.directions
     on_area = np.arange(len(pixels)) < len(inner)
-    return Samples(pixels, directions, on_area).subset(rays.valid)
+    return FitSamples(pixels, directions, on_area).subset(rays.valid)
 
 
 def _spread_pixels(camera: CentralCamera, count: int, phase: float) -> Floats:
@@ -179,7 +179,7 @@ def _axis_of(camera: CentralCamera, mirrored: bool) -> _Axis:
     return _Axis(turn @ axis.rotation, lens.principal_point_px)
 
 
-def _equidistant_axis(source: CentralCamera, samples: Samples) -> _Axis:
+def _equidistant_axis(source: CentralCamera, samples: FitSamples) -> _Axis:
     """Axis of the equidistant lens nearest to the samples, among a few candidates.
 
     Source: Kabsch 1976, for the rotation between the two sets of directions.
@@ -203,7 +203,7 @@ def _equidistant_axis(source: CentralCamera, samples: Samples) -> _Axis:
 def _fitted(
     source: CentralCamera,
     model: type[ParametricCamera],
-    samples: Samples,
+    samples: FitSamples,
     fixed: Mapping[str, Any],
     axis: _Axis | None,
 ) -> tuple[ParametricCamera, Floats]:
@@ -231,7 +231,7 @@ def _fitted(
 
 def _refined(
     start: ParametricCamera,
-    samples: Samples,
+    samples: FitSamples,
     free: Mapping[str, Bounds],
     fixed: Mapping[str, Any],
     rotated: bool,

@@ -53,7 +53,7 @@ IdealFisheye = EquidistantCamera | StereographicCamera | EquisolidCamera | Ortho
 
 
 @dataclass(frozen=True, eq=False)
-class Samples:
+class FitSamples:
     """Source pixels and their rays, in the target's optical frame."""
 
     # pixels_px, directions: (n, 2) positions in the image, and (n, 3) unit directions
@@ -66,15 +66,15 @@ class Samples:
         """Angles (n,) of the rays from +z."""
         return angles_from_axis(self.directions, 1.0)
 
-    def subset(self, mask: Bools) -> Samples:
+    def subset(self, mask: Bools) -> FitSamples:
         """Samples selected by a mask (n,)."""
-        return Samples(self.pixels_px[mask], self.directions[mask], self.on_area[mask])
+        return FitSamples(self.pixels_px[mask], self.directions[mask], self.on_area[mask])
 
-    def rotated(self, rotation: Floats) -> Samples:
+    def rotated(self, rotation: Floats) -> FitSamples:
         """The same samples with rotated rays; `self` if the rotation is the identity."""
         if np.array_equal(rotation, np.eye(3)):
             return self  # keeps every bit
-        return Samples(self.pixels_px, self.directions @ rotation.T, self.on_area)
+        return FitSamples(self.pixels_px, self.directions @ rotation.T, self.on_area)
 
 
 class Profile(NamedTuple):
@@ -94,7 +94,7 @@ class Profile(NamedTuple):
 
 
 def radial_profile(
-    camera: CentralCamera, samples: Samples, center_px: tuple[float, float] | None = None
+    camera: CentralCamera, samples: FitSamples, center_px: tuple[float, float] | None = None
 ) -> Profile:
     """Radial profile of a camera about its principal point, or about `center_px` of the target."""
     if len(samples.theta_rad) < MIN_SAMPLES or samples.theta_rad.min() > math.radians(170.0):

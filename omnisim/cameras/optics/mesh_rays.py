@@ -22,7 +22,7 @@ from omnisim.cameras.camera import as_pixels
 from omnisim.cameras.mirrors import mirror_mesh
 from omnisim.cameras.optics.centrality import common_point, ray_jacobians
 from omnisim.cameras.optics.profiles import profile_lengths_m
-from omnisim.cameras.optics.surface import Fate, Paths, Surface, deflected, trace
+from omnisim.cameras.optics.surface import Fate, Surface, TracedPaths, deflected, trace
 from omnisim.cameras.optics.system import OpticalSystem
 from omnisim.core.arrays import Floats, Ints
 from omnisim.core.coordinate_frames import MIRROR_FROM_OPTICAL
@@ -225,7 +225,7 @@ class MeshRays:
             directions.reshape(*shape, 3), valid.reshape(shape), origins_m.reshape(*shape, 3)
         )
 
-    def rays_of(self, exact: Paths) -> Rays:
+    def rays_of(self, exact: TracedPaths) -> Rays:
         """Rays (n,) through the mesh for exact paths."""
         count = len(exact.fates)
         directions, origins_m = np.tile((0.0, 0.0, 1.0), (count, 1)), np.zeros((count, 3))
@@ -439,7 +439,7 @@ class SystemMeshErrors:
         )
 
     @cached_property
-    def _exact(self) -> Paths:
+    def _exact(self) -> TracedPaths:
         return self._system.paths(self._pixels)
 
     @cached_property

@@ -30,7 +30,7 @@ Place = tuple[Coordinate, Coordinate, Coordinate]
 _SHARE_OFF = 1e-9  # offset of a ray from the surface that it leaves, relative to the ray's scale
 
 
-class Hits(NamedTuple):
+class SurfaceHits(NamedTuple):
     """First hits of rays on a surface."""
 
     lengths_m: Floats  # (n,), NaN without a hit
@@ -131,7 +131,7 @@ class Surface:
         """Directions (n, 3) in the system frame, from the surface's frame."""
         return np.einsum("nj,ij->ni", directions, self.system_from_surface[:3, :3])
 
-    def hits(self, origins_m: Floats, directions: Floats, leaving: bool = False) -> Hits:
+    def hits(self, origins_m: Floats, directions: Floats, leaving: bool = False) -> SurfaceHits:
         """First hits of rays (n, 3), system frame, inside the rim; `leaving`: they start here."""
         origins = self.points_from_system(origins_m)
         along = self.directions_from_system(directions)
@@ -150,7 +150,7 @@ class Surface:
         first = inside.argmax(axis=1)
         rows = np.arange(len(lengths))
         first_m = np.where(inside[rows, first], lengths[rows, first], np.nan)
-        return Hits(first_m, np.isnan(first_m) & ahead.any(axis=1))
+        return SurfaceHits(first_m, np.isnan(first_m) & ahead.any(axis=1))
 
     def normals(self, points_m: Floats) -> Floats:
         """Unit normals (n, 3) at points on the surface, system frame."""
@@ -235,7 +235,7 @@ class TracedRays(NamedTuple):
     fates: Bytes  # (...,) values of `Fate`
 
 
-class Paths(NamedTuple):
+class TracedPaths(NamedTuple):
     """Paths of rays through a system."""
 
     points_m: Floats  # (surfaces + 1, n, 3): the camera, and the hit on each surface
@@ -251,7 +251,7 @@ def trace(
     directions: Floats,
     fates: Bytes,
     can_block: bool = True,
-) -> Paths:
+) -> TracedPaths:
     """Trace rays (n, 3), system frame, from a camera through surfaces, in the rays' order.
 
     Refractive indices (surfaces + 1) are between the surfaces. Rays with another fate (n,) than
@@ -276,13 +276,13 @@ def trace(
         along[rows] = deflected(surface.normals(at), toward, surface.is_mirror, ratio)
         fates[rows[np.isnan(along[rows, 0])]] = Fate.TOTAL_REFLECTION
     if not can_block:
-        return Paths(points, along, fates)
+        return TracedPaths(points, along, fates)
     rows = np.flatnonzero(fates == Fate.SEEN)
     endless = np.full(len(rows), np.inf)
     number = len(surfaces)
     blocked = _blocked(surfaces, obstacles, number, points[number, rows], along[rows], endless)
     fates[rows[blocked]] = Fate.SHADOWED
-    return Paths(points, along, fates)
+    return TracedPaths(points, along, fates)
 
 
 def deflected(normals: Floats, directions: Floats, is_mirror: bool, ratio: float = 1.0) -> Floats:

@@ -28,11 +28,11 @@ from omnisim.cameras.optics.surface import (
     WAVELENGTHS_UM,
     Fate,
     Medium,
-    Paths,
     Place,
     Primary,
     Rod,
     Surface,
+    TracedPaths,
     TracedRays,
     medium_parameter,
     pose_parameters,
@@ -168,7 +168,7 @@ class OpticalSystem:
             return (self,)
         return tuple(self.of_color(color) for color in WAVELENGTHS_UM)
 
-    def paths(self, pixels_px: ArrayLike) -> Paths:
+    def paths(self, pixels_px: ArrayLike) -> TracedPaths:
         """Paths of the rays of pixels (n, 2), in the system frame."""
         rays = self.camera.ray_from_pixel(pixels_px)
         fates = np.where(rays.valid, Fate.SEEN, Fate.OUTSIDE).astype(np.uint8)
@@ -315,7 +315,7 @@ class Inverse:
         more = _between(grid, paths.directions.reshape(*grid.shape[:2], 3))
         if len(more):  # appended to the grid's rays
             others = system.paths(more)
-            paths = Paths(
+            paths = TracedPaths(
                 np.concatenate((paths.points_m, others.points_m), axis=1),
                 np.concatenate((paths.directions, others.directions)),
                 np.concatenate((paths.fates, others.fates)),

@@ -166,7 +166,7 @@ def shape_schemas() -> dict[str, type[Table]]:
     defaults={"name": None, "rim_radius_m": None},
     order=("name", "shape", "medium", "rim_radius_m", "rim_center_m", "hole_radius_m"),
 )
-class SurfaceTable(AlignmentTable):
+class OpticalSurfaceTable(AlignmentTable):
     """A mirror or a boundary between media; tables are in the order in which rays meet them.
 
     The keys of the shape are additional keys of this table.
@@ -259,7 +259,7 @@ _Looking = Annotated[
 ]
 
 
-class CameraTable(AlignmentTable):
+class SystemCameraTable(AlignmentTable):
     """Central camera behind the surfaces.
 
     It is either a model with its parameters as additional keys, or a calibration file.
@@ -304,8 +304,8 @@ class OpticsFile(Table):
     looking: _Looking | None = None
     """Direction of the camera's axis in a level rig, or the rotation from the system's frame to it;
     default: up into a mirror, else as the camera itself."""
-    camera: CameraTable
-    surfaces: Annotated[tuple[SurfaceTable, ...], Field(min_length=1, max_length=16)]
+    camera: SystemCameraTable
+    surfaces: Annotated[tuple[OpticalSurfaceTable, ...], Field(min_length=1, max_length=16)]
 
     def orientation(self, where: str) -> Floats | None:
         """Rotation (3, 3) of `looking`, or None; `where` names the key in messages.

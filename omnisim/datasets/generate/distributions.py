@@ -96,7 +96,7 @@ class ConstantShares:
         return self.value
 
 
-class Stream:
+class RandomStream:
     """Random numbers as a function of integers: seed, and up to three keys of at least 0."""
 
     def __init__(self, seed: int, *keys: int):

@@ -16,7 +16,7 @@ from omnisim.core.errors import PlanError
 from omnisim.core.poses import roll_pitch_yaw_from_rotation
 from omnisim.core.srgb import linear_from_srgb
 from omnisim.datasets.free_space import FreeSpace
-from omnisim.datasets.generate.distributions import Distribution, Stream
+from omnisim.datasets.generate.distributions import Distribution, RandomStream
 from omnisim.datasets.generate.plan import Plan
 from omnisim.datasets.generate.prepared_plan import PlanObject, PreparedPlan
 
@@ -65,7 +65,7 @@ class Draw:
 
 def draw_indices(plan: Plan, number: int) -> SampleIndices:
     """Draw the scene and the rig of a sample, and find its setups."""
-    stream = Stream(plan.seed, number, 0, _INDICES)
+    stream = RandomStream(plan.seed, number, 0, _INDICES)
     scene = stream.choose(range(len(plan.scenes)), [one.weight for one in plan.scenes])
     rig = stream.choose(range(len(plan.cameras)), [camera.weight for camera in plan.cameras])
     setup = number // plan.vary.images_per_setup
@@ -82,8 +82,8 @@ def draw(prepared: PreparedPlan, number: int, attempt: int) -> Draw:
     plan = prepared.plan
     indices = draw_indices(plan, number)
 
-    def stream(purpose: int) -> Stream:
-        return Stream(plan.seed, number, attempt, purpose)
+    def stream(purpose: int) -> RandomStream:
+        return RandomStream(plan.seed, number, attempt, purpose)
 
     place = _place(prepared, indices.scene, stream(_VIEWPOINT))
     vary, own = plan.vary, stream(_VARY)
@@ -125,7 +125,7 @@ class _Viewpoint:
     turns_along: bool = False
 
 
-def _place(prepared: PreparedPlan, scene: int, stream: Stream) -> _Viewpoint:
+def _place(prepared: PreparedPlan, scene: int, stream: RandomStream) -> _Viewpoint:
     table = prepared.plan.viewpoints
     match table.where:
         case "free":
@@ -150,7 +150,7 @@ def _place(prepared: PreparedPlan, scene: int, stream: Stream) -> _Viewpoint:
             return _Viewpoint(pose[:3, 3], yaw, pitch, roll, turns_along=True)
 
 
-def _along(prepared: PreparedPlan, scene: int, stream: Stream) -> _Viewpoint:
+def _along(prepared: PreparedPlan, scene: int, stream: RandomStream) -> _Viewpoint:
     """Viewpoint on or beside a path, uniform along the paths' length, with the path's heading."""
     table, paths = prepared.plan.viewpoints, prepared.paths(scene)
     legs = np.concatenate([np.stack((path[:-1], path[1:]), axis=1) for path in paths])
@@ -163,7 +163,7 @@ def _along(prepared: PreparedPlan, scene: int, stream: Stream) -> _Viewpoint:
     return _Viewpoint(_above(prepared, scene, point, stream), yaw_deg, turns_along=True)
 
 
-def _above(prepared: PreparedPlan, scene: int, point_m: Floats, stream: Stream) -> Floats:
+def _above(prepared: PreparedPlan, scene: int, point_m: Floats, stream: RandomStream) -> Floats:
     """Viewpoint (3,) above the floor at a point (2,).
 
     Without floor at the point, above the scene's lowest floor.
@@ -177,7 +177,7 @@ def _above(prepared: PreparedPlan, scene: int, point_m: Floats, stream: Stream) 
 
 
 def _colors(
-    prepared: PreparedPlan, scene: int, stream: Stream
+    prepared: PreparedPlan, scene: int, stream: RandomStream
 ) -> dict[str, tuple[float, float, float]]:
     colors = {}
     for table in prepared.plan.vary.recolor:
@@ -196,7 +196,9 @@ def _unit(value: float) -> float:
     return min(max(value, 0.0), 1.0)
 
 
-def _objects(prepared: PreparedPlan, drawn: Draw, stream: Stream) -> tuple[ObjectPlacement, ...]:
+def _objects(
+    prepared: PreparedPlan, drawn: Draw, stream: RandomStream
+) -> tuple[ObjectPlacement, ...]:
     """Objects on the free floor, apart from each other and from the viewpoint."""
     free = prepared.free_space(drawn.indices.scene)
     own_m = prepared.plan.viewpoints.radius_m
@@ -225,7 +227,7 @@ def _apart(
     shape: PlanObject,
     viewpoint_m: Floats,
     distance_m: Distribution,
-    stream: Stream,
+    stream: RandomStream,
 ) -> Floats:
     """Draw a point (3,) on the floor at a distance from the viewpoint (2,) for an object.
 

@@ -17,7 +17,7 @@ from omnisim.core.files.image_files import write_image
 from omnisim.core.version import __version__
 from omnisim.datasets.free_space import PATTERN
 from omnisim.datasets.generate.prepared_plan import PreparedPlan
-from omnisim.datasets.generate.samples import MANIFEST, Manifest, Shards
+from omnisim.datasets.generate.samples import MANIFEST, SampleManifest, Shards
 from omnisim.datasets.generate.shard import (
     RANGE_EDGES_M,
     ShardMaker,
@@ -25,14 +25,14 @@ from omnisim.datasets.generate.shard import (
     Statistics,
     find_shard,
 )
-from omnisim.datasets.generate.workers import Job, ShardProgress, make_shards, threads_shared
+from omnisim.datasets.generate.workers import SampleJob, ShardProgress, make_shards, threads_shared
 
 PLAN, SHARDS = "plan.json", "shard-*.tar"
 PROBED_SAMPLES = 12  # per worker, for an estimate
 
 
 @dataclass(frozen=True)
-class Estimate:
+class TimeEstimate:
     """Size of a data set, and the time to generate it."""
 
     samples: int  # number of samples in all shards
@@ -63,7 +63,7 @@ class Generation:
         device: int | None = None,
     ):
         self.prepared = PreparedPlan.read(path, folder)
-        self.job, self._workers = Job(path, folder, device), workers  # 1: this process
+        self.job, self._workers = SampleJob(path, folder, device), workers  # 1: this process
         count = self.prepared.plan.shards
         self.shards = range(count) if shards is None else shards
         if not self.shards or self.shards[0] < 0 or self.shards[-1] >= count:
@@ -108,7 +108,7 @@ class Generation:
             self.job.folder.mkdir(exist_ok=True)
             write_text(self.job.folder / PLAN, self._claim)
 
-    def finish(self) -> Manifest | None:
+    def finish(self) -> SampleManifest | None:
         """Write manifest and card if all shards of the plan exist; else return None.
 
         Raises:
@@ -118,7 +118,7 @@ class Generation:
         summaries = tuple(summary for summary in finished if summary is not None)
         if len(summaries) < len(finished):
             return None
-        manifest = Manifest(
+        manifest = SampleManifest(
             self.prepared.plan.title or self.job.plan.stem,
             self.prepared.plan.license,
             self.prepared.fingerprint,
@@ -176,7 +176,7 @@ class Generation:
         self._has_taken_folder = True
 
 
-def estimate(path: Path, workers: int = 1, device: int | None = None) -> Estimate:
+def estimate(path: Path, workers: int = 1, device: int | None = None) -> TimeEstimate:
     """Estimate size and time of a data set from some rendered samples, which are discarded.
 
     Raises:
@@ -190,7 +190,7 @@ def estimate(path: Path, workers: int = 1, device: int | None = None) -> Estimat
         prepared.check()
         read_s = time.perf_counter() - begin_s
         samples = min(PROBED_SAMPLES, prepared.plan.images_per_shard)
-        job = Job(path, folder, device, samples)
+        job = SampleJob(path, folder, device, samples)
         times_s: dict[int, list[float]] = {number: [] for number in range(workers)}
         if workers > 1:
             with threads_shared(workers):
@@ -210,7 +210,7 @@ def estimate(path: Path, workers: int = 1, device: int | None = None) -> Estimat
     count = samples * workers
     if not rate:
         rate = 1.0 / max(start_s - read_s, 1e-3)
-    return Estimate(prepared.plan.images, sizes / count, rate, start_s)
+    return TimeEstimate(prepared.plan.images, sizes / count, rate, start_s)
 
 
 # Card of a data set: `README.md` with counts and histograms, and `example.jpg`.
@@ -222,7 +222,7 @@ BAR = 30  # characters of the longest bar
 MAX_CLASSES = 60
 
 
-def write_card(folder: Path, manifest: Manifest) -> None:
+def write_card(folder: Path, manifest: SampleManifest) -> None:
     """Write README.md and example.jpg of a data set.
 
     Raises:
@@ -244,7 +244,7 @@ def write_card(folder: Path, manifest: Manifest) -> None:
     write_text(folder / "README.md", _text(manifest))
 
 
-def _text(manifest: Manifest) -> str:
+def _text(manifest: SampleManifest) -> str:
     statistics = manifest.statistics
     license = manifest.license or "unknown"
     channels = ", ".join(manifest.channels) or "none"

@@ -13,7 +13,7 @@ import ray
 from omnisim.core.errors import OmnisimError, PlanError
 from omnisim.datasets.generate.prepared_plan import PreparedPlan
 from omnisim.datasets.generate.shard import ShardMaker
-from omnisim.datasets.generate.workers import Job, ShardProgress
+from omnisim.datasets.generate.workers import SampleJob, ShardProgress
 
 # A task's process rasterizes with one thread: each core has a task of its own.
 ONE_THREAD: dict[str, Any] = {"env_vars": {"LP_NUM_THREADS": "1"}}
@@ -55,7 +55,7 @@ def _first_line(reason: Exception) -> str:
 class _Maker:
     """Actor that reads the plan once and generates shards."""
 
-    def __init__(self, job: Job):
+    def __init__(self, job: SampleJob):
         self._maker = ShardMaker(PreparedPlan.read(job.plan, job.folder), job.folder, job.device)
 
     def make(self, number: int) -> int | str:
@@ -68,7 +68,7 @@ class _Maker:
 
 
 def make_shards_on_ray(
-    job: Job, shards: Sequence[int], address: str | None = None
+    job: SampleJob, shards: Sequence[int], address: str | None = None
 ) -> Iterator[ShardProgress]:
     """Generate shards on a cluster whose machines share the plan and the folder; yield after each.
 

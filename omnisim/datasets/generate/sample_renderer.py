@@ -12,7 +12,7 @@ import numpy as np
 from omnisim.core.errors import OmnisimError, PlanError
 from omnisim.core.pending import Pending
 from omnisim.core.world import WorldState
-from omnisim.datasets.generate.distributions import Stream
+from omnisim.datasets.generate.distributions import RandomStream
 from omnisim.datasets.generate.draw import Draw, SampleIndices, draw, draw_indices
 from omnisim.datasets.generate.plan import RejectTable
 from omnisim.datasets.generate.plan_cameras import DrawnLight, PlanRig, draw_light
@@ -239,12 +239,12 @@ def setup_rig(prepared: PreparedPlan, rig: int, setup: int) -> PlanRig:
     return _draw(prepared, setup, _CAMERA + rig, file.rig)
 
 
-def _draw(prepared: PreparedPlan, setup: int, purpose: int, make: Callable[[Stream], T]) -> T:
+def _draw(prepared: PreparedPlan, setup: int, purpose: int, make: Callable[[RandomStream], T]) -> T:
     """Result of `make` with the first stream that gives a valid one."""
     fault = ""
     for attempt in range(ATTEMPTS):
         try:
-            return make(Stream(prepared.plan.seed, setup, attempt, purpose))
+            return make(RandomStream(prepared.plan.seed, setup, attempt, purpose))
         except OmnisimError as reason:
             fault = str(reason).partition("\n")[0]
     raise PlanError(f"{fault} (setup {setup}, drawn {ATTEMPTS} times)")

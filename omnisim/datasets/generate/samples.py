@@ -24,7 +24,7 @@ MANIFEST = "manifest.json"
 
 
 @dataclass(frozen=True, eq=False)
-class Manifest:
+class SampleManifest:
     """Manifest of a finished data set."""
 
     title: str  # title of the data set
@@ -67,7 +67,7 @@ class Manifest:
         }
 
 
-def read_manifest(folder: Path) -> Manifest:
+def read_manifest(folder: Path) -> SampleManifest:
     """Read the manifest of a data set and the summaries of its shards.
 
     Raises:
@@ -95,10 +95,10 @@ def read_manifest(folder: Path) -> Manifest:
                 f"{folder}: shard {number} is missing or damaged: `omnisim generate` makes it again"
             )
     shards = tuple(shard for shard in summaries if shard is not None)
-    return Manifest(title, None if license is None else str(license), plan, channels, shards)
+    return SampleManifest(title, None if license is None else str(license), plan, channels, shards)
 
 
-def check_hashes(folder: Path, manifest: Manifest) -> Iterator[ShardSummary]:
+def check_hashes(folder: Path, manifest: SampleManifest) -> Iterator[ShardSummary]:
     """Compare the hash of each shard with the manifest's; yield the shard if they agree.
 
     Raises:
@@ -135,7 +135,7 @@ class Shards:
         PlanError: the data set is missing, unfinished or damaged.
     """
 
-    def __init__(self, folder: str | Path, manifest: Manifest | None = None):
+    def __init__(self, folder: str | Path, manifest: SampleManifest | None = None):
         self.folder = Path(folder)
         self.manifest = read_manifest(self.folder) if manifest is None else manifest
         counts = (shard.statistics.samples for shard in self.manifest.shards)

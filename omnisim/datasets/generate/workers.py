@@ -23,7 +23,7 @@ END_S = 5.0  # time for a worker to remove its files
 _THREADS = "LP_NUM_THREADS"  # environment variable of Mesa's rasterizer
 
 
-class Job(NamedTuple):
+class SampleJob(NamedTuple):
     """Arguments of all workers."""
 
     plan: Path  # path of the plan
@@ -39,7 +39,7 @@ class ShardProgress(NamedTuple):
     is_whole: bool
 
 
-def make_shards(job: Job, shards: Sequence[int], workers: int) -> Iterator[ShardProgress]:
+def make_shards(job: SampleJob, shards: Sequence[int], workers: int) -> Iterator[ShardProgress]:
     """Generate shards in several processes; yield after each sample and each shard.
 
     A killed worker loses only its unfinished shard, which another worker generates again.
@@ -82,7 +82,7 @@ def make_shards(job: Job, shards: Sequence[int], workers: int) -> Iterator[Shard
 class _Worker:
     """Worker process with a connection, and the number of its current shard; None: idle."""
 
-    def __init__(self, job: Job):
+    def __init__(self, job: SampleJob):
         context = multiprocessing.get_context("spawn")  # OpenGL does not survive a fork
         self.connection, child = context.Pipe()
         self.shard: int | None = None
@@ -125,7 +125,7 @@ class _Worker:
             self._process.join()
 
 
-def _work(connection: Connection, job: Job) -> None:
+def _work(connection: Connection, job: SampleJob) -> None:
     """Generate the shards whose numbers arrive on the connection, until the parent closes it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends this process
     signal.signal(signal.SIGTERM, _end)

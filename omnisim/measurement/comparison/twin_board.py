@@ -35,7 +35,11 @@ _MIN_FALLOFF = 0.05  # share of the light; less of it is not divided out
 
 
 def render_twin(
-    sensor: OmniCamera, board: PlacedBoard, pattern: PrintedPattern, patches: Patches, image: Bytes
+    sensor: OmniCamera,
+    board: PlacedBoard,
+    pattern: PrintedPattern,
+    patches: BoardPatches,
+    image: Bytes,
 ) -> Bytes:
     """Gray image (height, width) of a printed board by the twin, in light fitted to patches."""
     encoding = sensor.degradation.encoding or Encoding()  # sRGB if it has none
@@ -114,7 +118,7 @@ class BoardLight(NamedTuple):
         return np.maximum(np.where(is_black, terms @ self.ink, terms @ self.paper), 0.0)
 
 
-def fit_light(patches: Patches, light: Floats, is_used: Bools) -> BoardLight:
+def fit_light(patches: BoardPatches, light: Floats, is_used: Bools) -> BoardLight:
     """Fit smooth light to the linear light (patches,) of those patches of a board that are used.
 
     Of boards with few patches, the light of ink is taken as a constant share of that of paper.
@@ -140,7 +144,7 @@ def fit_light(patches: Patches, light: Floats, is_used: Bools) -> BoardLight:
     return BoardLight(low, high, coefficients, share * coefficients)
 
 
-def visible_patches(pattern: PrintedPattern, view: BoardView) -> Patches:
+def visible_patches(pattern: PrintedPattern, view: BoardView) -> BoardPatches:
     """Patches between corners that were detected in an image.
 
     Raises:
@@ -167,7 +171,7 @@ def patch_levels(image: Bytes | Floats32, pixels_px: Floats) -> Floats:
     return np.median(levels, axis=-1)
 
 
-def patch_samples_px(patches: Patches, board: PlacedBoard) -> Floats:
+def patch_samples_px(patches: BoardPatches, board: PlacedBoard) -> Floats:
     """Pixels (patches, samples, 2) in the middle of patches; NaN where the camera shows nothing."""
     across, down = (shares.ravel() for shares in np.meshgrid(_SHARES, _SHARES))
     left, top, right, bottom = patches.rectangles_m.T[..., None]
@@ -216,7 +220,7 @@ _PAPER = 1  # squares of white paper around the squares of a board
 
 
 @dataclass(frozen=True, eq=False)
-class Patches:
+class BoardPatches:
     """Rectangles of one color, large enough for a comparison of their gray levels."""
 
     rectangles_m: Floats  # (patches, 4) left, top, right and bottom on the board
@@ -229,9 +233,11 @@ class Patches:
         """Centers (patches, 2) on the board."""
         return 0.5 * (self.rectangles_m[:, :2] + self.rectangles_m[:, 2:])
 
-    def select(self, chosen: Bools) -> Patches:
+    def select(self, chosen: Bools) -> BoardPatches:
         """Patches selected by a mask (patches,)."""
-        return Patches(self.rectangles_m[chosen], self.between_m[chosen], self.is_black[chosen])
+        return BoardPatches(
+            self.rectangles_m[chosen], self.between_m[chosen], self.is_black[chosen]
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -242,7 +248,7 @@ class PrintedPattern:
     x_m: Floats
     y_m: Floats
     is_black: Bools  # (rows, columns) True for cells of ink
-    patches: Patches  # patches whose gray levels are compared
+    patches: BoardPatches  # patches whose gray levels are compared
     # (edges, 2, 2) both ends of edges between ink and paper, at corners of the board
     edges_m: Floats
     clear: float  # share of an edge's length up to which each side is of one color
@@ -273,7 +279,7 @@ def _chessboard(board: Chessboard, first: int) -> PrintedPattern:
     x, y = (side * np.arange(-1.0 - _PAPER, count + 1.0 + _PAPER) for count in (columns, rows))
     is_black = _checkers(rows + 1, columns + 1, first)
     inner = _rectangles(x[2:-2], y[2:-2])
-    patches = Patches(inner, inner, is_black[1:-1, 1:-1].ravel())
+    patches = BoardPatches(inner, inner, is_black[1:-1, 1:-1].ravel())
     return PrintedPattern(
         x, y, np.pad(is_black, _PAPER), patches, _grid_edges(x[2:-2], y[2:-2]), 0.4
     )
@@ -381,10 +387,10 @@ def _grid_edges(x: Floats, y: Floats) -> Floats:
     return np.concatenate((along_rows, along_columns))
 
 
-def _patches(*parts: tuple[Floats, Floats, bool]) -> Patches:
+def _patches(*parts: tuple[Floats, Floats, bool]) -> BoardPatches:
     """Patches from parts of rectangles (n, 4), their surrounding corners (n, 4), and a color."""
     rectangles, between, colors = zip(*parts, strict=True)
-    return Patches(
+    return BoardPatches(
         np.concatenate(rectangles),
         np.concatenate(between),
         np.repeat(colors, [len(part) for part in rectangles]),

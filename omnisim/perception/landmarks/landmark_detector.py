@@ -136,7 +136,7 @@ def _add(known: dict[Key, Landmark], key: Key, landmark: Landmark) -> None:
     known[key] = landmark
 
 
-def _stacked(regions: Sequence[Region]) -> list[tuple[Region, Region]]:
+def _stacked(regions: Sequence[LandmarkRegion]) -> list[tuple[LandmarkRegion, LandmarkRegion]]:
     """Pairs of regions of two colors, the second directly above the first."""
     pairs = []
     for lower in regions:
@@ -224,7 +224,11 @@ def _detection(
 
 
 def _measure_pillar(
-    panorama: Panorama, pixels: Bytes, lower: Region, upper: Region, landmark: Landmark
+    panorama: Panorama,
+    pixels: Bytes,
+    lower: LandmarkRegion,
+    upper: LandmarkRegion,
+    landmark: Landmark,
 ) -> Detection | None:
     """Measure a pillar from regions of its two upper bands; None: it has another size.
 
@@ -267,7 +271,7 @@ def _measure_pillar(
     return _detection(panorama, landmark, column, fitted, box, lower.area_px + upper.area_px)
 
 
-def _inner(region: Region, first: int) -> slice:
+def _inner(region: LandmarkRegion, first: int) -> slice:
     """Rows in the middle of a region, with a pure color; counted from row `first`."""
     height = region.mask.shape[0]
     edge = (height - 1) // 3 if height > 2 else 0
@@ -325,7 +329,7 @@ def _fit_range(
 
 
 def _measure_wide(
-    panorama: Panorama, pixels: Bytes, region: Region, landmark: Landmark
+    panorama: Panorama, pixels: Bytes, region: LandmarkRegion, landmark: Landmark
 ) -> Detection | None:
     """Measure a wide landmark of one color on the ground; None: the region cannot be the landmark.
 
@@ -398,7 +402,7 @@ _EIGHT = np.ones((3, 3), dtype=np.int8)
 
 
 @dataclass(frozen=True, eq=False)
-class Region:
+class LandmarkRegion:
     """Pixels of one class (`color`) that are connected by edges or corners."""
 
     color: int
@@ -428,7 +432,7 @@ def wrapped_around(panorama: NDArray[Scalar]) -> NDArray[Scalar]:
     return np.concatenate((panorama, panorama[:, : panorama.shape[1] // 2]), axis=1)
 
 
-def find_regions(classes: Bytes, colors: int, min_area_px: int) -> list[Region]:
+def find_regions(classes: Bytes, colors: int, min_area_px: int) -> list[LandmarkRegion]:
     """Regions of a panorama's classes (0: none) of at least `min_area_px` pixels, each once.
 
     A region may cross the panorama's left and right edge.
@@ -452,5 +456,5 @@ def find_regions(classes: Bytes, colors: int, min_area_px: int) -> list[Region]:
             if not first <= (columns.start + columns.stop) // 2 < first + width:
                 continue
             mask = labels[slices] == index
-            regions.append(Region(color, above + rows.start, columns.start, mask))
+            regions.append(LandmarkRegion(color, above + rows.start, columns.start, mask))
     return regions

@@ -13,7 +13,7 @@ from omnisim.rendering.baking.lightmap_atlas import Atlas, corner_pixels
 from omnisim.rendering.baking.specular import SpecularSurfaces
 from omnisim.rendering.rays.caster import RayHits
 from omnisim.rendering.rays.ray_scene import RayScene
-from omnisim.rendering.rays.shading.shading import View
+from omnisim.rendering.rays.shading.shading import RayView
 
 FRONT, BACK = 0, 1
 NO_PATCH = -1
@@ -32,7 +32,7 @@ NEIGHBORS = tuple(
 class Patches:
     """Patches of a scene: sides of texels, and of instances without texels."""
 
-    samples: Samples  # sample points of the patches
+    samples: SurfaceSamples  # sample points of the patches
     of_sample: Indices  # (k,) indices of the samples, patch after patch
     first: Indices  # (p + 1,) first entry of each patch in `of_sample`
     sides: NDArray[np.int8]  # (p,) `FRONT` or `BACK`
@@ -94,7 +94,7 @@ def build_patches(
     triangle_m2 = 0.5 * np.linalg.norm(np.cross(edges_m[:, 0], edges_m[:, 1]), axis=1)
     spread = _spread_samples(triangle_m2, geometry.first_of_surface, ~has_rect, width * height)
     found = [rasterize(corners_px, in_atlas, width), spread]
-    samples = Samples(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
+    samples = SurfaceSamples(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
     samples = samples.take(np.argsort(samples.texels, kind="stable"))
     places, first, counts = np.unique(samples.texels, return_index=True, return_counts=True)
     surfaces = geometry.surface_of_triangle[samples.triangles[first]]
@@ -146,7 +146,7 @@ def build_patches(
 
 def _spread_samples(
     triangle_m2: Floats, first_of_surface: Indices, is_taken: Bools, first_place: int
-) -> Samples:
+) -> SurfaceSamples:
     """Samples of surfaces without texels, spread evenly by area."""
     count = _SAMPLES_WITHOUT_TEXELS
     surfaces = np.flatnonzero(is_taken)
@@ -160,7 +160,7 @@ def _spread_samples(
     first = np.sqrt((np.arange(count) * 0.7548776662466927 + 0.5) % 1.0)
     second = (np.arange(count) * 0.5698402909980532 + 0.5) % 1.0
     weights = np.stack((1.0 - first, first * (1.0 - second), first * second), axis=1)
-    return Samples(
+    return SurfaceSamples(
         np.repeat(first_place + surfaces, count),
         triangles.astype(np.int32),
         np.tile(weights, (len(surfaces), 1)).astype(np.float32),
@@ -168,12 +168,12 @@ def _spread_samples(
 
 
 def _appearance(
-    rays: RayScene, specular: SpecularSurfaces, samples: Samples
+    rays: RayScene, specular: SpecularSurfaces, samples: SurfaceSamples
 ) -> tuple[Floats32, Floats32, Floats32]:
     """Diffuse reflectance, diffuse transmittance and emission (n, 3) at samples."""
     flat = np.zeros((len(samples.triangles), 3), dtype=np.float32)
     hits = RayHits(samples.triangles, np.zeros(len(flat)), samples.weights, flat)
-    colors = rays.shading.base_colors(View.of(hits))
+    colors = rays.shading.base_colors(RayView.of(hits))
     emission = rays.shading.emitted(hits)
     surfaces = rays.shading.surfaces(hits)
     emission[colors[:, 3] < rays.shading.hit_cutoff[surfaces]] = 0.0
@@ -205,19 +205,19 @@ GRID = 2  # parts per texel side
 _BATCH = 1 << 21  # candidates at once
 
 
-class Samples(NamedTuple):
+class SurfaceSamples(NamedTuple):
     """Points of surfaces, each in a texel."""
 
     texels: Indices  # (n,) row · width + column in the atlas
     triangles: Ints32  # (n,) int32 triangle indices
     weights: Floats32  # (n, 3) float32 barycentric weights
 
-    def take(self, indices: Indices) -> Samples:
+    def take(self, indices: Indices) -> SurfaceSamples:
         """The selected samples."""
-        return Samples(self.texels[indices], self.triangles[indices], self.weights[indices])
+        return SurfaceSamples(self.texels[indices], self.triangles[indices], self.weights[indices])
 
 
-def rasterize(corners_px: Floats32, triangles: Indices, width_px: int) -> Samples:
+def rasterize(corners_px: Floats32, triangles: Indices, width_px: int) -> SurfaceSamples:
     """Samples of triangles on a grid of `GRID` × `GRID` in each texel.
 
     A slim triangle also has samples along its middle line, so that its whole length is covered.
@@ -227,7 +227,9 @@ def rasterize(corners_px: Floats32, triangles: Indices, width_px: int) -> Sample
         triangles: (k,) indices of the triangles in the atlas.
         width_px: width of the atlas.
     """
-    samples = [Samples(np.empty(0, np.intp), np.empty(0, np.int32), np.empty((0, 3), np.float32))]
+    samples = [
+        SurfaceSamples(np.empty(0, np.intp), np.empty(0, np.int32), np.empty((0, 3), np.float32))
+    ]
     corners = corners_px[triangles].astype(np.float64) * GRID - 0.5
     low = np.ceil(corners.min(axis=1) - 1e-9).astype(np.intp)
     high = np.floor(corners.max(axis=1) + 1e-9).astype(np.intp)
@@ -246,19 +248,19 @@ def rasterize(corners_px: Floats32, triangles: Indices, width_px: int) -> Sample
         has_sample[owner] = True
         texels = points[inside] // GRID
         samples.append(
-            Samples(
+            SurfaceSamples(
                 texels[:, 1] * width_px + texels[:, 0],
                 triangles[owner].astype(np.int32),
                 weights.astype(np.float32),
             )
         )
     samples.append(_slim_samples(corners_px, triangles, has_sample, width_px))
-    return Samples(*(np.concatenate(parts) for parts in zip(*samples, strict=True)))
+    return SurfaceSamples(*(np.concatenate(parts) for parts in zip(*samples, strict=True)))
 
 
 def _slim_samples(
     corners_px: Floats32, triangles: Indices, has_sample: Bools, width_px: int
-) -> Samples:
+) -> SurfaceSamples:
     """Samples of slim triangles, from a corner to the middle of the shortest edge."""
     corners = corners_px[triangles].astype(np.float64)
     edges = np.roll(corners, -1, axis=1) - np.roll(corners, -2, axis=1)  # opposite to each corner
@@ -274,7 +276,7 @@ def _slim_samples(
     weights = np.repeat(0.5 * away[:, None], 3, axis=1)
     weights[np.arange(len(owner)), apex[owner]] = 1.0 - away
     points = np.floor(np.einsum("nk,nkc->nc", weights, corners[slim[owner]])).astype(np.intp)
-    return Samples(
+    return SurfaceSamples(
         points[:, 1] * width_px + points[:, 0],
         triangles[slim[owner]].astype(np.int32),
         weights.astype(np.float32),

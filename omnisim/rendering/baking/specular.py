@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from omnisim.core.arrays import Bools, Floats, Floats32, Indices
 from omnisim.core.random_numbers import pcg4d, uniform
-from omnisim.rendering.rays.caster import EmbreeHits, RayHits, Rays
+from omnisim.rendering.rays.caster import EmbreeHits, RayHits, WorldRays
 from omnisim.rendering.rays.ray_scene import RayScene
 from omnisim.rendering.rays.shading.ray_optics import pane_reflectance
-from omnisim.rendering.rays.shading.shading import View
+from omnisim.rendering.rays.shading.shading import RayView
 from omnisim.rendering.rays.shading.surface_light import mirrored_shares, straight_shares
 from omnisim.scene.surface_kind import NO_KIND, SurfaceKind, transmitted
 from omnisim.scene.surface_reflectance import COAT_F0, MIN_ROUGHNESS
@@ -145,8 +145,8 @@ class SpecularSurfaces:
         ranges_m = hits.ranges_m.astype(np.float64)
         placed = RayHits(hits.triangles, ranges_m, hits.weights, planes)
         none, origins_m = np.zeros(len(ranges_m)), np.zeros((len(ranges_m), 3))
-        rays = Rays(origins_m, directions.astype(np.float64), none, ranges_m)
-        view = View(rays, placed)
+        rays = WorldRays(origins_m, directions.astype(np.float64), none, ranges_m)
+        view = RayView(rays, placed)
         shading, surfaces = self._shading, self._shading.surfaces(placed)
         normals = shading.normals(placed)
         cosines = np.abs(np.einsum("nc,nc->n", normals, directions)).clip(_MIN_COSINE, 1.0)
@@ -171,7 +171,7 @@ class SpecularSurfaces:
         if len(some) == 0:
             return DiffuseShares(reflected, transmitted)
         hits, surfaces, colors = hits.take(some), surfaces[some], colors[some]
-        surface = shading.table.reflectance(surfaces, colors, shading.sampler(View.of(hits)))
+        surface = shading.table.reflectance(surfaces, colors, shading.sampler(RayView.of(hits)))
         lost = surface.dielectric_f0.max(axis=1)
         lost = lost + (surface.dielectric_f90 - lost) * _SCHLICK_MEAN
         body = np.where(

@@ -14,7 +14,7 @@ from omnisim.rendering.baking.patches import BACK, FRONT, Patches
 from omnisim.rendering.baking.specular import SpecularSurfaces, Way, chosen, onward, random_numbers
 from omnisim.rendering.rays.caster import NO_TRIANGLE, EmbreeHits, RayHits, put_rows
 from omnisim.rendering.rays.ray_scene import MAX_LAYERS, RayScene
-from omnisim.rendering.rays.shading.shading import View
+from omnisim.rendering.rays.shading.shading import RayView
 
 SKY, INSIDE = -1, -2
 # Offset of rays from their surface: a constant, and a share of the scene's size.
@@ -207,7 +207,7 @@ class Transport:
     def _is_hole(self, hits: EmbreeHits) -> Bools:
         """Mask (n,) of hits in a hole of a masked surface, or on a mostly clear blended one."""
         placed = RayHits(hits.triangles, np.zeros(len(hits.u)), hits.weights, hits.normals)
-        colors = self._shading.base_colors(View.of(placed))
+        colors = self._shading.base_colors(RayView.of(placed))
         cutoffs = self._shading.hit_cutoff[self._surface_of_triangle[hits.triangles]]
         return colors[:, 3] < cutoffs
 

@@ -42,8 +42,8 @@ from omnisim.rendering.opengl.gl.gpu_textures import (
 )
 from omnisim.rendering.opengl.gl.pixel_readback import (
     PixelReadback,
-    Pixels,
     Read,
+    TargetPixels,
     read_once,
 )
 from omnisim.rendering.opengl.scene_view import SceneView, TileRenderer, VirtualCameras
@@ -144,7 +144,7 @@ class CameraFrame:
         """Begin to read the encoded image, a linear one, and what else was drawn for it."""
         width, height = self.size_px
         rgba = np.empty((height, width, 4), dtype=np.uint8)
-        reads: list[Read] = [(Pixels(self.encoded_target), rgba), *others]
+        reads: list[Read] = [(TargetPixels(self.encoded_target), rgba), *others]
         floats = None
         if linear is not None:
             floats = np.empty((height, width, 3), dtype=np.float32)
@@ -441,5 +441,5 @@ class CubePass:
         size = tile.face_size_px
         pixels = np.empty((size, size, 3), dtype=np.float32)
         region = (*tile.face_corner_px, size, size)
-        read_once(self._buffers.context, (Pixels(self._resolved, region=region), pixels))
+        read_once(self._buffers.context, (TargetPixels(self._resolved, region=region), pixels))
         return pixels

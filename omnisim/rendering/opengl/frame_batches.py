@@ -20,7 +20,7 @@ from omnisim.rendering.opengl.capture.image_pass import RemapPass
 from omnisim.rendering.opengl.gl.buffers import gpu_allocation, slice_length
 from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer
 from omnisim.rendering.opengl.gl.gpu_textures import renderbuffer
-from omnisim.rendering.opengl.gl.pixel_readback import PixelReadback, Pixels, Reading
+from omnisim.rendering.opengl.gl.pixel_readback import PixelReadback, PixelReading, TargetPixels
 
 _PIXEL_BYTES = 4
 
@@ -60,7 +60,7 @@ class FrameBatches:
             out: (n, height, width, components) sRGB, with alpha if there are four components;
                 filled by the result.
         """
-        readings: list[Reading] = []
+        readings: list[PixelReading] = []
         slices = -(-len(poses) // self.slice_length)
         length = -(-len(poses) // max(1, slices))
         try:
@@ -70,7 +70,9 @@ class FrameBatches:
                 self._cube.draw(poses[some], layers)
                 self._image_pass.draw_batch(layers.atlases, target, some.stop - first)
                 region = (0, 0, target.width, (some.stop - first) * self._size_px[1])
-                readings.append(self._readback.start((Pixels(target, region=region), out[some])))
+                readings.append(
+                    self._readback.start((TargetPixels(target, region=region), out[some]))
+                )
         except BaseException:
             for reading in readings:
                 reading.discard()

@@ -10,9 +10,9 @@ import numpy as np
 from omnisim.core.arrays import Bools, Floats, Indices, Ints32, Uints32
 from omnisim.core.world import ObjectPart, Poses
 from omnisim.ground_truth.hits import BeamHits, EchoLimits, LidarBeams, Revolution, ScanBeams, Slice
-from omnisim.rendering.rays.caster import NO_TRIANGLE, RayHits, Rays
+from omnisim.rendering.rays.caster import NO_TRIANGLE, RayHits, WorldRays
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
-from omnisim.rendering.rays.shading.shading import Shading, View
+from omnisim.rendering.rays.shading.shading import RayView, Shading
 from omnisim.rendering.rays.shading.surface_light import mirrored_rays, surface_light
 
 
@@ -42,7 +42,7 @@ class Beams:
     def cast(self, world_from_scanner: Floats, world_from_objects: Poses = ()) -> Floats:
         """Ranges (n,) in meters from a pose (4, 4), with objects at their poses; +inf: no hit."""
         scene, count = self._scene(), len(self._directions)
-        rays = Rays(
+        rays = WorldRays(
             np.tile(world_from_scanner[:3, 3], (count, 1)),
             np.einsum("nj,ij->ni", self._directions, world_from_scanner[:3, :3]),
             np.zeros(count),
@@ -133,7 +133,12 @@ class LidarCaster:
         return parts
 
     def _cast_slice(
-        self, scene: RayScene, one: Slice, rays: Rays, shares: Floats, limits: EchoLimits | None
+        self,
+        scene: RayScene,
+        one: Slice,
+        rays: WorldRays,
+        shares: Floats,
+        limits: EchoLimits | None,
     ) -> Returns:
         """Returns of rays (n,) in a slice; without limits, rays end at the first surface."""
         poses = one.middle.world_from_objects
@@ -199,7 +204,7 @@ def intensities_of(
 
 def _rays(
     beams: LidarBeams, revolution: Revolution, one: Slice, firings: slice
-) -> tuple[Rays, Floats]:
+) -> tuple[WorldRays, Floats]:
     """Rays (n,) of some firings of a slice, ring by ring, and their times as shares of it."""
     rotations, directions = revolution.rotations[firings], beams.directions[:, firings]
     directions = np.einsum("fij,rfj->rfi", rotations, directions)
@@ -207,14 +212,14 @@ def _rays(
     shares = np.broadcast_to(elapsed, directions.shape[:2]).ravel()
     origins_m = one.start.origin_m + shares[:, None] * one.path_m
     far_m = np.full(len(shares), beams.max_range_m)
-    return Rays(origins_m, directions.reshape(-1, 3), np.zeros(len(shares)), far_m), shares
+    return WorldRays(origins_m, directions.reshape(-1, 3), np.zeros(len(shares)), far_m), shares
 
 
 def _no_hits(size: tuple[int, int]) -> BeamHits:
     return BeamHits(np.full(size, np.inf), np.zeros(size, dtype=np.uint32), np.zeros(size))
 
 
-def _follow_objects(rays: Rays, one: Slice, parts: Indices, shares: Floats) -> None:
+def _follow_objects(rays: WorldRays, one: Slice, parts: Indices, shares: Floats) -> None:
     """Move rays (n,) at the moving ones of the parts (n,) into the frames of their middle poses."""
     poses = (state.world_from_objects for state in (one.start, one.middle, one.end))
     for part, (start, middle, end) in enumerate(zip(*poses, strict=True), start=1):
@@ -276,14 +281,14 @@ def no_returns(returns: int, beams: int) -> Returns:
 
 
 def direct_intensities(
-    shading: Shading, rays: Rays, hits: RayHits, world_from_objects: Poses
+    shading: Shading, rays: WorldRays, hits: RayHits, world_from_objects: Poses
 ) -> Floats:
     """Intensities (n,) of the surfaces that beams hit first; all must hit."""
-    return surface_light(shading, View(rays, hits, world_from_objects, None)).returned[:, LASER]
+    return surface_light(shading, RayView(rays, hits, world_from_objects, None)).returned[:, LASER]
 
 
 def replace_specular(
-    returns: Returns, scene: RayScene, rays: Rays, objects: ObjectState, limits: EchoLimits
+    returns: Returns, scene: RayScene, rays: WorldRays, objects: ObjectState, limits: EchoLimits
 ) -> None:
     """Replace the returns of beams (n,) that hit specular surfaces first by those behind them."""
     is_specular = np.concatenate(([False], scene.shading.is_specular))
@@ -336,7 +341,7 @@ class _Front(NamedTuple):
     """Beams (n,) on their way."""
 
     beams: Indices  # (n,) indices of the beams
-    rays: Rays  # rays from the mirrored origins
+    rays: WorldRays  # rays from the mirrored origins
     behind: Ints32  # (n,) triangles at which they start
     shares: Floats  # (n,) light left, out and back
 
@@ -347,7 +352,7 @@ class _Front(NamedTuple):
         )
 
 
-def cast_echoes(scene: RayScene, rays: Rays, objects: ObjectState) -> Echoes:
+def cast_echoes(scene: RayScene, rays: WorldRays, objects: ObjectState) -> Echoes:
     """Echoes of beams (n,) from all surfaces along their paths, on either side of them."""
     poses, shading = objects.world_from_objects, scene.shading
     count = len(rays.near_m)
@@ -362,7 +367,7 @@ def cast_echoes(scene: RayScene, rays: Rays, objects: ObjectState) -> Echoes:
         front = front.take(hit)
         hits = scene.caster.exact(front.rays, hits.take(hit), poses)
         surfaces = shading.surfaces(hits)
-        light = surface_light(shading, View(front.rays, hits, poses, None))
+        light = surface_light(shading, RayView(front.rays, hits, poses, None))
         is_specular = shading.is_specular[surfaces]
         found.append(
             Echoes(
@@ -384,7 +389,7 @@ def cast_echoes(scene: RayScene, rays: Rays, objects: ObjectState) -> Echoes:
         both = np.concatenate((on, back))
         front = _Front(
             front.beams[both],
-            Rays._make(np.concatenate(parts) for parts in zip(behind, mirrored, strict=True)),
+            WorldRays._make(np.concatenate(parts) for parts in zip(behind, mirrored, strict=True)),
             hits.triangles[both],
             np.concatenate((passed[on], reflected[back])),
         )

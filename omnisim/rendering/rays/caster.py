@@ -26,7 +26,7 @@ _MESHES_KEPT = 8
 Sides = bool | Bools  # of all surfaces, or of each (surfaces,)
 
 
-class Rays(NamedTuple):
+class WorldRays(NamedTuple):
     """Rays in the world, each with its own origin."""
 
     origins_m: Floats  # (n, 3)
@@ -34,9 +34,9 @@ class Rays(NamedTuple):
     near_m: Floats  # (n,): nearer surfaces are ignored
     far_m: Floats  # (n,): farther surfaces are ignored; may be infinite
 
-    def take(self, indices: Indices) -> Rays:
+    def take(self, indices: Indices) -> WorldRays:
         """The selected rays."""
-        return Rays(*(values[indices] for values in self))
+        return WorldRays(*(values[indices] for values in self))
 
 
 class RayHits(NamedTuple):
@@ -88,7 +88,7 @@ class RayCaster:
 
     def cast(
         self,
-        rays: Rays,
+        rays: WorldRays,
         world_from_objects: Poses = (),
         hidden: frozenset[ObjectPart] = frozenset(),
         behind: Ints32 | None = None,
@@ -161,7 +161,7 @@ class RayCaster:
         triangles = part.triangles.take(hits.triangles, mode="clip").astype(np.int32)
         return hits._replace(triangles=np.where(is_hit, triangles, np.int32(NO_TRIANGLE)))
 
-    def behind(self, rays: Rays, ranges_m: Floats) -> Rays:
+    def behind(self, rays: WorldRays, ranges_m: Floats) -> WorldRays:
         """Rays (n,) continued just behind surfaces at ranges (n,).
 
         The step exceeds the rounding of a triangle's position, so that a ray along an edge does not
@@ -170,13 +170,13 @@ class RayCaster:
         origins_m = rays.origins_m - self._part_mesh(0, frozenset()).center_m
         return rays._replace(near_m=_beyond_m(origins_m, ranges_m))
 
-    def exact(self, rays: Rays, hits: RayHits, world_from_objects: Poses = ()) -> RayHits:
+    def exact(self, rays: WorldRays, hits: RayHits, world_from_objects: Poses = ()) -> RayHits:
         """The same hits (n,) with ranges, weights and planes in float64; all rays must hit."""
         corners_m = self.geometry.corners_m(hits.triangles, world_from_objects)
         return self.exact_at(corners_m, rays, hits)
 
     @staticmethod
-    def exact_at(corners_m: Floats, rays: Rays, hits: RayHits) -> RayHits:
+    def exact_at(corners_m: Floats, rays: WorldRays, hits: RayHits) -> RayHits:
         """The same hits (n,) of triangles with corners (n, 3, 3), world; see `exact`."""
         a, b, c = np.moveaxis(corners_m - rays.origins_m[:, None], 1, 0)
         planes = np.cross(b - a, c - a)
@@ -199,7 +199,7 @@ class RayCaster:
     def _cast_part(
         self,
         part: _PartMesh,
-        rays: Rays,
+        rays: WorldRays,
         world_from_part: Floats,
         behind: Ints32 | None,
         both_sides: Sides,
@@ -397,10 +397,10 @@ class DepthLimits:
     near_m: float
     far_m: float
 
-    def aim(self, rig: Floats, world_from_rig: Floats) -> Rays:
+    def aim(self, rig: Floats, world_from_rig: Floats) -> WorldRays:
         """Rays in the world along unit directions (n, 3), rig frame, from a pose (4, 4)."""
         depths = np.abs(rig).max(axis=1)
-        return Rays(
+        return WorldRays(
             np.tile(world_from_rig[:3, 3], (len(rig), 1)),
             _rotated(rig, world_from_rig[:3, :3]),
             self.near_m / depths,
@@ -409,7 +409,7 @@ class DepthLimits:
 
     def aim_band(
         self, band: Band, rig_from_optical: Floats, world_from_rig: Floats
-    ) -> tuple[Rays, Floats32]:
+    ) -> tuple[WorldRays, Floats32]:
         """Rays (n,) of a band in the world, and their footprints (n, 2, 3) there.
 
         Args:

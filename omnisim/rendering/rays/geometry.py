@@ -14,7 +14,7 @@ from omnisim.core.world import ObjectPart, Poses, time_of
 from omnisim.scene.model import Instance, Material, Mesh, Scene, Texture
 
 
-class Surface(NamedTuple):
+class PlacedSurface(NamedTuple):
     """Instance of a mesh in the scene or in a dynamic object."""
 
     name: str  # name of the instance
@@ -72,7 +72,7 @@ class DeformingSurface:
 class Geometry:
     """Triangles of a scene and its dynamic objects, each object in its own frame, at 0 s."""
 
-    surfaces: tuple[Surface, ...]  # all instances, first the scene's, then each object's
+    surfaces: tuple[PlacedSurface, ...]  # all instances, first the scene's, then each object's
     corners: Ints32  # (m, 3) int32 vertex indices, counter-clockwise seen from the front
     surface_of_triangle: Ints32  # (m,) int32 surface index
     first_of_surface: Indices  # (surfaces + 1,) first triangle of each surface
@@ -184,7 +184,7 @@ def build_geometry(scene: Scene, dynamic_objects: Sequence[Scene] = ()) -> Geome
     )
     return Geometry(
         surfaces=tuple(
-            Surface(
+            PlacedSurface(
                 instance.name,
                 number - 1 if number else None,
                 material,

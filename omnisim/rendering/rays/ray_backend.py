@@ -43,7 +43,7 @@ from omnisim.rendering.rays.cast_beams import Beams, LidarCaster
 from omnisim.rendering.rays.caster import DepthLimits
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
 from omnisim.rendering.rays.scene_rays import CastCamera, CastScene, cast_hits, cast_occlusion
-from omnisim.rendering.rays.shading.ray_optics import Paths
+from omnisim.rendering.rays.shading.ray_optics import LightPaths
 from omnisim.scene import Scene
 
 _POINTS_PER_BATCH = 1 << 14
@@ -243,7 +243,7 @@ class RayImage:
         pixels = rows // side * (camera.width_px // side + 1) + columns // side
         numbers = (rows % side * side + columns % side).astype(np.uint32)
         ones = np.ones(len(rows), dtype=np.float32)
-        paths = Paths(pixels.astype(np.uint32), numbers, ones, key)
+        paths = LightPaths(pixels.astype(np.uint32), numbers, ones, key)
         samples = np.zeros((*band.valid.shape, 4), dtype=np.float32)
         samples[band.valid, :3] = self._scene.radiance(
             rays, footprints, objects, self._unlit, paths

@@ -11,10 +11,10 @@ import numpy as np
 
 from omnisim.core.arrays import Floats, Floats32, Indices, Ints32
 from omnisim.core.world import ObjectPart, Poses
-from omnisim.rendering.rays.caster import NO_TRIANGLE, RayCaster, RayHits, Rays
+from omnisim.rendering.rays.caster import NO_TRIANGLE, RayCaster, RayHits, WorldRays
 from omnisim.rendering.rays.shading.lit_surfaces import CastShadow
-from omnisim.rendering.rays.shading.ray_optics import NO_MEDIUM, Paths, Tracing
-from omnisim.rendering.rays.shading.shading import Shading, View
+from omnisim.rendering.rays.shading.ray_optics import NO_MEDIUM, LightPaths, Tracing
+from omnisim.rendering.rays.shading.shading import RayView, Shading
 from omnisim.rendering.rays.shading.surface_light import straight_shares
 from omnisim.scene.light.environment import Environment
 from omnisim.scene.model import Fog, Scene
@@ -62,11 +62,11 @@ class RayScene:
 
     def radiance(
         self,
-        rays: Rays,
+        rays: WorldRays,
         footprints: Floats32 | None = None,
         objects: ObjectState = _NO_OBJECTS,
         unlit: bool = False,
-        paths: Paths | None = None,
+        paths: LightPaths | None = None,
         behind: Ints32 | None = None,
     ) -> Floats32:
         """Linear RGB (n, 3) along rays (n,).
@@ -120,7 +120,7 @@ class RayScene:
             active, rays, hits = active[kept], rays.take(kept), hits.take(kept)
             if len(active) == 0:
                 break
-            view = View(rays, hits, poses, None if footprints is None else footprints[active])
+            view = RayView(rays, hits, poses, None if footprints is None else footprints[active])
             colors = shading.base_colors(view)
             opacity = self._opacity(hits, colors[:, 3], layer)
             shown = np.flatnonzero(opacity > 0.0)
@@ -151,7 +151,7 @@ class RayScene:
 
     def first_hits(
         self,
-        rays: Rays,
+        rays: WorldRays,
         objects: ObjectState = _NO_OBJECTS,
         behind: Ints32 | None = None,
         footprints: Floats32 | None = None,
@@ -169,7 +169,7 @@ class RayScene:
         geometry, shading = self.caster.geometry, self.shading
         limits = shading.shadow_cutoff if of_shadows else shading.hit_cutoff
 
-        def cast(rays: Rays, behind: Ints32 | None) -> RayHits:
+        def cast(rays: WorldRays, behind: Ints32 | None) -> RayHits:
             return self.caster.cast(
                 rays, objects.world_from_objects, objects.hidden, behind, both_sides
             )
@@ -183,7 +183,7 @@ class RayScene:
                 break
             hits, some = first.take(active), rays.take(active)
             widths = None if footprints is None else footprints[active]
-            view = View(some, hits, objects.world_from_objects, widths)
+            view = RayView(some, hits, objects.world_from_objects, widths)
             alphas = shading.base_colors(view)[:, 3]
             clear = np.flatnonzero(alphas < limits[shading.surfaces(hits)])
             active = active[clear]
@@ -194,12 +194,12 @@ class RayScene:
             active = active[further.triangles != NO_TRIANGLE]
         return first
 
-    def _tracing(self, paths: Paths, some: Indices, shares: Floats32, poses: Poses) -> Tracing:
+    def _tracing(self, paths: LightPaths, some: Indices, shares: Floats32, poses: Poses) -> Tracing:
         """Continuation of paths with shares (n, 1 or 3) of light left; hidden instances show."""
         everything = ObjectState(poses)
 
         def trace(
-            rays: Rays, footprints: Floats32 | None, triangles: Ints32, following: Paths
+            rays: WorldRays, footprints: Floats32 | None, triangles: Ints32, following: LightPaths
         ) -> Floats32:
             return self.radiance(rays, footprints, everything, paths=following, behind=triangles)
 
@@ -211,10 +211,10 @@ class RayScene:
         everything, shading = ObjectState(poses), self.shading
         sees_through = shading.is_pane | shading.is_glass
 
-        def first(rays: Rays, triangles: Ints32) -> RayHits:
+        def first(rays: WorldRays, triangles: Ints32) -> RayHits:
             return self.first_hits(rays, everything, triangles, both_sides=True, of_shadows=True)
 
-        def cast(rays: Rays, triangles: Ints32) -> Floats32:
+        def cast(rays: WorldRays, triangles: Ints32) -> Floats32:
             hits = first(rays, triangles)
             is_free = hits.triangles == NO_TRIANGLE
             if not sees_through.any():
@@ -228,7 +228,7 @@ class RayScene:
                 if len(on) == 0:
                     break
                 active, passed, rays, hits = active[on], passed[on], rays.take(on), hits.take(on)
-                view = View(rays, hits, poses)
+                view = RayView(rays, hits, poses)
                 passed *= straight_shares(shading, view, shading.base_colors(view))
                 triangles = hits.triangles
                 rays = self.caster.behind(rays, hits.ranges_m)
@@ -279,13 +279,13 @@ class GlassPassage:
         paths: (n,) paths, in the media that their rays are in.
     """
 
-    def __init__(self, shading: Shading, paths: Paths, world_from_objects: Poses):
+    def __init__(self, shading: Shading, paths: LightPaths, world_from_objects: Poses):
         self._shading, self._poses = shading, world_from_objects
         air = np.full(len(paths.pixels), NO_MEDIUM, dtype=np.int32)
         self._media = air if paths.media is None else paths.media.copy()
         self.sides, self.paths = shading.is_glass, paths._replace(media=self._media)
 
-    def attenuation(self, indices: Indices, rays: Rays, hits: RayHits) -> Floats32:
+    def attenuation(self, indices: Indices, rays: WorldRays, hits: RayHits) -> Floats32:
         """Attenuation (m, 3) of light by glass before the hits of rays at indices (m,)."""
         hit = np.flatnonzero(hits.triangles != NO_TRIANGLE)
         media = self._media[indices]
@@ -294,8 +294,8 @@ class GlassPassage:
         return self._shading.glass.attenuation(media, hits.ranges_m - rays.near_m)
 
     def refract(
-        self, indices: Indices, view: View, colors: Floats32, opacity: Floats32
-    ) -> tuple[Rays, Floats32]:
+        self, indices: Indices, view: RayView, colors: Floats32, opacity: Floats32
+    ) -> tuple[WorldRays, Floats32]:
         """Rays behind hits (m,) of rays at indices (m,), and shares (m, 3) that glass transmits."""
         shares = np.zeros((len(indices), 3), dtype=np.float32)
         is_glass = self._shading.is_glass[self._shading.surfaces(view.hits)]
@@ -303,7 +303,7 @@ class GlassPassage:
         passed = self._shading.refracted(view.take(some), colors[some], self.paths.channel)
         shares[some] = passed.shares
         self._media[indices[some]] = passed.media
-        rays = Rays(*(values.copy() for values in view.rays))
+        rays = WorldRays(*(values.copy() for values in view.rays))
         rays.origins_m[some], rays.directions[some] = passed.rays.origins_m, passed.rays.directions
         return rays, shares
 

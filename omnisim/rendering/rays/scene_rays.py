@@ -27,11 +27,11 @@ from omnisim.ground_truth.hits import (
 from omnisim.rendering.contract import CameraRays, CameraSetup, PlacedMesh, ScenePoses, SceneRays
 from omnisim.rendering.pixel_rays import Band, PixelRays
 from omnisim.rendering.rays.cast_beams import Beams, LidarCaster, intensities_of
-from omnisim.rendering.rays.caster import NO_TRIANGLE, DepthLimits, Rays
+from omnisim.rendering.rays.caster import NO_TRIANGLE, DepthLimits, WorldRays
 from omnisim.rendering.rays.geometry import Geometry
 from omnisim.rendering.rays.ray_scene import MAX_LAYERS, ObjectState, RayScene
 from omnisim.rendering.rays.shading.ray_optics import MAX_BOUNCES
-from omnisim.rendering.rays.shading.shading import View
+from omnisim.rendering.rays.shading.shading import RayView
 from omnisim.rendering.rays.shading.surface_light import mirrored_rays, surface_light
 from omnisim.scene import Scene
 
@@ -41,7 +41,7 @@ _NEARER = 1e-3
 
 def cast_hits(
     scene: RayScene,
-    rays: Rays,
+    rays: WorldRays,
     footprints: Floats32,
     viewpoint_m: Floats,
     objects: ObjectState,
@@ -69,7 +69,7 @@ def cast_hits(
     surfaces = shading.surfaces(exact)
     draw_ids[hit] = surfaces + 1
     triangles[hit] = exact.triangles - geometry.first_of_surface[surfaces]
-    view = View(some, exact, poses, footprints[hit])
+    view = RayView(some, exact, poses, footprints[hit])
     find: dict[str, Callable[[], Floats32]] = {
         "normals": lambda: shading.normals(exact, poses),
         "albedos": lambda: shading.base_colors(view)[:, :3],
@@ -149,7 +149,7 @@ def whole_areas_px(
 
 
 def _surfaces_along(
-    scene: RayScene, rays: Rays, footprints: Floats32, objects: ObjectState
+    scene: RayScene, rays: WorldRays, footprints: Floats32, objects: ObjectState
 ) -> list[tuple[Indices, NDArray[np.integer]]]:
     """Rays and the surfaces they meet, layer by layer, nearest first."""
     layers: list[tuple[Indices, NDArray[np.integer]]] = []
@@ -175,7 +175,7 @@ MAX_PANES = 32  # along a path, with its mirrors
 MIN_REFLECTED = 0.5  # reflected share of the light, mean of linear RGB, of a mirror
 
 
-class Arrivals(NamedTuple):
+class RayEnds(NamedTuple):
     """Surfaces (n,) at the ends of rays, as in `ThroughHits`."""
 
     ranges_m: Floats
@@ -185,11 +185,11 @@ class Arrivals(NamedTuple):
 
 
 def cast_through(
-    scene: RayScene, rays: Rays, objects: ObjectState, footprints: Floats32
-) -> Arrivals:
+    scene: RayScene, rays: WorldRays, objects: ObjectState, footprints: Floats32
+) -> RayEnds:
     """Surfaces at the ends of rays (n,) with footprints (n, 2, 3), see `RayScene.first_hits`."""
     poses, shading, count = objects.world_from_objects, scene.shading, len(rays.near_m)
-    ends = Arrivals(
+    ends = RayEnds(
         np.full(count, np.inf),
         np.zeros(count, dtype=np.uint32),
         np.full(count, np.nan),
@@ -204,7 +204,7 @@ def cast_through(
         if len(active) == 0:
             break
         hits = scene.caster.exact(rays, hits.take(hit), poses)
-        light = surface_light(shading, View(rays, hits, poses, footprints))
+        light = surface_light(shading, RayView(rays, hits, poses, footprints))
         passed, reflected = light.passed.mean(axis=1), light.reflected.mean(axis=1)
         passes = passed > 0.0
         mirrors = ~passes & (reflected > MIN_REFLECTED) & (bounces[active] < MAX_BOUNCES)
@@ -219,7 +219,7 @@ def cast_through(
         ends.shares[active[mirrors]] *= reflected[mirrors]
         some = np.flatnonzero(mirrors)
         mirrored = mirrored_rays(scene.caster, rays.take(some), hits.take(some), light.take(some))
-        rays = Rays(*(values.copy() for values in scene.caster.behind(rays, hits.ranges_m)))
+        rays = WorldRays(*(values.copy() for values in scene.caster.behind(rays, hits.ranges_m)))
         for values, new in zip(rays, mirrored, strict=True):
             values[some] = new
         normals, footprints = light.normals[some], footprints.copy()

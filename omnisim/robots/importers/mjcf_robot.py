@@ -142,7 +142,7 @@ def _cameras(
         except OmnisimError as reason:
             notices.append(f"left out: {reason}")
             continue
-        pose = reader.Mount("camera", number).pose(data)
+        pose = reader.ModelMount("camera", number).pose(data)
         unique = unique_name(folder_name(name), used_names)
         yield ImportedSensor.at(unique, "omnicamera", pose, {}, camera)
 
@@ -155,5 +155,5 @@ def _imus(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[ImportedSensor
     }
     for number, site in enumerate(sorted(sites)):
         name = folder_name(_name(model, _OBJECTS.mjOBJ_SITE, site) or f"imu_{number}")
-        pose = reader.Mount("site", site).pose(data)
+        pose = reader.ModelMount("site", site).pose(data)
         yield ImportedSensor.at(name, "imu", pose, {"device": "ideal"})

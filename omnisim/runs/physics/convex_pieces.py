@@ -34,14 +34,14 @@ class ConvexPiece:
     """Convex piece of an instance."""
 
     name: str  # of the instance
-    shape: Shape  # shape in the scene's frame
+    shape: SolidShape  # shape in the scene's frame
 
     def __repr__(self) -> str:
         return short_repr(self, repr(self.name), self.shape.kind)
 
 
 @dataclass(frozen=True, eq=False)
-class Region:
+class SolidRegion:
     """Box within which a scene collides."""
 
     # low_m, high_m: (3,) corners
@@ -50,7 +50,7 @@ class Region:
     free_points_m: Floats  # (n, 3) points in free space: a part of the scene around one is hollow
 
     @classmethod
-    def everywhere(cls) -> Region:
+    def everywhere(cls) -> SolidRegion:
         """Unbounded region."""
         return cls(np.full(3, -np.inf), np.full(3, np.inf), np.zeros((0, 3)))
 
@@ -60,7 +60,7 @@ class Region:
         return np.all((low <= self.high_m) & (high >= self.low_m), axis=1)
 
 
-def convex_pieces(scene: Scene, region: Region) -> list[ConvexPiece]:
+def convex_pieces(scene: Scene, region: SolidRegion) -> list[ConvexPiece]:
     """Pieces of a scene's static instances in a region."""
     pieces = []
     for instance in scene.instances:
@@ -77,12 +77,12 @@ def convex_pieces(scene: Scene, region: Region) -> list[ConvexPiece]:
         two_sided = scene.materials[mesh.material].double_sided
         for part in connected_parts(triangles, len(vertices)):
             vertex_sets = _pieces_of(vertices, part, two_sided, region)
-            shapes = (Shape.of(points) for points in vertex_sets)
+            shapes = (SolidShape.of(points) for points in vertex_sets)
             pieces += [ConvexPiece(instance.name, shape) for shape in shapes if shape is not None]
     return pieces
 
 
-def hull_of(scene: Scene) -> Shape | None:
+def hull_of(scene: Scene) -> SolidShape | None:
     """Hull of all instances; None: the scene is flat."""
     points = [
         scene.meshes[instance.mesh].positions.astype(np.float64)
@@ -90,7 +90,7 @@ def hull_of(scene: Scene) -> Shape | None:
         + instance.world_from_mesh[:3, 3]
         for instance in scene.instances
     ]
-    return Shape.of(np.concatenate(points))
+    return SolidShape.of(np.concatenate(points))
 
 
 def _welded(positions_m: Floats, triangles: Triangles) -> tuple[Floats, Triangles]:
@@ -105,7 +105,7 @@ def _welded(positions_m: Floats, triangles: Triangles) -> tuple[Floats, Triangle
 
 
 def _pieces_of(
-    vertices_m: Floats, part: Triangles, two_sided: bool, region: Region
+    vertices_m: Floats, part: Triangles, two_sided: bool, region: SolidRegion
 ) -> list[Floats]:
     """Vertices (n, 3) of each piece of a connected part."""
     points = vertices_m[np.unique(part)]
@@ -260,7 +260,7 @@ FULL = 0.999  # minimum share of its bounding box that a box's hull fills
 
 
 @dataclass(frozen=True, eq=False)
-class Shape:
+class SolidShape:
     """Shape of a piece in the frame of its vertices."""
 
     kind: Literal["ball", "box", "hull"]
@@ -270,7 +270,7 @@ class Shape:
     vertices_m: Floats  # (n, 3) corners of the hull, relative to the center
 
     @classmethod
-    def of(cls, vertices_m: Floats) -> Shape | None:
+    def of(cls, vertices_m: Floats) -> SolidShape | None:
         """Shape of the hull of vertices (n, 3); None: the vertices are coplanar."""
         hull = convex_hull(vertices_m)
         if hull is None:
@@ -282,16 +282,16 @@ class Shape:
         return cls("hull", center, np.eye(3), np.zeros(3), corners - center)
 
 
-def _ball(corners_m: Floats, hull: scipy.spatial.ConvexHull) -> Shape | None:
+def _ball(corners_m: Floats, hull: scipy.spatial.ConvexHull) -> SolidShape | None:
     center = 0.5 * (corners_m.min(axis=0) + corners_m.max(axis=0))
     radii = np.linalg.norm(corners_m - center, axis=1)
     radius = float(radii.max())
     if radii.min() < (1.0 - ROUND) * radius or hull.volume < FULL_BALL * radius**3:
         return None
-    return Shape("ball", center, np.eye(3), np.full(3, radius), corners_m - center)
+    return SolidShape("ball", center, np.eye(3), np.full(3, radius), corners_m - center)
 
 
-def _box(corners_m: Floats, hull: scipy.spatial.ConvexHull) -> Shape | None:
+def _box(corners_m: Floats, hull: scipy.spatial.ConvexHull) -> SolidShape | None:
     axes: list[Floats] = []
     for normal in hull.equations[:, :3]:
         if all(abs(float(axis @ normal)) < RIGHT_ANGLE for axis in axes):
@@ -304,4 +304,4 @@ def _box(corners_m: Floats, hull: scipy.spatial.ConvexHull) -> Shape | None:
     if hull.volume < FULL * float(np.prod(high - low)):
         return None
     center = rotation @ (0.5 * (low + high))
-    return Shape("box", center, rotation, 0.5 * (high - low), corners_m - center)
+    return SolidShape("box", center, rotation, 0.5 * (high - low), corners_m - center)

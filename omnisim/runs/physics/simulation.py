@@ -21,7 +21,13 @@ from omnisim.core.errors import TrajectoryError
 from omnisim.core.short_repr import counted, short_repr
 from omnisim.core.trajectories import Trajectory
 from omnisim.core.world import Pose
-from omnisim.runs.physics.convex_pieces import ConvexPiece, Region, Shape, convex_pieces, hull_of
+from omnisim.runs.physics.convex_pieces import (
+    ConvexPiece,
+    SolidRegion,
+    SolidShape,
+    convex_pieces,
+    hull_of,
+)
 from omnisim.runs.physics.rover import Driver, PathFollower, Rover, SimulatedMotion
 from omnisim.scene import Scene
 from omnisim.scene.motion.object_motion import FreeBody, ObjectMotion
@@ -325,7 +331,7 @@ def solid_objects(scene: Scene) -> dict[str, SolidObject]:
     for moving in scene.objects:
         name, motion, pose = moving.name, moving.motion, moving.motion.pose_at(0.0)
         if not isinstance(motion, FreeBody):
-            solids[name] = SolidObject(convex_pieces(moving.shape, Region.everywhere()), pose)
+            solids[name] = SolidObject(convex_pieces(moving.shape, SolidRegion.everywhere()), pose)
             continue
         hull = hull_of(moving.shape)
         if hull is None:
@@ -358,7 +364,7 @@ def static_pieces(
         + driver.planned.world_from_base[:, :3, 2] * 2.0 * driver.rover.wheel_radius_m
         for driver in drivers
     ]
-    pieces = convex_pieces(scene, Region(low, high, np.concatenate(middles)))
+    pieces = convex_pieces(scene, SolidRegion(low, high, np.concatenate(middles)))
     if len(pieces) > MAX_PIECES:
         raise TrajectoryError(
             f"{scene.name}: expected at most {MAX_PIECES} convex pieces about the path with "
@@ -432,7 +438,7 @@ class WorldModel:
         return model
 
     def _add_piece(
-        self, body: mujoco.MjsBody, owner: str, shape: Shape, mass_kg: float = 0.0
+        self, body: mujoco.MjsBody, owner: str, shape: SolidShape, mass_kg: float = 0.0
     ) -> None:
         """Add a piece of an owner to a body."""
         name = f"piece {len(self.owners)}"

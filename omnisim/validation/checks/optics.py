@@ -31,7 +31,7 @@ from omnisim.plots.style import gallery
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.contract import CameraSetup, HitSource, ScenePoses
 from omnisim.rendering.opengl.parallax_camera import ParallaxCamera
-from omnisim.rendering.rays.caster import Rays
+from omnisim.rendering.rays.caster import WorldRays
 from omnisim.rendering.rays.ray_backend import RayHitSource
 from omnisim.rendering.rays.ray_scene import RayScene
 from omnisim.rendering.stage import Stage
@@ -340,7 +340,7 @@ def pose_beside_nearest(sensor: OmniCamera, rays: RayScene, start: Floats) -> Fl
     directions = np.stack((np.cos(angles), np.sin(angles), 0.0 * angles), axis=1)
     near_m, far_m = np.full(len(angles), _MIN_M), np.full(len(angles), np.inf)
     origins_m = np.tile(sensor_m, (len(angles), 1))
-    ranges_m = rays.first_hits(Rays(origins_m, directions, near_m, far_m)).ranges_m
+    ranges_m = rays.first_hits(WorldRays(origins_m, directions, near_m, far_m)).ranges_m
     nearest = int(np.argmin(np.where(ranges_m > 2.0 * BESIDE_M, ranges_m, np.inf)))
     away_m = (ranges_m[nearest] - BESIDE_M) * directions[nearest]
     return pose(tuple(away_m.tolist())) @ start

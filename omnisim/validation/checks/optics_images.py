@@ -115,7 +115,7 @@ class TracedSystem:
         return np.linalg.norm(seen - pixels, axis=1)
 
 
-class Result(NamedTuple):
+class ImageResult(NamedTuple):
     """Differences between Mitsuba and omnisim for one system."""
 
     markers_px: Floats
@@ -137,7 +137,7 @@ def check(fixture: Fixture, title: str) -> Section:
         if name == SQUEEZED:
             fine_db = compared._replace(ours=traced.ours(scene, FINE)).decibels
         distances_px = traced.marker_distances_px(), traced.ray_errors_px()
-        results[name] = Result(*distances_px, compared, fine_db)
+        results[name] = ImageResult(*distances_px, compared, fine_db)
     markers = [result.markers_px for result in results.values()]
     most = [result.images.decibels for name, result in results.items() if name != SQUEEZED]
     measures = [

@@ -187,7 +187,7 @@ def degradations(
             rows.append((cause.name, f"{level:g} {cause.unit}", *_cells(outcome)))
     levels = ("none", "1", "2", "3")
 
-    def lines(value: Callable[[Outcome], float]) -> list[tuple[str, Floats]]:
+    def lines(value: Callable[[SectionOutcome], float]) -> list[tuple[str, Floats]]:
         return [
             (cause.name, np.array([value(each) for each in (clean, *outcomes[cause.name])]))
             for cause in CAUSES
@@ -216,7 +216,7 @@ def degradations(
     )  # fmt: skip
 
 
-def _cells(outcome: Outcome) -> Iterator[str]:
+def _cells(outcome: SectionOutcome) -> Iterator[str]:
     yield f"{outcome.recall:.3f}"
     yield f"{outcome.precision:.3f}"
     yield f"{math.degrees(outcome.bearing_rms_rad):.2f}°"
@@ -252,7 +252,7 @@ class Cause:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class SectionOutcome:
     """Results at one level of a degradation."""
 
     # rates for landmarks within `NEAR_M`
@@ -338,7 +338,7 @@ def sweep(
     wheels: OdometryErrors,
     parameters: FilterParameters,
     progress: Progress,
-) -> tuple[Outcome, Mapping[str, list[Outcome]]]:
+) -> tuple[SectionOutcome, Mapping[str, list[SectionOutcome]]]:
     """Outcome without degradation; and for each cause, by name, the outcomes of its levels."""
     detector = LandmarkDetector(model, run.landmarks, run.mount)
     geometry = ImageGeometry.of_camera(run.mount.camera)
@@ -347,7 +347,7 @@ def sweep(
     covered = run.mount.covered
     shown = np.ones(images[0].shape[:2], bool) if covered is None else covered
 
-    def evaluate(change: Callable[[Bytes, int], Bytes]) -> Outcome:
+    def evaluate(change: Callable[[Bytes, int], Bytes]) -> SectionOutcome:
         detections, alarms, others = [], 0, 0
         for step, image in enumerate(images):
             changed = change(image, step)
@@ -364,10 +364,10 @@ def sweep(
         seeds = run_seeds(run, wheels, [seen] * SEEDS, parameters)
         error_m = float(np.median(seeds.errors_m[:, 5:].mean(axis=1)))
         rms = near.bearing_rms_rad, near.range_rms_share
-        return Outcome(near.recall, near.precision, *rms, alarms / max(others, 1), error_m)
+        return SectionOutcome(near.recall, near.precision, *rms, alarms / max(others, 1), error_m)
 
     tasks = [(cause, level) for cause in CAUSES for level in cause.levels]
-    outcomes: dict[str, list[Outcome]] = {cause.name: [] for cause in CAUSES}
+    outcomes: dict[str, list[SectionOutcome]] = {cause.name: [] for cause in CAUSES}
     for index in progress("degradations, one by one", len(tasks))(range(len(tasks))):
         cause, level = tasks[index]
         change = partial(degraded, shown=shown, geometry=geometry, cause=cause, level=level)

@@ -19,7 +19,7 @@ from omnisim.core.arrays import Floats, Floats32, Ints
 from omnisim.core.errors import SceneError
 from omnisim.core.srgb import linear_from_srgb
 from omnisim.scene.model import Texture, Wrap
-from omnisim.validation.oracles.surfaces import Surface
+from omnisim.validation.oracles.surfaces import OracleSurface
 
 # Works without LLVM: Dr.Jit 1.5 with Debian 12's LLVM 15 aborts the process.
 VARIANT = "scalar_rgb"
@@ -104,7 +104,7 @@ def triangles_of_rings(rings: int, sectors: int, has_hole: bool = False) -> Ints
     return np.concatenate((lower.reshape(-1, 3), upper[0 if has_hole else 1 :].reshape(-1, 3)))
 
 
-def shining(surface: Surface, units_per_m: float) -> mi.Mesh:
+def shining(surface: OracleSurface, units_per_m: float) -> mi.Mesh:
     """Emitter with a surface's base color.
 
     Raises:

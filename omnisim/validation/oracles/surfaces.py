@@ -15,7 +15,7 @@ from omnisim.scene.model import AlphaMode, Instance, Material
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Surface:
+class OracleSurface:
     """All triangles of one material."""
 
     material: Material  # material of all triangles
@@ -53,7 +53,7 @@ def opaque_only(scene: Scene) -> Scene:
     )
 
 
-def visible_surfaces(scene: Scene, viewpoint_m: Floats, reach_m: float) -> list[Surface]:
+def visible_surfaces(scene: Scene, viewpoint_m: Floats, reach_m: float) -> list[OracleSurface]:
     """Surfaces with their front toward a point within `reach_m` of the viewpoint (3,), world.
 
     Other single-sided triangles are left out: they are invisible from behind, while other renderers
@@ -62,7 +62,7 @@ def visible_surfaces(scene: Scene, viewpoint_m: Floats, reach_m: float) -> list[
     Raises:
         SceneError: a surface is not opaque.
     """
-    batches: dict[tuple[int, bool, bool], list[Surface]] = defaultdict(list)
+    batches: dict[tuple[int, bool, bool], list[OracleSurface]] = defaultdict(list)
     for instance in scene.instances:
         surface = _surface(scene, instance, viewpoint_m, reach_m)
         if len(surface.triangles_m):
@@ -75,7 +75,7 @@ def visible_surfaces(scene: Scene, viewpoint_m: Floats, reach_m: float) -> list[
         return np.concatenate(present) if present else None
 
     return [
-        Surface(
+        OracleSurface(
             parts[0].material,
             np.concatenate([part.triangles_m for part in parts]),
             join(part.texture_coordinates for part in parts),
@@ -85,7 +85,9 @@ def visible_surfaces(scene: Scene, viewpoint_m: Floats, reach_m: float) -> list[
     ]
 
 
-def _surface(scene: Scene, instance: Instance, viewpoint_m: Floats, reach_m: float) -> Surface:
+def _surface(
+    scene: Scene, instance: Instance, viewpoint_m: Floats, reach_m: float
+) -> OracleSurface:
     mesh = scene.meshes[instance.mesh]
     material = scene.materials[mesh.material]
     if material.alpha_mode is not AlphaMode.OPAQUE:
@@ -107,7 +109,7 @@ def _surface(scene: Scene, instance: Instance, viewpoint_m: Floats, reach_m: flo
         kept &= heights > -reach_m * lengths
     triangles = triangles[kept]
     coordinates = None if material.texture is None else mesh.texture_coordinates
-    return Surface(
+    return OracleSurface(
         material,
         positions_m[triangles],
         None if coordinates is None else coordinates[triangles],

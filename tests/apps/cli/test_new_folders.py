@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from omnisim.apps.cli.options import ENTRIES
-from omnisim.apps.doctor import OK, Result
+from omnisim.apps.doctor import OK, Finding
 from omnisim.cameras.optics import read_optics_file, write_corners
 from tests.apps.cli import test_usage_errors  # noqa: F401 - imports the requests of all commands
 from tests.apps.cli.measure.conftest import write_series
@@ -93,8 +93,8 @@ def test_commands_create_the_folders_of_their_outputs(
 ):
     from omnisim.apps.cli.checks import doctor
 
-    fine = Result(OK, "Mesa, llvmpipe")
-    monkeypatch.setattr(doctor, "run_step", lambda name, *_: doctor.Step(name, 1.0, fine))
+    fine = Finding(OK, "Mesa, llvmpipe")
+    monkeypatch.setattr(doctor, "run_step", lambda name, *_: doctor.DoctorStep(name, 1.0, fine))
     missing = []
     for number, line in enumerate(COMMANDS.strip().splitlines()):
         folders = iter(range(9))

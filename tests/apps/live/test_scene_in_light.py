@@ -8,7 +8,7 @@ import pytest
 from omnisim.apps.cli.app import main
 from omnisim.apps.live.camera_document import CameraDocument, SceneInLight, without_overridden
 from omnisim.apps.live.live_source import LiveSource
-from omnisim.apps.live.session import Draw, PageState
+from omnisim.apps.live.session import PageDraw, PageState
 from omnisim.apps.live.viewpoint_motion import Place
 from omnisim.core.errors import SceneError
 from omnisim.core.files.image_files import read_image
@@ -21,7 +21,7 @@ def _light():
 
 
 def _take(source, document):
-    return source.take(Draw(PageState(document, Place((0.0, 0.0, 0.5))), True), ())
+    return source.take(PageDraw(PageState(document, Place((0.0, 0.0, 0.5))), True), ())
 
 
 def test_fog_begins_with_the_keys_that_it_must_have():

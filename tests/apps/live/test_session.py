@@ -8,7 +8,7 @@ import pytest
 from omnisim.apps.live import live_messages as messages
 from omnisim.apps.live import session
 from omnisim.apps.live.camera_document import CameraDocument
-from omnisim.apps.live.session import Draw, Session
+from omnisim.apps.live.session import PageDraw, Session
 from omnisim.apps.live.viewpoint_motion import FreeFlight, Place
 from omnisim.cameras import CAMERA_MODELS
 from omnisim.core.errors import OmnisimError, OutputError
@@ -26,7 +26,7 @@ def _next(live):
     """The next image, drawn at once."""
     live.ask()
     draw = live.next_work()
-    assert isinstance(draw, Draw)
+    assert isinstance(draw, PageDraw)
     live.drawn(draw)
     return draw
 

@@ -12,7 +12,7 @@ from omnisim.apps.live.viewpoint_motion import (
     Ground,
     MotionCommand,
     Place,
-    WheelDrive,
+    ViewpointDrive,
 )
 from omnisim.robots.kinematics import Kinematics
 from omnisim.robots.vehicle import BodyBoxes
@@ -53,7 +53,7 @@ def _move(pilot, command, steps, step_s=STEP_S):
 
 @pytest.fixture
 def robot():
-    return WheelDrive(Place((0.0, 0.0, 0.0)), LIMITS, Ground(_room(), BOX))
+    return ViewpointDrive(Place((0.0, 0.0, 0.0)), LIMITS, Ground(_room(), BOX))
 
 
 def test_a_robot_keeps_its_limits(robot):

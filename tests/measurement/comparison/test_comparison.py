@@ -10,7 +10,7 @@ from omnisim.cameras import KannalaBrandtCamera, MirroredCamera
 from omnisim.core.errors import MeasurementError
 from omnisim.measurement.comparison import BoardSurface, compare_images, locate_board
 from omnisim.measurement.comparison.comparison import compare_image, edge_rise_px
-from omnisim.measurement.comparison.twin_board import Patches, fit_light
+from omnisim.measurement.comparison.twin_board import BoardPatches, fit_light
 from omnisim.measurement.geometry import AprilGrid, BoardView, CharucoBoard, Chessboard
 from omnisim.measurement.geometry.board_detection import find_board
 from omnisim.rendering.camera.degradations import Degradation, Encoding
@@ -80,7 +80,7 @@ def test_fitted_light_leaves_the_noise_of_squares():
     measured = true + 0.002 * random.normal(size=true.shape)
     measured[11] += 0.3  # clipped, and so left out
     is_used = np.arange(35) != 11
-    light = fit_light(Patches(squares, squares, is_black), measured, is_used)
+    light = fit_light(BoardPatches(squares, squares, is_black), measured, is_used)
     assert np.abs(light.at(positions, is_black) - true).max() < 0.006
 
 

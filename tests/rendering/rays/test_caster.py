@@ -10,7 +10,7 @@ from tests.scenes import scene_of, square
 
 pytest.importorskip("embreex", reason="embreex, which casts the rays, is missing")
 
-from omnisim.rendering.rays.caster import RayCaster, Rays
+from omnisim.rendering.rays.caster import RayCaster, WorldRays
 
 SIZE = np.array([2.0, 0.5, -1.5])  # the last one mirrors
 
@@ -21,7 +21,7 @@ def rays_from(origins, directions, near_m=0.0, far_m=np.inf):
     directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
     count = len(directions)
     origins = np.broadcast_to(np.asarray(origins, dtype=np.float64), (count, 3)).copy()
-    return Rays(origins, directions, np.full(count, near_m), np.full(count, far_m))
+    return WorldRays(origins, directions, np.full(count, near_m), np.full(count, far_m))
 
 
 def random_directions(count, seed=3):

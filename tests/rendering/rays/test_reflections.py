@@ -16,7 +16,7 @@ from tests.scenes import room, room_color, room_hit, scene_of, square
 pytest.importorskip("embreex", reason="embreex, which casts the rays, is missing")
 
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
-from omnisim.rendering.rays.shading.ray_optics import MAX_BOUNCES, Paths
+from omnisim.rendering.rays.shading.ray_optics import MAX_BOUNCES, LightPaths
 from omnisim.rendering.stage import open_sensor
 from omnisim.validation.reflective_rooms import camera, camera_pose, rooms
 
@@ -27,7 +27,7 @@ FLIP_Z = np.diag((1.0, 1.0, -1.0, 1.0))
 
 def paths_of(count, key=1):
     numbers = np.arange(count, dtype=np.uint32)
-    return Paths(np.zeros_like(numbers), numbers, np.ones(count, dtype=np.float32), key)
+    return LightPaths(np.zeros_like(numbers), numbers, np.ones(count, dtype=np.float32), key)
 
 
 def traced(scene, rays, key=1, **options):

@@ -7,7 +7,7 @@ from scipy.spatial import Delaunay
 
 from omnisim.runs.physics.convex_pieces import (
     SLAB_M,
-    Region,
+    SolidRegion,
     area_vectors,
     convex_facets,
     convex_pieces,
@@ -19,7 +19,7 @@ from tests.slow import slow_but
 
 
 def _pieces(scene, *free_points_m):
-    region = Region(np.full(3, -50.0), np.full(3, 50.0), np.reshape(free_points_m, (-1, 3)))
+    region = SolidRegion(np.full(3, -50.0), np.full(3, 50.0), np.reshape(free_points_m, (-1, 3)))
     return convex_pieces(scene, region)
 
 
@@ -111,7 +111,7 @@ def test_flat_surfaces_are_cut_into_few_convex_polygons_of_the_same_area():
 
 def test_flat_things_have_no_hull_and_parts_out_of_the_region_are_left_out():
     assert hull_of(Scene.from_arrays("a", np.eye(3), [(0, 1, 2)])) is None
-    region = Region(np.array([5.0, 5.0, 5.0]), np.full(3, 9.0), np.zeros((0, 3)))
+    region = SolidRegion(np.array([5.0, 5.0, 5.0]), np.full(3, 9.0), np.zeros((0, 3)))
     assert convex_pieces(solid(trimesh.creation.box((1.0, 1.0, 1.0))), region) == []
 
 
@@ -127,7 +127,7 @@ def test_any_triangles_are_pieces_that_mujoco_takes_without_a_word(flatness, two
     soup = Scene.from_arrays(
         "soup", corners.reshape(-1, 3), np.arange(600).reshape(-1, 3), double_sided=two_sided
     )
-    pieces = convex_pieces(soup, Region.everywhere())
+    pieces = convex_pieces(soup, SolidRegion.everywhere())
     model = WorldModel.of(pieces, {}, {"cart": (rover(), np.eye(4))}).spec.compile()
     mujoco.mj_step(model, mujoco.MjData(model))
     assert capfd.readouterr() == ("", "")
@@ -140,5 +140,5 @@ def test_shipped_scenes_are_open_above_their_starts(name):
     scene = load_scene(name)
     starts = [start.position_m for start in scene.starts] or [scene.start.position_m]
     points = np.array(starts) + (0.0, 0.0, 0.3)
-    region = Region(points.min(axis=0) - 3.0, points.max(axis=0) + 3.0, points)
+    region = SolidRegion(points.min(axis=0) - 3.0, points.max(axis=0) + 3.0, points)
     assert not _inside(convex_pieces(scene, region), points).any()

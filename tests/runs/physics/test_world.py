@@ -8,7 +8,7 @@ import pytest
 pytest.importorskip("mujoco", reason="MuJoCo, an extra, is not installed")
 
 from omnisim.core.poses import pose_from_rotation
-from omnisim.runs.physics.convex_pieces import ConvexPiece, Shape
+from omnisim.runs.physics.convex_pieces import ConvexPiece, SolidShape
 from omnisim.runs.physics.simulation import (
     FRICTION,
     PERIOD_S,
@@ -40,7 +40,7 @@ def _run(world, seconds, rates=(0.0, 0.0)):
 
 def _free_ball(position_m):
     mesh = ball((0.0, 0.0, 0.0)).shape.meshes[0]
-    piece = ConvexPiece("ball", Shape.of(np.array(mesh.positions, dtype=float)))
+    piece = ConvexPiece("ball", SolidShape.of(np.array(mesh.positions, dtype=float)))
     return {"ball": SolidObject([piece], pose_from_rotation(np.eye(3), position_m), 0.4)}
 
 

@@ -5,7 +5,7 @@ import trimesh
 
 from omnisim.robots import parse_robot
 from omnisim.robots.vehicle import Vehicle
-from omnisim.runs.physics.convex_pieces import ConvexPiece, Shape
+from omnisim.runs.physics.convex_pieces import ConvexPiece, SolidShape
 from omnisim.runs.physics.rover import Rover
 from omnisim.scene import Scene
 from omnisim.scene.model import DynamicObject
@@ -44,7 +44,7 @@ def rover(drive="skid_steer", **physics):
 def block(extents_m, pose=None, name="block"):
     """Piece that is a box about a pose."""
     corners = trimesh.creation.box(extents_m, transform=pose).vertices
-    return ConvexPiece(name, Shape.of(np.array(corners)))
+    return ConvexPiece(name, SolidShape.of(np.array(corners)))
 
 
 def ground():

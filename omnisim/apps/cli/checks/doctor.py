@@ -22,7 +22,7 @@ from omnisim.apps import doctor
 from omnisim.apps.cli.checks.requests import DoctorRequest
 from omnisim.apps.cli.console import out
 from omnisim.apps.cli.info import PACKAGE, installation
-from omnisim.apps.doctor import FAILED, LIMIT_S, OK, OTHER_DRIVER, STEPS, WARNING, Result
+from omnisim.apps.doctor import FAILED, LIMIT_S, OK, OTHER_DRIVER, STEPS, WARNING, Finding
 from omnisim.core.files.atomic_file import check_target, write_text
 from omnisim.evaluation.child_process import ChildProcesses
 from omnisim.rendering.opengl.gl.diagnosis import VARIABLES, override_fault, printed_fault
@@ -32,12 +32,12 @@ NEEDED = ("libraries", "OpenGL")  # by all steps after them
 _COLORS = {OK: "green", WARNING: "yellow", FAILED: "bold red"}
 
 
-class Step(NamedTuple):
+class DoctorStep(NamedTuple):
     """Finished step: its result, and what its process printed."""
 
     name: str
     seconds: float
-    result: Result
+    result: Finding
     output: str = ""
 
 
@@ -45,7 +45,7 @@ def run(request: DoctorRequest) -> bool:
     """Run all steps, print them and a verdict, write the report; return whether none failed."""
     if request.report is not None:
         check_target(request.report)
-    steps: list[Step] = []
+    steps: list[DoctorStep] = []
     for name in STEPS:
         known = {line for step in steps for line in step.output.splitlines()}
         steps.append(run_step(name, request.device, known))
@@ -69,7 +69,7 @@ def run_step(
     known: Collection[str] = (),
     module: str = doctor.__name__,
     limit_s: float = LIMIT_S,
-) -> Step:
+) -> DoctorStep:
     """Run a step in a process of its own.
 
     Args:
@@ -90,26 +90,26 @@ def run_step(
     tops = re.findall(r'hread 0x.*\n +File ".*/(.+)", (line \d+ in \w+)', printed)
     where = f" in {', '.join(tops[-1])}" if tops else ""  # the main thread is the last
     if status is None:
-        result = Result(FAILED, f"not finished within {limit_s:g} s{where}", OTHER_DRIVER)
+        result = Finding(FAILED, f"not finished within {limit_s:g} s{where}", OTHER_DRIVER)
     elif status < 0:
         name_of_signal = signal.Signals(-status).name
         remedy = f"try MESA_SHADER_CACHE_DISABLE=1 (shaders of another machine), {OTHER_DRIVER}"
-        result = Result(FAILED, f"the driver crashed ({name_of_signal}){where}", remedy)
+        result = Finding(FAILED, f"the driver crashed ({name_of_signal}){where}", remedy)
     elif status or not text:
         last = printed.strip().rpartition("\n")[2]
-        result = Result(FAILED, f"exit status {status}: {last}", "report it, with --report FILE")
+        result = Finding(FAILED, f"exit status {status}: {last}", "report it, with --report FILE")
     else:
-        result = Result(**json.loads(text))
+        result = Finding(**json.loads(text))
     lines = [line for line in printed.splitlines() if line.strip() and line not in known]
     if result.status == FAILED and (OTHER_DRIVER in result.remedy or not result.remedy):
         if fault := override_fault(result.text):
             result = result._replace(text=fault.cause, remedy=fault.remedy)
     elif result.status == OK and lines:
-        result = Result(WARNING, *printed_fault(lines[0]), result.details)
-    return Step(name, seconds, result, printed)
+        result = Finding(WARNING, *printed_fault(lines[0]), result.details)
+    return DoctorStep(name, seconds, result, printed)
 
 
-def verdict(steps: Sequence[Step]) -> list[str]:
+def verdict(steps: Sequence[DoctorStep]) -> list[str]:
     """Lines that say whether omnisim works on this machine, and what to do."""
     failed = [step.name for step in steps if step.result.status == FAILED]
     if not failed:
@@ -124,7 +124,7 @@ def verdict(steps: Sequence[Step]) -> list[str]:
     return lines + [f"To do: {text}" for text in dict.fromkeys(r.remedy or r.text for r in results)]
 
 
-def report(steps: Sequence[Step], lines: Sequence[str]) -> str:
+def report(steps: Sequence[DoctorStep], lines: Sequence[str]) -> str:
     """JSON of all steps, without names of the user, the machine and their folders."""
     content = {
         "verdict": list(lines),

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from omnisim.cameras.calibration.formats.nerfstudio import OPENGL_FROM_OPENCV, intrinsics
-from omnisim.cameras.calibration.formats.nerfstudio import Nerfstudio as NerfstudioCalibration
+from omnisim.cameras.calibration.formats.nerfstudio import NerfstudioExport as NerfstudioCalibration
 from omnisim.core.errors import OutputError
 from omnisim.core.files.atomic_file import atomic_write, write_text
 from omnisim.core.files.image_files import write_numbers
@@ -41,7 +41,7 @@ DEPTHS, POINTS = "depths", "points.ply"
 STEPS_PER_M = 1000.0  # nerfstudio's default depth_unit_scale_factor is 1/1000
 
 
-class Nerfstudio(ExportFormat):
+class NerfstudioExport(ExportFormat):
     """Nerfstudio data set."""
 
     name = "nerfstudio"

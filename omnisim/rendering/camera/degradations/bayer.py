@@ -13,7 +13,11 @@ import numpy as np
 
 from omnisim.core.arrays import Bools, Floats, Floats32, Indices
 from omnisim.rendering.camera.degradations.effect import DEFAULT_SHOT, SensorEffect, Shot
-from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage, Step
+from omnisim.rendering.camera.degradations.image_geometry import (
+    EffectStep,
+    ImageGeometry,
+    LinearImage,
+)
 
 RED_XY = {"RGGB": (0, 0), "GRBG": (1, 0), "GBRG": (0, 1), "BGGR": (1, 1)}  # column, row
 # Malvar's filters, in eighths: for green at red or blue; for red at green in red's row; for red
@@ -45,11 +49,11 @@ class Bayer(SensorEffect, name="degradation.bayer"):
     demosaic: Literal["malvar", "bilinear", "none"] = "malvar"
     """Interpolation of the other two colors; "none": a gray mosaic."""
 
-    def steps(self, geometry: ImageGeometry, shot: Shot = DEFAULT_SHOT) -> list[Step]:
+    def steps(self, geometry: ImageGeometry, shot: Shot = DEFAULT_SHOT) -> list[EffectStep]:
         """Two GPU passes: the mosaic, in all three channels, and demosaicing."""
         red_xy, is_malvar = RED_XY[self.pattern], self.demosaic == "malvar"
-        mosaic = Step("bayer_mosaic", {"u_red_xy": red_xy})
-        demosaic = Step("bayer_demosaic", {"u_red_xy": red_xy, "u_malvar": is_malvar})
+        mosaic = EffectStep("bayer_mosaic", {"u_red_xy": red_xy})
+        demosaic = EffectStep("bayer_demosaic", {"u_red_xy": red_xy, "u_malvar": is_malvar})
         return [mosaic] if self.demosaic == "none" else [mosaic, demosaic]
 
     def apply(

@@ -17,7 +17,11 @@ from omnisim.core.arrays import Floats, Floats32
 from omnisim.core.bilinear import corner_and_weights, interpolate
 from omnisim.core.files.parameters import Number
 from omnisim.rendering.camera.degradations.effect import OpticalEffect
-from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage, Step
+from omnisim.rendering.camera.degradations.image_geometry import (
+    EffectStep,
+    ImageGeometry,
+    LinearImage,
+)
 
 MAX_COEFFICIENTS, MAX_OFFSET_PX = 4, 64.0
 Scale = Annotated[Number, Field(ge=0.9, le=1.1)]
@@ -44,13 +48,13 @@ class ChromaticAberration(OpticalEffect, name="degradation.chromatic_aberration"
     blue_offsets_px: Offsets = ()
     """The same coefficients of blue."""
 
-    def steps(self, geometry: ImageGeometry) -> list[Step]:
+    def steps(self, geometry: ImageGeometry) -> list[EffectStep]:
         """One GPU pass."""
         uniforms = geometry.uniforms()
         for color, scale, offsets_px in self._colors():
             uniforms[f"u_{color}_inverse_scale"] = 1.0 / scale
             uniforms[f"u_{color}_offsets"] = _relative(offsets_px, geometry)
-        return [Step("chromatic_aberration", uniforms)]
+        return [EffectStep("chromatic_aberration", uniforms)]
 
     def apply(self, image: LinearImage, geometry: ImageGeometry) -> LinearImage:
         """Reference in NumPy."""

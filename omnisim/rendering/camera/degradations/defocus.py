@@ -19,7 +19,11 @@ from pydantic import Field
 from omnisim.core.arrays import Floats32
 from omnisim.core.files.parameters import Number, Typical
 from omnisim.rendering.camera.degradations.effect import OpticalEffect, weighted_mean
-from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage, Step
+from omnisim.rendering.camera.degradations.image_geometry import (
+    EffectStep,
+    ImageGeometry,
+    LinearImage,
+)
 
 MAX_PX = 32.0  # 4225 samples per pixel
 MIN_PX = 0.5  # a disc of this radius lies within one pixel
@@ -46,7 +50,7 @@ class Defocus(OpticalEffect, name="degradation.defocus"):
         radii = first + (last - first) * geometry.squared_radii()
         return radii.clip(np.float32(MIN_PX), np.float32(MAX_PX))
 
-    def steps(self, geometry: ImageGeometry) -> list[Step]:
+    def steps(self, geometry: ImageGeometry) -> list[EffectStep]:
         """One GPU pass."""
         uniforms = {
             "u_center_defocus_px": self.center_defocus_px,
@@ -55,7 +59,7 @@ class Defocus(OpticalEffect, name="degradation.defocus"):
             "u_strips": STRIPS,
             **geometry.uniforms(),
         }
-        return [Step("defocus", uniforms)]
+        return [EffectStep("defocus", uniforms)]
 
     def apply(self, image: LinearImage, geometry: ImageGeometry) -> LinearImage:
         """Reference in NumPy."""

@@ -21,9 +21,9 @@ if TYPE_CHECKING:  # an ideal camera needs none of them
     from omnisim.rendering.camera.degradations.encoding import Encoding
     from omnisim.rendering.camera.degradations.exposure import Exposure
     from omnisim.rendering.camera.degradations.image_geometry import (
+        EffectStep,
         ImageGeometry,
         LinearImage,
-        Step,
     )
     from omnisim.rendering.camera.degradations.jpeg import Jpeg
     from omnisim.rendering.camera.degradations.noise import Noise
@@ -122,18 +122,18 @@ class Degradation:
             whole = dataclasses.replace(self, exposure=Exposure())
         return [part for part in whole.parts.values() if isinstance(part, SensorEffect)]
 
-    def optics_steps(self, geometry: ImageGeometry) -> list[Step]:
+    def optics_steps(self, geometry: ImageGeometry) -> list[EffectStep]:
         """GPU passes before the shutter."""
         return [step for effect in self.optics for step in effect.steps(geometry)]
 
-    def sensor_steps(self, geometry: ImageGeometry, noise_key: int) -> list[Step]:
+    def sensor_steps(self, geometry: ImageGeometry, noise_key: int) -> list[EffectStep]:
         """GPU passes after the shutter, up to the linear image; the key is that of the noise."""
         from omnisim.rendering.camera.degradations.effect import Shot
 
         shot = Shot(exposure_s=self.exposure_s, noise_key=noise_key)
         return [step for effect in self.electronics for step in effect.steps(geometry, shot)]
 
-    def encoding_step(self) -> Step | None:
+    def encoding_step(self) -> EffectStep | None:
         """GPU pass that encodes 8 bits; None: the encoding is that of an ideal camera."""
         return self.encoding.step() if self.encoding else None
 

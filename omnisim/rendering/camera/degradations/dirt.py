@@ -19,7 +19,11 @@ from omnisim.core.arrays import Floats, Floats32
 from omnisim.core.files.parameters import Fraction, LongSeed, NotNegative, Number, Typical
 from omnisim.core.random_numbers import key_of, normal, pcg4d, uniform
 from omnisim.rendering.camera.degradations.effect import Count, OpticalEffect
-from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage, Step
+from omnisim.rendering.camera.degradations.image_geometry import (
+    EffectStep,
+    ImageGeometry,
+    LinearImage,
+)
 
 Pixels = Annotated[Number, Field(gt=0.0, le=10_000.0)]
 RADIUS_SPREAD = 0.5  # standard deviation of the logarithm of the specks' radii
@@ -60,9 +64,9 @@ class Dirt(OpticalEffect, name="degradation.dirt"):
         glow = self.dust_glow * (1.0 - dust) + self.scratch_glow * (1.0 - scratches)
         return np.stack((1.0 - dust * scratches, glow), axis=-1).astype(np.float32)
 
-    def steps(self, geometry: ImageGeometry) -> list[Step]:
+    def steps(self, geometry: ImageGeometry) -> list[EffectStep]:
         """One GPU pass."""
-        return [Step("dirt", textures={"u_dirt": self.map(geometry)})]
+        return [EffectStep("dirt", textures={"u_dirt": self.map(geometry)})]
 
     def apply(self, image: LinearImage, geometry: ImageGeometry) -> LinearImage:
         """Reference in NumPy."""

@@ -13,7 +13,11 @@ from pydantic import Field
 
 from omnisim.core.arrays import Floats32
 from omnisim.core.files.parameters import NotNegative, Number, Parameters
-from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage, Step
+from omnisim.rendering.camera.degradations.image_geometry import (
+    EffectStep,
+    ImageGeometry,
+    LinearImage,
+)
 
 MAX_EV = 30.0
 Ev = Annotated[Number, Field(ge=-MAX_EV, le=MAX_EV)]
@@ -56,7 +60,7 @@ class OpticalEffect(Effect, ABC):
     """Effect of mirror or lens on linear light, before the shutter."""
 
     @abstractmethod
-    def steps(self, geometry: ImageGeometry) -> list[Step]:
+    def steps(self, geometry: ImageGeometry) -> list[EffectStep]:
         """GPU passes."""
 
     @abstractmethod
@@ -68,7 +72,7 @@ class SensorEffect(Effect, ABC):
     """Effect of sensor and processor on a linear image, after the shutter."""
 
     @abstractmethod
-    def steps(self, geometry: ImageGeometry, shot: Shot = DEFAULT_SHOT) -> list[Step]:
+    def steps(self, geometry: ImageGeometry, shot: Shot = DEFAULT_SHOT) -> list[EffectStep]:
         """GPU passes; exposure factors and frame number are set as uniforms for each frame."""
 
     @abstractmethod

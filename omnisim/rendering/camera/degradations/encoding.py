@@ -16,7 +16,7 @@ from omnisim.core.arrays import Bytes, Floats
 from omnisim.core.files.parameters import Fraction, IntOrFloat, Number, described
 from omnisim.core.srgb import linear_from_srgb, srgb_from_linear
 from omnisim.rendering.camera.degradations.effect import Effect
-from omnisim.rendering.camera.degradations.image_geometry import LinearImage, Step
+from omnisim.rendering.camera.degradations.image_geometry import EffectStep, LinearImage
 
 Gamma = Annotated[
     Literal["srgb"] | Annotated[IntOrFloat, Field(ge=0.1, le=10.0)],
@@ -79,7 +79,7 @@ class Encoding(Effect, name="degradation.encoding"):
             return np.interp(levels, values, lights)
         return linear_from_srgb(levels) if self.gamma == "srgb" else levels**self.gamma
 
-    def step(self) -> Step:
+    def step(self) -> EffectStep:
         """GPU pass into 8 bits."""
         power = 0.0 if self.gamma == "srgb" else 1.0 / self.gamma
         points = self.curve or ((0.0, 0.0), (1.0, 1.0))
@@ -91,7 +91,7 @@ class Encoding(Effect, name="degradation.encoding"):
             "u_largest": float(2**self.bit_depth - 1),
             "u_neutral": float(self.tone_curve == "neutral"),
         }
-        return Step("encoding", uniforms, {"u_curve": curve})
+        return EffectStep("encoding", uniforms, {"u_curve": curve})
 
     def apply(self, image: LinearImage) -> LinearImage:
         """Reference in NumPy, with values in [0, 1]."""

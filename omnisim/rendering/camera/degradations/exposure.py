@@ -18,10 +18,10 @@ from pydantic import Field
 from omnisim.core.files.parameters import NotNegative, Number, Positive, Typical
 from omnisim.rendering.camera.degradations.effect import DEFAULT_SHOT, Ev, SensorEffect, Shot
 from omnisim.rendering.camera.degradations.image_geometry import (
+    EffectStep,
     ImageGeometry,
     LinearImage,
     Metering,
-    Step,
 )
 from omnisim.rendering.camera.degradations.reflectance import multiplied
 
@@ -52,9 +52,9 @@ class Exposure(SensorEffect, name="degradation.exposure"):
         if self.min_ev > self.max_ev:
             raise self._error("min_ev", f"at most max_ev = {self.max_ev:g}")
 
-    def steps(self, geometry: ImageGeometry, shot: Shot = DEFAULT_SHOT) -> list[Step]:
+    def steps(self, geometry: ImageGeometry, shot: Shot = DEFAULT_SHOT) -> list[EffectStep]:
         """One GPU pass, with factors set for each frame."""
-        return [Step("exposure")]
+        return [EffectStep("exposure")]
 
     def apply(
         self, image: LinearImage, geometry: ImageGeometry, shot: Shot = DEFAULT_SHOT

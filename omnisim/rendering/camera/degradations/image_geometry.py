@@ -84,7 +84,7 @@ UniformValue = float | tuple[float, ...]
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
+class EffectStep:
     """Degradation on the GPU: shader and parameters."""
 
     shader: str  # stem of the file in `shaders/degradation`

@@ -30,7 +30,11 @@ from omnisim.core.errors import OutputError, SensorFileError
 from omnisim.core.files.parameters import Fraction, LongSeed, Name, NotNegative, Positive, Typical
 from omnisim.core.random_numbers import key_of, normal, pcg4d, uniform
 from omnisim.rendering.camera.degradations.effect import DEFAULT_SHOT, SensorEffect, Shot
-from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage, Step
+from omnisim.rendering.camera.degradations.image_geometry import (
+    EffectStep,
+    ImageGeometry,
+    LinearImage,
+)
 
 NORMAL_FROM_E = 32.0  # mean number of electrons from which the normal approximation suffices
 MAX_COUNTED = 128  # a mean below NORMAL_FROM_E gives no larger count
@@ -102,7 +106,7 @@ class Noise(SensorEffect, name="degradation.noise"):
         """Electrons at a linear value of 1."""
         return min(self.full_well_e, self.gain * (self.largest_dn - self.black_level_dn))
 
-    def steps(self, geometry: ImageGeometry, shot: Shot = DEFAULT_SHOT) -> list[Step]:
+    def steps(self, geometry: ImageGeometry, shot: Shot = DEFAULT_SHOT) -> list[EffectStep]:
         """One GPU pass."""
         uniforms = {
             "u_key": shot.noise_key,
@@ -117,7 +121,7 @@ class Noise(SensorEffect, name="degradation.noise"):
             "u_most_counted": MAX_COUNTED,
             "u_smallest_term": MIN_TERM,
         }
-        return [Step("noise", uniforms, {"u_pattern": self._fixed_pattern(geometry)})]
+        return [EffectStep("noise", uniforms, {"u_pattern": self._fixed_pattern(geometry)})]
 
     def apply(
         self, image: LinearImage, geometry: ImageGeometry, shot: Shot = DEFAULT_SHOT

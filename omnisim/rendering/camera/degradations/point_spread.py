@@ -20,7 +20,11 @@ from pydantic import Field
 from omnisim.core.arrays import Floats, Floats32, Ints
 from omnisim.core.files.parameters import NotNegative, Number
 from omnisim.rendering.camera.degradations.effect import OpticalEffect, weighted_mean
-from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage, Step
+from omnisim.rendering.camera.degradations.image_geometry import (
+    EffectStep,
+    ImageGeometry,
+    LinearImage,
+)
 
 MAX_WIDTH_PX = 8.0  # 4225 samples per pixel
 MAX_ROWS = 64
@@ -65,12 +69,12 @@ class PointSpread(OpticalEffect, name="degradation.point_spread"):
         table = np.stack([sampled_widths_px(pairs, float(angle)) for angle in angles])
         return largest, table.astype(np.float32)
 
-    def steps(self, geometry: ImageGeometry) -> list[Step]:
+    def steps(self, geometry: ImageGeometry) -> list[EffectStep]:
         """One GPU pass."""
         largest_px, table = self.table
         scale = {"u_radius_scale": (STEPS - 1) / largest_px, "u_reach": REACH}
         textures = {"u_widths_px": np.pad(table, ((0, 0), (0, 0), (0, 2)))}
-        return [Step("point_spread", {"u_center_px": geometry.center_px, **scale}, textures)]
+        return [EffectStep("point_spread", {"u_center_px": geometry.center_px, **scale}, textures)]
 
     def apply(self, image: LinearImage, geometry: ImageGeometry) -> LinearImage:
         """Reference in NumPy."""

@@ -13,7 +13,11 @@ from pydantic import Field
 
 from omnisim.core.files.parameters import Number
 from omnisim.rendering.camera.degradations.effect import OpticalEffect, Rgb
-from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage, Step
+from omnisim.rendering.camera.degradations.image_geometry import (
+    EffectStep,
+    ImageGeometry,
+    LinearImage,
+)
 
 
 @dataclass(frozen=True)
@@ -31,9 +35,9 @@ class Reflectance(OpticalEffect, name="degradation.reflectance"):
         red, green, blue = (self.reflectance * part for part in self.tint)
         return red, green, blue
 
-    def steps(self, geometry: ImageGeometry) -> list[Step]:
+    def steps(self, geometry: ImageGeometry) -> list[EffectStep]:
         """One GPU pass."""
-        return [Step("color_factors", {"u_factors": self.factors})]
+        return [EffectStep("color_factors", {"u_factors": self.factors})]
 
     def apply(self, image: LinearImage, geometry: ImageGeometry) -> LinearImage:
         """Reference in NumPy."""

@@ -15,7 +15,11 @@ from pydantic import Field
 from omnisim.core.errors import OpticsError
 from omnisim.core.files.parameters import Signed
 from omnisim.rendering.camera.degradations.effect import OpticalEffect
-from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage, Step
+from omnisim.rendering.camera.degradations.image_geometry import (
+    EffectStep,
+    ImageGeometry,
+    LinearImage,
+)
 
 MAX_TERMS = 6
 Coefficients = Annotated[tuple[Signed, ...], Field(min_length=3, max_length=MAX_TERMS)]
@@ -46,11 +50,11 @@ class Vignetting(OpticalEffect, name="degradation.vignetting"):
         """All coefficients, with zeros for those that are left out."""
         return (*self.coefficients, *(0.0,) * MAX_TERMS)[:MAX_TERMS]
 
-    def steps(self, geometry: ImageGeometry) -> list[Step]:
+    def steps(self, geometry: ImageGeometry) -> list[EffectStep]:
         """One GPU pass."""
         terms = self._terms
         uniforms = {"u_coefficients": terms[:3], "u_higher": terms[3:], **geometry.uniforms()}
-        return [Step("vignetting", uniforms)]
+        return [EffectStep("vignetting", uniforms)]
 
     def apply(self, image: LinearImage, geometry: ImageGeometry) -> LinearImage:
         """Reference in NumPy."""

@@ -13,7 +13,11 @@ from pydantic import Field
 from omnisim.core.files.parameters import IntOrFloat, Positive, described
 from omnisim.core.files.table_faults import MIN_POSITIVE
 from omnisim.rendering.camera.degradations.effect import DEFAULT_SHOT, SensorEffect, Shot
-from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage, Step
+from omnisim.rendering.camera.degradations.image_geometry import (
+    EffectStep,
+    ImageGeometry,
+    LinearImage,
+)
 from omnisim.rendering.camera.degradations.reflectance import multiplied
 
 Factor = Annotated[Positive, Field(le=100.0)]
@@ -41,9 +45,9 @@ class WhiteBalance(SensorEffect, name="degradation.white_balance"):
             return 1.0 / red, 1.0 / green, 1.0 / blue
         return self.gains
 
-    def steps(self, geometry: ImageGeometry, shot: Shot = DEFAULT_SHOT) -> list[Step]:
+    def steps(self, geometry: ImageGeometry, shot: Shot = DEFAULT_SHOT) -> list[EffectStep]:
         """One GPU pass, for the gains; the response is part of the exposure."""
-        return [Step("color_factors", {"u_factors": self.factors})]
+        return [EffectStep("color_factors", {"u_factors": self.factors})]
 
     def apply(
         self, image: LinearImage, geometry: ImageGeometry, shot: Shot = DEFAULT_SHOT

@@ -28,7 +28,7 @@ from omnisim.rendering.opengl.gl.framebuffers import (
 )
 from omnisim.rendering.opengl.gl.functions import StorageBindings
 from omnisim.rendering.opengl.gl.gpu_textures import limit_levels, renderbuffer, texture_2d
-from omnisim.rendering.opengl.gl.pixel_readback import Pixels, read_once
+from omnisim.rendering.opengl.gl.pixel_readback import TargetPixels, read_once
 from omnisim.rendering.opengl.gl.shader_files import build_program, uniform
 from omnisim.rendering.opengl.gl.state import GlState
 
@@ -221,7 +221,7 @@ def _by_pixel(target: moderngl.Framebuffer, attachment: int, supersampling: int)
 def _values(target: moderngl.Framebuffer, attachment: int) -> Floats32:
     """Values (height, width, parts) of an attachment: two parts of the first, one of the other."""
     values = np.empty((*target.size[::-1], (2, 1)[attachment]), dtype=np.float32)
-    read_once(target.ctx, (Pixels(target, attachment), values))
+    read_once(target.ctx, (TargetPixels(target, attachment), values))
     return values
 
 

@@ -25,7 +25,7 @@ from omnisim.rendering.atlas.tile_plan import MAX_TILES, TilePlan
 from omnisim.rendering.opengl.gl.buffers import gpu_buffer
 from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer
 from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
-from omnisim.rendering.opengl.gl.pixel_readback import Pixels, read_once
+from omnisim.rendering.opengl.gl.pixel_readback import TargetPixels, read_once
 from omnisim.rendering.opengl.gl.shader_files import (
     build_program,
     columns_first,
@@ -119,7 +119,7 @@ def drawn_mask(
     for first in range(0, height, step):
         band = drawn[first : first + step]
         values = np.empty((*band.shape, components), dtype=np.float32)
-        read_once(target.ctx, (Pixels(target, region=(0, first, width, len(band))), values))
+        read_once(target.ctx, (TargetPixels(target, region=(0, first, width, len(band))), values))
         band[:] = is_drawn(values)
     return drawn
 

@@ -22,7 +22,7 @@ from omnisim.rendering.opengl.gl.gpu_textures import (
     renderbuffer,
     texture_2d,
 )
-from omnisim.rendering.opengl.gl.pixel_readback import PixelReadback, Pixels
+from omnisim.rendering.opengl.gl.pixel_readback import PixelReadback, TargetPixels
 from omnisim.rendering.opengl.gl.shader_files import (
     build_compute_shader,
     build_program,
@@ -191,7 +191,7 @@ class _ColorPass:
         width, height = self._size
         samples = self._sample_rays.supersampling**2
         bits = np.empty((height, width, 2), dtype="<u4")
-        self._readback.read((Pixels(self._target, _LEFT), bits))
+        self._readback.read((TargetPixels(self._target, _LEFT), bits))
         left = bits.view("<u8").ravel() & self._valid_bits
         pixels = np.flatnonzero(left)
         of_pixels = left[pixels, None].view(np.uint8)
@@ -226,7 +226,7 @@ class _ColorPass:
         self._samples_target.viewport = viewport
         self._samples_array.render()
         light = np.empty((rows * _SAMPLE_ROW, 4), dtype=np.float32)
-        self._readback.read((Pixels(self._samples_target, region=viewport), light))
+        self._readback.read((TargetPixels(self._samples_target, region=viewport), light))
         return light[: len(samples)]
 
     def _allocate_samples(self, rows: int) -> tuple[moderngl.Texture, moderngl.Framebuffer]:

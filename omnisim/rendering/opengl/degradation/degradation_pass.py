@@ -1,7 +1,7 @@
 """Chain of full-screen passes between the linear image and its encoding.
 
 It knows no degradation by name: the code of each is `shaders/degradation/<stem>.frag`, its numbers
-are in a `Step`. All images are float32, because noise depends on one photon in ten thousand.
+are in a `EffectStep`. All images are float32, because noise depends on one photon in ten thousand.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import moderngl
 import numpy as np
 
 from omnisim.core.arrays import Floats32
-from omnisim.rendering.camera.degradations.image_geometry import Metering, Step, UniformValue
+from omnisim.rendering.camera.degradations.image_geometry import EffectStep, Metering, UniformValue
 from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer, use_target
 from omnisim.rendering.opengl.gl.functions import flush
 from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
@@ -45,14 +45,14 @@ class DegradationPass:
         self,
         context: moderngl.Context,
         size: tuple[int, int],
-        optics: Sequence[Step],
-        sensor: Sequence[Step],
-        encoding: Step | None = None,
+        optics: Sequence[EffectStep],
+        sensor: Sequence[EffectStep],
+        encoding: EffectStep | None = None,
     ):
         self._context, self._size = context, size
         self._optics = [_FullScreenPass(context, step) for step in optics]
         self._sensor = [_FullScreenPass(context, step) for step in sensor]
-        self._encoding = _FullScreenPass(context, encoding or Step("srgb"))
+        self._encoding = _FullScreenPass(context, encoding or EffectStep("srgb"))
         self._spare = [_Target(context, size) for _ in range(2)]
         self._current = self._spare[0].texture
         self._is_first = True
@@ -104,13 +104,13 @@ class DegradationPass:
     @cached_property
     def _mean_meter(self) -> tuple[_FullScreenPass, _Target]:
         width, height = (-(-side // METER_BLOCK_PX) for side in self._size)
-        step = Step("meter", {"u_block_px": METER_BLOCK_PX})
+        step = EffectStep("meter", {"u_block_px": METER_BLOCK_PX})
         return _FullScreenPass(self._context, step), _Target(self._context, (width, height))
 
     @cached_property
     def _pixel_meter(self) -> tuple[_FullScreenPass, _Target]:
         luminances = _Target(self._context, self._size, components=1)
-        return _FullScreenPass(self._context, Step("luminance")), luminances
+        return _FullScreenPass(self._context, EffectStep("luminance")), luminances
 
     def _run(
         self, step: _FullScreenPass, uniforms: Mapping[str, UniformValue] | None = None
@@ -132,7 +132,7 @@ class _Target:
 class _FullScreenPass:
     """Program of a step that draws to any target."""
 
-    def __init__(self, context: moderngl.Context, step: Step):
+    def __init__(self, context: moderngl.Context, step: EffectStep):
         self._program = build_program(
             context, "common/full_screen.vert", f"degradation/{step.shader}.frag"
         )
@@ -172,7 +172,7 @@ class _Shutter:
     def __init__(self, context: moderngl.Context, size: tuple[int, int]):
         self._sums = [_Target(context, size) for _ in range(2)]
         self._row_weights = texture_2d(context, (1, size[1]), 1)
-        self._accumulate = _FullScreenPass(context, Step("accumulate"))
+        self._accumulate = _FullScreenPass(context, EffectStep("accumulate"))
 
     def add(
         self, image: moderngl.Texture, row_weights: Floats32, is_first: bool

@@ -48,7 +48,7 @@ _TYPES = {  # OpenGL's and NumPy's by moderngl's
 _ALIGNMENT = 16  # bytes
 
 
-class Pixels(NamedTuple):
+class TargetPixels(NamedTuple):
     """Pixels of a framebuffer."""
 
     target: moderngl.Framebuffer  # already drawn; not multisampled
@@ -56,7 +56,7 @@ class Pixels(NamedTuple):
     region: tuple[int, int, int, int] | None = None  # left, top, width and height; None: all
 
 
-Source = Pixels | moderngl.Texture | moderngl.Buffer
+Source = TargetPixels | moderngl.Texture | moderngl.Buffer
 Read = tuple[Source, NDArray[Any]]  # source, and the array to fill
 
 
@@ -95,7 +95,7 @@ class MappedBuffer:
             copy_buffer(self.buffer, self.content)
 
 
-class Reading:
+class PixelReading:
     """Readback in progress."""
 
     def __init__(
@@ -138,7 +138,7 @@ class PixelReadback:
     def __init__(self, context: moderngl.Context):
         self.context = context
         self.fences: Fences = context.extra.fences
-        self._readings: deque[Reading] = deque()  # oldest first
+        self._readings: deque[PixelReading] = deque()  # oldest first
         self._free: list[MappedBuffer] = []
         self._bind = gl_function("glBindBuffer", ENUM, ENUM)
         self._bind_target = gl_function("glBindFramebuffer", ENUM, ENUM)
@@ -146,13 +146,13 @@ class PixelReadback:
         self._read_pixels = gl_function("glReadPixels", INT, INT, INT, INT, ENUM, ENUM, POINTER)
         self._read_texture = gl_function("glGetTextureImage", ENUM, INT, ENUM, ENUM, INT, POINTER)
 
-    def start(self, *reads: Read) -> Reading:
+    def start(self, *reads: Read) -> PixelReading:
         """Start to read what has been drawn; in a full ring, finish the oldest reading first.
 
         Args:
             reads: pixels, whole textures or whole buffers, each with the array that
-                `Reading.finish` fills: (..., width, n) with the first n components, or (..., width)
-                with the only one; of any type that holds the values.
+                `PixelReading.finish` fills: (..., width, n) with the first n components, or
+                (..., width) with the only one; of any type that holds the values.
 
         Raises:
             GraphicsError: an error of OpenGL, in this frame or in its readback.
@@ -170,7 +170,7 @@ class PixelReadback:
             copies.append((out, buffer.content[first : first + one.size].view(one.dtype)))
         self._bind(_PIXEL_PACK_BUFFER, 0)
         self._check()
-        self._readings.append(Reading(self, buffer, copies))
+        self._readings.append(PixelReading(self, buffer, copies))
         flush()
         return self._readings[-1]
 

@@ -24,7 +24,7 @@ from omnisim.rendering.opengl.capture.mesh_and_lens import (
 from omnisim.rendering.opengl.gl.buffers import gpu_allocation
 from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer, use_target, within
 from omnisim.rendering.opengl.gl.gpu_textures import renderbuffer, texture_2d
-from omnisim.rendering.opengl.gl.pixel_readback import PixelReadback, Pixels, Read
+from omnisim.rendering.opengl.gl.pixel_readback import PixelReadback, Read, TargetPixels
 from omnisim.rendering.opengl.gl.shader_files import (
     build_program,
     columns_first,
@@ -178,7 +178,7 @@ class RayHitPass:
             outs += np.split(arrays[name], np.cumsum(parts)[:-1], axis=-1)
         region = (0, 0, width, count * height)
         reads: list[Read] = [
-            (Pixels(target, number, region), out) for number, out in enumerate(outs)
+            (TargetPixels(target, number, region), out) for number, out in enumerate(outs)
         ]
         reading = self.readback.start(*reads)
 
@@ -375,5 +375,5 @@ class OcclusionPass:
             self._vertex_array.render()
         width, height = self._hits.pixels.size_px
         occluded = np.empty((height, width), dtype=np.uint8)
-        reading = self._hits.readback.start((Pixels(self._target), occluded))
+        reading = self._hits.readback.start((TargetPixels(self._target), occluded))
         return Pending(reading.finish).then(lambda _: occluded)

@@ -35,7 +35,7 @@ from omnisim.rendering.opengl.surfaces.scene_drawer import (
     material_tables,
     reflectance_defines,
 )
-from omnisim.rendering.opengl.world.clustered_geometry import Bucket, Shading
+from omnisim.rendering.opengl.world.clustered_geometry import Bucket, ClusterShading
 from omnisim.rendering.opengl.world.draw_item import DrawItem, LightSource
 from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.world.scene_textures import (
@@ -108,7 +108,7 @@ class SurfaceVariant(NamedTuple):
     # kind of the surfaces, as far as the shader distinguishes it and the view shows it
     kind: SurfaceKind
     textured: bool
-    shading: Shading = Shading.UNKNOWN  # shading of the triangles
+    shading: ClusterShading = ClusterShading.UNKNOWN  # shading of the triangles
     clustered: bool = False  # True: draws clusters; False: single items
     layered: bool = False  # each camera has a layer
     blended_arrays: int | None = None  # number of texture arrays of blended clusters
@@ -142,7 +142,7 @@ class SurfaceVariant(NamedTuple):
     def computes_light(self) -> bool:
         """True if light is computed per fragment."""
         in_lightmap = self.light is LightSource.LIGHTMAP and self.maps is None
-        return self.lit and self.shading is not Shading.BAKED and not in_lightmap
+        return self.lit and self.shading is not ClusterShading.BAKED and not in_lightmap
 
     def defines(self, lighting: Lighting, shadows: ShadowSource | None = None) -> tuple[str, ...]:
         """Defines of the shaders in a scene with this lighting."""
@@ -157,7 +157,7 @@ class SurfaceVariant(NamedTuple):
                 f"EACH_DIRECTIONAL(f) {_calls(len(directional))}",
                 f"EACH_PUNCTUAL(f) {_calls(len(punctual))}",
             ]
-            agree = self.shading is Shading.NORMALS_AGREE
+            agree = self.shading is ClusterShading.NORMALS_AGREE
             if agree:
                 defines.append("NORMALS_AGREE")
             is_placed = is_placed or bool(punctual) or not agree or self.maps is not None

@@ -53,7 +53,7 @@ from omnisim.scene.surface_kind import SurfaceKind
 _SAME_NORMAL = 2e-5
 
 
-class Shading(Enum):
+class ClusterShading(Enum):
     """Shading of a single-sided triangle."""
 
     UNKNOWN = 0
@@ -77,7 +77,7 @@ def shadings(
         static: (m,) mask; light on dynamic triangles changes with their pose.
 
     Returns:
-        Values (m,) of `Shading`, and unit normals (m, 3), valid for baked triangles.
+        Values (m,) of `ClusterShading`, and unit normals (m, 3), valid for baked triangles.
     """
     positions = np.ascontiguousarray(vertices["in_position"])
     units = _units(vertex_normals)
@@ -88,7 +88,7 @@ def shadings(
     agree = _dot(normals, fronts) > 0.0
     agree &= _dot(second, fronts) > 0.0
     agree &= _dot(third, fronts) > 0.0
-    values: NDArray[np.int8] = agree.astype(np.int8) * np.int8(Shading.NORMALS_AGREE.value)
+    values: NDArray[np.int8] = agree.astype(np.int8) * np.int8(ClusterShading.NORMALS_AGREE.value)
     if any(light.kind is not LightKind.DIRECTIONAL for light in lighting.lights):
         return values, normals
     bends = (_dot(turned, turned) for turned in (second - normals, third - normals))
@@ -105,7 +105,7 @@ def shadings(
     for light in lighting.lights:
         if light.casts_shadow:
             baked &= ~(normals @ light.direction < 0.0)
-    values[baked & static] = Shading.BAKED.value
+    values[baked & static] = ClusterShading.BAKED.value
     return values, normals
 
 
@@ -140,7 +140,7 @@ class Bucket(NamedTuple):
     # properties of their materials
     kind: SurfaceKind  # unlit or not, with holes or not
     double_sided: bool
-    shading: Shading  # shading of their triangles
+    shading: ClusterShading  # shading of their triangles
     array: TextureArray | None  # array of their textures; None: untextured
     maps: tuple[TextureArray | None, ...] | None = None  # see `Reflectance`; None: matte
     second_coordinates: bool = False  # True if a map uses the second texture coordinates
@@ -283,10 +283,13 @@ def _buckets(
     items: Sequence[DrawItem], item_of_triangle: Ints32, shading_of_triangle: NDArray[np.int8]
 ) -> tuple[tuple[Bucket, ...], Ints32]:
     """Buckets, and the bucket index of each triangle (n,)."""
-    kinds = len(Shading) * item_of_triangle + shading_of_triangle
+    kinds = len(ClusterShading) * item_of_triangle + shading_of_triangle
     of_kind: dict[int, Bucket] = {}
     for kind in np.flatnonzero(np.bincount(kinds)).tolist():
-        item, shading = items[kind // len(Shading)], Shading(kind % len(Shading))
+        item, shading = (
+            items[kind // len(ClusterShading)],
+            ClusterShading(kind % len(ClusterShading)),
+        )
         material, reflectance = item.material, item.texture_layer.reflectance
         of_kind[kind] = Bucket(
             item.kind & (SurfaceKind.UNLIT | SurfaceKind.CUTOUT), material.double_sided,
@@ -294,7 +297,7 @@ def _buckets(
             reflectance is not None and reflectance.second_coordinates, item.light,
         )  # fmt: skip
     buckets = sorted(set(of_kind.values()), key=_state_order)
-    numbers = np.zeros(len(Shading) * len(items), dtype=np.int32)
+    numbers = np.zeros(len(ClusterShading) * len(items), dtype=np.int32)
     for kind, bucket in of_kind.items():
         numbers[kind] = buckets.index(bucket)
     return tuple(buckets), numbers[kinds]
@@ -368,7 +371,7 @@ class ShadedTriangles(NamedTuple):
     palette: VertexPalette  # palette of the vertices
     triangles: Uints32  # (m, 3) indices of the vertices
     corners: Floats32  # (m, 3, 3) positions of the three corners per triangle
-    shading: NDArray[np.int8]  # (m,) values of `Shading`
+    shading: NDArray[np.int8]  # (m,) values of `ClusterShading`
 
 
 def shaded_triangles(
@@ -393,7 +396,7 @@ def shaded_triangles(
         own = slice(first, first + len(triangles))
         made.corners[own] = np.ascontiguousarray(vertices["in_position"])[triangles]
         shading, normals = _shading(batch, vertices, vertex_normals, triangles, lighting)
-        baked = shading == Shading.BAKED.value
+        baked = shading == ClusterShading.BAKED.value
         lights = bake_directional_light(normals[baked], lighting)
         # copies follow the vertices of all items
         copies.append(_bake(vertices, triangles, baked, lights, next_copy - base, made.palette))
@@ -443,7 +446,7 @@ def _shading(
     triangles: Uints32,
     lighting: Lighting,
 ) -> tuple[NDArray[np.int8], Floats32]:
-    """Values (m,) of `Shading`, and unit normals (m, 3), valid for baked triangles."""
+    """Values (m,) of `ClusterShading`, and unit normals (m, 3), valid for baked triangles."""
     item_of_triangle = np.repeat(
         np.arange(len(items), dtype=np.int32), [item.triangles for item in items]
     )
@@ -452,7 +455,7 @@ def _shading(
     shading, normals = shadings(vertices, vertex_normals, triangles, lighting, static)
     reflective = np.array([item.texture_layer.reflectance is not None for item in items])
     # view-dependent light cannot be baked
-    unknown = reflective[item_of_triangle] & (shading == Shading.BAKED.value)
+    unknown = reflective[item_of_triangle] & (shading == ClusterShading.BAKED.value)
     # double-sided or unlit: facts about the front face do not apply; and the lightmap holds all
     # light of matte surfaces, for any normals
     ignores = [
@@ -461,7 +464,7 @@ def _shading(
         or (item.light is LightSource.LIGHTMAP and item.texture_layer.reflectance is None)
         for item in items
     ]
-    shading[unknown | np.array(ignores)[item_of_triangle]] = Shading.UNKNOWN.value
+    shading[unknown | np.array(ignores)[item_of_triangle]] = ClusterShading.UNKNOWN.value
     return shading, normals
 
 

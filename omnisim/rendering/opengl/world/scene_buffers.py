@@ -31,7 +31,7 @@ from omnisim.rendering.opengl.world.geometry_store import (
 )
 from omnisim.rendering.opengl.world.mesh_deformer import MeshDeformer
 from omnisim.rendering.opengl.world.scene_textures import (
-    MaterialTable,
+    MaterialRecords,
     MaterialTextures,
     vertex_details,
 )
@@ -137,7 +137,7 @@ class SceneBuffers:
         self._deformed_spheres: tuple[float, Floats, Floats] | None = None
 
     @property
-    def materials(self) -> MaterialTable:
+    def materials(self) -> MaterialRecords:
         """Records of the materials that are not matte."""
         return self._textures.table
 

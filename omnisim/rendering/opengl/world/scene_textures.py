@@ -141,7 +141,7 @@ class MaterialTexture(NamedTuple):
     array: TextureArray | None  # shared with textures of the same size; None: untextured
     layer: int  # index in the array
     texture: moderngl.Texture  # the layer as a texture; white for untextured materials
-    reflectance: Reflectance | None = None  # reflectance on its mesh; None: matte
+    reflectance: ReflectanceMaps | None = None  # reflectance on its mesh; None: matte
 
     @property
     def arrays(self) -> tuple[TextureArray | None, ...]:
@@ -154,8 +154,8 @@ class MaterialTextures:
 
     def __init__(self, context: moderngl.Context, is_matte: bool = False):
         self._context, self._is_matte = context, is_matte
-        self.table = MaterialTable(context)
-        self._reflectances: dict[tuple[object, ...], tuple[Material, Reflectance]] = {}
+        self.table = MaterialRecords(context)
+        self._reflectances: dict[tuple[object, ...], tuple[Material, ReflectanceMaps]] = {}
         self._layers: dict[_Key, MaterialTexture] = {}
         self._sources: dict[_Key, Texture] = {}  # kept alive, so that their identities stay unique
         pixels = np.full((1, 1, 4), 255, dtype=np.uint8)
@@ -177,7 +177,7 @@ class MaterialTextures:
     def keep(self, used: Collection[MaterialTexture]) -> None:
         """Drop all textures but the used ones; an array goes with its last layer."""
         if not used:
-            self.table, self._reflectances = MaterialTable(self._context), {}
+            self.table, self._reflectances = MaterialRecords(self._context), {}
         arrays = {id(array) for one in used for array in one.arrays}
         self._layers = {
             key: layer for key, layer in self._layers.items() if id(layer.array) in arrays
@@ -209,7 +209,7 @@ class MaterialTextures:
                     self._sources[key] = textures[key]
                     self._layers[key] = MaterialTexture(array, layer, array.layers[layer])
 
-    def _reflectance(self, material: Material, mesh: Mesh) -> Reflectance | None:
+    def _reflectance(self, material: Material, mesh: Mesh) -> ReflectanceMaps | None:
         """Reflectance of a material on a mesh, whose maps are uploaded."""
         if SurfaceKind.MATTE in kind_of(material, self._is_matte):
             return None
@@ -225,7 +225,7 @@ class MaterialTextures:
                 one is not None and key is not None and one.uv_set
                 for one, key in zip(material.maps, keys, strict=True)
             )
-            self._reflectances[name] = material, Reflectance(record, maps, second)
+            self._reflectances[name] = material, ReflectanceMaps(record, maps, second)
         return self._reflectances[name][1]
 
     def _uses(self, material: Material, mesh: Mesh) -> dict[_Key, Texture]:
@@ -279,7 +279,7 @@ _TEXELS, _FIRST_MAP, _IN_ROW = 20, 5, 256
 _ROW_VERTICES = 4096
 
 
-class Reflectance(NamedTuple):
+class ReflectanceMaps(NamedTuple):
     """Reflectance of a glossy, metallic or mapped material on a mesh."""
 
     record: int  # index of its record in the table
@@ -287,7 +287,7 @@ class Reflectance(NamedTuple):
     second_coordinates: bool  # True if a map uses the second texture coordinates
 
 
-class MaterialTable:
+class MaterialRecords:
     """Records of materials; grows with new materials."""
 
     def __init__(self, context: moderngl.Context):

@@ -13,7 +13,7 @@ import numpy as np
 
 from omnisim.core.arrays import AnyFloats, Bools, Floats, Floats32, Indices, Ints32
 from omnisim.core.bilinear import sample
-from omnisim.rendering.rays.caster import RayHits, Rays
+from omnisim.rendering.rays.caster import RayHits, WorldRays
 from omnisim.rendering.rays.shading.ray_optics import (
     ABOVE,
     TracedGloss,
@@ -105,7 +105,7 @@ def _punctual(light: Light, points_m: Floats) -> tuple[Floats32, Floats32]:
 _START_M, _START_SHARE = 1e-4, 1e-5
 
 # Function of rays (n,) from triangles (n,); it returns the shares (n, 1 or 3) of light that arrive.
-CastShadow = Callable[[Rays, Ints32], Floats32]
+CastShadow = Callable[[WorldRays, Ints32], Floats32]
 
 
 class Shadows(NamedTuple):
@@ -133,7 +133,7 @@ class Shadows(NamedTuple):
             lengths_m = np.linalg.norm(directions, axis=1)
             directions /= np.maximum(lengths_m, 1e-9)[:, None]
             far_m = lengths_m - LAMP_NEAR_M
-        rays = Rays(origins_m, directions, np.zeros(len(indices)), far_m)
+        rays = WorldRays(origins_m, directions, np.zeros(len(indices)), far_m)
         passed = self.cast(rays, hits.triangles)
         share = np.tile(share, passed.shape[1])
         share[indices] = passed

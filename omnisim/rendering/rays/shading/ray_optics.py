@@ -21,7 +21,7 @@ import numpy as np
 
 from omnisim.core.arrays import AnyFloats, Bools, Floats, Floats32, Indices, Ints32, Uints32
 from omnisim.core.random_numbers import pcg4d, uniform
-from omnisim.rendering.rays.caster import RayHits, Rays
+from omnisim.rendering.rays.caster import RayHits, WorldRays
 from omnisim.scene.model import Material
 from omnisim.scene.surface_kind import (
     MAX_TRACED_ROUGHNESS,
@@ -42,7 +42,7 @@ _START_M, _START_SHARE = 1e-5, 1e-5
 _R2_STEPS = tuple(round(2.0**32 * 1.32471795724474602596**-power) for power in (1, 2))
 
 
-class Paths(NamedTuple):
+class LightPaths(NamedTuple):
     """Paths (n,) of light: the seeds of their random numbers, and their weights."""
 
     pixels: Uints32  # (n,) uint32 indices of the paths' pixels
@@ -62,7 +62,7 @@ class Paths(NamedTuple):
         """Mask (n,) of the paths that have left a rough facet."""
         return np.zeros(len(self.pixels), np.bool_) if self.cones is None else self.cones[:, 0] > 0
 
-    def take(self, indices: Indices) -> Paths:
+    def take(self, indices: Indices) -> LightPaths:
         """Paths at indices (m,)."""
         return self._replace(
             pixels=self.pixels[indices],
@@ -75,13 +75,13 @@ class Paths(NamedTuple):
 
 # Function of rays (n,), footprints (n, 2, 3), starting triangles (n,) and paths (n,); it returns
 # the radiance (n, 3) along the rays.
-Trace = Callable[[Rays, Floats32 | None, Ints32, Paths], Floats32]
+Trace = Callable[[WorldRays, Floats32 | None, Ints32, LightPaths], Floats32]
 
 
 class Tracing(NamedTuple):
     """Paths (n,) to surfaces, and the function that continues them."""
 
-    paths: Paths
+    paths: LightPaths
     trace: Trace
 
     def take(self, indices: Indices) -> Tracing:
@@ -93,7 +93,7 @@ class Arrivals(NamedTuple):
     """Rays (n,), their hits and footprints, as in `omnisim.rendering.rays.shading.shading.View`."""
 
     # see `View`
-    rays: Rays
+    rays: WorldRays
     hits: RayHits
     footprints: Floats32 | None
     spreads: AnyFloats  # (n,) slopes of the halfway vectors to the sides of the rays' cones
@@ -166,7 +166,9 @@ def traced_gloss(
     return TracedGloss(indices, total)
 
 
-def halfway_spreads(paths: Paths, ranges_m: AnyFloats, curvatures_per_m: AnyFloats) -> AnyFloats:
+def halfway_spreads(
+    paths: LightPaths, ranges_m: AnyFloats, curvatures_per_m: AnyFloats
+) -> AnyFloats:
     """Slopes (n,) of halfway vectors to the sides of the paths' cones, at hits of curvatures (n,).
 
     A mirror turns the halfway vector by half of the ray's angle, and by its normal's.
@@ -177,8 +179,8 @@ def halfway_spreads(paths: Paths, ranges_m: AnyFloats, curvatures_per_m: AnyFloa
     return 0.5 * angles + curvatures_per_m * (widths_m + angles * ranges_m)
 
 
-def _cones(lobe: Lobe, arrivals: Arrivals, paths: Paths) -> AnyFloats:
-    """Cones (n, 2) of the paths behind their hits, see `Paths`."""
+def _cones(lobe: Lobe, arrivals: Arrivals, paths: LightPaths) -> AnyFloats:
+    """Cones (n, 2) of the paths behind their hits, see `LightPaths`."""
     ranges_m = arrivals.hits.ranges_m
     before = np.zeros((len(ranges_m), 2)) if paths.cones is None else paths.cones
     facets = np.where(lobe.roughness > MIN_ROUGHNESS, lobe.roughness**2, 0.0)
@@ -197,8 +199,8 @@ def facing_views(normals: AnyFloats, views: AnyFloats) -> AnyFloats:
 
 
 def _reflected(
-    lobe: Lobe, arrivals: Arrivals, paths: Paths, transmits: bool
-) -> tuple[Rays, Floats32 | None, AnyFloats]:
+    lobe: Lobe, arrivals: Arrivals, paths: LightPaths, transmits: bool
+) -> tuple[WorldRays, Floats32 | None, AnyFloats]:
     """Reflected or transmitted rays (n,), their footprints (n, 2, 3), and their factors (n, 3)."""
     rays, hits, footprints, _ = arrivals
     facets = lobe.normals.astype(np.float64)
@@ -226,7 +228,7 @@ def _reflected(
         starts_m = -starts_m
     points_m = rays.origins_m + hits.ranges_m[:, None] * rays.directions
     points_m += starts_m[:, None] * planes
-    mirrored = Rays(
+    mirrored = WorldRays(
         points_m - hits.ranges_m[:, None] * directions, directions, hits.ranges_m, rays.far_m
     )
     if footprints is not None and not transmits:
@@ -235,7 +237,7 @@ def _reflected(
     return mirrored, footprints, factors
 
 
-def _numbers(paths: Paths) -> tuple[AnyFloats, AnyFloats]:
+def _numbers(paths: LightPaths) -> tuple[AnyFloats, AnyFloats]:
     """Two random numbers (n,) in [0, 1) for each path.
 
     At the first rough surface, the numbers of a pixel's rays form one low-discrepancy sequence with
@@ -326,7 +328,7 @@ _BELOW = 1e-3  # minimum cosine between a refracted ray and the triangle's plane
 class Refracted(NamedTuple):
     """Rays (m,) that pass surfaces of glass."""
 
-    rays: Rays  # (m,) with virtual origins: ranges are those of the whole path
+    rays: WorldRays  # (m,) with virtual origins: ranges are those of the whole path
     shares: Floats32  # (m, 3) transmitted share of the light, linear RGB; 0: total reflection
     media: Ints32  # (m,) surfaces whose glass the rays are in, or `NO_MEDIUM`
 
@@ -380,7 +382,9 @@ def interface_reflectance(cosines: AnyFloats, ratios: AnyFloats) -> AnyFloats:
     return 0.5 * (across + along)
 
 
-def refracted_rays(rays: Rays, hits: RayHits, normals: AnyFloats, ratios: AnyFloats) -> Rays:
+def refracted_rays(
+    rays: WorldRays, hits: RayHits, normals: AnyFloats, ratios: AnyFloats
+) -> WorldRays:
     """Rays (n,) behind hits with unit normals (n, 3), by `ratios` (n,) of refractive indices."""
     normals = normals.astype(np.float64)
     along = np.clip(-np.einsum("nc,nc->n", normals, rays.directions), 0.0, 1.0)

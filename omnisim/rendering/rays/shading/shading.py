@@ -14,7 +14,7 @@ import numpy as np
 
 from omnisim.core.arrays import Bools, Floats, Floats32, Indices, Ints32
 from omnisim.core.world import Poses
-from omnisim.rendering.rays.caster import RayHits, Rays
+from omnisim.rendering.rays.caster import RayHits, WorldRays
 from omnisim.rendering.rays.geometry import Geometry
 from omnisim.rendering.rays.shading.lit_surfaces import (
     CastShadow,
@@ -33,9 +33,9 @@ from omnisim.rendering.rays.shading.ray_optics import (
     NO_MEDIUM,
     Arrivals,
     Glass,
+    LightPaths,
     Lobe,
     Panes,
-    Paths,
     Refracted,
     TracedGloss,
     Tracing,
@@ -48,8 +48,8 @@ from omnisim.rendering.rays.shading.ray_optics import (
 from omnisim.rendering.rays.shading.surface_table import (
     NORMAL,
     NORMAL_SCALES,
+    ReflectanceTable,
     Sampler,
-    SurfaceTable,
     TextureTable,
     mapped_normals,
 )
@@ -63,24 +63,24 @@ LEVEL_BIAS = -0.5
 _DARKEST = 1e-20
 
 
-class View(NamedTuple):
+class RayView(NamedTuple):
     """Rays (n,), their hits, and their footprints (n, 2, 3), which filter textures; None: none."""
 
-    rays: Rays
+    rays: WorldRays
     hits: RayHits
     world_from_objects: Poses = ()
     footprints: Floats32 | None = None
 
     @classmethod
-    def of(cls, hits: RayHits) -> View:
+    def of(cls, hits: RayHits) -> RayView:
         """View of static places, from nowhere."""
         nowhere = np.zeros((len(hits.triangles), 3))
-        return cls(Rays(nowhere, nowhere, hits.ranges_m, hits.ranges_m), hits)
+        return cls(WorldRays(nowhere, nowhere, hits.ranges_m, hits.ranges_m), hits)
 
-    def take(self, indices: Indices) -> View:
+    def take(self, indices: Indices) -> RayView:
         """View of the rays at indices (m,)."""
         footprints = None if self.footprints is None else self.footprints[indices]
-        return View(
+        return RayView(
             self.rays.take(indices), self.hits.take(indices), self.world_from_objects, footprints
         )
 
@@ -104,7 +104,7 @@ class Shading:
         materials = [surface.material for surface in geometry.surfaces]
         self._textures = TextureTable(geometry.surfaces)
         kinds = [kind_of(material, lighting.is_matte) for material in materials]
-        self.table = SurfaceTable(geometry.surfaces, mask_of(kinds, SurfaceKind.MATTE))
+        self.table = ReflectanceTable(geometry.surfaces, mask_of(kinds, SurfaceKind.MATTE))
         self._base_color = np.array(
             [material.base_color for material in materials], dtype=np.float32
         ).reshape(-1, 4)
@@ -128,7 +128,7 @@ class Shading:
         """Surfaces (n,) of the hits."""
         return self._geometry.surface_of_triangle[hits.triangles]
 
-    def base_colors(self, view: View) -> Floats32:
+    def base_colors(self, view: RayView) -> Floats32:
         """Linear RGBA (n, 4) base colors, before lighting."""
         surfaces = self.surfaces(view.hits)
         colors = self._base_color[surfaces]
@@ -140,7 +140,7 @@ class Shading:
             colors[textured] *= self._sampled(self._textures, textures[textured], view, textured)
         return colors
 
-    def transmitted(self, view: View, colors: Floats32) -> Floats32:
+    def transmitted(self, view: RayView, colors: Floats32) -> Floats32:
         """Transmittance (n, 3) of panes with base colors (n, 3 or more); 0 at other surfaces."""
         surfaces = self.surfaces(view.hits)
         shares = np.zeros((len(surfaces), 3), dtype=np.float32)
@@ -162,7 +162,7 @@ class Shading:
         media[leaving] = surfaces[leaving]
         return media
 
-    def refracted(self, view: View, colors: Floats32, channel: int | None) -> Refracted:
+    def refracted(self, view: RayView, colors: Floats32, channel: int | None) -> Refracted:
         """Rays that pass surfaces of thick glass, all hit, with base colors (n, 3 or more)."""
         surfaces = self.surfaces(view.hits)
         is_front = self.is_front(view.hits, view.world_from_objects)
@@ -180,13 +180,13 @@ class Shading:
 
     def emitted(self, hits: RayHits) -> Floats32:
         """Light (n, 3), linear RGB, that surfaces emit; all rays must hit."""
-        light = self.materials(View.of(hits))[:, 2:]
+        light = self.materials(RayView.of(hits))[:, 2:]
         unlit = np.flatnonzero(self.is_unlit[self.surfaces(hits)])
-        light[unlit] = self.base_colors(View.of(hits.take(unlit)))[:, :3]
+        light[unlit] = self.base_colors(RayView.of(hits.take(unlit)))[:, :3]
         return light
 
     def _sampled(
-        self, table: TextureTable, textures: Indices, view: View, indices: Indices
+        self, table: TextureTable, textures: Indices, view: RayView, indices: Indices
     ) -> Floats32:
         """Texels (m, 4) of textures (m,) at the hits with indices (m,)."""
         hits, geometry = view.hits.take(indices), self._geometry
@@ -229,7 +229,7 @@ class Shading:
         normals /= np.maximum(lengths, np.float32(_DARKEST))[:, None]
         return normals
 
-    def materials(self, view: View) -> Floats32:
+    def materials(self, view: RayView) -> Floats32:
         """Roughness, metalness and emission (n, 5), see `Hits.materials`."""
         surfaces = self.surfaces(view.hits)
         materials = np.zeros((len(surfaces), 5), dtype=np.float32)
@@ -242,7 +242,11 @@ class Shading:
         return materials
 
     def lit(
-        self, colors: Floats32, view: View, cast_shadow: CastShadow, tracing: Tracing | None = None
+        self,
+        colors: Floats32,
+        view: RayView,
+        cast_shadow: CastShadow,
+        tracing: Tracing | None = None,
     ) -> Floats32:
         """Light (n, 3), linear RGB, from surfaces of base colors (n, 3 or more) toward the rays.
 
@@ -301,7 +305,7 @@ class Shading:
     def _reflected(
         self,
         colors: Floats32,
-        view: View,
+        view: RayView,
         lamps: Sequence[LampLight],
         normals: Floats32,
         surroundings: Floats32 | None,
@@ -329,7 +333,7 @@ class Shading:
             light[scattered.indices] += scattered.light
         return light.astype(np.float32)
 
-    def _arrivals(self, view: View, paths: Paths) -> Arrivals:
+    def _arrivals(self, view: RayView, paths: LightPaths) -> Arrivals:
         """Arrivals of paths (n,)."""
         curvatures_per_m = np.zeros(len(view.rays.near_m))
         split = np.flatnonzero(paths.is_split)
@@ -374,7 +378,11 @@ class Shading:
         return TracedGloss(indices[found.indices], light)
 
     def _of_glass(
-        self, surface: Reflectance, view: View, directions: SurfaceDirections, channel: int | None
+        self,
+        surface: Reflectance,
+        view: RayView,
+        directions: SurfaceDirections,
+        channel: int | None,
     ) -> Reflectance:
         """Reflectance in which panes and thick glass are mirrors with Fresnel's reflectance."""
         surfaces = self.surfaces(view.hits)
@@ -396,7 +404,7 @@ class Shading:
         body[indices] *= 1.0 - transmission[surfaces[indices], None]
         return surface._replace(body=body, f0=f0, f90=f90, roughness=roughness)
 
-    def sampler(self, view: View) -> Sampler:
+    def sampler(self, view: RayView) -> Sampler:
         """Function that looks up textures at hits by their indices."""
         surfaces = self.surfaces(view.hits)
 
@@ -406,7 +414,7 @@ class Shading:
 
         return sampled
 
-    def _mapped(self, slot: int, normals: Floats32, view: View, sampled: Sampler) -> Floats32:
+    def _mapped(self, slot: int, normals: Floats32, view: RayView, sampled: Sampler) -> Floats32:
         """Normals (n, 3) after applying the normal maps in a slot."""
         surfaces = self.surfaces(view.hits)
         indices, textures = self.table.textured(slot, surfaces)

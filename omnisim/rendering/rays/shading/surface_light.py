@@ -19,10 +19,10 @@ from typing import NamedTuple
 import numpy as np
 
 from omnisim.core.arrays import AnyFloats, Bools, Floats, Floats32, Indices
-from omnisim.rendering.rays.caster import RayCaster, RayHits, Rays
+from omnisim.rendering.rays.caster import RayCaster, RayHits, WorldRays
 from omnisim.rendering.rays.shading.lit_surfaces import Reflectance, microfacets
 from omnisim.rendering.rays.shading.ray_optics import pane_reflectance
-from omnisim.rendering.rays.shading.shading import Shading, View
+from omnisim.rendering.rays.shading.shading import RayView, Shading
 from omnisim.scene.surface_reflectance import COAT_F0, MIN_ROUGHNESS
 
 # Interpolated normals within 0.1° of the triangle's are those of a planar mirror.
@@ -48,7 +48,7 @@ class SurfaceLight(NamedTuple):
         return SurfaceLight._make(values[indices] for values in self)
 
 
-def surface_light(shading: Shading, view: View) -> SurfaceLight:
+def surface_light(shading: Shading, view: RayView) -> SurfaceLight:
     """Light at the hits (n,) of a view; all rays must hit."""
     rays, hits, poses, _ = view
     surfaces = shading.surfaces(hits)
@@ -136,7 +136,7 @@ def _facets(roughness: AnyFloats, cosines: Floats) -> Floats:
 # count, as in images.
 
 
-def straight_shares(shading: Shading, view: View, colors: Floats32) -> Floats32:
+def straight_shares(shading: Shading, view: RayView, colors: Floats32) -> Floats32:
     """Shares (n, 3) of light that pass hits straight, linear RGB; 0 for all but panes and glass.
 
     Args:
@@ -168,7 +168,9 @@ def straight_shares(shading: Shading, view: View, colors: Floats32) -> Floats32:
 _MIN_LEAVING_COSINE = 0.02  # a ray that grazes a mirror starts at most 50 steps behind its hit
 
 
-def mirrored_rays(caster: RayCaster, rays: Rays, hits: RayHits, light: SurfaceLight) -> Rays:
+def mirrored_rays(
+    caster: RayCaster, rays: WorldRays, hits: RayHits, light: SurfaceLight
+) -> WorldRays:
     """Rays (n,) reflected at their hits.
 
     A plane reflects the origin; a curved mirror reflects like its tangent plane. The first step
@@ -181,4 +183,4 @@ def mirrored_rays(caster: RayCaster, rays: Rays, hits: RayHits, light: SurfaceLi
     origins_m = points_m - hits.ranges_m[:, None] * directions
     behind = caster.behind(rays, hits.ranges_m)
     steps_m = (behind.near_m - hits.ranges_m) / np.maximum(np.abs(along), _MIN_LEAVING_COSINE)
-    return Rays(origins_m, directions, hits.ranges_m + steps_m, rays.far_m)
+    return WorldRays(origins_m, directions, hits.ranges_m + steps_m, rays.far_m)

@@ -13,7 +13,7 @@ import numpy as np
 
 from omnisim.core.arrays import AnyFloats, Bools, Bytes, Floats, Floats32, Indices, Ints32
 from omnisim.core.srgb import LINEAR_FROM_SRGB8
-from omnisim.rendering.rays.geometry import Surface
+from omnisim.rendering.rays.geometry import PlacedSurface
 from omnisim.rendering.rays.shading.lit_surfaces import Reflectance
 from omnisim.scene.mipmaps import masked_mipmaps, mipmaps
 from omnisim.scene.model import AlphaMode, Material, Texture, Wrap
@@ -38,7 +38,7 @@ class SurfaceValues(NamedTuple):
     emissive: AnyFloats
 
 
-class SurfaceTable:
+class ReflectanceTable:
     """Material factors of all surfaces, and the tables of their maps, as in `Material.maps`.
 
     Args:
@@ -46,7 +46,7 @@ class SurfaceTable:
         is_matte: (surfaces,) mask of surfaces without gloss, metal, maps and emission.
     """
 
-    def __init__(self, surfaces: Sequence[Surface], is_matte: Bools):
+    def __init__(self, surfaces: Sequence[PlacedSurface], is_matte: Bools):
         materials = [surface.material for surface in surfaces]
         self.is_matte = is_matte
         shown = [] if is_matte.all() else surfaces
@@ -199,7 +199,9 @@ class TextureTable:
     """
 
     def __init__(
-        self, surfaces: Iterable[Surface], texture_of: Callable[[Material], Texture | None] = _base
+        self,
+        surfaces: Iterable[PlacedSurface],
+        texture_of: Callable[[Material], Texture | None] = _base,
     ):
         numbers: dict[tuple[int, float | None], int] = {}
         textures: list[tuple[Texture, float | None]] = []

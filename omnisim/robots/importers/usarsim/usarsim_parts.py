@@ -29,7 +29,7 @@ Notice = tuple[int, str]  # line number and text
 
 
 @dataclass(frozen=True)
-class Entry:
+class IniEntry:
     """Line of a section: key, value, file and line number."""
 
     key: str
@@ -43,22 +43,22 @@ class Entry:
 
 
 @dataclass(frozen=True)
-class Section:
+class IniSection:
     """Section with all its lines; sections of the same name are merged."""
 
     name: str
     line: int
-    entries: tuple[Entry, ...]
+    entries: tuple[IniEntry, ...]
 
-    def values_of(self, key: str) -> list[Entry]:
+    def values_of(self, key: str) -> list[IniEntry]:
         """Entries with a key, regardless of case."""
         return [entry for entry in self.entries if entry.key.lower() == key.lower()]
 
 
-def read_ini(path: Path) -> dict[str, Section]:
+def read_ini(path: Path) -> dict[str, IniSection]:
     """Read the sections of a file, keyed by lower-case name."""
-    sections: dict[str, tuple[str, int, list[Entry]]] = {}
-    entries: list[Entry] | None = None
+    sections: dict[str, tuple[str, int, list[IniEntry]]] = {}
+    entries: list[IniEntry] | None = None
     for number, line in enumerate(_text(path).split("\n"), start=1):
         content = line.strip()
         if not content or content.startswith(COMMENTS):
@@ -68,18 +68,19 @@ def read_ini(path: Path) -> dict[str, Section]:
             name = heading[1].strip()
             entries = sections.setdefault(name.lower(), (name, number, []))[2]
         elif entry and entries is not None:
-            entries.append(Entry(entry[1].lstrip("+."), entry[2], path, number))
+            entries.append(IniEntry(entry[1].lstrip("+."), entry[2], path, number))
         else:
             expected = "[section]" if entries is None else "[section] or key=value"
             raise RobotFileError(f"{path}:{number}: {quote(content)!r}: expected {expected}")
     if not sections:
         raise RobotFileError(f"{path}:1: nothing in it: expected a USARBot.ini with [sections]")
     return {
-        key: Section(name, line, tuple(entries)) for key, (name, line, entries) in sections.items()
+        key: IniSection(name, line, tuple(entries))
+        for key, (name, line, entries) in sections.items()
     }
 
 
-def parse_struct(entry: Entry) -> Struct:
+def parse_struct(entry: IniEntry) -> Struct:
     """Parse the parenthesized value of an entry."""
     return _Reader(entry).whole()
 
@@ -112,7 +113,7 @@ def _text(path: Path) -> str:
 class _Reader:
     """Parser of a single value, from left to right."""
 
-    def __init__(self, entry: Entry) -> None:
+    def __init__(self, entry: IniEntry) -> None:
         self._entry, self._text, self._at = entry, entry.value, 0
 
     def _fault(self, message: str) -> RobotFileError:
@@ -203,10 +204,10 @@ UNREAL_UNITS = Units(1.0 / 250.0, 2.0 * math.pi / 65536.0, are_unreal=True)
 
 
 @dataclass(frozen=True)
-class Part:
+class UsarsimPart:
     """Part mounted on a robot."""
 
-    entry: Entry  # entry that describes the part
+    entry: IniEntry  # entry that describes the part
     class_name: str  # class with its package, as in USARBot.SICKLMS
     name: str  # name of the part
     # position from USARSim's origin of the robot; x forward, y left, z up
@@ -237,7 +238,7 @@ class Part:
         return f"{self.entry.key} {self.name!r} ({self.class_name})"
 
 
-def read_part(entry: Entry, units: Units) -> Part:
+def read_part(entry: IniEntry, units: Units) -> UsarsimPart:
     """Read the part of an entry."""
     struct = parse_struct(entry)
     class_name = _word(entry, struct, "ItemClass")
@@ -249,7 +250,7 @@ def read_part(entry: Entry, units: Units) -> Part:
     axes = _axes(entry, struct, "Direction")
     angles = (angle_rad(entry, label, value, units) for label, value in axes)
     roll, pitch, yaw = map(math.degrees, angles)
-    return Part(
+    return UsarsimPart(
         entry=entry,
         class_name=class_name,
         name=name,
@@ -260,13 +261,13 @@ def read_part(entry: Entry, units: Units) -> Part:
     )
 
 
-def check(entry: Entry, is_possible: bool, expected: str) -> None:
+def check(entry: IniEntry, is_possible: bool, expected: str) -> None:
     """Raise an error if a value of an entry is impossible."""
     if not is_possible:
         raise entry.fault(f"{entry.key} = {quote(entry.value)}: expected {expected}")
 
 
-def number(entry: Entry, name: str, value: Value) -> float:
+def number(entry: IniEntry, name: str, value: Value) -> float:
     """Parse a finite number."""
     try:
         # a semicolon may follow, as in beamAngle=0.349;
@@ -279,12 +280,12 @@ def number(entry: Entry, name: str, value: Value) -> float:
     return parsed
 
 
-def length_m(entry: Entry, name: str, value: Value, units: Units) -> float:
+def length_m(entry: IniEntry, name: str, value: Value, units: Units) -> float:
     """Parse a length and convert it to meters."""
     return number(entry, name, value) * units.meters
 
 
-def angle_rad(entry: Entry, name: str, value: Value, units: Units) -> float:
+def angle_rad(entry: IniEntry, name: str, value: Value, units: Units) -> float:
     """Parse an angle and convert it to radians."""
     angle = number(entry, name, value)
     if units.are_unreal and angle != round(angle):
@@ -300,7 +301,7 @@ def angle_rad(entry: Entry, name: str, value: Value, units: Units) -> float:
     return angle * units.radians
 
 
-def _position_m(entry: Entry, struct: Struct, units: Units) -> list[float]:
+def _position_m(entry: IniEntry, struct: Struct, units: Units) -> list[float]:
     position = []
     for label, value in _axes(entry, struct, "Position"):
         meters = length_m(entry, label, value, units)
@@ -311,7 +312,7 @@ def _position_m(entry: Entry, struct: Struct, units: Units) -> list[float]:
     return position
 
 
-def _axes(entry: Entry, struct: Struct, name: str) -> list[tuple[str, Value]]:
+def _axes(entry: IniEntry, struct: Struct, name: str) -> list[tuple[str, Value]]:
     """Names and values of X, Y and Z; a missing one is 0, as in the engine."""
     written, inner = struct.get(name.lower(), (name, {}))
     if isinstance(inner, str):
@@ -326,7 +327,7 @@ def _axes(entry: Entry, struct: Struct, name: str) -> list[tuple[str, Value]]:
     return list(components.values())
 
 
-def _word(entry: Entry, struct: Struct, name: str) -> str:
+def _word(entry: IniEntry, struct: Struct, name: str) -> str:
     value = struct.get(name.lower(), (name, ""))[1]
     word = _bare(value) if isinstance(value, str) else ""
     if not word:

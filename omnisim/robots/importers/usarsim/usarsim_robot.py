@@ -20,7 +20,7 @@ from omnisim.robots.importers.imported_robot import ImportedRobot, ImportedSenso
 from omnisim.robots.importers.usarsim import usarsim_parts as ini
 from omnisim.sensors.sensor_table import folder_name
 
-Sections = dict[str, ini.Section]
+Sections = dict[str, ini.IniSection]
 SENSOR_KEYS = ("sensors", "cameras")
 _NAME = re.compile(r"(?:Part|Pkg|Item)Name\s*=\s*[\"']?([^\"',()]*)", re.IGNORECASE)
 
@@ -82,7 +82,7 @@ def import_robot(
     )
 
 
-def _robot_section(path: Path, sections: Sections, robot_class: str | None) -> ini.Section:
+def _robot_section(path: Path, sections: Sections, robot_class: str | None) -> ini.IniSection:
     robots = {
         key: section
         for key, section in sections.items()
@@ -109,7 +109,9 @@ def _robot_section(path: Path, sections: Sections, robot_class: str | None) -> i
     return next(iter(robots.values()))
 
 
-def _parts(section: ini.Section, units: ini.Units, notices: list[ini.Notice]) -> list[ini.Part]:
+def _parts(
+    section: ini.IniSection, units: ini.Units, notices: list[ini.Notice]
+) -> list[ini.UsarsimPart]:
     """Read all parts with a class and a position; the other entries become notices."""
     parts, plain = [], []
     for entry in section.entries:
@@ -134,8 +136,8 @@ def _parts(section: ini.Section, units: ini.Units, notices: list[ini.Notice]) ->
 
 
 def _sensors(
-    parts: list[ini.Part], sections: Sections, units: ini.Units, notices: list[ini.Notice]
-) -> list[tuple[ini.Entry, ImportedSensor]]:
+    parts: list[ini.UsarsimPart], sections: Sections, units: ini.Units, notices: list[ini.Notice]
+) -> list[tuple[ini.IniEntry, ImportedSensor]]:
     """Sensors and the entries that describe them, in the order of the file."""
     cameras = find_cameras(parts)
     camera_parts = {id(part) for _, members in cameras for part in members}
@@ -157,7 +159,7 @@ def _sensors(
 
 
 def _named(
-    sensors: list[tuple[ini.Entry, ImportedSensor]], notices: list[ini.Notice]
+    sensors: list[tuple[ini.IniEntry, ImportedSensor]], notices: list[ini.Notice]
 ) -> list[ImportedSensor]:
     """Rename sensors to names that are valid in a robot file."""
     named: dict[str, ImportedSensor] = {}
@@ -191,9 +193,11 @@ _FILE = 'file = "omnicam.toml"  # a sensor file; without one: the paper\'s camer
 LOOKS_UP = 0.9998  # cosine of 1°
 
 
-def find_cameras(parts: list[ini.Part]) -> list[tuple[ImportedSensor, list[ini.Part]]]:
+def find_cameras(
+    parts: list[ini.UsarsimPart],
+) -> list[tuple[ImportedSensor, list[ini.UsarsimPart]]]:
     """Find the omnidirectional cameras of a robot, and the parts of each camera."""
-    groups: list[list[ini.Part]] = []
+    groups: list[list[ini.UsarsimPart]] = []
     for part in parts:
         if _rank(part) is None:
             continue
@@ -220,13 +224,13 @@ def find_cameras(parts: list[ini.Part]) -> list[tuple[ImportedSensor, list[ini.P
     return cameras
 
 
-def _rank(part: ini.Part) -> int | None:
+def _rank(part: ini.UsarsimPart) -> int | None:
     """Rank of a part: 0 whole camera, 1 mirror, 2 virtual camera, None any other part."""
     ranks = ((1, _MIRROR), (2, _VIRTUAL), (0, _OMNI))
     return next((rank for rank, pattern in ranks if pattern.search(part.short_class)), None)
 
 
-def _find_lens(lead: ini.Part, parts: list[ini.Part]) -> ini.Part | None:
+def _find_lens(lead: ini.UsarsimPart, parts: list[ini.UsarsimPart]) -> ini.UsarsimPart | None:
     """Camera that looks up at the lead part, a mirror, from below."""
     x, y, z = lead.position_m
     for part in parts:
@@ -253,7 +257,10 @@ MAX_COUNT = 360
 
 
 def find_range_sensor(
-    part: ini.Part, section: ini.Section | None, units: ini.Units, notices: list[ini.Notice]
+    part: ini.UsarsimPart,
+    section: ini.IniSection | None,
+    units: ini.Units,
+    notices: list[ini.Notice],
 ) -> ImportedSensor | None:
     """Read a sonar or an infrared sensor, with the section of its class; None: another part."""
     is_sonar = _SONAR.search(part.short_class)
@@ -293,7 +300,7 @@ def find_range_sensor(
     return part.sensor("usarsim_sonar" if is_sonar else "usarsim_ir_sensor", values)
 
 
-def _noise_share(entry: ini.Entry) -> float:
+def _noise_share(entry: ini.IniEntry) -> float:
     share = ini.number(entry, entry.key, entry.value)
     ini.check(entry, share >= 0.0, "0 or more")
     return share
@@ -308,7 +315,10 @@ TURN_RAD = 6.2832  # full turn as USARBot.ini rounds it
 
 
 def find_scanner(
-    part: ini.Part, section: ini.Section | None, units: ini.Units, notices: list[ini.Notice]
+    part: ini.UsarsimPart,
+    section: ini.IniSection | None,
+    units: ini.Units,
+    notices: list[ini.Notice],
 ) -> ImportedSensor | None:
     """Read a laser scanner, with the section of its class; None, with a notice: another part."""
     settings = {} if section is None else {entry.key.lower(): entry for entry in section.entries}
@@ -350,8 +360,8 @@ def find_scanner(
 
 
 def _note_section(
-    part: ini.Part,
-    section: ini.Section | None,
+    part: ini.UsarsimPart,
+    section: ini.IniSection | None,
     used: set[str],
     assumed: str,
     notices: list[ini.Notice],

@@ -36,7 +36,7 @@ class _Place(NamedTuple):
     transform: Floats
 
 
-class Materials:
+class GltfMaterials:
     """Materials of a file, followed by the default material for primitives without one.
 
     Attributes:
@@ -240,7 +240,7 @@ def _base_color(material: JsonObject) -> tuple[tuple[float, ...] | None, JsonObj
 def _maps(material: JsonObject) -> tuple[tuple[JsonObject, bool], ...]:
     """Texture references of all maps, each with a flag that is true for linear data.
 
-    `Materials._packed` relies on their order.
+    `GltfMaterials._packed` relies on their order.
     """
     specular = material.extension_or_empty("KHR_materials_specular")
     coat = material.extension_or_empty("KHR_materials_clearcoat")

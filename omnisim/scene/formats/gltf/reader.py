@@ -17,7 +17,7 @@ from omnisim.core.errors import SceneError, printable
 from omnisim.core.short_repr import counted
 from omnisim.scene.formats.features import Feature, Support, feature_table
 from omnisim.scene.formats.gltf.document import Accessors, JsonObject, read_container
-from omnisim.scene.formats.gltf.materials import Materials, has_transmission_map, is_unlit
+from omnisim.scene.formats.gltf.materials import GltfMaterials, has_transmission_map, is_unlit
 from omnisim.scene.formats.gltf.nodes import (
     FIRST_ANIMATION,
     AnimationChoice,
@@ -87,7 +87,7 @@ def read_gltf(
     moved = animated_nodes(nodes, parents, local, animation, world_from_file)
     reshaped = reshaped_nodes(nodes, moved, animation) if choice.moves_objects else set(moved)
     played = PlayedNodes(nodes, poses, moved, reshaped, animation, world_from_file)
-    materials = Materials(root, accessors, textures, assets)
+    materials = GltfMaterials(root, accessors, textures, assets)
     deforming = DeformingMeshes(root, accessors, played)
     meshes = _Meshes(root, accessors, materials)
     placed = list(meshes.instantiate(nodes, poses, deforming))
@@ -175,7 +175,7 @@ class _Part(NamedTuple):
 class _Meshes:
     """Meshes of a file, one per primitive; `instantiate` appends skinned, morphed and others."""
 
-    def __init__(self, root: JsonObject, accessors: Accessors, materials: Materials):
+    def __init__(self, root: JsonObject, accessors: Accessors, materials: GltfMaterials):
         self.meshes: list[Mesh] = []
         self.dropped = Omissions()  # vertex data that do not match their vertices
         self._accessors, self._materials = accessors, materials

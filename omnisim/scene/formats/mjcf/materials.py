@@ -45,7 +45,7 @@ def own_or_material_rgba(model: mujoco.MjModel, rgba: Floats32, material: int) -
     return red, green, blue, alpha
 
 
-class Materials:
+class ModelMaterials:
     """Materials of a model, each created once per color and cube face."""
 
     def __init__(self, model: mujoco.MjModel):

@@ -13,10 +13,10 @@ from omnisim.core.arrays import Floats, Floats32, Ints
 from omnisim.core.errors import SceneError
 from omnisim.core.poses import rotation_from_quaternion
 from omnisim.scene.formats.imported_scene import make_mesh
-from omnisim.scene.formats.mjcf.materials import Materials, Rgba, own_or_material_rgba
+from omnisim.scene.formats.mjcf.materials import ModelMaterials, Rgba, own_or_material_rgba
 from omnisim.scene.parts import Mesh
 from omnisim.scene.primitives import (
-    Surface,
+    PrimitiveSurface,
     box,
     capsule,
     cylinder,
@@ -42,9 +42,9 @@ class Meshes:
 
     def __init__(self, model: mujoco.MjModel):
         self.entries: list[Mesh] = []
-        self.materials = Materials(model)
+        self.materials = ModelMaterials(model)
         self._model = model
-        self._shapes: dict[tuple[object, ...], Shape] = {}
+        self._shapes: dict[tuple[object, ...], GeomShape] = {}
         self._parts: dict[tuple[object, ...], Parts] = {}
 
     def rgba(self, geom: int) -> Rgba:
@@ -67,7 +67,7 @@ class Meshes:
             )
         return self._parts[key]
 
-    def _map(self, shape: Shape, material: int, sizes: Floats) -> list[MappedSurface]:
+    def _map(self, shape: GeomShape, material: int, sizes: Floats) -> list[MappedSurface]:
         """Parts of a shape, with texture coordinates if the material has a texture."""
         model = self._model
         texture = self.materials.color_texture(material)
@@ -131,7 +131,7 @@ def _skins(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[Deformable]:
         positions = positions + float(model.skin_inflate[skin]) * normals
         yield Deformable(
             mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_SKIN, skin) or f"skin_{skin}",
-            MappedSurface(None, Surface(positions, triangles, normals), coordinates),
+            MappedSurface(None, PrimitiveSurface(positions, triangles, normals), coordinates),
             material,
             own_or_material_rgba(model, model.skin_rgba[skin], material),
             int(model.skin_group[skin]),
@@ -157,7 +157,9 @@ def _flexes(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[Deformable]:
         yield Deformable(
             mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_FLEX, flex) or f"flex_{flex}",
             MappedSurface(
-                None, Surface(positions, triangles, _vertex_normals(positions, triangles)), None
+                None,
+                PrimitiveSurface(positions, triangles, _vertex_normals(positions, triangles)),
+                None,
             ),
             material,
             own_or_material_rgba(model, model.flex_rgba[flex], material),
@@ -203,17 +205,17 @@ def _vertex_normals(positions: Floats, triangles: Ints) -> Floats:
 MIN_REACH_M = 100.0
 
 
-class Shape(NamedTuple):
+class GeomShape(NamedTuple):
     """Surface of a geom, with the inputs of texture mapping."""
 
-    surface: Surface  # triangles, m
+    surface: PrimitiveSurface  # triangles, m
     texture_coordinates: Floats | None  # (n, 2) from the mesh file; None: not in the file
     # (n, 3) positions divided by the geom's sizes, as MuJoCo's renderer scales its built-in shapes;
     # they map textures without coordinates
     scaled: Floats
 
 
-def geom_shape(model: mujoco.MjModel, geom: int) -> Shape:
+def geom_shape(model: mujoco.MjModel, geom: int) -> GeomShape:
     """Shape of a geom; a signed distance field takes the shape of its mesh."""
     kind, size = Geom(int(model.geom_type[geom])), model.geom_size[geom]
     if not np.isfinite(size).all():
@@ -232,12 +234,14 @@ def geom_shape(model: mujoco.MjModel, geom: int) -> Shape:
     return _PRIMITIVES[kind](size)
 
 
-def _of_sizes(surface: Surface, sizes: Floats, coordinates: Floats | None = None) -> Shape:
+def _of_sizes(
+    surface: PrimitiveSurface, sizes: Floats, coordinates: Floats | None = None
+) -> GeomShape:
     """Shape whose positions are divided by sizes (3,); those of 0 count as 1."""
-    return Shape(surface, coordinates, surface.positions / np.where(sizes > 0.0, sizes, 1.0))
+    return GeomShape(surface, coordinates, surface.positions / np.where(sizes > 0.0, sizes, 1.0))
 
 
-def _capsule(size: Floats) -> Shape:
+def _capsule(size: Floats) -> GeomShape:
     """Capsule, with hemispheres scaled by the radius, measured from the ends of the tube."""
     radius, half = float(size[0]), float(size[1])
     surface = capsule(radius, half)
@@ -245,10 +249,10 @@ def _capsule(size: Floats) -> Shape:
     domes = slice(2 * (segments(radius) + 1), None)  # vertices after those of the tube
     z = surface.positions[domes, 2]
     scaled[domes, 2] = np.sign(z) * (1.0 + (np.abs(z) - half) / radius)
-    return Shape(surface, None, scaled)
+    return GeomShape(surface, None, scaled)
 
 
-_PRIMITIVES: dict[mujoco.mjtGeom, Callable[[Floats], Shape]] = {
+_PRIMITIVES: dict[mujoco.mjtGeom, Callable[[Floats], GeomShape]] = {
     Geom.mjGEOM_SPHERE: lambda size: _of_sizes(ellipsoid(size[[0, 0, 0]]), size[[0, 0, 0]]),
     Geom.mjGEOM_ELLIPSOID: lambda size: _of_sizes(ellipsoid(size), size),
     Geom.mjGEOM_CYLINDER: lambda size: _of_sizes(
@@ -259,7 +263,7 @@ _PRIMITIVES: dict[mujoco.mjtGeom, Callable[[Floats], Shape]] = {
 }
 
 
-def _mesh(model: mujoco.MjModel, mesh: int) -> tuple[Surface, Floats | None]:
+def _mesh(model: mujoco.MjModel, mesh: int) -> tuple[PrimitiveSurface, Floats | None]:
     """Surface and texture coordinates (n, 2) of a mesh, whose faces index both separately."""
     faces = slice(
         int(model.mesh_faceadr[mesh]), int(model.mesh_faceadr[mesh] + model.mesh_facenum[mesh])
@@ -274,7 +278,7 @@ def _mesh(model: mujoco.MjModel, mesh: int) -> tuple[Surface, Floats | None]:
         )
         corners.append(model.mesh_facetexcoord[faces].ravel())
     vertices, triangles = np.unique(np.stack(corners, axis=1), axis=0, return_inverse=True)
-    surface = Surface(
+    surface = PrimitiveSurface(
         positions[vertices[:, 0]],
         triangles.reshape(-1, 3).astype(np.int64),
         normals[vertices[:, 1]],
@@ -289,7 +293,7 @@ def _rows(
     return values[start : start + int(counts[index])].astype(np.float64)
 
 
-def _height_field(model: mujoco.MjModel, field: int) -> Surface:
+def _height_field(model: mujoco.MjModel, field: int) -> PrimitiveSurface:
     rows, columns = int(model.hfield_nrow[field]), int(model.hfield_ncol[field])
     half_x, half_y, top, base = (float(size) for size in model.hfield_size[field])
     start = int(model.hfield_adr[field])
@@ -303,12 +307,12 @@ def _height_field(model: mujoco.MjModel, field: int) -> Surface:
     sides = []
     for edge in edges:
         rim = np.concatenate((np.column_stack((edge[:, :2], np.full(len(edge), -base))), edge))
-        sides.append(Surface(rim, grid_triangles(2, len(edge)), None))
+        sides.append(PrimitiveSurface(rim, grid_triangles(2, len(edge)), None))
     bottom = rectangle(half_x, half_y)
     return join(
-        Surface(positions.reshape(-1, 3), grid_triangles(rows, columns), None),
+        PrimitiveSurface(positions.reshape(-1, 3), grid_triangles(rows, columns), None),
         *sides,
-        Surface(bottom.positions - (0.0, 0.0, base), bottom.triangles[:, ::-1], None),
+        PrimitiveSurface(bottom.positions - (0.0, 0.0, base), bottom.triangles[:, ::-1], None),
     )
 
 
@@ -335,11 +339,11 @@ class MappedSurface(NamedTuple):
     """Part of a surface with texture coordinates."""
 
     face: int | None  # face of the cube; None: a flat image
-    surface: Surface
+    surface: PrimitiveSurface
     texture_coordinates: Floats | None
 
 
-def map_plane(shape: Shape, repeat: Floats32, sizes: Floats, is_uniform: bool) -> MappedSurface:
+def map_plane(shape: GeomShape, repeat: Floats32, sizes: Floats, is_uniform: bool) -> MappedSurface:
     """Texture coordinates of an image projected along z.
 
     The image repeats across the geom along x and y or, if it `is_uniform`, across 2 m.
@@ -350,7 +354,7 @@ def map_plane(shape: Shape, repeat: Floats32, sizes: Floats, is_uniform: bool) -
     return MappedSurface(None, shape.surface, shape.scaled[:, :2] * scale * (0.5, -0.5) - 0.5)
 
 
-def map_cube(shape: Shape, sizes: Floats, is_uniform: bool) -> list[MappedSurface]:
+def map_cube(shape: GeomShape, sizes: Floats, is_uniform: bool) -> list[MappedSurface]:
     """Texture coordinates of a cube projected from the center; triangles are cut at its edges.
 
     It projects positions in meters if it `is_uniform`, else positions divided by the sizes (3,).
@@ -380,7 +384,7 @@ def map_cube(shape: Shape, sizes: Floats, is_uniform: bool) -> list[MappedSurfac
         mapped.append(
             MappedSurface(
                 face,
-                Surface(
+                PrimitiveSurface(
                     part[:, :3],
                     np.arange(len(part)).reshape(-1, 3),
                     part[:, 6:] if has_normals else None,

@@ -310,7 +310,7 @@ _OPTICAL_FROM_OPENGL = np.diag([1.0, -1.0, -1.0])
 _OPENGL_FROM_BASE = (BASE_FROM_OPTICAL_LOOKING_AHEAD @ _OPTICAL_FROM_OPENGL).T
 
 
-class Mount(NamedTuple):
+class ModelMount(NamedTuple):
     """Body, site or camera of a model."""
 
     kind: str  # "body", "site" or "camera"
@@ -329,7 +329,7 @@ class Mount(NamedTuple):
         return pose_from_rotation(rotation, positions[self.number])
 
 
-def find_mount(model: mujoco.MjModel, **names: str | None) -> Mount | None:
+def find_mount(model: mujoco.MjModel, **names: str | None) -> ModelMount | None:
     """Element of a model by its kind and name; None: no name is given.
 
     Raises:
@@ -349,7 +349,7 @@ def find_mount(model: mujoco.MjModel, **names: str | None) -> Mount | None:
         known = [mujoco.mj_id2name(model, number, index) or "" for index in range(count)]
         if name not in known:
             raise SceneError(f"{kind} = {name!r}: {did_you_mean(name, known, 'the model has')}")
-        return Mount(kind, known.index(name))
+        return ModelMount(kind, known.index(name))
     return None
 
 

@@ -27,7 +27,7 @@ from omnisim.scene.formats.mesh.other_formats import check_format, read_other
 from omnisim.scene.formats.resources import AssetResolver
 from omnisim.scene.formats.xml.element import XmlElement
 from omnisim.scene.parts import Instance, Material, Mesh
-from omnisim.scene.primitives import Surface, grid_triangles, surrounds, triangulate
+from omnisim.scene.primitives import PrimitiveSurface, grid_triangles, surrounds, triangulate
 from omnisim.scene.textures import TextureStore
 
 _GLTF = {".glb", ".gltf"}
@@ -199,16 +199,16 @@ _CORNER_UV = np.array([(0.0, 1.0), (1.0, 1.0), (1.0, 0.0), (0.0, 0.0)])
 _LOOP_TOLERANCE_M = 1e-4  # Gazebo's tolerance between the ends of a closed polyline
 
 
-class Shape(NamedTuple):
+class VisualShape(NamedTuple):
     """Surface in the frame of its visual."""
 
-    surface: Surface  # triangles
+    surface: PrimitiveSurface  # triangles
     # texture coordinates (n, 2), (0, 0) at the top left; None: no texture coordinates
     uv: Floats | None = None
     is_closed: bool = True  # back faces are never visible
 
 
-def _plane(element: XmlElement) -> Shape:
+def _plane(element: XmlElement) -> VisualShape:
     """Rectangle perpendicular to its normal."""
     normal = np.array(element.vector("normal", (0.0, 0.0, 1.0)))
     length = float(np.linalg.norm(normal))
@@ -217,10 +217,10 @@ def _plane(element: XmlElement) -> Shape:
     x, y = _sizes(element, "size", (1.0, 1.0))
     surface = primitives.rectangle(0.5 * x, 0.5 * y)
     across = surface.positions @ _axes(normal / length).T
-    return Shape(surface._replace(positions=across), _CORNER_UV, is_closed=False)
+    return VisualShape(surface._replace(positions=across), _CORNER_UV, is_closed=False)
 
 
-def _polyline(elements: Sequence[XmlElement]) -> Shape:
+def _polyline(elements: Sequence[XmlElement]) -> VisualShape:
     """Extrusion of closed polylines along z, from z = 0 to the first one's height."""
     height = elements[0].positive("height", 1.0)
     loops = [_loop(element) for element in elements]
@@ -229,13 +229,14 @@ def _polyline(elements: Sequence[XmlElement]) -> Shape:
         raise elements[0].error("points around an area", "none")
     low = np.column_stack((points, np.zeros(len(points))))
     caps = primitives.join(
-        Surface(low + (0.0, 0.0, height), triangles, None), Surface(low, triangles[:, ::-1], None)
+        PrimitiveSurface(low + (0.0, 0.0, height), triangles, None),
+        PrimitiveSurface(low, triangles[:, ::-1], None),
     )
     walls = [_wall(loop, height, loops) for loop in loops]
-    return Shape(primitives.join(caps, *walls))
+    return VisualShape(primitives.join(caps, *walls))
 
 
-def _wall(loop: Floats, height: float, loops: list[Floats]) -> Surface:
+def _wall(loop: Floats, height: float, loops: list[Floats]) -> PrimitiveSurface:
     """Lateral surface of an extrusion, facing out."""
     count = len(loop)
     following = np.roll(loop, -1, axis=0)
@@ -252,7 +253,7 @@ def _wall(loop: Floats, height: float, loops: list[Floats]) -> Surface:
     )  # fmt: skip
     first = 4 * np.arange(count)[:, None]
     triangles = np.concatenate((first + (0, 1, 2), first + (0, 2, 3)))
-    return Surface(corners.reshape(-1, 3), triangles, None)
+    return PrimitiveSurface(corners.reshape(-1, 3), triangles, None)
 
 
 def _loop(element: XmlElement) -> Floats:
@@ -283,13 +284,13 @@ def _axes(normal: Floats) -> Floats:
     return np.eye(3) + skew + skew @ skew / (1.0 + cosine)
 
 
-def _round(surface: Surface, radius_m: float, max_segments: int) -> Shape:
+def _round(surface: PrimitiveSurface, radius_m: float, max_segments: int) -> VisualShape:
     count = primitives.segments(radius_m, max_segments) + 1
     index = np.arange(len(surface.positions))
     z = surface.positions[:, 2]
     low, high = float(z.min()), float(z.max())
     uv = np.column_stack((index % count / (count - 1), (high - z) / (high - low)))
-    return Shape(surface, uv)
+    return VisualShape(surface, uv)
 
 
 ROUND = frozenset(("sphere", "ellipsoid", "cylinder", "cone", "capsule"))
@@ -304,7 +305,7 @@ def segment_limit(round_shapes: int) -> int:
     return max(4 * round(fair / 4.0), primitives.MIN_SEGMENTS)
 
 
-def make_shape(geometry: XmlElement, kind: XmlElement, max_segments: int) -> Shape:
+def make_shape(geometry: XmlElement, kind: XmlElement, max_segments: int) -> VisualShape:
     """Shape of a `<geometry>` from its child `kind`, or from all its polylines together.
 
     A box has the whole texture on each side; on round shapes, of at most `max_segments`, it
@@ -317,7 +318,9 @@ def make_shape(geometry: XmlElement, kind: XmlElement, max_segments: int) -> Sha
         return _plane(kind)
     if tag == "box":
         sizes = _sizes(kind, "size", (1.0, 1.0, 1.0))
-        return Shape(primitives.box([0.5 * size for size in sizes]), np.tile(_CORNER_UV, (6, 1)))
+        return VisualShape(
+            primitives.box([0.5 * size for size in sizes]), np.tile(_CORNER_UV, (6, 1))
+        )
     if tag == "ellipsoid":
         radii = _sizes(kind, "radii", (1.0, 1.0, 1.0))
         return _round(primitives.ellipsoid(radii, max_segments), max(radii), max_segments)
@@ -364,7 +367,7 @@ def read_levels(image: Image.Image) -> Floats | None:
     return levels[np.ix_(*(rows.round().astype(np.intp) for rows in kept))]
 
 
-def terrain(element: XmlElement, levels: Floats, tile_m: float) -> Shape:
+def terrain(element: XmlElement, levels: Floats, tile_m: float) -> VisualShape:
     """Surface of a `<heightmap>` with levels (rows, columns) in [0, 1].
 
     A side of a texture's repetition is `tile_m` long; 0: that of the whole terrain.
@@ -380,12 +383,12 @@ def terrain(element: XmlElement, levels: Floats, tile_m: float) -> Shape:
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
     tiles = (size[0] / tile_m, size[1] / tile_m) if tile_m > 0.0 else (1.0, 1.0)
     uv = np.stack((grid_x / size[0] + 0.5, 0.5 - grid_y / size[1]), axis=-1) * tiles
-    surface = Surface(
+    surface = PrimitiveSurface(
         positions.reshape(-1, 3) + element.vector("pos", (0.0, 0.0, 0.0)),
         grid_triangles(rows, columns),
         normals.reshape(-1, 3),
     )
-    return Shape(surface, uv.reshape(-1, 2), is_closed=False)
+    return VisualShape(surface, uv.reshape(-1, 2), is_closed=False)
 
 
 def terrain_size_m(element: XmlElement) -> tuple[float, ...]:

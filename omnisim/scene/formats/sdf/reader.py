@@ -34,7 +34,7 @@ from omnisim.scene.formats.sdf.geometry import (
     SHAPES,
     Layer,
     MeshLibrary,
-    Shape,
+    VisualShape,
     blend,
     centered,
     make_shape,
@@ -94,7 +94,7 @@ class _Reader:
         self._files = MeshLibrary(textures, resources.reader)
         self._world_from_file = world_from_file
         self._meshes: list[Mesh] = []
-        self._shapes: dict[tuple[object, ...], Shape] = {}
+        self._shapes: dict[tuple[object, ...], VisualShape] = {}
         # mesh index and center, keyed by ids of shape or mesh, and material
         self._made: dict[tuple[int, int], tuple[int, Floats]] = {}
         self._instances: list[Instance] = []
@@ -211,7 +211,9 @@ class _Reader:
         material, tile_m = self._materials.terrain(element, levels)
         self._place(terrain(element, levels, tile_m), material, file_from_visual, name)
 
-    def _place(self, shape: Shape, material: int, file_from_visual: Floats, name: str) -> None:
+    def _place(
+        self, shape: VisualShape, material: int, file_from_visual: Floats, name: str
+    ) -> None:
         key = id(shape), material
         if key not in self._made:
             mesh, center = make_mesh(name, material, *shape.surface, shape.uv)

@@ -30,7 +30,7 @@ from omnisim.scene.formats.resources import ResourcePath
 from omnisim.scene.formats.sdf.geometry import MeshLibrary
 from omnisim.scene.formats.xml.element import XmlElement, parse_xml
 from omnisim.scene.parts import AlphaMode, Instance, Material, Mesh, Texture
-from omnisim.scene.primitives import Surface
+from omnisim.scene.primitives import PrimitiveSurface
 from omnisim.scene.textures import TextureStore, alpha_mode_of
 
 _GEOMETRIES = ("mesh", "box", "cylinder", "sphere", "capsule")
@@ -207,7 +207,7 @@ class _Reader:
         return self._textures.texture(image, element.name)
 
 
-def _surface(shape: XmlElement) -> Surface:
+def _surface(shape: XmlElement) -> PrimitiveSurface:
     if shape.tag == "box":
         return primitives.box(0.5 * np.array(shape.attribute_sizes("size", 3)))
     (radius,) = shape.attribute_sizes("radius")

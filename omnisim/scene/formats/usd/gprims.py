@@ -16,12 +16,12 @@ from omnisim.scene import primitives
 from omnisim.scene.formats.imported_scene import PLAIN_GRAY, Omissions, make_mesh
 from omnisim.scene.formats.usd.surfaces import Appearance, Surfaces
 from omnisim.scene.parts import AlphaMode, Material, Mesh
-from omnisim.scene.primitives import Surface, clip_ears
+from omnisim.scene.primitives import PrimitiveSurface, clip_ears
 
 _PURPOSE = UsdShade.Tokens.preview
 
 
-class Part(NamedTuple):
+class GprimPart(NamedTuple):
     """Scene mesh, and its origin (3,) in the frame of its prim."""
 
     mesh: int
@@ -38,10 +38,10 @@ class Gprims:
         self.materials: list[Material] = []
         self._surfaces, self._time, self._unit = surfaces, time, meters_per_unit
         self._notices = notices
-        self._parts: dict[tuple[str, ...], tuple[Part, ...]] = {}
+        self._parts: dict[tuple[str, ...], tuple[GprimPart, ...]] = {}
         self._material_rows: dict[tuple[object, ...], int] = {}
 
-    def parts(self, prim: Usd.Prim) -> tuple[Part, ...]:
+    def parts(self, prim: Usd.Prim) -> tuple[GprimPart, ...]:
         """Meshes of a prim, shared by all instance proxies of one prototype prim."""
         source = prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim
         subsets = UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets()
@@ -56,7 +56,7 @@ class Gprims:
 
     def _read(
         self, prim: Usd.Prim, subsets: list[UsdGeom.Subset], bound: list[UsdShade.Material | None]
-    ) -> list[Part]:
+    ) -> list[GprimPart]:
         if is_shape(prim):
             faces = shape_faces(prim, self._time, self._unit)
         else:
@@ -75,7 +75,7 @@ class Gprims:
 
     def _part(
         self, prim: Usd.Prim, faces: Faces, mask: Bools, bound: UsdShade.Material | None
-    ) -> list[Part]:
+    ) -> list[GprimPart]:
         """Mesh of the triangles selected by a mask, as a list of at most one."""
         if not mask.any():
             return []
@@ -101,7 +101,7 @@ class Gprims:
             normals, coordinates, vertex_colors,
         )  # fmt: skip
         self.meshes.append(mesh)
-        return [Part(len(self.meshes) - 1, center)]
+        return [GprimPart(len(self.meshes) - 1, center)]
 
     def _colors(self, prim: Usd.Prim, appearance: Appearance | None) -> PrimvarValues | None:
         """Linear RGBA of the appearance's primvars; without an appearance, of the display color."""
@@ -163,7 +163,7 @@ class Faces(NamedTuple):
     """Triangles of a prim."""
 
     points: NDArray[np.floating]  # (n, 3) positions
-    corners: Corners  # corners of the triangles
+    corners: FaceCorners  # corners of the triangles
     polygons: Ints  # (m,) polygon index of each triangle
     normals: PrimvarValues | None  # normals as a primvar; None: flat shading
 
@@ -179,7 +179,7 @@ def shape_faces(prim: Usd.Prim, time: Usd.TimeCode, meters_per_unit: float) -> F
     polygons = np.zeros(len(corners), np.int64)  # a shape counts as one face
     return Faces(
         surface.positions,
-        Corners.of(len(surface.positions), 1, vertices, corners, polygons),
+        FaceCorners.of(len(surface.positions), 1, vertices, corners, polygons),
         polygons,
         None if surface.normals is None else PrimvarValues(surface.normals, "vertex"),
     )
@@ -223,7 +223,10 @@ def mesh_faces(prim: Usd.Prim, time: Usd.TimeCode, notices: Omissions) -> Faces 
         notices.count("subdivision: the control mesh is drawn, with smooth normals", "mesh")
         normals = PrimvarValues(_smooth_normals(points, vertices[corners]), "vertex")
     return Faces(
-        points, Corners.of(len(points), len(counts), vertices, corners, polygons), polygons, normals
+        points,
+        FaceCorners.of(len(points), len(counts), vertices, corners, polygons),
+        polygons,
+        normals,
     )
 
 
@@ -265,7 +268,7 @@ def is_shape(prim: Usd.Prim) -> bool:
     return str(prim.GetTypeName()).removesuffix("_1") in _SHAPES
 
 
-def read_shape(prim: Usd.Prim, time: Usd.TimeCode, meters_per_unit: float) -> Surface:
+def read_shape(prim: Usd.Prim, time: Usd.TimeCode, meters_per_unit: float) -> PrimitiveSurface:
     """Triangles of a shape in stage units, with a resolution that suits its size in meters."""
 
     def size_m(key: str) -> float:
@@ -297,14 +300,14 @@ def read_shape(prim: Usd.Prim, time: Usd.TimeCode, meters_per_unit: float) -> Su
         else:
             surface = _frustum(bottom, 0.0 if kind == "Cone" else top, half_length)
     turn = _FROM_Z.get(along, np.eye(3))
-    return Surface(
+    return PrimitiveSurface(
         surface.positions @ turn.T / meters_per_unit,
         surface.triangles,
         None if surface.normals is None else surface.normals @ turn.T,
     )
 
 
-def _frustum(bottom_m: float, top_m: float, half_length_m: float) -> Surface:
+def _frustum(bottom_m: float, top_m: float, half_length_m: float) -> PrimitiveSurface:
     """Cylinder around z with its ends scaled to two radii."""
     whole = primitives.cylinder(max(bottom_m, top_m), half_length_m)
     assert whole.normals is not None
@@ -318,7 +321,7 @@ def _frustum(bottom_m: float, top_m: float, half_length_m: float) -> Surface:
     areas = np.linalg.norm(
         np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
     )
-    return Surface(positions, whole.triangles[areas > 0.0], normals)
+    return PrimitiveSurface(positions, whole.triangles[areas > 0.0], normals)
 
 
 # Corners of a mesh's faces: primvars, polygons as triangles, corners as vertices.
@@ -326,7 +329,7 @@ def _frustum(bottom_m: float, top_m: float, half_length_m: float) -> Surface:
 _MAX_KEY = 2**62
 
 
-class Corners(NamedTuple):
+class FaceCorners(NamedTuple):
     """Corners (c,) of triangles, with the elements that store their values."""
 
     sizes: dict[str, int]  # number of elements, by interpolation
@@ -335,7 +338,7 @@ class Corners(NamedTuple):
     @classmethod
     def of(
         cls, point_count: int, face_count: int, vertices: Ints, corners: Ints, faces: Ints
-    ) -> Corners:
+    ) -> FaceCorners:
         """Corners of all triangles of a mesh.
 
         Its `vertices` (face corners,) are indices of points; `corners` (m, 3) are indices into
@@ -354,10 +357,10 @@ class Corners(NamedTuple):
             },
         )  # fmt: skip
 
-    def of_triangles(self, chosen: Bools) -> Corners:
+    def of_triangles(self, chosen: Bools) -> FaceCorners:
         """Corners of the triangles selected by a mask (m,)."""
         kept = np.repeat(chosen, 3)
-        return Corners(self.sizes, {key: rows[kept] for key, rows in self.rows.items()})
+        return FaceCorners(self.sizes, {key: rows[kept] for key, rows in self.rows.items()})
 
 
 class PrimvarValues(NamedTuple):
@@ -372,7 +375,7 @@ class PrimvarValues(NamedTuple):
         """True if all corners at one point have the same value."""
         return self.interpolation in ("constant", "varying", "vertex")
 
-    def rows(self, corners: Corners) -> Ints | None:
+    def rows(self, corners: FaceCorners) -> Ints | None:
         """Rows (c,) of the values at corners; None: the number of values does not match."""
         rows, size = corners.rows.get(self.interpolation), corners.sizes.get(self.interpolation)
         elements = len(self.values) if self.indices is None else len(self.indices)
@@ -395,7 +398,7 @@ class Vertices(NamedTuple):
     values: list[Floats | None]
 
 
-def make_vertices(corners: Corners, primvars: list[PrimvarValues | None]) -> Vertices:
+def make_vertices(corners: FaceCorners, primvars: list[PrimvarValues | None]) -> Vertices:
     """Merge corners at one point with equal values into shared vertices."""
     points = corners.rows["vertex"]
     rows = [None if one is None else one.rows(corners) for one in primvars]

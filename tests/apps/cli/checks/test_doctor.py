@@ -11,8 +11,17 @@ import numpy as np
 import pytest
 
 from omnisim.apps.cli.checks import doctor as command
-from omnisim.apps.cli.checks.doctor import Step, report, run_step, verdict
-from omnisim.apps.doctor import FAILED, LIMITS, OK, REFERENCES, STEPS, WARNING, Result, scene_image
+from omnisim.apps.cli.checks.doctor import DoctorStep, report, run_step, verdict
+from omnisim.apps.doctor import (
+    FAILED,
+    LIMITS,
+    OK,
+    REFERENCES,
+    STEPS,
+    WARNING,
+    Finding,
+    scene_image,
+)
 from omnisim.core.files.image_files import write_image
 from omnisim.core.package_files import SHADERS
 from omnisim.rendering.opengl.gl.context import graphics_info
@@ -21,7 +30,7 @@ from tests.rendering.opengl.gl.older_libstdcxx import make_older_libstdcxx
 
 BROKEN = "tests.apps.cli.checks.broken_steps"
 FIRST = ("libraries", "devices", "OpenGL")
-FINE = [Step(name, 1.0, Result(OK, "Mesa, llvmpipe")) for name in STEPS]
+FINE = [DoctorStep(name, 1.0, Finding(OK, "Mesa, llvmpipe")) for name in STEPS]
 
 
 def test_a_crash_is_named_with_its_place_and_a_variable_that_may_explain_it(monkeypatch):
@@ -55,11 +64,11 @@ def test_an_error_of_our_own_is_to_be_reported_and_what_a_driver_prints_is_named
 
 def test_the_verdict_says_what_works_and_what_to_do():
     assert verdict(FINE) == ["omnisim works here, in software: no GPU is used."]
-    broken = [Step("libraries", 1.0, Result(FAILED, "no EGL", "install it"))]
+    broken = [DoctorStep("libraries", 1.0, Finding(FAILED, "no EGL", "install it"))]
     assert verdict(broken) == [
         "OpenGL cannot be used here; --backend rays renders without it.", "To do: install it",
     ]  # fmt: skip
-    wrong = Result(FAILED, "wrong image", "update")
+    wrong = Finding(FAILED, "wrong image", "update")
     some = [step._replace(result=wrong) if step.name == "soccer" else step for step in FINE]
     assert verdict(some) == ["OpenGL opens here, but steps fail: soccer.", "To do: update"]
 
@@ -70,7 +79,7 @@ def test_the_report_has_no_names(monkeypatch, tmp_path):
     monkeypatch.setattr(command.socket, "gethostname", lambda: "lab7")
     monkeypatch.chdir(tmp_path)
     said = f"{tmp_path}/a.png of jane on lab7; /home/jane/x; /home/joe/y: {sys.prefix}/lib"
-    written = json.loads(report([Step("drive", 1.0, Result(FAILED, said), said)], ["bad"]))
+    written = json.loads(report([DoctorStep("drive", 1.0, Finding(FAILED, said), said)], ["bad"]))
     expected = "<folder>/a.png of <user> on <host>; ~/x; /home/<user>/y: <python>/lib"
     assert written["steps"][0]["result"]["text"] == expected
     assert written["steps"][0]["output"] == expected
@@ -84,8 +93,8 @@ def test_the_command_stops_at_what_all_need_and_writes_its_report(omnisim, monke
 
     def broken(name, device, known):
         ran.append((name, device))
-        failed = Result(FAILED, "OpenGL 3.3", "unset it")
-        return Step(name, 1.0, failed if name == "OpenGL" else Result(OK, "fine"))
+        failed = Finding(FAILED, "OpenGL 3.3", "unset it")
+        return DoctorStep(name, 1.0, failed if name == "OpenGL" else Finding(OK, "fine"))
 
     monkeypatch.setattr(command, "run_step", broken)
     status, text, _ = omnisim("doctor", "--device", "3", "--report", str(tmp_path / "r.json"))

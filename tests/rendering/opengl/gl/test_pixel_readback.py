@@ -14,7 +14,12 @@ from omnisim.core.errors import GraphicsError
 from omnisim.rendering.opengl.gl import debug, functions
 from omnisim.rendering.opengl.gl.buffers import gpu_buffer
 from omnisim.rendering.opengl.gl.functions import gl_function
-from omnisim.rendering.opengl.gl.pixel_readback import LENGTH, PixelReadback, Pixels, read_once
+from omnisim.rendering.opengl.gl.pixel_readback import (
+    LENGTH,
+    PixelReadback,
+    TargetPixels,
+    read_once,
+)
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")
 
@@ -40,9 +45,9 @@ def test_pixels_and_textures_are_read_as_they_are_stored(context, components, dt
     pixels, texels, part = np.empty_like(values), np.empty_like(values), np.empty_like(values[:2])
     read_once(
         context,
-        (Pixels(target), pixels),
+        (TargetPixels(target), pixels),
         (texture, texels),
-        (Pixels(target, region=(0, 0, SIZE[0], 2)), part),
+        (TargetPixels(target, region=(0, 0, SIZE[0], 2)), part),
     )
     np.testing.assert_array_equal(pixels, values)
     np.testing.assert_array_equal(texels, values)
@@ -58,10 +63,10 @@ def test_arrays_take_the_first_components_in_their_own_type(context):
     window = np.empty((2, 3, 4), np.float32)
     read_once(
         context,
-        (Pixels(target), rgb),
-        (Pixels(target, 1), both[..., :2]),
-        (Pixels(target), both[..., 2:]),
-        (Pixels(target, region=region), window),
+        (TargetPixels(target), rgb),
+        (TargetPixels(target, 1), both[..., :2]),
+        (TargetPixels(target), both[..., 2:]),
+        (TargetPixels(target, region=region), window),
     )
     np.testing.assert_array_equal(rgb, values[..., :3])
     np.testing.assert_array_equal(both, np.concatenate((others, values[..., :3]), axis=-1))
@@ -97,7 +102,7 @@ def test_buffers_are_used_again_and_small_ones_replaced(context):
     ring = PixelReadback(context)
     texture, values = _texture(context, 4, "f4")
     out, row = np.empty_like(values), np.empty_like(values[:1])
-    first_row = Pixels(context.framebuffer([texture]), region=(0, 0, SIZE[0], 1))
+    first_row = TargetPixels(context.framebuffer([texture]), region=(0, 0, SIZE[0], 1))
     sizes = []
     for source, array in ((first_row, row), (texture, out), (first_row, row), (texture, out)):
         ring.read((source, array))

@@ -10,7 +10,7 @@ from omnisim.core.poses import pose as make_pose
 from omnisim.rendering.opengl.gl.buffers import read_buffer
 from omnisim.rendering.opengl.world import clustered_geometry
 from omnisim.rendering.opengl.world.clustered_geometry import (
-    Shading,
+    ClusterShading,
     bake_directional_light,
     shadings,
 )
@@ -101,8 +101,8 @@ def test_light_on_dynamic_objects_is_not_baked(context):
     of_cluster = np.array(dynamic)[geometry.item_of_cluster]
     shadings = np.array([bucket.shading.value for bucket in geometry.buckets])
     shadings = shadings[geometry.bucket_of_cluster]
-    assert Shading.BAKED.value in shadings[~of_cluster]
-    assert Shading.BAKED.value not in shadings[of_cluster]
+    assert ClusterShading.BAKED.value in shadings[~of_cluster]
+    assert ClusterShading.BAKED.value not in shadings[of_cluster]
 
 
 def test_scenes_of_glass_and_without_clusters_are_drawn_one_by_one(context):
@@ -122,7 +122,7 @@ def test_vertices_with_two_lights_get_copies_in_every_batch(context, monkeypatch
     whole = SceneBuffers(context, scene).clustered_geometry
     monkeypatch.setattr(clustered_geometry, "_BATCH_VERTICES", 8)  # two items
     geometry = SceneBuffers(context, scene).clustered_geometry
-    assert [bucket.shading for bucket in geometry.buckets] == [Shading.BAKED]
+    assert [bucket.shading for bucket in geometry.buckets] == [ClusterShading.BAKED]
     np.testing.assert_array_equal(corners_m(geometry), corners_m(whole))
     corner = read_vertices(geometry)[geometry.triangles]
     turned = np.cross(*np.moveaxis(np.diff(corners_m(geometry), axis=1), 1, 0))
@@ -166,27 +166,27 @@ def _shading(normals, materials=(7, 7, 7), corners=CORNERS, lighting=LIGHTING):
     values, directions = shadings(
         vertices, normals, triangles, lighting, np.ones(1, dtype=np.bool_)
     )
-    return Shading(values[0]), directions[0]
+    return ClusterShading(values[0]), directions[0]
 
 
 @pytest.mark.parametrize(("normal", "expected"), [(UP, UP), (LEANING, LEANING), (NONE, UP)])
 def test_light_of_a_flat_triangle_is_known(normal, expected):
     """One without normals has its own."""
     kind, direction = _shading(3.0 * np.array([normal] * 3))
-    assert kind is Shading.BAKED
+    assert kind is ClusterShading.BAKED
     np.testing.assert_allclose(direction, expected, atol=1e-7)
 
 
 @pytest.mark.parametrize(
     ("normals", "kind"),
     [
-        ([UP, UP, LEANING], Shading.NORMALS_AGREE),
-        ([UP, LEANING, UP], Shading.NORMALS_AGREE),
-        ([UP, UP, (1e-3, 0.0, 1.0)], Shading.NORMALS_AGREE),
-        ([UP, UP, NONE], Shading.UNKNOWN),
-        ([NONE, UP, UP], Shading.UNKNOWN),
-        ([UP, UP, DOWN], Shading.UNKNOWN),
-        ([DOWN, DOWN, DOWN], Shading.UNKNOWN),
+        ([UP, UP, LEANING], ClusterShading.NORMALS_AGREE),
+        ([UP, LEANING, UP], ClusterShading.NORMALS_AGREE),
+        ([UP, UP, (1e-3, 0.0, 1.0)], ClusterShading.NORMALS_AGREE),
+        ([UP, UP, NONE], ClusterShading.UNKNOWN),
+        ([NONE, UP, UP], ClusterShading.UNKNOWN),
+        ([UP, UP, DOWN], ClusterShading.UNKNOWN),
+        ([DOWN, DOWN, DOWN], ClusterShading.UNKNOWN),
     ],
 )
 def test_light_of_another_triangle_is_not(normals, kind):
@@ -195,19 +195,19 @@ def test_light_of_another_triangle_is_not(normals, kind):
 
 def test_many_colors_no_area_and_punctual_lights_are_not_baked():
     for materials in ((7, 8, 7), (7, 7, 8)):
-        assert _shading([UP] * 3, materials)[0] is Shading.NORMALS_AGREE
-    assert _shading([UP] * 3)[0] is Shading.BAKED
-    assert _shading([NONE] * 3, corners=[CORNERS[0]] * 3)[0] is Shading.UNKNOWN
+        assert _shading([UP] * 3, materials)[0] is ClusterShading.NORMALS_AGREE
+    assert _shading([UP] * 3)[0] is ClusterShading.BAKED
+    assert _shading([NONE] * 3, corners=[CORNERS[0]] * 3)[0] is ClusterShading.UNKNOWN
     beside = Lighting((0.1, 0.2, 0.3), (SUN, LAMP))
-    assert _shading([UP] * 3, lighting=beside)[0] is Shading.NORMALS_AGREE
+    assert _shading([UP] * 3, lighting=beside)[0] is ClusterShading.NORMALS_AGREE
 
 
 def test_light_that_shadows_may_fall_on_is_not_baked():
     sun = replace(SUN, casts_shadow=True)
     shadowed = Lighting((0.1, 0.2, 0.3), (sun,))
-    assert _shading([UP] * 3, lighting=shadowed)[0] is Shading.NORMALS_AGREE
+    assert _shading([UP] * 3, lighting=shadowed)[0] is ClusterShading.NORMALS_AGREE
     from_below = Lighting((0.1, 0.2, 0.3), (replace(sun, direction=np.array(UP)),))
-    assert _shading([UP] * 3, lighting=from_below)[0] is Shading.BAKED
+    assert _shading([UP] * 3, lighting=from_below)[0] is ClusterShading.BAKED
 
 
 def test_light_is_lamberts():
@@ -234,7 +234,7 @@ def test_vertices_of_two_triangles_that_differ_are_copied(context):
         assert sorted(found) == sorted(kinds)
         for triangle, kind in zip(triangles, found, strict=True):
             corners = vertices["in_position"][triangle]
-            if kind == Shading.BAKED.value:
+            if kind == ClusterShading.BAKED.value:
                 own = np.cross(corners[1] - corners[0], corners[2] - corners[0])
                 own = (own / np.linalg.norm(own))[None]
                 expected = np.repeat(bake_directional_light(own, LIGHTING), 3, axis=0)

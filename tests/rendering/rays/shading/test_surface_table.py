@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from omnisim.rendering.opengl.world.scene_textures import MaterialTextures
-from omnisim.rendering.rays.geometry import Surface
+from omnisim.rendering.rays.geometry import PlacedSurface
 from omnisim.rendering.rays.shading.surface_table import TextureTable
 from omnisim.scene.model import AlphaMode, Material, Texture, Wrap
 from omnisim.scene.parts import IDENTITY_UV
@@ -55,7 +55,7 @@ def test_lookups_are_those_of_the_sampler(context, mode, size, wrap):
     material = Material(texture=Texture(pixels, wrap, wrap), alpha_mode=mode)
     mesh = square(texture_coordinates=np.zeros((4, 2), dtype=np.float32))
     table = TextureTable(
-        Surface("", None, one, True) for one in (Material(texture=other), material, material)
+        PlacedSurface("", None, one, True) for one in (Material(texture=other), material, material)
     )
     assert table.texture_of_surface.tolist() == [0, 1, 1]
     lookups = np.column_stack(
@@ -71,7 +71,9 @@ def test_lookups_are_those_of_the_sampler(context, mode, size, wrap):
 
 def test_surfaces_without_textures_have_none():
     textured = Material(texture=Texture(np.zeros((2, 2, 4), np.uint8)))
-    table = TextureTable([Surface("", None, Material(), True), Surface("", None, textured, False)])
+    table = TextureTable(
+        [PlacedSurface("", None, Material(), True), PlacedSurface("", None, textured, False)]
+    )
     assert table.texture_of_surface.tolist() == [-1, -1]
 
 
@@ -82,7 +84,9 @@ def test_coordinates_are_those_of_the_set_after_the_transform(is_turned):
         Texture(np.zeros((2, 2, 4), np.uint8), uv_set=uv_set, uv_transform=transform)
         for uv_set, transform in enumerate(transforms)
     ]
-    surfaces = (Surface("", None, Material(texture=texture), True, True) for texture in textures)
+    surfaces = (
+        PlacedSurface("", None, Material(texture=texture), True, True) for texture in textures
+    )
     table = TextureTable(surfaces)
     first, second = np.random.default_rng(4).normal(size=(2, 5, 3, 2)).astype(np.float32)
     numbers = np.array([0, 1, 0, 1, 1])

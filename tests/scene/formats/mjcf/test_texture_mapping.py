@@ -5,13 +5,13 @@ import pytest
 
 pytest.importorskip("mujoco")
 from omnisim.scene import primitives
-from omnisim.scene.formats.mjcf.meshes import Shape, map_cube, map_plane
+from omnisim.scene.formats.mjcf.meshes import GeomShape, map_cube, map_plane
 
 BOX = primitives.box((1.0, 2.0, 3.0))
 
 
 def _shape(surface, sizes):
-    return Shape(surface, None, surface.positions / sizes)
+    return GeomShape(surface, None, surface.positions / sizes)
 
 
 def test_each_side_of_a_box_is_a_face_of_the_cube():

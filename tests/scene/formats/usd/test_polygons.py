@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from omnisim.scene.formats.usd.gprims import (
-    Corners,
+    FaceCorners,
     PrimvarValues,
     integers,
     make_vertices,
@@ -81,7 +81,7 @@ def test_a_wall_with_a_window_that_a_seam_leads_to():
 def test_corners_share_vertices_as_far_as_their_values_are_equal():
     """Two triangles with an edge in common, whose normals differ and whose colors do not."""
     vertices, corners = np.array([0, 1, 2, 0, 2, 3]), np.arange(6).reshape(2, 3)
-    found = Corners.of(4, 2, vertices, corners, np.array([0, 1]))
+    found = FaceCorners.of(4, 2, vertices, corners, np.array([0, 1]))
     normals = PrimvarValues(np.array([(0.0, 0, 1), (0, 1, 0)]), "uniform")
     same = PrimvarValues(np.array([(-0.0, 0, 1), (0.0, 0, 1)]), "uniform")
     assert len(make_vertices(found, [normals, None]).points) == 6
