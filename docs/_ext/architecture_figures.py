@@ -56,7 +56,7 @@ WAYS: dict[str, tuple[str, ...]] = {
         "rendering.stage:Stage.open",
         "rendering.renderer:Renderer.submit",
         "datasets.generate.shard:write_tar",
-        "datasets.generate.samples:Manifest.to_json",
+        "datasets.generate.samples:SampleManifest.to_json",
     ),
 }
 _ROW, _BOX, _LEFT = 58, 560, 10  # pixels: distance of rows, width of a box, margin

@@ -41,11 +41,11 @@ FORMATS = {
         "EuRoC MAV and TUM VI: cameras, IMU, true states", "formats.euroc", "Euroc"
     ),
     "nerfstudio": FormatEntry(
-        "nerfstudio: transforms.json, images, points", "formats.nerfstudio", "Nerfstudio",
+        "nerfstudio: transforms.json, images, points", "formats.nerfstudio", "NerfstudioExport",
         takes_samples=True,
     ),
     "colmap": FormatEntry(
-        "COLMAP: reconstruction as text, images, points", "formats.colmap", "Colmap",
+        "COLMAP: reconstruction as text, images, points", "formats.colmap", "ColmapExport",
         takes_samples=True,
     ),
     "colmap-binary": FormatEntry(

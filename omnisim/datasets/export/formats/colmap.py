@@ -23,7 +23,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from omnisim.cameras.calibration.formats.colmap import CENTER_PX, ColmapLens, parameters
-from omnisim.cameras.calibration.formats.colmap import ColmapExport as ColmapCalibration
+from omnisim.cameras.calibration.formats.colmap import Colmap as ColmapCalibration
 from omnisim.core.arrays import Floats
 from omnisim.core.poses import inverse, quaternion_from_rotation
 from omnisim.datasets.export.export_format import ExportFormat, ExportSettings, PrintNote

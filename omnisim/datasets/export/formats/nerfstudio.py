@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from omnisim.cameras.calibration.formats.nerfstudio import OPENGL_FROM_OPENCV, intrinsics
-from omnisim.cameras.calibration.formats.nerfstudio import NerfstudioExport as NerfstudioCalibration
+from omnisim.cameras.calibration.formats.nerfstudio import Nerfstudio as NerfstudioCalibration
 from omnisim.core.errors import OutputError
 from omnisim.core.files.atomic_file import atomic_write, write_text
 from omnisim.core.files.image_files import write_numbers
