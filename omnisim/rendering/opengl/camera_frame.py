@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Generator, Sequence
 from contextlib import closing, nullcontext
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import moderngl
 import numpy as np
@@ -178,7 +178,8 @@ class TriangleCounter:
     """
 
     def __init__(self, context: moderngl.Context):
-        self._query, self.triangles = context.query(primitives=True), 0
+        self._query: Any = context.query(primitives=True)
+        self.triangles = 0
 
     def __enter__(self) -> None:
         self._query.__enter__()  # type: ignore[no-untyped-call]
