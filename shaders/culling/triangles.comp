@@ -1,8 +1,8 @@
 // Culling of the triangles of shown clusters: those that face away, are outside of the tile, too
 // small to cover a sample or, with PASS 2, behind the depth of earlier passes. The indices of those
 // that are kept are copied one after the other, so that a cluster stays one draw command. One
-// invocation per cluster and view. Corners are rounded to steps within the cluster's box, and bounds
-// are conservative: culling never changes the image.
+// invocation per cluster and view. Corners are rounded to steps within the cluster's box, and
+// bounds are conservative: culling never changes the image.
 // Source: Wihlidal 2016, "Optimizing the graphics pipeline with compute".
 #version 450 core
 
@@ -45,7 +45,8 @@ bool is_left(View view, uvec4 words) {
     vec2 partpx = 0.5 * view.rectangle_px.zw, at_px[3];
     for (int corner = 0; corner < 3; ++corner)
         at_px[corner] = partpx * (corners[corner].xy / corners[corner].z + 1.0);
-    vec2 low = min(min(at_px[0], at_px[1]), at_px[2]), high = max(max(at_px[0], at_px[1]), at_px[2]);
+    vec2 low = min(min(at_px[0], at_px[1]), at_px[2]);
+    vec2 high = max(max(at_px[0], at_px[1]), at_px[2]);
     vec2 one = at_px[1] - at_px[0], other = at_px[2] - at_px[0];
     // what is outside of the tile stays there
     vec2 error_px = 2.0 * partpx * (view.error.xy + view.error.z) / nearest_m;

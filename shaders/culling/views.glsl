@@ -4,8 +4,10 @@
 // The layouts are those of omnisim/rendering/opengl/culling/.
 
 #define MAX_PASSES 8u
-#define PAIRS (MAX_PASSES + 1u)  // lists of candidates, one per possible pass, and one more; then of
-#define LISTS (2u * PAIRS)       // the shown pairs of each pass, and the number of kept triangles
+// Lists of candidates, one per possible pass, and one more; then of the shown pairs of each pass,
+// and the number of kept triangles.
+#define PAIRS (MAX_PASSES + 1u)
+#define LISTS (2u * PAIRS)
 
 struct Instance {
     mat4 clip_from_object;         // clip space of the tile alone

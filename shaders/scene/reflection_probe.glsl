@@ -74,8 +74,8 @@ float hit_m(vec3 start, vec3 direction, int steps, float level) {
 vec3 reflected_probe(vec3 position, vec3 direction, float roughness, float spread) {
     vec3 start = position - u_probe.xyz;
     bool is_sharp = roughness < MIN_BLURRED;
-    float range = hit_m(
-        start, direction, is_sharp ? u_probe_steps.x : 1, is_sharp ? 0.0 : level_of(roughness * roughness));
+    float level = is_sharp ? 0.0 : level_of(roughness * roughness);
+    float range = hit_m(start, direction, is_sharp ? u_probe_steps.x : 1, level);
     vec3 hit = start + range * direction;
     float size = float(textureSize(u_reflection_probes, 0).x);
     float texel = 0.5 * PI / size;

@@ -182,10 +182,10 @@ class TriangleCounter:
         self.triangles = 0
 
     def __enter__(self) -> None:
-        self._query.__enter__()  # type: ignore[no-untyped-call]
+        self._query.__enter__()
 
     def __exit__(self, *raised: object) -> None:
-        self._query.__exit__(*raised)  # type: ignore[arg-type]
+        self._query.__exit__(*raised)
         self.triangles += self._query.primitives
 
 
