@@ -53,7 +53,7 @@ def file_schema(kind: str) -> Json:
         from omnisim.cameras.optics.system_file import shape_schemas
 
         parts = defs if kind == "optics" else defs["OpticsFile"]["$defs"]
-        parts["SurfaceTable"] |= _by_kind("shape", shape_schemas(), defs)
+        parts["OpticalSurfaceTable"] |= _by_kind("shape", shape_schemas(), defs)
     return schema
 
 
