@@ -10,7 +10,6 @@ import omnisim
 # Fields that stand in both, although a function passes them on by hand, and why.
 REASONS = {
     # what a file names, or says of itself, and what was found or made of it
-    "SceneFile.background -> Scene",  # optional; the mesh file may have one, too
     "SceneFile.labels -> Scene",  # with the IDs and colors that the tables leave out
     "ObjectTable.name -> DynamicObject",  # of any object of a scene
     "SweepPlan.drive -> SweepPoint",  # options; a drive, which is another thing
@@ -21,7 +20,13 @@ REASONS = {
     "_Grid.spacing_m -> Probes",
     # what every sensor on a vehicle has, whatever its parameters
     "CalibratedCamerasTable.hides -> Mount",
+    "CalibratedCamerasTable.type -> Mount",
     "OmniCameraTable.hides -> Mount",
+    "OmniCameraTable.name -> Mount",
+    "OmniCameraTable.type -> Mount",
+    "SensorTable.hides -> Mount",
+    "SensorTable.name -> Mount",
+    "SensorTable.type -> Mount",
     # a sensor on a trigger has those of the sensor that sets it
     "SensorTable.jitter_s -> SensorRate",
     "SensorTable.phase_s -> SensorRate",
