@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import threading
 from collections import Counter, deque
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -79,6 +80,23 @@ def make_shards(job: SampleJob, shards: Sequence[int], workers: int) -> Iterator
             worker.end()
 
 
+@contextmanager
+def uninterrupted() -> Iterator[None]:
+    """Put signals that end the process off to the end of a `with` block."""
+    came: list[int] = []
+    before = {}
+    if threading.current_thread() is threading.main_thread():  # only there they can be handled
+        for number in (signal.SIGINT, signal.SIGTERM):
+            before[number] = signal.signal(number, lambda number, _: came.append(number))
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        for late in came:
+            signal.raise_signal(late)
+
+
 class _Worker:
     """Worker process with a connection, and the number of its current shard; None: idle."""
 
@@ -87,7 +105,8 @@ class _Worker:
         self.connection, child = context.Pipe()
         self.shard: int | None = None
         self._process: BaseProcess = context.Process(target=_work, args=(child, job), daemon=True)
-        self._process.start()
+        with uninterrupted():  # a worker whose parent ends meanwhile prints a traceback
+            self._process.start()
         child.close()
 
     def take(self, todo: deque[int]) -> None:

@@ -25,6 +25,7 @@ from omnisim.datasets.generate.generate import Generation
 from omnisim.datasets.generate.prepared_plan import PreparedPlan
 from omnisim.datasets.generate.samples import Shards
 from omnisim.datasets.generate.shard import find_shard
+from omnisim.datasets.generate.workers import uninterrupted
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.stage import open_sensor
 from omnisim.scene import load_scene
@@ -206,6 +207,21 @@ def _started(plan, out, *words):
     command = [sys.executable, "-c", MAIN, "generate", str(plan), "-o", str(out), *words]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     return subprocess.Popen(command, start_new_session=True, **pipes)
+
+
+def test_an_interrupt_waits_until_a_worker_has_started():
+    done = []
+
+    def start():
+        with uninterrupted():
+            signal.raise_signal(signal.SIGINT)
+            done.append("started")
+
+    with pytest.raises(KeyboardInterrupt):
+        start()
+    assert done == ["started"]
+    with pytest.raises(KeyboardInterrupt):
+        signal.raise_signal(signal.SIGINT)
 
 
 @pytest.mark.slow
