@@ -278,9 +278,9 @@ class CubePass:
         """Draw other tiles, at most as many as at first, in an atlas of the same size."""
         if plan is not self.plan:
             self.plan = plan
-            for mirror in (self.tiles, self._sky, *self._view.mirrors):
-                if mirror is not None:
-                    mirror.use_plan(plan)
+            for planned in (self.tiles, self._sky, *self._view.mirrors):
+                if planned is not None:
+                    planned.use_plan(plan)
 
     @property
     def tiles(self) -> TileRenderer:

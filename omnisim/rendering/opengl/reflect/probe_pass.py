@@ -4,9 +4,9 @@ All cameras share the probes. A probe is drawn again if an object has moved or a
 since; its light is therefore a function of the scene and its state alone. Probes of planar mirrors,
 and those that are seen within probes, show what is static, and are drawn once.
 
-In a scene of several reflectors, probes are drawn twice. In the first ones, planar metal mirrors
-reflect the probe itself, as drawn without them, and other reflective surfaces sky and lamps. In the
-second ones, surfaces reflect the first ones.
+In a scene of several reflectors, probes are drawn in three turns. In the first, planar metal
+mirrors reflect the probe itself, as drawn without them, and other reflective surfaces sky and
+lamps. In each later one, surfaces reflect the probes of the turn before.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ from omnisim.scene.surface_kind import SurfaceKind, lobe_roughnesses
 from omnisim.scene.surface_reflectance import MIN_ROUGHNESS
 
 SIZE_PX, PLANAR_SIZE_PX = 128, 256  # of a face, of planar mirrors and panes
-_BOUNCES = 2  # reflections within a probe
+_BOUNCES = 2  # turns before the last
 _AWAY = np.eye(4)  # pose at which an object is not seen, and casts no shadow
 _AWAY[:3, 3] = 1e7
 _METAL = 0.5  # metalness from which a surface shows reflections alone
@@ -177,7 +177,7 @@ class ProbePass:
 
     def render(self, seen: Collection[int], world_from_objects: Sequence[Floats]) -> None:
         """Render the probes that items at the given indices reflect; meshes are deformed."""
-        state = b"".join(np.asarray(moving).tobytes() for moving in world_from_objects)
+        state = b"".join(np.asarray(pose).tobytes() for pose in world_from_objects)
         if self._buffers.deforming.size:
             state += np.float64(time_of(world_from_objects)).tobytes()
         # meshes that deform cast shadows on static ones, and cannot be moved away
@@ -298,13 +298,13 @@ class SceneProbes:
         self._passes = [make(others, within=within)] if others else []
         if planar:
             self._passes.append(make(planar, within=within, is_static=True, size_px=PLANAR_SIZE_PX))
-        self.items = frozenset(index for step in self._passes for index in step.items)
-        self.planar = frozenset(index for step in self._passes for index in step.planar)
+        self.items = frozenset(index for probes in self._passes for index in probes.items)
+        self.planar = frozenset(index for probes in self._passes for index in probes.planar)
 
     def render(self, seen: Collection[int], world_from_objects: Sequence[Floats]) -> None:
         """Render the probes that items at the given indices reflect; meshes are deformed."""
-        for step in self._passes:
-            step.render(seen, world_from_objects)
+        for probes in self._passes:
+            probes.render(seen, world_from_objects)
 
     def connect(self, programs: Collection[SurfaceProgram], shot: ScenePoses) -> None:
         """Set the probes of items in the programs for a viewpoint."""
@@ -321,7 +321,7 @@ def shared_probes(
 ) -> SceneProbes:
     """Probes of a scene, which all cameras share; arguments as of `ProbePass`."""
     passes = programs.shared_passes
-    for old in [step for step in passes if step[0] != buffers.version]:
+    for old in [key for key in passes if key[0] != buffers.version]:
         del passes[old]
     key = buffers.version, tuple(places), background
     shared = passes.get(key)

@@ -60,7 +60,8 @@ def _read_level(context, texture, level):
 
 
 BLOCK, BLOCKS_PER_GROUP = 8, 8
-NEAR_M, LONGEST_M = 0.05, 0.17
+NEAR_M = 0.05
+LONGEST_M = 0.17  # from the viewpoint to where a ray begins
 
 
 def _largest(values, side):
@@ -88,8 +89,9 @@ def _expected(depth, far_m):
     height, width = inverse_z.shape
     of_group = groups.repeat(BLOCKS_PER_GROUP, axis=0).repeat(BLOCKS_PER_GROUP, axis=1)
     nearest = float(inverse_z.max())
-    if nearest > 0.0:
-        nearest = 1.0 / max(1.0 / nearest - LONGEST_M, NEAR_M)
+    if nearest > 0.0:  # seen from any ray's beginning, not before the near plane
+        distance_m = max(1.0 / nearest - LONGEST_M, NEAR_M)
+        nearest = 1.0 / distance_m
     bounds = np.stack((_dilated(inverse_z), of_group[:height, :width]), axis=-1)
     return bounds, np.float32(nearest)
 
