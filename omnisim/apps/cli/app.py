@@ -71,7 +71,7 @@ class _Omnisim(Group):
                 ("--version", _print_version, "Print the version.", {"is_flag": True}),
                 ("--install-completion", _install, "Install completion for the shell.",
                  {"is_flag": True}),
-                ("--show-completion", _show_script, "Print the completion script of a shell.",
+                ("--show-completion", _show_script, "Print the completion script for a shell.",
                  {"metavar": "bash|zsh|fish"}),
             )
         ]  # fmt: skip

@@ -31,8 +31,8 @@ def _help_options(hidden: int) -> list[click.Option]:
             ctx.exit()
 
     shared: dict[str, Any] = {"is_flag": True, "is_eager": True, "expose_value": False}
-    page = click.Option(HELP_FLAGS[:2], callback=show, help="Show this page.", **shared)
-    text = f"Show all options, {hidden} more."
+    page = click.Option(HELP_FLAGS[:2], callback=show, help="Show this help.", **shared)
+    text = f"Show all options ({hidden} more)."
     of_all = click.Option(HELP_FLAGS[2:], callback=show, help=text, hidden=not hidden, **shared)
     return [of_all, page]
 

@@ -33,8 +33,8 @@ Resources = Annotated[
     Option(
         metavar="DIR",
         help="Folder of models that the file references by URI, such as model://chair; can be "
-        "repeated. Default: GZ_SIM_RESOURCE_PATH, GAZEBO_MODEL_PATH, ROS_PACKAGE_PATH, and folders "
-        "around the file's.",
+        "repeated. Default: GZ_SIM_RESOURCE_PATH, GAZEBO_MODEL_PATH, ROS_PACKAGE_PATH, and the "
+        "folders above the file.",
     ),
 ]
 Position = Annotated[tuple[float, float, float] | None, Option(metavar="X Y Z")]
@@ -153,7 +153,7 @@ class ImageOptions:
     preset: Annotated[str | None, Option(metavar="NAME|FILE", names=preset_names)] = None
     """Degradations of the camera ({names}), or a .toml file. Default: the sensor file's."""
     exposure_ev: Exposure = None
-    """Override of the camera's exposure: stops (each doubles the light), or auto (metered in each
+    """Exposure of the camera: a number of stops (+1 doubles the light), or auto (metered in each
     image). Default: the camera's."""
 
 
@@ -162,8 +162,8 @@ class MeshImageOptions(ImageOptions):
     """Image of the camera, and polygons of its mirror."""
 
     polygons: Polygons = None
-    """Number of polygons of the mirror's mesh; auto: as many as 0.1 px accuracy needs. Default:
-    auto, exact for optics, or the sensor file's."""
+    """Number of polygons of the mirror's mesh; auto: as many as 0.1 px accuracy needs; exact: no
+    mesh. Default: the sensor file's, else auto, or exact for optics."""
 
 
 @options
@@ -242,7 +242,7 @@ class RunSceneOptions:
     """Scene of a recorded run."""
 
     scene: Annotated[str | None, Option(metavar="SCENE", complete=completion.complete_scene)] = None
-    """Scene of the run, if it has moved. Default: the recorded one."""
+    """Scene of the run, if its file has moved. Default: the recorded one."""
 
 
 @options

@@ -22,8 +22,8 @@ class BakeSettings:
     """Settings of a bake; equal settings and scenes produce equal bytes."""
 
     texel_m: Annotated[float, Field(ge=1e-4, le=100.0)] | None = None
-    """Width of a texel near the starts and paths; distant texels are coarser. Default: by the
-    scene's area, for minutes."""
+    """Width of a texel near the starts and paths; distant texels are coarser. Default: from
+    the scene's area, so that the bake takes minutes."""
     samples: Annotated[int, Field(ge=1, le=65536)] = DEFAULT_SAMPLES
     """Number of rays per texel."""
     bounces: Annotated[int, Field(ge=0, le=1000)] = 16

@@ -30,7 +30,7 @@ Format = Annotated[
 
 @command("mirror", "cameras.mirror.run")
 class MirrorRequest:
-    """Write the mirror's mesh, textured for the unfolded cube, to open in Blender.
+    """Write the mirror's mesh, with texture coordinates on the unfolded cube, for Blender.
 
     omnisim mirror -o mirror.glb
     omnisim mirror --sensor sensor.toml -n 3600 -o mirror.obj
@@ -82,7 +82,7 @@ class ConvertRequest:
     """Optics file, in place of FILE, to which a central camera is fitted."""
     at_distance: Distances = None
     right_at: Annotated[float | None, Option(metavar="M")] = None
-    """Optics: distance from the viewpoint of the points to fit. Default: infinity."""
+    """Optics: distance of the fitted points from the viewpoint. Default: infinity."""
     source: Annotated[str | None, Argument(metavar="FILE")] = None
     """Calibration file, sensor file, or image by omnisim."""
     more_distances: MoreDistances = None

@@ -16,7 +16,7 @@ def _check_names() -> Iterable[str]:
 
 @command("doctor", "checks.doctor.run")
 class DoctorRequest(DeviceOptions):
-    """Examine OpenGL on this machine step by step, and say what to do; exits with 1 if a step
+    """Diagnose OpenGL on this machine step by step, and say what to do; exits with 1 if a step
     fails.
 
     omnisim doctor
@@ -24,7 +24,7 @@ class DoctorRequest(DeviceOptions):
     """
 
     report: Path | None = None
-    """JSON file for all results, without names of the user, the machine and their folders."""
+    """JSON file for all results, without the names of the user, the machine and their folders."""
 
 
 @command("schema", "checks.schema.run")
@@ -60,7 +60,7 @@ class ValidateRequest(DeviceOptions):
 
 @command("experiments", "checks.validate.experiments", extra="reports")
 class ExperimentsRequest(DeviceOptions):
-    """Repeat the paper's experiments in self-localization; exits with 1 if a tolerance is exceeded.
+    """Repeat the paper's self-localization experiments; exits with 1 if a tolerance is exceeded.
 
     omnisim experiments -o report
     omnisim experiments --device 1 -o report

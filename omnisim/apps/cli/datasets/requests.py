@@ -15,7 +15,7 @@ DataSet = Annotated[Path, Argument(metavar="DIR", help="Folder of a complete dat
 class TrialOptions:
     """Trials before the data set is generated."""
 
-    panel: ClassVar[str] = "Before it is made"
+    panel: ClassVar[str] = "Before generating"
 
     check: bool = False
     """Only check the plan and its files."""
@@ -81,8 +81,8 @@ class CocoOptions:
     min_area_px: Annotated[int | None, Option(flags=("--min-area-px",), ge=1)] = None
     """Minimum number of visible pixels of an annotated object. Default: 1."""
     min_visible: Annotated[float | None, Option(metavar="SHARE", ge=0, le=1, example="0.5")] = None
-    """Minimum visible share, 0 to 1, of the pixels that an annotated object would cover alone;
-    requires a data set whose plan has min_visible. Default: any."""
+    """Minimum visible share, 0 to 1, of the pixels that an annotated object would cover if nothing
+    hid it; requires a data set whose plan has min_visible. Default: any."""
     polygons: bool = False
     """Write masks as polygons instead of run lengths; with --to coco."""
     split: Annotated[str | None, Option(metavar="NAME=SHARE,…")] = None
@@ -92,7 +92,7 @@ class CocoOptions:
 
 @command("dataset convert", "datasets.dataset.convert")
 class DatasetConvertRequest:
-    """Write a data set in another layout: COCO's, YOLO's, KITTI-360's, nerfstudio's or COLMAP's.
+    """Convert a data set to the layout of COCO, YOLO, KITTI-360, nerfstudio or COLMAP.
 
     omnisim dataset convert dataset --split train=0.8,val=0.2 -o coco
     omnisim dataset convert dataset --to colmap -o colmap

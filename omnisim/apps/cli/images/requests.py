@@ -27,7 +27,7 @@ class CameraViewpointOptions(groups.TiltedViewpointOptions):
     """Viewpoint, or a camera of the scene's file."""
 
     at_camera: Annotated[str | None, Option(metavar="NAME")] = None
-    """Camera of the scene's file that sets viewpoint, attitude and, unless another is chosen, the
+    """Camera of the scene file that sets viewpoint, attitude and, unless another is chosen, the
     lens; `omnisim scene` lists them."""
 
 
@@ -115,13 +115,13 @@ class PageOptions:
     panel: ClassVar[str] = "Page"
 
     host: Annotated[str, Option(metavar="ADDRESS")] = "localhost"
-    """Address to listen on; any address but this machine's own requires a token."""
+    """Address to listen on; viewers need a token unless it is localhost."""
     port: Annotated[int, Option(ge=0, le=65535)] = 8080
     """Port to listen on; 0: any free port."""
     open: bool = False
     """Open the page in a browser."""
     record: Path | None = None
-    """Record a short film of a drive around the start, without serving a page: .mp4 .mkv."""
+    """Record a short video of a drive around the start, without serving a page: .mp4 .mkv."""
 
 
 @command("live", "images.live.run", first="robot run sensor at size_px preset sky record open port")
@@ -165,7 +165,7 @@ class UnwarpRequest:
     """
 
     source: Annotated[Path, Argument(metavar="IMAGE")]
-    """Image, by omnisim or any other source."""
+    """Image, from omnisim or any other source."""
     kind: Annotated[Literal["cylinder", "perspective", "birdseye"], Option(flags=("--to",))]
     """View: a panorama, a pinhole camera's view, or a map of the ground."""
     output: Path
@@ -211,7 +211,7 @@ class ScanRequest:
     resolution_deg: float = 0.5
     """Angle between beams: 1 or 0.5 over 180°, or 0.25 over 100°."""
     mode: Literal["mm", "cm"] = "mm"
-    """Range and step: mm up to 8.19 m by 1 mm, cm up to 81.9 m by 1 cm."""
+    """Range and resolution: mm (up to 8.19 m in 1 mm steps), or cm (up to 81.9 m in 1 cm steps)."""
     noise: Annotated[bool, Option(flags=("--noise/--no-noise",))] = True
     """Apply the device's errors to the ranges."""
     seed: int = 0

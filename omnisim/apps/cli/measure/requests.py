@@ -17,15 +17,15 @@ class MeasureNoiseRequest:
     """
 
     dark: Annotated[Path, Argument(metavar="DARK")]
-    """Folder of dark frames, with one folder per exposure, such as 2.5ms."""
+    """Folder of dark frames, with a subfolder per exposure time, such as 2.5ms."""
     flat: Annotated[Path, Argument(metavar="FLAT")]
-    """Folder of evenly lit frames, likewise, of three exposures or more."""
+    """Folder of flat fields, with a subfolder for each of three or more exposure times."""
     output: Path
     """Sensor file to write: .toml; a report and the fixed pattern are written beside it."""
     sensor: Path | None = None
     """Sensor file to add the noise to. Default: none."""
     bit_depth: Annotated[int | None, Option(metavar="BITS")] = None
-    """Bits of the converter. Default: as the values use."""
+    """Bit depth of the A/D converter. Default: the bits that the values use."""
     bayer: bool = False
     """The frames are a Bayer mosaic."""
 
@@ -39,7 +39,7 @@ class MeasureGeometryRequest:
     """
 
     images: Annotated[Path, Argument(metavar="IMAGES")]
-    """Folder of images of a board, a video or a ROS bag; or corners: .csv with
+    """Images of a board: a folder, a video or a ROS bag; or its corners: .csv with
     image,x_m,y_m,u_px,v_px."""
     output: Path
     """Sensor file to write: .toml; report, corners and a plot are written beside it."""
@@ -54,50 +54,50 @@ class MeasureGeometryRequest:
     fit."""
     optics: Path | None = None
     """Optics file of a non-central camera, close to the true one; --free names what is fitted.
-    Default: none: a central camera."""
+    Default: none (a central camera)."""
     free: Annotated[list[str] | None, Option(metavar="KEY")] = None
     """Key of the optics file to fit, such as surfaces.0.tilt_deg; repeatable. Default: none."""
     mirrored: bool = False
     """The camera looks into a mirror."""
     flat_board: bool = False
-    """Take the board as exactly flat, and do not measure its shape."""
+    """Assume an exactly flat board, instead of measuring its shape."""
     sensor: Path | None = None
     """Sensor file whose camera is replaced. Default: none."""
 
 
 @command("measure compare", "measure.measure_compare.compare")
 class MeasureCompareRequest:
-    """Compare a camera's images of a board or a scene with its sensor file's.
+    """Compare a camera's images of a board or a scene with images rendered from its sensor file.
 
     omnisim measure compare images --sensor camera.toml --board 8x6:30mm -o report
     omnisim measure compare images --sensor camera.toml --scene hall.glb --trajectory a.tum -o out
     """
 
     images: Annotated[Path, Argument(metavar="IMAGES")]
-    """Folder of images of a board or a scene, a video or a ROS bag."""
+    """Images of a board or a scene: a folder, a video or a ROS bag."""
     sensor: Path
     """Sensor file of the camera; the board's measured shape is read from the report beside it."""
     output: Path
     """Folder to write: report.html, report.json and its figures."""
     board: Annotated[str | None, Option(metavar="BOARD")] = None
     """Board: 8x6:30mm, charuco:9x7:30mm:22mm:5X5_100, aprilgrid:6x6:88mm:0.3, or a Kalibr file
-    (.yaml), as for omnisim measure geometry. Default: none: --scene."""
+    (.yaml), as for omnisim measure geometry. Default: none (--scene)."""
     mirrored: bool = False
-    """The camera looks into a mirror, and sees a board in it."""
+    """The camera sees the board in a mirror."""
     scene: Annotated[str | None, Option(metavar="SCENE", complete=completion.complete_scene)] = None
     """Scene in the images, instead of a board: a scene file, or name of a built-in scene. Default:
-    none: --board."""
+    none (--board)."""
     trajectory: Path | None = None
     """Pose of each image in the scene: TUM, .csv, KITTI, EuRoC or transforms.json; with the names
     of the images, such as a.png x y z qx qy qz qw, or one pose per image in their order. Default:
-    none: --board."""
+    none (--board)."""
     trajectory_frame: Annotated[str | None, Option(metavar="body|camera")] = None
     """Frame that the poses describe: the camera, or the vehicle on which it is mounted. Default: by
     the file's format, with a note."""
     axes: Axes = None
     exposure_ev: Exposure = None
-    """Exposure of the twin, in stops, in a scene whose light is not that of the images. Default:
-    the camera's."""
+    """Exposure of the twin, in stops, if the scene's light differs from the images'. Default: the
+    camera's."""
 
 
 @command("measure response", "measure.measure_sensor.response")
@@ -109,16 +109,15 @@ class MeasureResponseRequest:
     """
 
     images: Annotated[Path, Argument(metavar="IMAGES")]
-    """Folder of images of a still scene, with one folder per exposure, such as 2.5ms."""
+    """Folder of images of a static scene, with a subfolder per exposure time, such as 2.5ms."""
     output: Path
     """Sensor file to write: .toml; a report is written beside it."""
     flat: Annotated[Path | None, Option(metavar="DIR")] = None
-    """Folder of images of an evenly lit surface, for the vignetting. Default: none: no
-    vignetting."""
+    """Folder of images of an evenly lit surface, to measure vignetting. Default: none."""
     black: Annotated[float, Option(metavar="LEVEL", ge=0.0, le=65535.0)] = 0.0
-    """Level without light."""
+    """Gray level without light."""
     white: Annotated[float | None, Option(metavar="LEVEL")] = None
-    """Largest level, such as 4095 for 12 bits in files of 16 bits. Default: 255 or 65535."""
+    """Maximum gray level, such as 4095 for 12 bits in 16-bit files. Default: 255 or 65535."""
     sensor: Path | None = None
     """Sensor file to add response and vignetting to. Default: none."""
 
@@ -132,21 +131,21 @@ class MeasureTimingRequest:
     """
 
     images: Annotated[Path, Argument(metavar="FRAMES")]
-    """Folder of frames of a still surface under a flickering lamp, or of a turning board; a video
+    """Frames of a static surface under a flickering lamp, or of a turning board: a folder, a video
     or a ROS bag."""
     output: Path
     """Sensor file to write: .toml; a report is written beside it."""
     flicker: Annotated[float | None, Option(metavar="HZ")] = None
-    """Frequency of the light: twice the mains', such as 100, or a driven LED's. Default: none: a
-    turning board."""
+    """Frequency of the light: twice the mains', such as 100, or a driven LED's. Default: none (a
+    turning board)."""
     modulation: Annotated[float | None, Option(metavar="SHARE")] = None
     """Amplitude of the lamp's light over its mean, from 0 to 1, for the exposure time. Default:
     unknown."""
     board: Annotated[str | None, Option(metavar="BOARD")] = None
-    """Turning board, as for omnisim measure geometry, in consecutive frames. Default: none: a
-    flickering lamp."""
+    """Turning board, as for omnisim measure geometry, in consecutive frames. Default: none (a
+    flickering lamp)."""
     frame_rate: Annotated[float | None, Option(metavar="HZ")] = None
-    """Frames per second, of a turning board. Default: none."""
+    """Frame rate, for a turning board. Default: none."""
     mirrored: bool = False
     """The camera looks into a mirror."""
     sensor: Path | None = None
@@ -163,23 +162,23 @@ class MeasureSharpnessRequest:
     """
 
     images: Annotated[Path, Argument(metavar="IMAGES")]
-    """Folder of images of slanted edges, linear: PNG, TIFF, PGM or EXR; or one image."""
+    """Folder of linear images of slanted edges (PNG, TIFF, PGM or EXR), or one image."""
     output: Path
     """Sensor file to write: .toml; a report is written beside it."""
     sensor: Path | None = None
     """Sensor file of the camera to add point spread and lateral color to; its principal point is
     the center of the field. Default: none."""
     corners: Path | None = None
-    """Corners of a board of squares in each image, as for optics calibrate: .csv. Default: all
-    straight edges are measured."""
+    """Corners of a board of squares in each image, as for optics calibrate: .csv. Default: none
+    (all straight edges are measured)."""
     response: Annotated[str | None, Option(metavar="srgb|GAMMA")] = None
-    """Encoding of the images, such as srgb or 2.2; 1: linear; if unknown: linear, with a check.
-    Default: the sensor file's."""
+    """Encoding of the images: srgb, or a gamma such as 2.2 (1: linear). Default: the sensor file's,
+    else linear, with a check."""
 
 
 @command("measure plan", "measure.measure_plan.plan")
 class MeasurePlanRequest:
-    """Measure a camera part by part by a plan, and write a report.
+    """Measure the parts of a camera that a plan lists, and write a report.
 
     omnisim measure plan plan.toml -o camera.toml
     omnisim measure plan plan.toml --sensor before.toml -o camera.toml

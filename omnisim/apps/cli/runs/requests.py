@@ -21,7 +21,7 @@ class PathOptions:
     step_m: float = 0.41
     """Maximum step length along waypoints."""
     turn_step_deg: float = 12.0
-    """Maximum step angle of a turn."""
+    """Maximum turn per step."""
     rate_hz: float | None = None
     """Steps per second, in place of --step and --turn-step, or for a file without times."""
     ground_m: float | None = None
@@ -31,8 +31,8 @@ class PathOptions:
     ignore_limits: bool = False
     """Ignore the robot's kinematic limits."""
     physics: Annotated[Literal["mujoco"] | None, Option(metavar="ENGINE")] = None
-    """Physics engine that simulates wheel slip and collisions: mujoco. Default: none: motion as
-    planned, through obstacles."""
+    """Physics engine that simulates wheel slip and collisions: mujoco. Default: none (motion as
+    planned, through obstacles)."""
     axes: groups.Axes = None
 
 
@@ -95,9 +95,9 @@ class PoseOptions:
     yaw_deg: float | None = None
     """Heading of the file's origin, counter-clockwise from +x. Default: 0."""
     pitch_deg: float = 0.0
-    """Downward tilt of the file's origin to the front."""
+    """Pitch of the file's origin, positive with the front down."""
     roll_deg: float = 0.0
-    """Downward tilt of the file's origin to the right."""
+    """Roll of the file's origin, positive with the right side down."""
 
 
 @options
@@ -202,16 +202,16 @@ class ExportRequest:
     ] = None
     """Name of the run's camera. Default: all, or the first for single-camera formats."""
     start_time: Annotated[str, Option(metavar="S|DATE")] = "0"
-    """Stamp of the run's time 0: seconds since 1970, or a date such as 2026-01-31T12:00:00."""
+    """Time stamp of the run's start: seconds since 1970, or a date such as 2026-01-31T12:00:00."""
     compressed: bool = False
-    """Write images as PNG where the format allows pixels or PNG: ros2-*."""
+    """Write images as PNG instead of raw pixels: ros2-*."""
     with_points: Annotated[bool, Option(flags=("--points",))] = False
     """Also write point clouds from the cameras' ranges: ros2-*."""
 
 
 @command("landmarks train", "runs.landmarks.train")
 class TrainRequest(groups.RunSceneOptions, groups.RunCameraOptions):
-    """Learn the colors from a run recorded with --also instance.
+    """Learn the colors of landmarks from a run recorded with --also instance.
 
     omnisim landmarks train run -o colors.npz
     omnisim landmarks train run --false-alarm 10 -o colors.npz
@@ -256,8 +256,7 @@ class ListRobotsRequest:
 
 @command("robot show", "runs.robot.show_robot")
 class ShowRobotRequest:
-    """Print a robot file, to save and edit: what it extends is merged into it, and names of files
-    are absolute.
+    """Print a whole robot file, with inherited keys and absolute paths, to save and edit.
 
     omnisim robot show p2at
     omnisim robot show superscout > robot.toml
