@@ -35,7 +35,9 @@ def photon_transfer_figure(
     """
     means, variances = np.asarray(means_dn), np.asarray(variances_dn2)
     fitted = np.asarray(used, dtype=bool)
-    figure, axes = plot("Photon transfer", "mean minus dark (DN)", "variance minus dark (DN²)")
+    figure, axes = plot(
+        "Photon transfer curve", "mean minus dark (DN)", "variance minus dark (DN²)"
+    )
     axes.plot(means[fitted], variances[fitted], "o", color=BLUE, label="fitted")
     axes.plot(means[~fitted], variances[~fitted], "o", color=GRAY, label="not fitted")
     ends = np.array((0.0, means.max(initial=1.0, where=fitted)))
@@ -61,7 +63,7 @@ def vignetting_figure(channels: Mapping[str, Mapping[str, Any]]) -> Figure:
     Args:
         channels: `radius`, `light` and `fitted` of each channel, by its name.
     """
-    figure, axes = plot("Vignetting", "radius (halves of the shorter side)", "relative light")
+    figure, axes = plot("Vignetting", "radius (in half shorter sides)", "relative light")
     for name, channel in channels.items():
         color, radii = _COLORS.get(name, GRAY), np.asarray(channel["radius"])
         order = np.argsort(radii)
@@ -90,8 +92,8 @@ def sharpness_figure(edges: Sequence[Mapping[str, Any]], center_px: Sequence[flo
     outward = (offsets * normals).sum(axis=1) / np.maximum(radii, 1e-9)
     is_radial = np.abs(outward) > np.sqrt(0.5)
     mtf50 = np.array([edge["mtf50"] for edge in edges]).reshape(-1, 2)
-    _bars(spread, radii[is_radial], mtf50[is_radial], BLUE, "along the radius")
-    _bars(spread, radii[~is_radial], mtf50[~is_radial], ORANGE, "across it")
+    _bars(spread, radii[is_radial], mtf50[is_radial], BLUE, "radial")
+    _bars(spread, radii[~is_radial], mtf50[~is_radial], ORANGE, "tangential")
     spread.set_ylim(bottom=0.0)
     spread.legend(fontsize=8, loc="lower left")
     for name, tone in (("red", RED), ("blue", BLUE)):
@@ -117,7 +119,7 @@ def timing_figure(profile: Sequence[float], fitted: Sequence[float], lines: str)
         profile, fitted: (lines,) relative light.
         lines: "rows" or "columns".
     """
-    figure, axes = plot("Bands of the lamp", lines, "relative light")
+    figure, axes = plot("Flicker bands", lines, "relative light")
     axes.plot(profile, color=BLUE, linewidth=0.9, label="measured")
     axes.plot(fitted, color=ORANGE, linewidth=1.2, label="fitted")
     low, high = axes.get_ylim()
@@ -179,7 +181,7 @@ def edge_figure(comparison: Comparison) -> Figure:
     offsets, rises = figure.subplots(1, 2)
     label_axes(offsets, "Bias of corners by ring", "radius (px)", "twin minus image (px)")
     radii = [ring.radius_px for ring in comparison.rings]
-    for index, (name, color) in enumerate((("along the radius", BLUE), ("across", ORANGE))):
+    for index, (name, color) in enumerate((("radial", BLUE), ("tangential", ORANGE))):
         values = [ring.bias_px[index] for ring in comparison.rings]
         offsets.plot(radii, values, "o-", color=color, label=name)
     offsets.axhline(0.0, color=GRAY, linewidth=0.6)

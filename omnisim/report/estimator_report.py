@@ -32,8 +32,8 @@ METHOD = (
     "ATE: root mean square distance from the truth after alignment (se3: by rotation and "
     "translation; sim3: by scale, too; none: the estimator starts at the true pose). RPE: error of "
     "the motion between successive poses. Drift: error of the motion over a tenth of the path, as "
-    "a share of its length. Yaw: of the aligned headings. Gravity: of the direction of gravity, if "
-    "the estimator knows it. Scale: factor from the estimate's lengths to the true ones. Lost: "
+    "a share of its length. Yaw: error of the aligned headings. Gravity: error of the direction of "
+    "gravity, for estimators that estimate it. Scale: factor from the estimate's lengths to the true ones. Lost: "
     "share of the time without a pose: before the first one, after the last one, and in gaps."
 )
 MIN_LOST = 0.01  # shortest drawn interval without an estimate, as a share of the drive's time
@@ -64,7 +64,7 @@ _MEASURES: dict[str, tuple[Measure, str]] = {
     "lost %": (lost_percent, ".1f"),
 }
 RUN_COLUMNS = ("estimator", *_MEASURES, "aligned", "s")
-CAMERA_COLUMNS = ("estimator", "model", "focal length %", "RMS px", "max px", "of the image %")
+CAMERA_COLUMNS = ("estimator", "model", "focal length %", "RMS px", "max px", "% of image")
 SWEEP_COLUMNS = ("value", "estimator", *_MEASURES, "aligned", "s", "without")
 
 
@@ -152,7 +152,7 @@ def sweep_sections(
 def varied_title(plan: SweepPlan, variation: int | None) -> str:
     """Title of a variation by its index; None: the unchanged drive."""
     if variation is None:
-        return "The drive as it is"
+        return "The drive without variation"
     varied = plan.vary[variation]
     return varied.title or ", ".join(varied.keys)
 
@@ -200,7 +200,7 @@ def lesson_figure(plan: SweepPlan, results: Sequence[PointResult], name: str) ->
     means = [mean for panel in lost for line in panel.lines for mean in line.means]
     is_lost = max(filter(math.isfinite, means), default=0.0) > MIN_LOST_PERCENT
     figure = plots.sweep_grid([errors, lost] if is_lost else [errors])
-    return CaptionedFigure(name, figure, "Absolute trajectory error by the varied values")
+    return CaptionedFigure(name, figure, "Absolute trajectory error by varied value")
 
 
 def _ate_panel(
@@ -239,8 +239,8 @@ def _sweep_section(
             CaptionedFigure(
                 f"{name}-errors",
                 plots.sweep_figure(_ate_panel(plan, title, values)),
-                "Absolute trajectory error by the varied value, with its 95 % interval over the "
-                "seeds, and the single seeds as dots",
+                "Absolute trajectory error by varied value, with its 95 % interval over the seeds; "
+                "dots are single seeds",
             )
         )
     figures += _track_figures(plan, values, name)
@@ -250,7 +250,7 @@ def _sweep_section(
         taken_s = [[each.seconds for each in group if each.seconds is not None] for group in groups]
         times.append(_line(estimator, taken_s))
     panel = plots.SweepPanel("" if variation is None else title, "time taken (s)", labels, times)
-    caption = "Time that the estimators took"
+    caption = "Run time of the estimators"
     figures.append(CaptionedFigure(f"{name}-times", plots.sweep_figure(panel), caption))
     text = METHOD if variation is None else ""
     return Section(title, text, tables=tables, figures=figures, key=name)

@@ -56,8 +56,8 @@ def write_localized(
     )
     report = Report(
         f"Localization of {run.name}",
-        "The robot's position by an extended Kalman filter, from its wheels and from the landmarks "
-        "in its images.",
+        "The robot's position, estimated by an extended Kalman filter from wheel odometry and the "
+        "landmarks in its images.",
         (_section(run, track, parameters, shown, warnings),),
         {"parameters": parameters.to_table(full=True), "steps": len(track.estimates)},
     )
@@ -76,9 +76,9 @@ def _section(
     panel = PathPanel(run.name, track, truth, run.landmarks)
     figures = [
         CaptionedFigure("fig11-detections", detections_figure(shown),
-                "Panoramas with the detections: every box is around a landmark."),
+                "Panoramas with the detections: each box encloses a landmark."),
         CaptionedFigure("fig12-paths", paths_figure([panel]),
-                "From above: the estimate, with ellipses of three sigma, and odometry alone."),
+                "From above: the estimate, with 3σ ellipses, and odometry alone."),
     ]  # fmt: skip
     warnings = [*warnings, *notices(track, parameters)]
     if truth is None:
@@ -86,7 +86,7 @@ def _section(
     else:
         figures.append(
             CaptionedFigure("fig13-errors", errors_figure([panel]),
-                    "Distance from the true position, and how many landmarks the gate let through.")
+                    "Distance from the true position, and number of landmarks that the gate accepted.")
         )  # fmt: skip
     text, measures = "Successors of the paper's Fig. 11, 12 and 13.", track_measures(track, truth)
     return Section(run.name, text, measures, figures=figures, notices=warnings)
@@ -97,8 +97,8 @@ def track_measures(track: Track, truth: Floats | None) -> list[Measure]:
     accepted, rejected = int(track.counts(True).sum()), int(track.counts(False).sum())
     opens = track.gate_opening_step
     measures = [
-        Measure("landmarks let through the gate", accepted),
-        Measure("landmarks rejected", rejected),
+        Measure("landmarks accepted by the gate", accepted),
+        Measure("landmarks rejected by the gate", rejected),
         Measure("step at which the gate opens", math.nan if opens is None else opens,
                paper="23 in the real setting, 1 in simulation"),
     ]  # fmt: skip
@@ -112,7 +112,7 @@ def track_measures(track: Track, truth: Floats | None) -> list[Measure]:
         Measure(f"largest error after step {LATE_STEP}", float(errors[late].max()), "m",
                paper="below 0.6 m, real and simulated"),
         Measure(f"mean error after step {LATE_STEP}", float(errors[late].mean()), "m"),
-        Measure("largest error by the wheels alone", float(wheels.max()), "m",
+        Measure("largest error of wheel odometry alone", float(wheels.max()), "m",
                paper="well above 1 m"),
         Measure("NEES, mean of the run (3 expected)",
                float(known.mean()) if len(known) else math.nan),

@@ -124,7 +124,7 @@ def _light_groups(document: CameraDocument, scene: Scene) -> list[Json]:
     """Groups of a scene's light, sky and fog, with the keys of a scene's TOML."""
     about = summary(LightTable)
     if scene.lighting.baked is not None:
-        about = "Baked; setting a value of light or sky replaces it by lamps and sky."
+        about = "Baked light. Setting a value of light or sky replaces it with lamps and sky."
     elif is_even(scene.lighting):
         about = "Even light, without shadows: the scene has no lamps."
     keys = ("exposure", "ambient", "shadows", "shading")
@@ -174,7 +174,7 @@ def _lens_group(document: CameraDocument, path: str, title: str) -> Json:
     kind = CAMERA_MODELS[model]
     kinds = _ValueType("choice", tuple(CAMERA_MODELS))
     choice = _control(f"{path}.model", "model", kinds, model, None)
-    choice["help"] = "Camera model; another one begins with an example of its own."
+    choice["help"] = "Camera model. A newly chosen model starts with example parameters."
     choice["required"] = True
     shapes = [key.inner.model for key in keys_of(table_of(kind)) if key.inner]  # such as a mirror's
     tables = (table_of(kind), *shapes)

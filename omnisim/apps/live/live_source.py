@@ -49,7 +49,7 @@ ADVANCE_M = 0.1  # motion to the next image for flow, as in `omnisim render`
 SCALES = (1.0, 0.7, 0.5)  # sizes of coarse images relative to fine ones
 SLOW_S, QUICK_S = 0.14, 0.035  # render times that make coarse images smaller or larger
 COARSE = "fast"  # quality of coarse images
-_NO_LIGHT = "scene: expected its own light: it was not read from a file"
+_NO_LIGHT = "scene: its light cannot be changed: the scene was not read from a file"
 RATE_HZ, SECONDS, RADIUS_M = 20.0, 6.0, 0.6
 
 

@@ -100,7 +100,7 @@ def test_a_run_is_localized(run, localized):
     }  # fmt: skip
     (section,) = json.loads((out / "report.json").read_text())["sections"]
     values = {measure["name"]: measure["value"] for measure in section["measures"]}
-    assert values["landmarks let through the gate"] >= 4 * (STEPS - 1)
+    assert values["landmarks accepted by the gate"] >= 4 * (STEPS - 1)
     truth = np.loadtxt(run / "ground_truth.tum")
     estimate = np.loadtxt(out / "estimate.tum")
     # the bound of experiment 1

@@ -118,7 +118,7 @@ async function showFrame(frame) {
 function showPlace({ viewpoint, blocked_by: blocked }) {
   const [x, y, z] = viewpoint.position_m.map((value) => value.toFixed(2));
   const tilt = Math.abs(viewpoint.pitch_deg) > 0.05 ? `, pitch ${viewpoint.pitch_deg.toFixed(1)}°` : "";
-  const wall = blocked ? ` · against ${blocked}` : "";
+  const wall = blocked ? ` · blocked by ${blocked}` : "";
   byId("place").textContent = `x ${x}  y ${y}  z ${z} m, yaw ${viewpoint.yaw_deg.toFixed(1)}°${tilt}${wall}`;
 }
 
@@ -373,12 +373,12 @@ function listen() {
 function toggleWalls() {
   const on = !state.frame.walls;
   send("walls", { on });
-  toast(on ? "Walls stop the flight." : "The flight passes through walls.");
+  toast(on ? "Walls stop free flight." : "Free flight passes through walls.");
 }
 
 async function copyCommand() {
   const text = state.frame.command;
-  if (!text) return toast("Wait until the image rests.");
+  if (!text) return toast("Wait until the camera is at rest.");
   try {
     await navigator.clipboard.writeText(text);
     toast("Copied: paste it into a terminal.");

@@ -22,7 +22,7 @@ export class View {
   #reason = make("div", { class: "reason", hidden: true });
   #detail = make("span", { class: "detail" });
   #legend = make("div", { class: "legend", hidden: true });
-  #state = make("i", { class: "state", title: "coarse while it moves, fine when it rests" });
+  #state = make("i", { class: "state", title: "coarse while moving, fine at rest" });
   #drag = null;
   #probedMs = 0;
   blob = null;
