@@ -248,15 +248,15 @@ STATEMENTS = {
         README, HOW_TO + "own-scene.md",
     ),
     "reflections": (
-        "are approximate, and exact by `--backend rays`",
+        "are approximate; `--backend rays` traces them",
         README, WHY + "assumptions.md",
     ),
     "transmission": (
-        "Clear glass transmits: other glass is opaque unless alpha blends it",
+        "Clear glass transmits; other glass is opaque unless it is alpha-blended",
         README, WHY + "assumptions.md",
     ),
     "emission": (
-        "What a surface emits lights others only once it is [baked](baked-light.md)",
+        "Emissive surfaces light others only in [baked light](baked-light.md)",
         WHY + "rendering.md", WHY + "assumptions.md",
     ),
     "holes and glass": (
