@@ -46,7 +46,7 @@ MEASURES = {
         README, r"non-central mirrors and windows [^|]+\| # px, # px \| 0.05 px, 0.15 px",
     ),
     "focal length": (
-        ACCURACY, r"calibration: focal length, distance from the stated one \| # % \| ≤ # %",
+        ACCURACY, r"calibration: error of the focal length \| # % \| ≤ # %",
         README, r"chessboards: error of the focal length \| # % \| # %",
     ),
     "shadows in soccer": (

@@ -144,7 +144,7 @@ def check(fixture: Fixture, title: str) -> Section:
         Measure("markers, mean distance in any system", max(map(mean_abs, markers)), "px",
                 MEAN_BOUND_PX),
         Measure("markers, largest distance", max(map(max_abs, markers)), "px", MAX_BOUND_PX),
-        Measure("worst image at default quality, but for the cone's", min(most), "dB", BOUND_DB,
+        Measure("worst image at default quality, except the cone's", min(most), "dB", BOUND_DB,
                 at_least=True),
         Measure("Mitsuba's single rays against ours, largest distance at 1 m",
                 max(max_abs(result.rays_px) for result in results.values()), "px", RAY_BOUND_PX),
@@ -155,7 +155,7 @@ def check(fixture: Fixture, title: str) -> Section:
             measures += [
                 Measure(f"{name}: image at default quality", result.images.decibels, "dB",
                         SQUEEZED_BOUND_DB, at_least=True),
-                Measure(f"{name}: image by {FINE} × {FINE} samples per pixel", result.fine_db,
+                Measure(f"{name}: image with {FINE} × {FINE} samples per pixel", result.fine_db,
                         "dB", FINE_BOUND_DB, at_least=True),
             ]  # fmt: skip
         off_px = result.markers_px

@@ -67,9 +67,9 @@ def check_orientation(fixture: Fixture, title: str) -> Section:
         (
             Measure("largest difference of a side's color from its paint", worst,
                     bound=COLOR_BOUND),
-            Measure("least correlation of a panorama's word with the painted one", normal,
+            Measure("lowest correlation of a panorama's word with the painted one", normal,
                     bound=READS_BOUND, at_least=True),
-            Measure("largest correlation with the word mirrored", mirrored, bound=0.6),
+            Measure("highest correlation with the mirrored word", mirrored, bound=0.6),
         ),
         figures=[
             CaptionedFigure("orientation-mirror",

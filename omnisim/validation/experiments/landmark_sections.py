@@ -85,8 +85,8 @@ def colors(trained: Training, simulated: SimulationExperiment, real: RealExperim
         )  # fmt: skip
     alarms = [1e6 * sum(each.pixels.false_alarms.values()) for each in (simulated, real)]
     numbers = [
-        Measure("false positives of all colors, clean", alarms[0], "in a million pixels"),
-        Measure("false positives of all colors, degraded", alarms[1], "in a million pixels",
+        Measure("false positives of all colors, clean", alarms[0], "per million pixels"),
+        Measure("false positives of all colors, degraded", alarms[1], "per million pixels",
                paper="“a large amount of false positives”"),
     ]  # fmt: skip
     curves = {
@@ -125,14 +125,14 @@ def detection(simulated: SimulationExperiment, real: RealExperiment) -> Section:
     }
     worst = accuracy(real.matches, 0.0, 4.0)
     numbers = [
-        Measure("recall within 4 m, of the landmark that has least",
+        Measure("recall within 4 m, worst landmark",
                min(each.recall for each in each_name.values()), "", 0.95, True),
-        Measure("precision within 4 m, of the landmark that has least",
+        Measure("precision within 4 m, worst landmark",
                min(each.precision for each in each_name.values()), "", 0.98, True),
         Measure("bearing error within 3 m, RMS", math.degrees(three.bearing_rms_rad), "°", 0.5),
         Measure("range error within 3 m, RMS", 100.0 * three.range_rms_share, "%", 5.0),
         Measure("the same by the inverse of Eq. 2", 100.0 * three.range_eq2_rms_share, "%"),
-        Measure("range by Eq. 2 less that by the exact relation, mean within 4 m",
+        Measure("range by Eq. 2 minus range by the exact relation, mean within 4 m",
                1e3 * near.eq2_mean_m, "mm"),
         Measure("processor time of one image of 360 × 360, median",
                simulated.milliseconds, "ms", 30.0),

@@ -152,7 +152,7 @@ def second_experiment(real: RealExperiment) -> Section:
                float(np.median(real.honest.gate_opening_steps))),
         Measure("with it: mean error after step 5, median",
                float(np.median(real.honest.errors_m[:, LATE_STEP:].mean(axis=1))), "m"),
-        Measure("landmarks found automatically and a start that is known: mean error, median",
+        Measure("automatically detected landmarks and a known start: mean error, median",
                float(np.median(real.automatic.errors_m[:, LATE_STEP:].mean(axis=1))), "m"),
         Measure("the same: largest error after step 5, median",
                float(np.median(real.automatic.errors_m[:, LATE_STEP:].max(axis=1))), "m"),

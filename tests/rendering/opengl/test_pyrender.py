@@ -94,7 +94,7 @@ def _averaged(image):
     return 255.0 * srgb_from_linear(blocks.mean(axis=(1, 3)))
 
 
-# The worst face, as it is and averaged. Measured: 37.2 and 43.1 dB, 35.5 and 41.0 dB.
+# The worst face, per pixel and averaged. Measured: 37.2 and 43.1 dB, 35.5 and 41.0 dB.
 BOUNDS_DB = {"soccer": (36.0, 42.0), WAREHOUSE: (35.0, 39.0)}
 
 

@@ -92,7 +92,7 @@ def check(fixture: Fixture, title: str) -> Section:
         (
             Measure("corners in held-out images, RMS", held_out, "px", HELD_OUT_BOUND_PX),
             Measure("corners, RMS over that of cv2.omnidir", excess, "", OMNIDIR_BOUND),
-            Measure("rays over the field of the corners, but for the mirror's, largest error",
+            Measure("rays over the field of the corners, except the mirror's, largest error",
                     rays, "px", RAY_BOUND_PX),
             Measure("corners in the twin's images, bias by ring", bias, "px", BIAS_BOUND_PX),
             Measure("gray levels of 90 % of the squares", levels, "of 255", LEVEL_BOUND),
