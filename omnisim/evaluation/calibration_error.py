@@ -47,7 +47,7 @@ class CalibrationComparison(Table):
     yaw_deg: Number = 0.0
     """Rotation about the sensor's z, degrees; of a camera: about its axis."""
     time_offset_s: Annotated[Number, Field(ge=-1.0, le=1.0)] = 0.0
-    """Seconds that the sensor's stamps are late."""
+    """Delay of the sensor's stamps, seconds."""
 
     def wrong(self, base_from_sensor: Floats) -> Floats:
         """Extrinsics (4, 4) with the error, from the true ones."""

@@ -32,7 +32,8 @@ VISIBLE_SHARE = "visible_share"  # key of an annotation, if the share is known
 class BoxLimits:
     """Limits for annotated objects.
 
-    A share is of the pixels that the object would cover alone; None: no limit, or it is unknown.
+    Shares are of the pixels that the object would cover if nothing hid it; None: no limit, or
+    unknown.
     """
 
     min_area_px: int = 1  # minimum number of visible pixels

@@ -33,8 +33,9 @@ METHOD = (
     "translation; sim3: by scale, too; none: the estimator starts at the true pose). RPE: error of "
     "the motion between successive poses. Drift: error of the motion over a tenth of the path, as "
     "a share of its length. Yaw: error of the aligned headings. Gravity: error of the direction of "
-    "gravity, for estimators that estimate it. Scale: factor from the estimate's lengths to the true ones. Lost: "
-    "share of the time without a pose: before the first one, after the last one, and in gaps."
+    "gravity, for methods that estimate it. Scale: factor from the estimate's lengths to the true "
+    "ones. Lost: share of the time without a pose: before the first one, after the last one, and "
+    "in gaps."
 )
 MIN_LOST = 0.01  # shortest drawn interval without an estimate, as a share of the drive's time
 MIN_LOST_PERCENT = 10.0  # of a plot of lost tracking; the first and last moments are always lost

@@ -86,7 +86,7 @@ def _section(
     else:
         figures.append(
             CaptionedFigure("fig13-errors", errors_figure([panel]),
-                    "Distance from the true position, and number of landmarks that the gate accepted.")
+                    "Distance from the true position, and number of accepted landmarks.")
         )  # fmt: skip
     text, measures = "Successors of the paper's Fig. 11, 12 and 13.", track_measures(track, truth)
     return Section(run.name, text, measures, figures=figures, notices=warnings)

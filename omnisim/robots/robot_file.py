@@ -103,7 +103,7 @@ class RobotFile(Table):
 
     extends: Name | None = None
     """Robot that this one extends: a built-in name, or a file relative to this one. Keys here
-    replace its keys, and sensors here are added to its sensors, or change that of their name."""
+    replace its keys; sensors here are added to its sensors, or change the sensor of that name."""
     name: Name
     """Short name for file names."""
     title: Name | None = None

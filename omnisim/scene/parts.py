@@ -133,7 +133,7 @@ class Material:
     clearcoat_map: Texture | None = None
     clearcoat_normal_map: Texture | None = None
     transmission: Fraction = 0.0
-    """Share of the light that passes a dielectric, of what is not reflected. A blended material
+    """Share of the light not reflected by a dielectric that passes through it. A blended material
     with transmission becomes glass instead."""
     thickness_m: NotNegative = 0.0
     """0: transmission is that of a thin pane; above: that of a closed body of glass."""

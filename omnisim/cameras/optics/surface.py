@@ -59,7 +59,7 @@ class Surface:
     hole_radius_m: Annotated[Number, Field(ge=0.0, le=1e3)] = 0.0
     """Radius of a hole about its axis in meters."""
     medium: Medium | None = None
-    """Medium behind it, seen from the camera; default: it is a mirror."""
+    """Medium behind it, seen from the camera; default: none, a mirror."""
     name: str = "surface"
     """Name in messages; default: the name of its shape."""
 

@@ -83,7 +83,7 @@ class OpticalSystem:
     origin_m: Place = (0.0, 0.0, 0.0)
     """Origin of the sensor's frame, meters in the system's frame; default: the camera's pinhole."""
     color: Primary | None = None
-    """Primary whose wavelength is refracted; default: helium's d line."""
+    """Primary color whose wavelength is traced; default: helium's d line."""
     orientation: Floats | None = field(default=None, metadata=NOT_IN_FILES)
     chromatic: Flag = False
     """Render red, green and blue along rays of their own wavelengths, at three times the cost.

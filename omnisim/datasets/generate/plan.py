@@ -308,7 +308,7 @@ class PlanObjectTable(Table):
 
 
 class RejectTable(Table):
-    """Conditions for drawing an image again."""
+    """Conditions for rejecting an image and drawing another."""
 
     synonyms: ClassVar[Mapping[str, str]] = {
         "least_hits": "min_hit_share",
@@ -352,7 +352,7 @@ class Plan(Table):
     """Minimum number of visible pixels of an annotated object; requires the channel instance."""
     min_visible: Fraction | None = None
     """Minimum visible share of an annotated object, relative to the pixels that it would cover
-    alone; requires the channel instance and the extra `rays`. Annotations then have a
+    if nothing hid it; requires the channel instance and the extra `rays`. Annotations then have a
     `visible_share`, even if the minimum is 0; left out: shares are not computed."""
     images_per_shard: Annotated[int, Field(strict=True, ge=1, le=MAX_IMAGES)] = 100
     """Samples per shard."""

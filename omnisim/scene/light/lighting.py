@@ -100,7 +100,7 @@ def light_summary(lighting: parts.Lighting) -> str:
         return "none: lit by its sky"
     if kinds:
         return "none: even light, without shadows"
-    return "none: light from everywhere" if any(lighting.ambient) else "none: only emission"
+    return "none: ambient light" if any(lighting.ambient) else "none: only emission"
 
 
 def background_light(color: tuple[float, float, float]) -> tuple[float, float, float]:

@@ -352,7 +352,8 @@ class Lms200Table(SensorTable):
     resolution_deg: Annotated[parameters.Number, AfterValidator(_check_resolution)] = 0.5
     """Angle between beams in degrees: 1 or 0.5 over 180°, or 0.25 over 100°."""
     mode: Literal["mm", "cm"] = "mm"
-    """Range and step: "mm" up to 8.19 m by 1 mm, "cm" up to 81.9 m by 1 cm."""
+    """Range and resolution: "mm" (up to 8.19 m in 1 mm steps) or "cm" (up to 81.9 m in 1 cm
+    steps)."""
     noise: parameters.Flag = True
     """True: the device's errors; false: ranges are exact except for rounding."""
 

@@ -229,7 +229,7 @@ def test_parts_of_ply(tmp_path):
     assert _ply(tmp_path) == ()
     notices = _ply(tmp_path, vertex="property float halo\nproperty uchar diffuse_red\n", v=" 1 2")
     assert [notice[7:] for notice in notices] == [
-        "colors under other names than red, green and blue are not drawn (1 property)",
+        "colors named other than red, green and blue are not drawn (1 property)",
         "not read: vertex.halo",
     ]
     notices = _ply(tmp_path, face="property int texnumber\n", f=" 1")

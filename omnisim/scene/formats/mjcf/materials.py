@@ -239,7 +239,7 @@ def read_lighting(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Lighting,
     """Lighting of a model, or daylight for a model without lights; and notices."""
     active = [light for light in range(model.nlight) if model.light_active[light]]
     images = [light for light in active if int(model.light_type[light]) == _Type.mjLIGHT_IMAGE]
-    notices = ["lights of images are not drawn"] if images else []
+    notices = ["image-textured lights are not drawn"] if images else []
     lamps = [light for light in active if light not in images]
     if not lamps:
         return DEFAULT_LIGHTING, notices
