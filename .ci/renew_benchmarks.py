@@ -123,14 +123,14 @@ def _times_table(kept: Path) -> list[str]:
                 "images of 84² in batches of 64, `fast`",
                 f"{batched:.0f} per second; one after the other {single:.0f}",
             ),
-            ("`omnisim render`, to the image and the end", f"{start:.1f} s"),
-            ("the same, shaders compiled anew", f"{anew:.1f} s"),
+            ("`omnisim render`, from start to exit", f"{start:.1f} s"),
+            ("the same, without cached shaders", f"{anew:.1f} s"),
             (
                 "`omnisim live`, 360²",
                 f"{rate:.0f} images per second; {wait:.0f} ms from key to image",
             ),
             (
-                "the slowest camera model to the fastest, with equal virtual cameras",
+                "the slowest camera model relative to the fastest, with equal virtual cameras",
                 f"{max(found('lenses', 'ratio')):.2f} ×",
             ),
         ],
