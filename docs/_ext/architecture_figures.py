@@ -127,7 +127,7 @@ def rooms_figure() -> str:
                 f"M{right} {start} C{right + reach} {start} {right + reach} {end} {right + 2} {end}"
             )
         )
-    return svg("Rooms of omnisim", 10 + _ROW * len(order), parts)
+    return svg("Subpackages of omnisim", 10 + _ROW * len(order), parts)
 
 
 def ways_figure() -> str:
@@ -136,7 +136,7 @@ def ways_figure() -> str:
     heights = [50 * len(steps) + 50 for steps in WAYS.values()]
     for number, (subject, steps) in enumerate(WAYS.items()):
         x, top = _LEFT + column * (number % 2), max(heights[:2]) * (number // 2)
-        parts.append(text(x, top + 24, f"The way of {subject}", "name"))
+        parts.append(text(x, top + 24, f"The path of {subject}", "name"))
         for row, step in enumerate(steps):
             y = top + 36 + 50 * row
             module, name = step.split(":")
@@ -145,7 +145,7 @@ def ways_figure() -> str:
             parts.append(text(x + 8, y + 32, f"{module.replace('.', '/')}.py", "muted"))
             if row + 1 < len(steps):
                 parts.append(path(f"M{x + 30} {y + 38}V{y + 49}"))
-    return svg("Ways through the modules", max(heights[:2]) + max(heights[2:]), parts)
+    return svg("Paths through the modules", max(heights[:2]) + max(heights[2:]), parts)
 
 
 def _subject(room: str) -> str:

@@ -133,8 +133,8 @@ class Material:
     clearcoat_map: Texture | None = None
     clearcoat_normal_map: Texture | None = None
     transmission: Fraction = 0.0
-    """Share of the light not reflected by a dielectric that passes through it. A blended material
-    with transmission becomes glass instead."""
+    """Share of a dielectric's non-reflected light that passes through it. A blended material with
+    transmission becomes glass instead."""
     thickness_m: NotNegative = 0.0
     """0: transmission is that of a thin pane; above: that of a closed body of glass."""
     attenuation_color: Shares = (1.0, 1.0, 1.0)

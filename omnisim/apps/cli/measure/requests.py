@@ -178,7 +178,7 @@ class MeasureSharpnessRequest:
 
 @command("measure plan", "measure.measure_plan.plan")
 class MeasurePlanRequest:
-    """Measure the parts of a camera that a plan lists, and write a report.
+    """Measure a camera according to a plan, and write a report.
 
     omnisim measure plan plan.toml -o camera.toml
     omnisim measure plan plan.toml --sensor before.toml -o camera.toml
