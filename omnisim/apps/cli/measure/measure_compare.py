@@ -143,17 +143,17 @@ class Subject:
 
 
 BOARD_SUBJECT = Subject(
-    "Each image's board is rendered in its solved pose by the sensor file, under smooth light "
-    "that was fitted to its ink and to its paper. The same detector finds the corners in both.",
+    "The sensor file's camera renders each image's board in its solved pose, under smooth light "
+    "fitted to its ink and its paper. The same detector finds the corners in both images.",
     "squares",
     MAX_OFFSET_PX,
 )
 SCENE_SUBJECT = Subject(
-    "The scene is rendered by the sensor file from the pose of each image. Corners of the image "
-    "are tracked into the twin's by OpenCV, forward and back, after brightness and contrast are "
-    "made equal around each pixel; their bias is a median. Edges are straight, between even "
-    "areas; gray levels and noise are those of even blocks of 8 × 8 px. Errors of the scene's "
-    "model, its light and the poses are included.",
+    "The sensor file's camera renders the scene from the pose of each image. OpenCV tracks corners "
+    "from the image to the twin's and back, after brightness and contrast are equalized around "
+    "each pixel; their bias is a median. Edges are straight, between even areas; gray levels and "
+    "noise are those of even blocks of 8 × 8 px. Errors of the scene's model, its light and the "
+    "poses are included.",
     "even blocks",
     MAX_TRACKED_PX,
 )
@@ -249,7 +249,7 @@ class ComparisonSummary:
         comparison = self.comparison
         step = max(1, len(comparison.images) // _SHOWN)
         shown = comparison.images[::step][:_SHOWN]
-        caption = "Images, the twin's, and twin minus image"
+        caption = "Images of the camera and of the twin, and twin minus camera"
         figures = [
             CaptionedFigure("images", sheet_figure(shown), caption),
             CaptionedFigure("edges", edge_figure(comparison), "Corners and edges over the field"),
@@ -258,7 +258,7 @@ class ComparisonSummary:
             caption = "Noise by gray level, with fine texture, in even blocks of images and twin"
             figures.append(CaptionedFigure("noise-levels", noise_figure(comparison), caption))
         columns = (
-            "up to px", "corners", "lost", "bias along the radius", "bias across it", "RMS",
+            "up to px", "corners", "lost", "radial bias", "tangential bias", "RMS",
             "edge rise", "twin's",
         )  # fmt: skip
         rows = []
@@ -270,7 +270,7 @@ class ComparisonSummary:
         limit = self.subject.max_offset_px
         caption = f"Rings of the image, px. Lost: more than {limit:g} px off, or not detected."
         table = ResultTable(caption, columns, tuple(rows))
-        title = "The camera beside its twin"
+        title = "The camera and its twin"
         return Section(title, self.subject.text, self.measures, (table,), tuple(figures))
 
 

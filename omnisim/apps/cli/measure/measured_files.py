@@ -257,7 +257,7 @@ def _geometry_tables(report: PartReport) -> Iterator[tuple[str, tuple[str, ...],
     )
     yield "Images.", ("image", "corners", "RMS px"), images
     if rejected := tuple((image["name"], image["reason"]) for image in report["rejected_images"]):
-        yield "Images that were left out.", ("image", "reason"), rejected
+        yield "Excluded images.", ("image", "reason"), rejected
 
 
 def _pixels(value: float | None) -> str:
@@ -273,17 +273,19 @@ def _figures(part: str, report: PartReport, camera: OmniCamera) -> Iterator[tupl
         curve = report["photon_transfer"]
         (gain,) = (each.value for each in quantities_of(report) if each.name == "gain_e_per_dn")
         levels = curve["mean_dn"], curve["variance_dn2"], curve["used"]
-        caption = "Temporal variance by mean level; the slope is the gain."
+        caption = "Temporal variance over mean level; the slope is the inverse of the gain in e/DN."
         yield "photon-transfer", plots.photon_transfer_figure(*levels, gain), caption
     if part == "response":
         curve = report["response"]
-        caption = "Level by light, both as shares of the largest one."
+        caption = "Gray level over light, each relative to its maximum."
         yield "response", plots.response_figure(curve["light"], curve["levels"]), caption
         if "vignetting" in report:
-            caption = "Relative light of the flat fields by image radius; fitted polynomials."
+            caption = (
+                "Relative light of the flat fields over the image radius, with fitted polynomials."
+            )
             yield "vignetting", plots.vignetting_figure(report["vignetting"]), caption
     if part == "sharpness":
-        caption = "Edges by their image radius, with two standard deviations."
+        caption = "Edges over the image radius, ± two standard deviations."
         figure = plots.sharpness_figure(report["edges"], report["center_px"])
         yield "sharpness", figure, caption
     if part == "timing" and "corners" not in report:
