@@ -186,7 +186,7 @@ class UnwarpRequest:
     """Perspective: horizontal field of view. Default: 90."""
     elevation_deg: Annotated[tuple[float, float] | None, Option(metavar="LOW HIGH")] = None
     """Cylinder: elevations of the lowest and highest row in degrees above the horizon. Default: -45
-    to the highest visible."""
+    to the highest visible, at most 60."""
     height_m: float | None = None
     """Bird's eye: height of the viewpoint above the ground. Default: the image's z."""
     extent_m: float | None = None
