@@ -82,7 +82,7 @@ def test_shards_that_are_there_stay(made):
     plan, out = made
     before = {path: path.stat().st_mtime_ns for path in out.iterdir()}
     done = _omnisim("generate", plan, "-o", out)
-    assert "2 shards, 2 of them there before" in done.output
+    assert "2 shards, 2 of them made before" in done.output
     assert {path: path.stat().st_mtime_ns for path in out.iterdir()} == before
 
 
@@ -107,7 +107,7 @@ def test_a_damaged_shard_is_found_and_made_again(made, tmp_path):
     assert "shard-000001.tar: is damaged: expected SHA-256" in str(done.exception)
     tar.write_bytes(data[:-512])
     assert find_shard(tmp_path / "out", 1) is None
-    assert "1 of them there before" in _omnisim("generate", plan, "-o", tmp_path / "out").output
+    assert "1 of them made before" in _omnisim("generate", plan, "-o", tmp_path / "out").output
     assert _tars(tmp_path / "out") == _tars(out)
     assert _omnisim("dataset", "check", tmp_path / "out").exit_code == 0
 
@@ -135,7 +135,7 @@ def test_the_card_counts_all_pixels(made):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("generate", "PLAN"), "-o: expected the folder of the data set"),
+        (("generate", "PLAN"), "-o: missing: expected the folder of the data set"),
         (("generate", "PLAN", "-o", "NEW", "--shards", "2"), "--shards: expected some of 0:2"),
         (("generate", "PLAN", "-o", "NEW", "--shards", "a"), "--shards: expected FROM:TO or"),
         (("generate", "PLAN", "-o", "NEW", "--shards", "1:1"), "expected FROM less than TO"),

@@ -26,9 +26,9 @@ CONVERT, SHOW = ("calibration", "convert"), ("calibration", "show")
 def test_convert_prints_a_summary(ran, tmp_path):
     out, err = ran(*CONVERT, TUM_VI, "--to", "colmap", "-o", "c.txt")
     assert "c.txt: COLMAP: cameras.txt" in out
-    assert "1 (was cam0): kannala_brandt, the same rays" in out
+    assert "1 (was cam0): kannala_brandt, with identical rays" in out
     assert "note: 1: sees 115.6° from its axis: COLMAP's own projection ends at 90°" in err
-    assert "2 (was cam1): kannala_brandt, the same rays" in out
+    assert "2 (was cam1): kannala_brandt, with identical rays" in out
     assert load_calibration(tmp_path / "c.txt").names == ["1", "2"]
 
 
@@ -39,7 +39,7 @@ def test_convert_selects_one_camera_with_a_note(ran, tmp_path):
     out, err = ran(*arguments, "--camera-name", "cam1")
     assert "the first" not in err
     assert "cv2.fisheye's own projection is wrong past 90°" in err
-    assert "camera (was cam1): kannala_brandt, the same rays" in out
+    assert "camera (was cam1): kannala_brandt, with identical rays" in out
     camera = load_calibration(tmp_path / "f.yaml").cameras[0].camera
     assert camera.focal_lengths_px == (190.44236969414825, 190.4344384721956)
 
@@ -55,7 +55,7 @@ def test_convert_states_the_residual(ran, tmp_path):
 def test_a_sensor_file_is_a_calibration(ran, refused, tmp_path):
     (tmp_path / "s.toml").write_text(OmniCamera(PAPER).to_toml())
     out, _ = ran(*CONVERT, "s.toml", "--to", "opencv_omnidir", "-o", "o.yaml")
-    assert "camera: unified in a mirrored frame, the same rays" in out
+    assert "camera: unified in a mirrored frame, with identical rays" in out
     assert "xi: 0.99549" in (tmp_path / "o.yaml").read_text()
     line = refused(*SHOW, "s.toml", "--camera-name", "x")
     assert "expected a calibration file, got s.toml" in line
@@ -81,7 +81,7 @@ def test_show_lists_the_view_of_a_camera(ran, name, message):
 
 def test_show_of_a_mirror(ran, tmp_path):
     calibration_of(CAMERA_EXAMPLES["parabolic"]).save(tmp_path / "m.yaml", "kalibr")
-    assert "from −z, as it looks into a mirror" in ran(*SHOW, "m.yaml")[0]
+    assert "from −z, as the camera looks into a mirror" in ran(*SHOW, "m.yaml")[0]
     assert "mirror" not in ran(*SHOW, "m.yaml", "--not-mirrored")[0]
 
 
@@ -134,7 +134,7 @@ def test_published_calibrations_render(ran, tmp_path):
     assert ran("render", "rings", "--camera", TUM_VI, *words)[1] == ""
     # what was rendered says its calibration, and becomes a file again
     out, _ = ran(*CONVERT, "t.png", "--to", "kalibr", "-o", "t.yaml")
-    assert "cam0 (was camera): kannala_brandt, the same rays" in out
+    assert "cam0 (was camera): kannala_brandt, with identical rays" in out
 
 
 @pytest.mark.usefixtures("needs_opengl")

@@ -19,4 +19,4 @@ def test_the_command_says_how_long_it_takes_and_when_there_is_nothing_to_do(
     assert "expected --force" in refused("bake", "rings", "-o", "a.baked")
     line = refused("render", "rings", "--baked", "a.baked", "-o", "a.png")
     assert line.endswith("run `omnisim bake rings -o a.baked --force`")
-    assert refused("bake", "compass") == "-o: expected the folder of the bake"
+    assert refused("bake", "compass") == "-o: missing: expected the folder of the bake"
