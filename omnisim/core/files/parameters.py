@@ -1,4 +1,4 @@
-"""Settings: frozen dataclasses, whose annotations and help are all that is stated of a setting.
+"""Settings: frozen dataclasses; annotation and help are the only statement of each setting.
 
 `Parameters` is their base. A field is stated once: its annotation has type, limits and usual range,
 the string below it is its help, and its name has the unit:

@@ -42,7 +42,7 @@ def read_tables(path: Path, error: type[OmnisimError]) -> dict[str, Any]:
     except tomllib.TOMLDecodeError as reason:
         raise error(f"{path}: not TOML: {reason}") from None
     except (ValueError, RecursionError):
-        fault = "a number of thousands of digits, or too deep a nesting"
+        fault = "a number of thousands of digits, or values nested too deeply"
         raise error(f"{path}: not TOML: expected plain values, got {fault}") from None
     note_table(path, tables)
     return tables

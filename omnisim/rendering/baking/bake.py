@@ -526,7 +526,7 @@ class TileFolder:
         path = self.path / f"{name}.npz"
         if not path.is_file():
             return None
-        return read_arrays(path, OutputError, "tile of a bake", f"remove {self.path}")
+        return read_arrays(path, OutputError, "a tile of a bake", f"remove {self.path}")
 
     def store(self, name: str, arrays: Arrays) -> None:
         """Store the arrays of a tile.
