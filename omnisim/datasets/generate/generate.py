@@ -68,7 +68,7 @@ class Generation:
         self.shards = range(count) if shards is None else shards
         if not self.shards or self.shards[0] < 0 or self.shards[-1] >= count:
             raise PlanError(
-                f"--shards: expected some of 0:{count}, as the plan has shards = {count}, got "
+                f"--shards: expected a range in 0:{count}, as the plan has shards = {count}, got "
                 f"{self.shards.start}:{self.shards.stop}"
             )
         self.prepared.check_setups()
@@ -170,8 +170,9 @@ class Generation:
             return
         is_abandoned = names == [PLAN] and before is not None and before.startswith(text[:10])
         if names and not is_abandoned:  # a plan without a shard has no claim
-            what = "another plan, or of other scenes" if before else "no data set"
-            raise OutputError(f"{folder}: is of {what}: expected a new folder, or its own plan")
+            expected = "expected a new folder, or that of this plan"
+            what = "belongs to another plan or other scenes" if before else "is not a data set"
+            raise OutputError(f"{folder}: {what}: {expected}")
         write_text(folder / PLAN, text)
         self._has_taken_folder = True
 

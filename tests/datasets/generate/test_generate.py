@@ -136,7 +136,7 @@ def test_the_card_counts_all_pixels(made):
     ("words", "message"),
     [
         (("generate", "PLAN"), "-o: missing: expected the folder of the data set"),
-        (("generate", "PLAN", "-o", "NEW", "--shards", "2"), "--shards: expected some of 0:2"),
+        (("generate", "PLAN", "-o", "NEW", "--shards", "2"), "--shards: expected a range in 0:2"),
         (("generate", "PLAN", "-o", "NEW", "--shards", "a"), "--shards: expected FROM:TO or"),
         (("generate", "PLAN", "-o", "NEW", "--shards", "1:1"), "expected FROM less than TO"),
         (("generate", "PLAN", "-o", "NEW", "--engine", "rya"), "got rya; did you mean"),
@@ -145,8 +145,8 @@ def test_the_card_counts_all_pixels(made):
         (("generate", "PLAN", "--preview", "4", "-o", "NEW"), "-o: expected a .png or .jpg"),
         (("generate", "PLAN", "--map", "-o", "NEW"), "expected .png, .pdf"),
         (("generate", "PLAN", "--map"), "-o: expected a .png, .pdf or .svg for the map"),
-        (("generate", "OTHER", "-o", "OUT"), "is of another plan, or of other scenes"),
-        (("generate", "PLAN", "-o", "FOLDER"), "is of no data set: expected a new folder"),
+        (("generate", "OTHER", "-o", "OUT"), "belongs to another plan or other scenes"),
+        (("generate", "PLAN", "-o", "FOLDER"), "is not a data set: expected a new folder"),
         (("generate", "no.toml", "-o", "NEW"), "no.toml: cannot be read"),
         (("dataset", "info", "FOLDER"), "manifest.json: cannot be read"),
         (("dataset", "view", "OUT", "-o", "NEW.png", "--first", "6"), "expected less than 6"),
@@ -169,8 +169,8 @@ def test_bad_input_is_one_line(made, tmp_path, words, message):
 def test_samples_that_see_nothing_are_drawn_again_or_refused(tmp_path):
     plan = write_plan(tmp_path, "[reject]\nnear_m = 1000.0\nmax_near_share = 0.5\nattempts = 3")
     done = _omnisim("generate", plan, "-o", tmp_path / "out")
-    assert "sample 0: rejected 3 times, last as " in str(done.exception)
-    assert "of its pixels are nearer than 1000 m: max_near_share" in str(done.exception)
+    assert "sample 0: rejected 3 times, at last because " in str(done.exception)
+    assert "of its rays hit within 1000 m (max_near_share)" in str(done.exception)
     assert not (tmp_path / "out").exists()
 
 
@@ -328,7 +328,7 @@ def test_pycocotools_takes_the_boxes_of_a_sample_and_of_all(made, tmp_path, caps
         found = boxes.loadAnns(boxes.getAnnIds(imgIds=[image["id"]]))
         assert sorted(one["instance_id"] for one in found) == sorted(set(instances[instances > 0]))
     again = _omnisim("dataset", "convert", out, "-o", tmp_path / "coco")
-    assert "is there already" in str(again.exception)
+    assert "already exists" in str(again.exception)
 
 
 @pytest.mark.filterwarnings("ignore:__array__:DeprecationWarning")  # of its masks

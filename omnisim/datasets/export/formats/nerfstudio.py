@@ -59,7 +59,7 @@ class NerfstudioExport(ExportFormat):
         if len(models) > 1:
             raise OutputError(
                 f"{recording.run.path}: nerfstudio expects one camera_model, got "
-                f"{', '.join(sorted(models))}: --camera-name takes one camera"
+                f"{', '.join(sorted(models))}: --camera-name selects one camera"
             )
         note_missing_ranges(cameras, POINTS, print_note)
         document: dict[str, Any] = {"camera_model": lenses[0]["camera_model"]}
