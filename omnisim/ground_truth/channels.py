@@ -121,8 +121,8 @@ CHANNELS: dict[str, Channel] = {
         ),
         Channel(
             "flow", ("flow.U", "flow.V"), "float32", "px",
-            "from the pixel to where its point is in the next image, u right, v down; of "
-            "nothing's direction where nothing is hit; NaN: the next image's lens cannot see it",
+            "from the pixel to where its point is in the next image, u right, v down; where "
+            "nothing is hit, for a point at infinity; NaN: the next image's lens cannot see it",
             math.nan, "next",
         ),
         Channel(

@@ -311,8 +311,8 @@ def unobservable_quantities(
     unobservable = []
     if not is_held_out:
         reason = (
-            "without a fifth of the images, no fit reaches the corners in them: show the board in "
-            "more images near the edge"
+            "fits without a fifth of the images do not reach the corners in them: show the board "
+            "in more images near the edge"
         )
         unobservable.append(Unobservable("held_out_rms_px", reason))
     reach = widest_angle_rad(fit, corners)

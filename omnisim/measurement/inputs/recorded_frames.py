@@ -141,7 +141,7 @@ def _bag_files(bag: Path, topic: str, folder: Path) -> list[Path]:
             if not topic and len(names) > 1:
                 example = f"{bag}{_TOPIC}{names[0]}"
                 raise MeasurementError(
-                    f"{bag}: images of several topics, {', '.join(names)}: give one, such as "
+                    f"{bag}: images of several topics, {', '.join(names)}: select one, such as "
                     f"{example}"
                 )
             name = topic or names[0]

@@ -110,7 +110,7 @@ def _aligned(
     shift = (bits & -bits).bit_length() - 1  # values at the upper end of 16 bits
     used = (bits >> shift).bit_length()
     if bit_depth is not None and used > bit_depth:
-        raise MeasurementError(f"bit depth {bit_depth}: expected at least {used}, which values use")
+        raise MeasurementError(f"bit depth {bit_depth}: expected at least {used}, as in the values")
     shifted = [[frame.shifted(shift) for frame in frames] for frames in (darks, flats)]
     return shifted[0], shifted[1], bit_depth or used
 
@@ -214,7 +214,7 @@ class _Collector:
             return
         well_e = self._gain * (end_dn - self._dark.black_dn)
         at_end = end_dn > self._largest_dn - 1.0
-        by = "the converter's largest number" if at_end else "the pixels' wells"
+        by = "limited by the converter" if at_end else "limited by the pixels' full wells"
         basis = f"saturation at {end_dn:.0f} DN, {by}"
         self._add("full_well_e", well_e, well_e * self._gain_share, "e", basis)
 

@@ -283,9 +283,9 @@ class Flaw(Enum):
         f"slanted by less than {MIN_SLANT_DEG:g}° to rows or columns of pixels: turn the pattern "
         "or the camera by about 5°"
     )
-    PHASES = "at an angle that leaves gaps between its samples: turn the pattern by some degrees"
+    PHASES = "at an angle that leaves gaps between its samples: turn the pattern by a few degrees"
     CLIPPED = "clipped at the largest or smallest value: change the exposure"
-    FAINT = "of too little contrast for their noise: use more light, or black on white"
+    FAINT = "with too little contrast for their noise: use more light, or black on white"
     UNEVEN = "with uneven areas beside them: use a pattern of larger, plain areas"
     WIDE = "wider than the areas beside them: focus, or use a larger pattern"
     OUTSIDE = "too close to the border of the image: move the pattern"

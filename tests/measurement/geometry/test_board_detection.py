@@ -84,10 +84,10 @@ def test_corners_in_another_order_are_refused():
     assert grid_fault(grid) is None
     swapped = grid.copy()
     swapped[2, [1, 2]] = swapped[2, [2, 1]]
-    assert grid_fault(swapped) == "its corners are in no grid's order"
+    assert grid_fault(swapped) == "its corners do not form a grid"
     jumped = grid.copy()
     jumped[:, 3:] += (50.0, 0.0)
-    assert grid_fault(jumped) == "its lines of corners jump"
+    assert grid_fault(jumped) == "its rows of corners are irregular"
 
 
 def test_squares_of_one_color_are_refused():
