@@ -235,7 +235,7 @@ def _from_file(
             else:
                 check_continuous(trajectory, math.inf, recording.source, MAX_SPEED_MPS, lines)
         except TrajectoryError as reason:
-            raise TrajectoryError(f"{reason}; --ignore-limits drives it all the same") from None
+            raise TrajectoryError(f"{reason}; --ignore-limits drives it regardless") from None
     has_times = recording.times_s is not None or route.rate_hz is not None
     return _RecordedPath(trajectory, recording.has_heights, has_times)
 
@@ -249,7 +249,7 @@ def _check_steps(recording: ParsedTrajectory) -> None:
         raise TrajectoryError(
             f"{recording.source}:{recording.line_numbers[k + 1]}: step {k} → {k + 1}: "
             f"{lengths_m[k]:g} m without times: expected at most {MAX_STEP_M:g} m: --rate HZ "
-            "gives times, --ignore-limits drives it all the same"
+            "gives times, --ignore-limits drives it regardless"
         )
 
 

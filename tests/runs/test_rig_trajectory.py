@@ -80,7 +80,7 @@ def test_kittis_poses_set_a_mirror_upright(write):
     rig = Rig("base", (RigCamera("camera", mirror.model, mirror.base_from_optical),))
     poses, _, notes = _read(write("kitti"), rig)
     np.testing.assert_allclose(poses, AHEAD @ POSES @ inverse(AHEAD), atol=1e-8)  # as a drive
-    assert "a camera that looks ahead in the place of camera" in notes[0]
+    assert "a camera that looks ahead from the position of camera" in notes[0]
 
 
 def test_the_user_may_say_otherwise(write):

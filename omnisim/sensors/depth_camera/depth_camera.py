@@ -117,7 +117,7 @@ class DepthCamera(parameters.Parameters, SensorSettings, name="depth_camera"):
         if self.range_min_m >= self.range_max_m:
             raise self._error("range_min_m", f"less than range_max_m = {self.range_max_m:g}")
         if self.second_width_px > MAX_IMAGE_PX:
-            raise self._error("baseline_m", "a second view less wide")
+            raise self._error("baseline_m", "a smaller one, for a narrower second view")
 
     @classmethod
     def kinect_v1(cls) -> DepthCamera:

@@ -118,8 +118,8 @@ class SpinningLidar(parameters.Parameters, SensorSettings, name="lidar"):
         if mount.rate is not None or turns <= len(times_s):
             return None
         return (
-            f"{mount.name}: a cloud at each step, of {len(times_s)} of the lidar's {turns} "
-            f"revolutions: rate_hz = {self.rate_hz:g} in its table takes all"
+            f"{mount.name}: one cloud per step, of {len(times_s)} of the lidar's {turns} "
+            f"revolutions: rate_hz = {self.rate_hz:g} in its table records all"
         )
 
     def manifest(self, mount: Mount[object]) -> dict[str, Any]:
@@ -435,7 +435,7 @@ def plan_revolution(
     turn_rad = max(_turn_rad(part) for part in slices)
     if turn_rad > MAX_TURN_RAD:
         raise OmnisimError(
-            f"lidar: expected to be turned by at most {MAX_TURN_RAD:g} rad in 1/{count} of a "
+            f"lidar: expected a turn of at most {MAX_TURN_RAD:g} rad in 1/{count} of a "
             f"revolution, got {turn_rad:g}"
         )
     return _revolution(firings, slices)

@@ -138,12 +138,12 @@ def test_an_unfinished_run(ran, run_folder, tmp_path):
     out, error = ran("plot", "run")
     assert f"3 of {run_folder} steps" in out
     assert "omnicam/000003.png: is missing: " in error
-    assert f"the others, {run_folder - 3} without all their files\n" in error
+    assert f"the {run_folder - 3} steps with missing files\n" in error
     out, error = ran("video", "run", "-o", "run.mp4")
     assert "run.mp4: 3 images" in out
     assert error == (
-        f"note: run/omnicam/000003.png: is missing: the first 3 of {run_folder} steps are looked "
-        f"at; record the run again to have the others, {run_folder - 3} without all their files\n"
+        f"note: run/omnicam/000003.png: is missing: only the first 3 of {run_folder} steps are "
+        f"used; record the run again to complete the {run_folder - 3} steps with missing files\n"
     )
     assert f"{run_folder} steps, 3 of them recorded before" in ran(*DRIVE, "-o", "run")[0]
 
