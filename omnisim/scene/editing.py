@@ -191,7 +191,7 @@ def import_arrays(
     count = len(vertices)
     coordinates = None if uv is None else _numbers(name, "uv", uv, (count, 2))
     if texture is not None and coordinates is None:
-        raise _error(name, "texture: expected uv beside it, got none")
+        raise _error(name, "texture: expected uv with it, got none")
     mesh, center = make_mesh(
         name,
         0,

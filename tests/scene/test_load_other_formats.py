@@ -47,7 +47,7 @@ def test_obj_colors_are_display_values(tmp_path):
 
 def test_obj_without_materials_is_light_gray(tmp_path):
     """trimesh puts a dark gray image where there is no material; it must not be seen."""
-    path, missing = tmp_path / "a.obj", ("a.obj: a.mtl is not there: drawn without it",)
+    path, missing = tmp_path / "a.obj", ("a.obj: a.mtl is missing: drawn without it",)
     for text, notices in ((TRIANGLE_OBJ, missing), (TRIANGLE_OBJ.partition("\n")[2], ())):
         path.write_text(text)
         scene = load_scene(path)

@@ -112,7 +112,7 @@ def _check_distinct(
     names = {each.name for each in first}
     for each in second:
         if each.name in names:
-            raise SceneError(f"{where}: name = {each.name!r}: {whose} has one")
+            raise SceneError(f"{where}: name = {each.name!r}: {whose} already has one")
 
 
 # Changes of materials by the [[materials]] tables of a scene's TOML file.
@@ -138,7 +138,7 @@ def with_materials(
     notices = list(scene.notices)
     if scene.lighting.is_matte:
         notices.append(
-            f"{source.name}: materials: of shading 'matte', which shows base colors only"
+            f"{source.name}: materials: only base_color has an effect, as shading is 'matte'"
         )
     changes_of: dict[str, dict[str, Any]] = {}
     for number, table in enumerate(tables):
@@ -195,10 +195,12 @@ def _without_effect(material: model.Material, changes: Mapping[str, Any], source
     where = f"{source}: materials: {material.name!r}"
     if material.unlit:
         others = [key for key in changes if key != "base_color"]
-        return [f"{where} is unlit: no effect of {', '.join(others)}"] if others else []
+        return [f"{where} is unlit: {', '.join(others)} without effect"] if others else []
     is_glossy = material.metallic or material.specular or material.transmission
     keys = [] if is_glossy else [key for key in changes if key in _WITH_GLOSS]
-    return [f"{where}: no effect of {', '.join(keys)} without specular or metallic"] if keys else []
+    if not keys:
+        return []
+    return [f"{where}: {', '.join(keys)} without effect, as it has no specular or metallic"]
 
 
 def _with_changed(scene: model.Scene, changed: Mapping[int, model.Material]) -> model.Scene:

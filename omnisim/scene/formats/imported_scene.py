@@ -324,12 +324,12 @@ class Cameras:
         self._poses[free] = parts.CameraPose(free, (x, y, z), yaw, pitch, roll, known)
         if isinstance(lens, str):
             self.notices.append(
-                f"camera {free!r}: its pose is a viewpoint, its lens is not: {lens}"
+                f"camera {free!r}: its pose is a viewpoint, but its lens is not used: {lens}"
             )
 
 
 def read_lens(make: Callable[[], CentralCamera | str]) -> CentralCamera | str:
-    """Lens, or the reason why its values are none of a lens."""
+    """Lens, or the reason why its values are invalid."""
     try:
         return make()
     except (OmnisimError, ArithmeticError, ValueError) as reason:

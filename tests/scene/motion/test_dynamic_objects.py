@@ -61,7 +61,7 @@ def test_a_scene_extends_another(folder):
         (BALL.replace("ball.glb", "b" * 500), "bbb': cannot be read: File name too long"),
         (BALL + "yaw_deg = 3\nshuttle = { from_m = [0,0,0], to_m = [1,0,0], period_s = 1 }\n",
          "expected position_m and yaw_deg without a motion, got shuttle"),
-        (BALL + "rolling_radius_m = 1\n", "rolling_radius_m: expected a motion"),
+        (BALL + "rolling_radius_m = 1\n", "rolling_radius_m: requires a motion"),
         (
             BALL + "mass_kg = 1\norbit = { center_m = [0, 0, 1], radius_m = 2, period_s = 4 }\n",
             "mass_kg: expected no motion, got orbit",

@@ -63,16 +63,16 @@ def _left_out(scene: Scene) -> list[str]:
         "landmarks": len(scene.landmarks),
     }  # fmt: skip
     omitted = ", ".join(f"{name} ({count})" for name, count in counts.items() if count)
-    lines = [f"{omitted}: not in the GLB file, but for a scene's TOML"] if omitted else []
+    lines = [f"{omitted}: not in the GLB file; a scene's TOML can hold them"] if omitted else []
     lighting = scene.lighting
     if lighting.baked is not None:
-        lines.append("baked light: not in the GLB file, but omnisim bake computes it anew")
+        lines.append("baked light: not in the GLB file; `omnisim bake` computes it again")
     if lighting.ambient not in (FILL_AMBIENT, DEFAULT_LIGHTING.ambient):
-        lines.append("light from everywhere: not in the GLB file")
+        lines.append("ambient light: not in the GLB file; a scene's TOML can hold it")
     if lighting.fog is not None:
-        lines.append("fog: not in the GLB file, but for a scene's TOML")
+        lines.append("fog: not in the GLB file; a scene's TOML can hold it")
     if scene.background != DEFAULT_BACKGROUND:
-        lines.append("background: not in the GLB file, but for a scene's TOML")
+        lines.append("background: not in the GLB file; a scene's TOML can hold it")
     return lines
 
 

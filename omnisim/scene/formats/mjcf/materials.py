@@ -153,7 +153,7 @@ class ModelMaterials:
         notices = []
         if mirrors:
             notices.append(
-                f"not drawn: mirror images in {counted(mirrors, 'material')} of geoms that are no "
+                f"not drawn: mirror images in {counted(mirrors, 'material')} of geoms that are not "
                 "opaque planes"
             )
         if single:
@@ -239,25 +239,25 @@ def read_lighting(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Lighting,
     """Lighting of a model, or daylight for a model without lights; and notices."""
     active = [light for light in range(model.nlight) if model.light_active[light]]
     images = [light for light in active if int(model.light_type[light]) == _Type.mjLIGHT_IMAGE]
-    notices = ["lights of images are not drawn"] if images else []
+    notices = ["image-based lights are not drawn"] if images else []
     lamps = [light for light in active if light not in images]
     if not lamps:
         return DEFAULT_LIGHTING, notices
     if len(lamps) > MAX_LIGHTS:
-        notices.append(f"has {len(lamps)} lights: the first {MAX_LIGHTS} shine")
+        notices.append(f"has {len(lamps)} lights: only the first {MAX_LIGHTS} are used")
         lamps = lamps[:MAX_LIGHTS]
     ambient = model.light_ambient[lamps].sum(axis=0, dtype=np.float64)
     headlight = model.vis.headlight
     if headlight.active:
         ambient = ambient + headlight.ambient + _HEADLIGHT_SHARE * headlight.diffuse
         if headlight.diffuse.any():
-            notices.append("the headlight shines from everywhere")
+            notices.append("the headlight is drawn as ambient light")
     lights = [_light(model, data, light) for light in lamps]
     if any(light.kind is not LightKind.DIRECTIONAL for light in lights) and (
         model.light_attenuation[lamps, :2].any()
     ):
         notices.append(
-            "attenuation of lamps is drawn as that of 1/distance², equal where they point to"
+            "attenuation of lamps is drawn as 1/distance², matched at the points they aim at"
         )
     red, green, blue = ambient.tolist()
     return Lighting((red, green, blue), tuple(lights)), notices

@@ -277,7 +277,7 @@ def apply_state(world: Model, omissions: Omissions) -> None:
     lights = {light.name: light for light in state.children("light")}
     world.others[:] = [with_pose_of(other, lights.get(other.name, other)) for other in world.others]
     for _ in state.children("insertions"):
-        omissions.count("insertions of a state are not made", "state")
+        omissions.count("insertions of a state are not applied", "state")
 
 
 def _move(outer: Model, state: XmlElement, omissions: Omissions) -> None:
@@ -298,7 +298,7 @@ def _move(outer: Model, state: XmlElement, omissions: Omissions) -> None:
 
 _KINDS = {kind.value: kind for kind in LightKind}
 _REFERENCE_M = 5.0  # distance of equal brightness for lights with another falloff
-_ATTENUATION = "attenuation of lights is drawn as that of 1/distance², equal at a few meters"
+_ATTENUATION = "attenuation of lights is drawn as 1/distance², matched at a few meters"
 
 
 def read_light(element: XmlElement, world_from_light: Floats, omissions: Omissions) -> Light | None:
@@ -506,7 +506,7 @@ class MaterialReader:
         """Image by its name in an element; None, with a notice, if it cannot be read."""
         path = self.find_image(element, name)
         if path is None:
-            self._omissions.count(f"image {name} is not there: drawn without it", "material")
+            self._omissions.count(f"image {name} is missing: drawn without it", "material")
             return None
         image = self.image(path)
         if image is None:

@@ -93,9 +93,9 @@ class _Reader:
         notices = [*unread, *self._omissions.notices, *self._files.notices]
         if self._hidden and self._chosen is None:
             notices.append(
-                f"materials of the robot are in place of their meshes' own "
-                f'({counted(self._hidden, "visual")}): urdf_materials = "mesh" of a scene file '
-                "takes those, as RViz does"
+                f"the robot's materials replace those of the meshes "
+                f'({counted(self._hidden, "visual")}): urdf_materials = "mesh" in a scene file '
+                "keeps the meshes' own, as RViz does"
             )
         if self._missing:
             names = ", ".join(sorted(self._missing))
@@ -114,7 +114,7 @@ class _Reader:
             [child for tag in _GEOMETRIES for child in geometry.children(tag)] if geometry else []
         )
         if not shapes:
-            self._omissions.count("no geometry that is known", "visual")
+            self._omissions.count("no known geometry", "visual")
             return
         shape = shapes[0]
         material = self._material(visual)
@@ -253,7 +253,7 @@ def link_poses(robot: XmlElement) -> dict[str, Floats]:
             poses[child_name] = poses[parent_name] @ parents[child_name][1]
             waiting.append(child_name)
     if rest := sorted(set(links) - poses.keys()):
-        raise SceneError(f"{robot.place}: link[{rest[0]}]: expected a tree of links, got a circle")
+        raise SceneError(f"{robot.place}: link[{rest[0]}]: expected a tree of links, got a cycle")
     return poses
 
 

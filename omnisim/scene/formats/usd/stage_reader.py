@@ -177,9 +177,7 @@ class _Reader:
 
     def _copies(self, site: Site, owners: dict[str, str], nested: int) -> list[_PlacedMesh]:
         if nested >= MAX_NESTED:
-            raise SceneError(
-                f"{site.prim.GetPath()}: expected point instancers not to be in each other"
-            )
+            raise SceneError(f"{site.prim.GetPath()}: expected no further nested point instancers")
         placed: list[_PlacedMesh] = []
         for copies in read_copies(UsdGeom.PointInstancer(site.prim), self._time):
             path = str(copies.prototype.GetPath())
@@ -220,7 +218,9 @@ class _Reader:
             if site is None:
                 continue
             if depth > MAX_DEPTH:
-                raise SceneError(f"{site.prim.GetPath()}: expected at most {MAX_DEPTH} levels")
+                raise SceneError(
+                    f"{site.prim.GetPath()}: expected at most {MAX_DEPTH} nested prims"
+                )
             yield site
             if site.prim.IsA(UsdGeom.PointInstancer) or site.prim.IsA(UsdShade.Material):
                 continue
@@ -383,7 +383,7 @@ def open_stage(path: Path, notices: Omissions) -> Usd.Stage:
         text = next((text for text in texts if not text.startswith("Failed to open layer")), "")
         text = re.sub(r"parse error matching .*?(?= at ')", "syntax error", text)  # parser's types
         text = _relative(text, path)[:_MAX_FAULT]  # without the path, which is named already
-        text = text or "is damaged, or of another format than its name says"
+        text = text or "is damaged, or not in the format of its suffix"
         raise SceneError(f"cannot be read as USD: {text}") from None
     for error in stage.GetCompositionErrors():
         text = _relative(str(error), path)
@@ -405,7 +405,7 @@ def open_stage(path: Path, notices: Omissions) -> Usd.Stage:
         ]
         if others:
             name = Path(layer.realPath).name
-            notices.add(f"{name}: {', '.join(others)} of the stage: USD does not convert it")
+            notices.add(f"{name}: {', '.join(others)} in the stage: USD does not convert it")
     return stage
 
 

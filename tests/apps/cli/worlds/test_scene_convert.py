@@ -41,7 +41,7 @@ def test_a_converted_scene_is_the_same_scene(ran, tmp_path, name):
     if name == "soccer":
         left_out = "starts (7), paths (2), labels (29), landmarks (6): not in the GLB file"
         assert left_out in error
-        assert "baked light: not in the GLB file, but omnisim bake computes it anew" in error
+        assert "baked light: not in the GLB file; `omnisim bake` computes it again" in error
     assert out.startswith(f"{target}: ")
     before, after = load_scene(name), load_scene(target)
     assert after.instance_names == before.instance_names

@@ -156,7 +156,7 @@ JOINT = "<joint name='j' type='fixed'><parent link='{}'/><child link='{}'/></joi
         ("<link name='a'/>" + JOINT.format("a", "b"), "link: expected the name of a <link>"),
         (
             "<link name='a'/><link name='b'/>" + JOINT.format("a", "b") + JOINT.format("b", "a"),
-            "expected a tree of links, got a circle",
+            "expected a tree of links, got a cycle",
         ),
         (
             "<link name='a'/><link name='b'/>" + 2 * JOINT.format("a", "b"),
