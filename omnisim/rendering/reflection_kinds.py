@@ -117,8 +117,8 @@ def reflection_notes(
         )
     for some, name in ((found.mirrors, "planar mirrors"), (found.panes, "faces of panes")):
         if len(some) > mirrors and (mirrors or shown):
-            most = f"the {mirrors} that fill most of the image show the scene, others "
-            others = "a probe of it" if shown else "sky and lamps"
+            most = f"the {mirrors} largest in the image show the scene, the others "
+            others = "a reflection probe" if shown else "sky and lamps"
             notes.append(
                 f"{len(some)} {name}: {most if mirrors else 'each shows '}{others} "
                 "(virtual_cameras.mirrors of a sensor file)"
@@ -167,7 +167,7 @@ def frosted_notes(scene: Scene, is_traced: bool) -> list[str]:
 
 
 def specular_notes(scene: Scene, objects: Collection[Scene], backend: BackendName) -> list[str]:
-    """Notices on glass and mirrors that beams and depth cameras are not followed at.
+    """Notices on glass and mirrors beyond which beams and depth cameras are not followed.
 
     Args:
         scene: static scene.

@@ -217,7 +217,7 @@ class SharedScene(Closeable, EditableScene):
         for key in ("lighting", "background", "objects"):
             if getattr(scene, key) != getattr(before, key):
                 raise SceneError(
-                    f"scene: expected the {key} that the stage was opened with, got others: "
+                    f"scene: expected the {key} that the stage was opened with, got different: "
                     "open a new stage"
                 )
         with self.current():

@@ -116,8 +116,8 @@ def build_atlas(
 def _too_fine(texel_m: float, scene: Scene, texels: float) -> SceneError:
     fitting_m = texel_m * float(np.sqrt(texels)) / (0.7 * MAX_SIDE_PX)
     return SceneError(
-        f"{scene.name}: texel_m = {texel_m:g}: expected an atlas of at most {MAX_SIDE_PX} px, "
-        f"which about {fitting_m:.2g} makes"
+        f"{scene.name}: texel_m = {texel_m:g}: expected about {fitting_m:.2g} or more, for an "
+        f"atlas of at most {MAX_SIDE_PX} px"
     )
 
 

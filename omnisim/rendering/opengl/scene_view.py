@@ -286,7 +286,7 @@ class MirroredViews(Protocol):
 
     @property
     def without_view(self) -> frozenset[int]:
-        """Indices of those that some mirrored view is missing for, of the last rendered views."""
+        """Indices of the items for which the last rendered views lack a mirrored view."""
 
     def use_plan(self, plan: TilePlan) -> None:
         """Draw other tiles, at most as many as at first, in an atlas of the same size."""
@@ -320,7 +320,7 @@ class Probes(Protocol):
 
 
 class SceneView:
-    """Drawers of a scene for the tiles of an atlas; of no use once the buffers have changed.
+    """Drawers of a scene for the tiles of an atlas; invalid once the buffers have changed.
 
     Args:
         buffers: scene and dynamic objects; other passes may share them.

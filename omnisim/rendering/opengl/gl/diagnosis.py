@@ -229,7 +229,7 @@ def _load_fault(library: str) -> Fault | None:
         other = f"take {folder} out of LD_LIBRARY_PATH" if is_listed else "update libstdcxx-ng"
         return Fault(cause, f"{other}, or put the system's first: export LD_PRELOAD={system}")
     if "No such file" in error:
-        return Fault(f"{error.partition(':')[0]} is not there", install_hint())
+        return Fault(f"{error.partition(':')[0]} is missing", install_hint())
     paths = [name for name in ("LD_LIBRARY_PATH", "LD_PRELOAD") if os.environ.get(name)]
     remedy = f"unset {' '.join(paths)}" if paths else install_hint()
     return Fault(f"{library} does not load ({error})", remedy)

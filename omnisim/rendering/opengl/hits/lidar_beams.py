@@ -72,7 +72,7 @@ class LidarPass:
         )
         context, size = buffers.context, (len(beams.azimuths_rad), len(beams.elevations_rad))
         buffers.check_readable("to look up what its beams hit")
-        with gpu_allocation(f"a lidar of {size[0]} × {size[1]} beams", "take fewer"):
+        with gpu_allocation(f"a lidar of {size[0]} × {size[1]} beams", "use fewer"):
             self._rays = texture_2d(context, size, 4)
             self._hits = texture_2d(context, size, 4, dtype="u4")
             self._target = framebuffer(context, [self._hits])

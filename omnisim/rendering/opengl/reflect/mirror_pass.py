@@ -44,7 +44,7 @@ _R2_STEPS = 0.7548776662466927, 0.5698402909980532  # evenly spread
 
 
 class MirrorPass:
-    """Draws a camera's views in mirrors, or in panes; of no use once the buffers have changed.
+    """Draws a camera's views in mirrors, or in panes; invalid once the buffers have changed.
 
     Args:
         buffers: scene and dynamic objects.

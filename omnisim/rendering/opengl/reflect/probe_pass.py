@@ -97,7 +97,7 @@ class _OwnProbe:
 
 
 class ProbePass:
-    """Draws the reflection probes of a scene; of no use once the buffers have changed.
+    """Draws the reflection probes of a scene; invalid once the buffers have changed.
 
     Args:
         buffers: scene and dynamic objects.

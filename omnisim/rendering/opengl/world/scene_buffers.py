@@ -331,7 +331,7 @@ class SceneBuffers:
         largest = max(self._store.sizes)
         if largest > limit:
             raise GraphicsError(
-                f"the scene's triangles take {largest} bytes: {purpose} this GPU allows {limit}"
+                f"the scene's triangles take {largest} bytes: this GPU allows {limit} {purpose}"
             )
 
     def sort_triangles(
