@@ -361,19 +361,19 @@ def read_cameras(
     given = {"mirrored": mirrored, "theta_max_rad": theta_max_rad}
     given = {key: value for key, value in given.items() if value is not None}
     cameras = []
-    for one in parsed:
-        own = metadata.get(one.name, CameraMetadata(camera=one.name)).model_copy(update=given)
-        place, lens, own_notes = f"{source}: {one.name}", one.lens, one.notes
+    for entry in parsed:
+        own = metadata.get(entry.name, CameraMetadata(camera=entry.name)).model_copy(update=given)
+        place, lens, own_notes = f"{source}: {entry.name}", entry.lens, entry.notes
         if isinstance(lens, base.FovLens):
             lens, note = _nearest_model(lens, place)
             own_notes = (*own_notes, note)
         with error_context(place):
             camera = camera_from_lens(lens, own)
             _check_camera(camera, place)
-        poses = own.poses(one.poses, place)
+        poses = own.poses(entry.poses, place)
         own_notes = (*own_notes, *field_notes(camera))
-        calibrated = (camera, poses, own.residuals, own_notes, lens.model_name, one.time_shift_s)
-        cameras.append(CalibratedCamera(one.name, *calibrated))
+        calibrated = (camera, poses, own.residuals, own_notes, lens.model_name, entry.time_shift_s)
+        cameras.append(CalibratedCamera(entry.name, *calibrated))
     contradiction = pose_contradiction([pose for camera in cameras for pose in camera.poses])
     if contradiction is not None:
         notes.append(contradiction)

@@ -137,8 +137,8 @@ def _encode_exactly(
     target = model_named(model, form)
     _check_cone(source, form, place)
     lens = lens_of(source)
-    for one in form.models:
-        same = equivalent(lens, one) if lens is not None and target in (None, one) else None
+    for kind in form.models:
+        same = equivalent(lens, kind) if lens is not None and target in (None, kind) else None
         reason = None if same is None else form.unsupported(same)
         if same is not None and reason is None:
             limit_rad, residuals = source.domain_limit_rad, camera.residuals

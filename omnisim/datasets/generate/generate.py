@@ -232,8 +232,8 @@ def write_card(folder: Path, manifest: SampleManifest) -> None:
     samples = Shards(folder, manifest)
     step = max(1, len(samples) // EXAMPLES)
     images = [samples.image(row) for row in range(0, len(samples), step)[:EXAMPLES]]
-    height = max(one.shape[0] for one in images) + GAP_PX
-    width = max(one.shape[1] for one in images) + GAP_PX
+    height = max(image.shape[0] for image in images) + GAP_PX
+    width = max(image.shape[1] for image in images) + GAP_PX
     rows = -(-len(images) // EXAMPLE_COLUMNS)
     columns = min(EXAMPLE_COLUMNS, len(images))
     sheet = np.full((rows * height, columns * width, 3), 255, dtype=np.uint8)

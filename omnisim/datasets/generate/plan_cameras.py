@@ -172,7 +172,7 @@ def _read_cameras(table: PlanCameraTable, folder: Path) -> dict[str, OmniCamera]
 def _numbers(value: Any) -> list[float]:
     """Floats of a camera parameter that is a float or a list of floats; else an empty list."""
     values = value if isinstance(value, list) else [value]
-    return values if all(isinstance(one, float) for one in values) else []
+    return values if all(isinstance(number, float) for number in values) else []
 
 
 # Light of a setup: drawn lamps and sky of a scene.

@@ -69,7 +69,7 @@ def test_depths_are_along_the_axis_in_steps_of_a_fifth_of_a_millimeter(run, tmp_
 def test_a_mirror_has_flipped_images_no_depths_and_says_so(run, tmp_path):
     notes = _export(run, tmp_path / "tum", "mirror")
     assert not (tmp_path / "tum" / "depth.txt").exists()
-    assert any("mirror: no depths" in note for note in notes)
+    assert any("mirror: no depth images" in note for note in notes)
     assert any("mirror: looks into a mirror: its images are flipped" in note for note in notes)
     name = _list(tmp_path / "tum", "rgb")[2][1]
     flipped, own = read_image(tmp_path / "tum" / name)[0], read_image(run / "mirror/000002.png")[0]

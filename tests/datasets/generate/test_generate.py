@@ -182,7 +182,7 @@ def test_a_plan_without_a_shard_has_no_claim_to_its_folder(tmp_path):
     (out / "shard-000000.tar").touch()
     again.give_up()
     assert (out / "plan.json").is_file()
-    with pytest.raises(OmnisimError, match="is of another plan"):
+    with pytest.raises(OmnisimError, match="belongs to another plan"):
         Generation(write_plan(tmp_path, seed=8), out)
     (out / "shard-000000.tar").unlink()
     (out / "plan.json").write_text("{}")

@@ -49,7 +49,9 @@ class Kitti(ExportFormat):
         self, cameras: Sequence[RecordedCamera], print_note: PrintNote
     ) -> Sequence[RecordedCamera]:
         """The first two pinholes: other cameras do not set the pace of the frames either."""
-        pinholes = [one for one in cameras if isinstance(one.mount.camera, PerspectiveCamera)]
+        pinholes = [
+            camera for camera in cameras if isinstance(camera.mount.camera, PerspectiveCamera)
+        ]
         held = pinholes[: len(IMAGES)]
         left_out = [camera.name for camera in cameras if camera not in held]
         if left_out:

@@ -228,7 +228,7 @@ class LabelImages:
         labels = recorded.labels(0) if kinds else None
         if labels is None:
             return None
-        largest_class = max((one.id for one in labels.classes), default=0)
+        largest_class = max((label.id for label in labels.classes), default=0)
         every = {SEMANTIC: np.arange(largest_class + 1), INSTANCE: _instances(labels)}
         numbers = {}
         for kind in kinds:

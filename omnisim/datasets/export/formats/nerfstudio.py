@@ -69,7 +69,7 @@ class NerfstudioExport(ExportFormat):
         if len(points):
             document["ply_file_path"] = POINTS
             write_ply(folder / POINTS, points)
-        deep = [one for one in cameras if one.is_pinhole and one.recorded.has("range")]
+        deep = [camera for camera in cameras if camera.is_pinhole and camera.recorded.has("range")]
         document["frames"] = [
             frame | ({} if shared else lens)
             for camera, lens in zip(cameras, lenses, strict=True)
