@@ -237,8 +237,8 @@ def shifts(spread: EdgeSpread, other: EdgeSpread, rise_px: float) -> Floats:
     reach_px = rise_px + 2.0 * _SMOOTHING_PX
     near = np.abs(spread.distances_px) < reach_px
     expected, measured = (
-        gaussian_filter1d(one.levels, _SMOOTHING_PX / BIN_PX, axis=1, mode="nearest")
-        for one in (spread, other)
+        gaussian_filter1d(profile.levels, _SMOOTHING_PX / BIN_PX, axis=1, mode="nearest")
+        for profile in (spread, other)
     )
     result = np.zeros(len(expected))
     for row, levels in enumerate(measured):

@@ -270,7 +270,7 @@ class ComparisonSummary:
         limit = self.subject.max_offset_px
         caption = f"Rings of the image, px. Lost: more than {limit:g} px off, or not detected."
         table = ResultTable(caption, columns, tuple(rows))
-        title = "The camera beside its twin"
+        title = "The camera and its twin"
         return Section(title, self.subject.text, self.measures, (table,), tuple(figures))
 
 

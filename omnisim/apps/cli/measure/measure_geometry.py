@@ -197,7 +197,7 @@ def _print(measured: MeasuredGeometry, rejected: Sequence[RejectedImage]) -> Non
     out.print(shown)
     bow_m = float(np.abs(measured.board_m[:, 2]).max())
     if bow_m > 0.0:
-        print_note(f"the board is bent by up to {1e3 * bow_m:.2g} mm; this is measured, too")
+        print_note(f"the board is bent by up to {1e3 * bow_m:.2g} mm, which is measured as well")
     for image in rejected:
         print_note(f"{image.name} not used: {image.reason}")
     if measured.rms_px > _MANY_PX:

@@ -93,7 +93,7 @@ def response(request: requests.MeasureResponseRequest) -> None:
             if max(abs(value - 1.0) for value in tint) > _MIN_TINT:
                 response = [round(value, 4) for value in tint]
                 degradation["white_balance"] = {"response": response, "gains": [1.0, 1.0, 1.0]}
-            basis = "middle of the flat fields, whose light is taken as white"
+            basis = "center of the flat fields, whose light is assumed to be white"
             quantities += [
                 Quantity(f"white_balance.{name}", value, math.nan, "of green", basis)
                 for name, value in zip(_NAMES, tint, strict=True)

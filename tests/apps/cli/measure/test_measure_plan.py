@@ -44,7 +44,7 @@ def test_parts_are_measured_once(ran, photos, response_series, tmp_path):
     assert camera.degradation.encoding.gamma == pytest.approx(2.0, rel=0.01)
     sections = json.loads((tmp_path / "camera-report" / "report.json").read_text())["sections"]
     titles = [section["title"] for section in sections]
-    assert titles == ["The camera beside its twin", "Geometry", "Response"]
+    assert titles == ["The camera and its twin", "Geometry", "Response"]
     before = [(tmp_path / f"camera.{suffix}").read_bytes() for suffix in ("toml", "json")]
     out, _ = ran(*MEASURE)
     assert "geometry: already measured" in out
