@@ -53,7 +53,7 @@ def reflection_kinds(
         if not surfaces[number].kind & SurfaceKind.REFLECTING:
             continue
         own = kinds.setdefault(instance.name, set())
-        own.update(kind for kind, some in planes if any(number in one.parts for one in some))
+        own.update(kind for kind, some in planes if any(number in mirror.parts for mirror in some))
         if number in probed:
             own.add(ReflectionKind.PROBE)
         elif not is_surface_planar(number, (*found.mirrors, *found.panes)):
@@ -109,7 +109,7 @@ def reflection_notes(
             "reflections show the sky and lamps, not the scene "
             f"({_materials(surfaces, unreflected)}): --backend rays shows it"
         )
-    bodies = [not one.surfaces <= flat for one in found.places]
+    bodies = [not place.surfaces <= flat for place in found.places]
     if probes > 0 and any(bodies[probes:]):
         notes.append(
             f"{sum(bodies)} curved or rough reflective bodies: the {probes} most prominent show "

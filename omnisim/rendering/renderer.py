@@ -332,8 +332,8 @@ class Renderer(Instrument[OmniCamera, CameraBackend, RecordedFrame]):
 
         def finish() -> dict[str, NDArray[Any]]:
             with self._current():
-                for one in begun:
-                    one.result()
+                for pending in begun:
+                    pending.result()
             return arrays
 
         return Pending(finish)

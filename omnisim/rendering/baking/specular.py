@@ -194,7 +194,7 @@ def _mean_reflectance(ior: Floats) -> Floats:
     """Reflectance (n,) of panes for Lambertian light."""
     squares = (np.arange(_ANGLES) + 0.5) / _ANGLES
     means = {
-        one: float(pane_reflectance(np.sqrt(squares), np.full(_ANGLES, one)).mean())
-        for one in np.unique(ior).tolist()
+        index: float(pane_reflectance(np.sqrt(squares), np.full(_ANGLES, index)).mean())
+        for index in np.unique(ior).tolist()
     }
-    return np.array([means[one] for one in ior.tolist()])
+    return np.array([means[index] for index in ior.tolist()])
