@@ -258,7 +258,7 @@ def _array(
         expected in (None, got) for expected, got in zip(shape, array.shape, strict=True)
     )
     if array.dtype.kind not in kinds or not fits:
-        expected = " × ".join("n" if one is None else str(one) for one in shape)
+        expected = " × ".join("n" if size is None else str(size) for size in shape)
         raise SceneError(
             f"{path}: {name}: expected {expected} {_KINDS[kinds]}, "
             f"got {array.dtype} of shape {array.shape}"

@@ -173,7 +173,7 @@ class ModelLibrary:
     def used_folders(self, root: XmlElement) -> tuple[Path, ...]:
         """Folders required by a file and its models, except those around the file."""
         roots = (root.element, *self._files.values())
-        texts = {(one.text or "").strip() for each in roots for one in each.iter()}
+        texts = {(element.text or "").strip() for each in roots for element in each.iter()}
         return self.resources.used(sorted(text for text in texts if "://" in text))
 
     def miss(self, uri: str) -> None:
@@ -199,7 +199,10 @@ class ModelLibrary:
             model.scope.add(link.name, link)
             shapes = (visual.find("geometry") for visual in link.children("visual"))
             self.round_shapes += sum(
-                one.tag in ROUND for shape in shapes if shape is not None for one in shape.element
+                child.tag in ROUND
+                for shape in shapes
+                if shape is not None
+                for child in shape.element
             )
         for frame in element.children("frame"):
             model.scope.add(frame.name, frame, frame.attribute("attached_to"))

@@ -189,7 +189,9 @@ class _Reader:
         elif tag == "heightmap":
             self._read_heightmap(kind, file_from_visual, name)
         elif tag in SHAPES:
-            key = tuple((one.tag, (one.text or "").strip()) for one in geometry.element.iter())
+            key = tuple(
+                (element.tag, (element.text or "").strip()) for element in geometry.element.iter()
+            )
             if key not in self._shapes:
                 limit = segment_limit(self._library.round_shapes)
                 self._shapes[key] = make_shape(geometry, kind, limit)
@@ -484,7 +486,10 @@ class MaterialReader:
     def _metal_map(self, metal: XmlElement) -> Texture | None:
         """Texture with roughness in green and metal in blue, from two gray images."""
         maps = [metal.find(key) for key in ("roughness_map", "metalness_map")]
-        images = [self._image(one, one.own_text) if one and one.own_text else None for one in maps]
+        images = [
+            self._image(element, element.own_text) if element and element.own_text else None
+            for element in maps
+        ]
         given = [image for image in images if image is not None]
         if not given:
             return None
@@ -492,7 +497,9 @@ class MaterialReader:
         if pair not in self._joined:
             size = max(given, key=lambda image: image.size).size
             white = Image.new("L", size, 255)
-            bands = [white if one is None else one.convert("L").resize(size) for one in images]
+            bands = [
+                white if image is None else image.convert("L").resize(size) for image in images
+            ]
             self._joined[pair] = Image.merge("RGB", [white, *bands])
         return self._textures.texture(self._joined[pair], "roughness_map", is_linear=True)
 

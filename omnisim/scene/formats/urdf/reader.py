@@ -149,7 +149,7 @@ class _Reader:
             is_plain = stated.base_color == _GRAY or not stated.name
             has_own.append(mesh.colors is not None or stated.texture is not None or not is_plain)
         self._hidden += material is not None and any(has_own)
-        for one, mesh, is_colored in zip(file.instances, meshes, has_own, strict=True):
+        for instance, mesh, is_colored in zip(file.instances, meshes, has_own, strict=True):
             if is_colored and self._chosen == "mesh":
                 material = None
             own = material
@@ -161,7 +161,7 @@ class _Reader:
             if (id(mesh), own) not in self._mesh_of:
                 self._mesh_of[id(mesh), own] = len(self._meshes)
                 self._meshes.append(replace(mesh, material=own))
-            place = pose @ np.diag((*scale, 1.0)) @ one.world_from_mesh
+            place = pose @ np.diag((*scale, 1.0)) @ instance.world_from_mesh
             self._instances.append(Instance(name, self._mesh_of[id(mesh), own], place, pose))
 
     def _material(self, visual: XmlElement) -> int | None:
