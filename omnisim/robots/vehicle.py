@@ -213,9 +213,9 @@ def _named(sensors: tuple[Mount[SensorT], ...], name: str | None, what: str) -> 
 def _without_folders(value: Any) -> Any:
     """Values in which absolute paths, which differ between machines, are names of files."""
     if isinstance(value, Mapping):
-        return {key: _without_folders(one) for key, one in value.items()}
+        return {key: _without_folders(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_without_folders(one) for one in value]
+        return [_without_folders(item) for item in value]
     return Path(value).name if isinstance(value, str) and Path(value).is_absolute() else value
 
 

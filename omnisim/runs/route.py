@@ -209,7 +209,7 @@ def _from_file(
     recording = parse_trajectory(path, axes=route.axes)
     if print_note is not None and route.axes is None and recording.axes != "world":
         print_note(
-            f"{path}: poses in KITTI's axes, x right, y down, z ahead; --axes world takes them "
+            f"{path}: poses in KITTI's axes, x right, y down, z ahead; --axes world reads them "
             "as x forward, y left, z up"
         )
     if recording.has_heights and route.ground_m is not None:
@@ -499,8 +499,8 @@ def on_floor(plan: MotionPlan, sweep: Sweep) -> tuple[Sweep, PlannedMotion]:
     segments = in_sequence(segments)
     times = [segments[0].start_s + np.zeros(1)]
     times += [
-        one.start_s + one.trapezoid.times_at(way)[1:]
-        for one, way in zip(segments, ways, strict=True)
+        segment.start_s + segment.trapezoid.times_at(way)[1:]
+        for segment, way in zip(segments, ways, strict=True)
     ]
     return dataclasses.replace(sweep, times_s=np.concatenate(times)), PlannedMotion(segments)
 

@@ -106,7 +106,7 @@ def _choose(tree: Model, name: str | None) -> Model:
         if name not in models:
             raise RobotFileError(f"no model {name!r}; {did_you_mean(name, models, 'it has')}")
         return models[name]
-    with_sensors = [one for one in models.values() if any(True for _ in _elements(one))]
+    with_sensors = [model for model in models.values() if any(True for _ in _elements(model))]
     candidates = with_sensors or list(models.values())
     if len(candidates) != 1:
         names = ", ".join(candidate.name for candidate in candidates) or "no model"

@@ -329,7 +329,7 @@ class DepthRenderer(Instrument[DepthCamera, _Views, DepthImage]):
             OmniCamera(camera.model, base_from_rig=mount).seeing(size_m),
             OmniCamera(camera.second_model, base_from_rig=beside).seeing(size_m),
         )
-        setups = (CameraSetup(one, True, hidden, 0, vehicles) for one in cameras)
+        setups = (CameraSetup(camera, True, hidden, 0, vehicles) for camera in cameras)
         return _Views(stage.backend.camera(setup) for setup in setups)
 
     def begin(self, moment: Moment) -> Pending[DepthImage]:

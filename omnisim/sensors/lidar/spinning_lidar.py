@@ -360,13 +360,15 @@ class LidarRenderer(Instrument[SpinningLidar, BeamCaster, PointCloud]):
         instances = instances_of_draws(labels, draws, list(stage.objects))
         returns = [hits] if hits.second is None else [hits, hits.second]
         ranges_m = [
-            lidar.measure(one.ranges_m, revolution, number) for number, one in enumerate(returns)
+            lidar.measure(echo.ranges_m, revolution, number) for number, echo in enumerate(returns)
         ]
-        intensities = np.stack([one.intensities for one in returns if one.intensities is not None])
+        intensities = np.stack(
+            [echo.intensities for echo in returns if echo.intensities is not None]
+        )
         return PointCloud(
             lidar.points(
                 np.stack(ranges_m),
-                np.stack([instances.take(one.draw_ids) for one in returns]),
+                np.stack([instances.take(echo.draw_ids) for echo in returns]),
                 intensities,
             ),
             lidar,
