@@ -72,7 +72,7 @@ def test_kittis_poses_are_the_first_cameras_in_a_world_with_y_down(write):
     np.testing.assert_allclose(poses @ IMU_FROM_CAMERA, AHEAD @ POSES, atol=1e-8)
     assert not is_timed
     assert "poses of cam0 (x right, y down, z forward), in KITTI's axes" in notes[0]
-    assert "has no times: one pose a second" in notes[1]
+    assert "has no times: 1 pose per second" in notes[1]
 
 
 def test_kittis_poses_set_a_mirror_upright(write):

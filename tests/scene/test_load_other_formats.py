@@ -250,7 +250,7 @@ def test_irregular_files_and_unknown_names_are_refused(tmp_path):
 @pytest.mark.parametrize(
     ("package", "message"),
     [
-        ("charset_normalizer", "cannot be read as obj: is damaged, or of another format"),
+        ("charset_normalizer", "cannot be read as obj: is damaged, or not in the format"),
         ("networkx", "cannot be read as obj: it needs networkx: pip install networkx"),
     ],
 )

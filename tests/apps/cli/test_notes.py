@@ -34,7 +34,7 @@ PAIRS = {
     ),
     "axes of poses": (
         "drive rings --robot superscout --path poses.kitti --rate 1 --ignore-limits -o run",
-        "--axes world takes them", "--axes kitti",
+        "--axes world reads them", "--axes kitti",
     ),
     "the height of a floor": (
         "drive step.obj --robot blind.toml --path way.csv -o run",

@@ -111,7 +111,7 @@ def test_refusals_are_one_line(monkeypatch):
         ({"vehicle": dataclasses.replace(wanted.vehicle, kinematics=None)},
          r"expected \[kinematics\] with --physics"),
         ({"route": dataclasses.replace(wanted.route, ground_m=1.0)},
-         "--ground: expected wheels on the scene's floor"),
+         "--ground: expected none with --physics"),
     ):  # fmt: skip
         with pytest.raises(TrajectoryError, match=words):
             dataclasses.replace(wanted, **changes).plan()

@@ -106,7 +106,7 @@ def test_a_faulty_table_is_one_line(changed, table, words):
     [
         ('names = ["window"]\nior = 1.2\nspecular = 0.0\n', "",
          "scene.toml: materials: 'window': ior without effect, as it has no specular or metallic"),
-        (GLOSS, '[light]\nshading = "matte"\n', "of shading 'matte', which shows base colors only"),
+        (GLOSS, '[light]\nshading = "matte"\n', "only base_color has an effect"),
     ],
 )  # fmt: skip
 def test_a_change_without_effect_is_a_note(changed, table, head, words):

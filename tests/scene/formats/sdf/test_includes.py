@@ -129,7 +129,7 @@ def test_a_model_with_a_fault_is_named_with_its_file(tmp_path):
     ("text", "message"),
     [
         ("<!DOCTYPE a [<!ENTITY b 'c'>]><sdf>&b;</sdf>", "expected XML without entities"),
-        ("<sdf>" + "<a>" * 200 + "</a>" * 200 + "</sdf>", "expected at most 128 elements in each"),
+        ("<sdf>" + "<a>" * 200 + "</a>" * 200 + "</sdf>", "expected at most 128 levels of nested"),
         ("<sdf><world>", "not XML in line 1, column 13: no element found"),
         ("<robot/>", "expected <sdf>, got <robot>"),
         ("<sdf version='1.9'/>", "expected a <world>, <model> or <light>, got none"),

@@ -204,7 +204,7 @@ def test_a_material_of_the_robot_on_a_mesh_with_its_own_is_noted(key, own, notic
     assert (material_of(scene, "l/own").name, material_of(scene, "l/plain").name) == (own, "red")
     assert len(scene.notices) == notices
     if notices:
-        assert "in place of their meshes' own (1 visual)" in scene.notices[0]
+        assert "replace those of the meshes (1 visual)" in scene.notices[0]
 
 
 def test_a_package_in_a_clone_of_another_name_is_found_by_package_xml(tmp_path):
