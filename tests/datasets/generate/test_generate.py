@@ -186,7 +186,7 @@ def test_a_plan_without_a_shard_has_no_claim_to_its_folder(tmp_path):
         Generation(write_plan(tmp_path, seed=8), out)
     (out / "shard-000000.tar").unlink()
     (out / "plan.json").write_text("{}")
-    with pytest.raises(OmnisimError, match="is of"):
+    with pytest.raises(OmnisimError, match="belongs to"):
         Generation(write_plan(tmp_path, seed=8), out)
 
 
