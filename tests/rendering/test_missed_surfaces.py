@@ -120,7 +120,7 @@ def test_a_viewpoint_in_a_room_is_quiet(is_inward):
     [
         ((2.0, 1.0, 0.5), "the viewpoint (2, 1, 0.5) m is inside crate"),
         ((3.5, 0.0, 1.0), "is outside the scene, which spans -3 -2 0 to 3 2 3 m"),
-        ((0.0, 0.0, -0.5), "is outside of the scene"),
+        ((0.0, 0.0, -0.5), "is outside the scene"),
         ((0.0, -2.0, 1.0), "is 0 m from room, nearer than the near plane, 0.05 m"),
         ((-2.98, 0.0, 1.0), "is 0.02 m from room, nearer than the near plane"),
     ],

@@ -79,7 +79,7 @@ def test_a_scene_extends_another(folder):
         ('extends = "socer"\n', "did you mean 'soccer'"),
         (SOCCER + 'up_axis = "z"\n', "expected no up_axis"),
         (SOCCER + '[[starts]]\nname = "kick_off"\nposition_m = [0, 0, 0]\n',
-         "starts: name = 'kick_off': the scene that it extends has one"),
+         "starts: name = 'kick_off': the scene that it extends already has one"),
     ],
 )  # fmt: skip
 def test_faulty_objects_and_extensions(folder, text, words):

@@ -240,7 +240,7 @@ def _rows(calibrated: calibrations.CalibratedCamera) -> list[tuple[str, str]]:
     seen = field_of_view(camera)
     parameters.pop("theta_max_deg", None)  # below: the model's limit
     rows += [_parameter_row(key, value) for key, value in parameters.items()]
-    axis = ", from −z, as the camera looks into a mirror" if seen.axis[2] < 0.0 else ""
+    axis = ", from −z, as it looks into a mirror" if seen.axis[2] < 0.0 else ""
     across, upright = math.degrees(seen.horizontal_rad), math.degrees(seen.vertical_rad)
     fold_rad = getattr(getattr(camera, "lens", camera), "fold_rad", math.inf)
     limit_rad = seen.theta_limit_rad
