@@ -211,6 +211,8 @@ def test_metadata_that_a_format_cannot_hold_is_refused(tmp_path, suffix):
         write_image(path, pixels, long)
         assert read_image(path)[1] == long
         return
-    with pytest.raises(OutputError, match="expected a camera of at most 65000 bytes, got 70009"):
+    with pytest.raises(
+        OutputError, match="expected at most 65000 bytes of camera metadata, got 70009"
+    ):
         write_image(path, pixels, long)
     assert not list(tmp_path.iterdir())

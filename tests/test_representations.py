@@ -133,7 +133,7 @@ def test_calibrations_are_cameras_of_renderers(tmp_path):
         assert sensor.model == lens
         assert sensor.polygons is None
     two = omnisim.Calibration((*calibration.cameras, omnisim.calibration_of(LENS, "b").camera()))
-    with pytest.raises(CalibrationError, match=r"expected one camera, got cam0, b: expected cal"):
+    with pytest.raises(CalibrationError, match=r"expected one camera, got cam0, b: select one"):
         omnisim.OmniCamera.of(two)
     with pytest.raises(CalibrationError, match=r"none\.yaml: cannot be read"):
         omnisim.OmniCamera.of("none.yaml")

@@ -233,7 +233,7 @@ def _twice(what: str, draw: Callable[[int], bytes], count: int) -> Finding:
     details = {"differ": differ, "times_s": [round(time_s, 4) for time_s in times_s]}
     if differ:
         return Finding(FAILED, f"{differ} of {count} {what} differ", OTHER_DRIVER, details)
-    text = f"{count} {what} twice, the same; {1e3 * median_s:.0f} ms each"
+    text = f"{count} {what} twice, identical; {1e3 * median_s:.0f} ms each"
     if slowest_s > max(MAX_WAIT_S, 10.0 * median_s):
         return Finding(FAILED, f"{text}, but {slowest_s:.1f} s for one", OTHER_DRIVER, details)
     return Finding(OK, f"{text}, at most {1e3 * slowest_s:.0f} ms", details=details)

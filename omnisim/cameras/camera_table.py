@@ -61,7 +61,7 @@ def camera_from_calibration(
     """
     from omnisim.cameras.calibration import load_calibration  # loads the formats only when needed
 
-    has_it = "calibration has it: expected one of them"
+    has_it = "expected none with calibration, which states it"
     if "model" in keys:
         raise SensorFileError(f"{source}: {key}.model: {has_it}")
     mirrored, theta_max_deg = keys.get("mirrored"), keys.get("theta_max_deg")
@@ -75,7 +75,7 @@ def camera_from_calibration(
         place = f"{source}: {key}{'.' if of_key else '.calibration: '}"
         raise SensorFileError(f"{place}{reason}") from None
     for other in sorted(keys.keys() - allowed):
-        hint = f"unknown key beside calibration; {did_you_mean(other, ('camera', *allowed))}"
+        hint = f"unknown key with calibration; {did_you_mean(other, ('camera', *allowed))}"
         is_of_lens = any(other in fields for fields in FIELDS)
         raise SensorFileError(f"{source}: {key}.{other}: {has_it if is_of_lens else hint}")
     return found.camera

@@ -32,7 +32,7 @@ class Pending(Generic[T]):
 
     @classmethod
     def done(cls, result: U) -> Pending[U]:
-        """Result that is there already."""
+        """Result that is already available."""
         return Pending(lambda: result)
 
     def then(self, change: Callable[[T], U]) -> Pending[U]:

@@ -44,12 +44,12 @@ class SensorRate:
         if count >= MAX_MEASUREMENTS:
             raise RunError(
                 f"sensor {sensor!r}: rate_hz = {self.rate_hz:g}: expected fewer than "
-                f"{MAX_MEASUREMENTS} readings, got {duration_s:g} s of them"
+                f"{MAX_MEASUREMENTS} readings, got {count} in {duration_s:g} s"
             )
         if count < 1:
             raise RunError(
-                f"sensor {sensor!r}: phase_s = {self.phase_s:g}: expected at most the "
-                f"{end_s - start_s:g} s of the drive"
+                f"sensor {sensor!r}: phase_s = {self.phase_s:g}: expected at most "
+                f"{end_s - start_s:g}, the duration of the drive"
             )
         indices = np.arange(count)
         times_s = start_s + self.phase_s + indices / self.rate_hz

@@ -77,7 +77,7 @@ def write_coco(shards: Shards, folder: Path, settings: CocoSettings | None = Non
     layout = "yolo" if settings.is_yolo else "coco"
     if "instance" not in shards.manifest.channels:
         raise PlanError(
-            f"{layout}: expected a data set with the channel instance, whose boxes it has"
+            f"{layout}: expected a data set with the channel instance, from which boxes are made"
         )
     check_new_folder(folder)
     splits = {name: _Split() for name in settings.splits or ("",)}
@@ -109,7 +109,7 @@ def _check_shares(boxes: dict[str, Any], limits: BoxLimits) -> None:
     ):
         raise PlanError(
             "--min-visible: expected a data set with the visible shares of its objects, which "
-            "`omnisim generate` records where the plan has min_visible: 0 leaves none out"
+            "`omnisim generate` records if the plan has min_visible, which may be 0"
         )
 
 
@@ -298,9 +298,9 @@ def _recording(shards: Shards, group: _Group, files: _Files) -> Recording:
                 known = mounts.setdefault(name, mount)
                 if other["camera"] != image["camera"] or np.abs(mount - known).max() > SAME:
                     raise PlanError(
-                        f"{shards.folder}: sample {content['number']}: {name} is not as in sample "
-                        f"{numbers[0]:.0f}: expected cameras that do not vary, as this format has "
-                        "one calibration for all images"
+                        f"{shards.folder}: sample {content['number']}: {name} differs from that of "
+                        f"sample {numbers[0]:.0f}: expected cameras that do not vary, as this "
+                        "format has one calibration for all images"
                     )
     content = {  # of a manifest that is not in a file
         "format": MANIFEST_FORMAT,

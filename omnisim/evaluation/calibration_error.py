@@ -142,7 +142,7 @@ def _wrong_camera(text: str, name: str, error: CalibrationComparison) -> str:
 
 
 def _wrong_imu(text: str, base_from_imu: Floats, error: CalibrationComparison) -> str:
-    numbers = ", ".join(f"{one:.17g}" for one in error.wrong(base_from_imu).ravel())
+    numbers = ", ".join(f"{number:.17g}" for number in error.wrong(base_from_imu).ravel())
     return re.sub(r"(?m)^  data: \[.*\]$", f"  data: [{numbers}]", text, count=1)
 
 

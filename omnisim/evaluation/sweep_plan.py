@@ -149,9 +149,9 @@ def read_plan(path: Path) -> tuple[SweepPlan, list[SweepPoint]]:
         for number, value in enumerate(variation.values):
             point = replace(given, variation=index, label=variation.value_labels[number])
             values = value if isinstance(value, list) and len(variation.keys) > 1 else [value]
-            for key, one in zip(variation.keys, values, strict=True):
+            for key, part in zip(variation.keys, values, strict=True):
                 where = f"{path}: vary.{index}.key = {key!r}"
-                point = _varied(point, key.split("."), one, where, path.parent)
+                point = _varied(point, key.split("."), part, where, path.parent)
             points += [_seeded(point, seed) for seed in plan.seeds]
     return plan, points
 
@@ -230,15 +230,15 @@ def shown_points(
     The unchanged drive comes first, unless it equals one of the values.
     """
     own = [point for point in points if point.variation == variation]
-    made = {(one.drive.name, str(one.calibration)) for one in own}
+    made = {(point.drive.name, str(point.calibration)) for point in own}
     base = [point for point in points if point.variation is None]
     if (
         variation is not None
-        and not {(one.drive.name, str(one.calibration)) for one in base} <= made
+        and not {(point.drive.name, str(point.calibration)) for point in base} <= made
     ):
         own = base + own
-    for label in dict.fromkeys(one.label for one in own):
-        yield label, [one for one in own if one.label == label]
+    for label in dict.fromkeys(point.label for point in own):
+        yield label, [point for point in own if point.label == label]
 
 
 # Drive of a sweep: its settings, and the input files of `omnisim drive`.
@@ -301,9 +301,9 @@ def _plain(value: Any) -> Any:
     The absolute path of a file is followed by a hash of its contents.
     """
     if isinstance(value, Mapping):
-        return {str(key): _plain(one) for key, one in value.items()}
+        return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(one) for one in value]
+        return [_plain(item) for item in value]
     if isinstance(value, str) and value.startswith("/") and Path(value).is_file():
         return [value, fingerprint(Path(value).read_bytes().hex())]
     if isinstance(value, int) and not isinstance(value, bool):
@@ -363,7 +363,7 @@ def matching_sensors(robot: Tables, pattern: str, where: str) -> list[str]:
     Raises:
         PlanError: no sensor matches.
     """
-    names = [str(one.get("name")) for one in robot.get("sensors", ())]
+    names = [str(sensor.get("name")) for sensor in robot.get("sensors", ())]
     matches = [name for name in names if pattern and fnmatchcase(name, pattern)]
     if not matches:
         raise PlanError(
@@ -385,8 +385,8 @@ def with_seed(robot: Tables, seed: int) -> dict[str, Any]:
     """Robot with `seed` added to the seeds of its sensors."""
     seeded = [name for name, kind in SENSOR_TYPES.items() if "seed" in kind.model_fields]
     sensors = [
-        {**one, "seed": one.get("seed", 0) + seed} if one.get("type") in seeded else one
-        for one in robot.get("sensors", ())
+        {**sensor, "seed": sensor.get("seed", 0) + seed} if sensor.get("type") in seeded else sensor
+        for sensor in robot.get("sensors", ())
     ]
     return {**robot, "sensors": sensors} if sensors else dict(robot)
 
@@ -408,10 +408,10 @@ def with_value(tables: Tables, keys: list[str], value: Any, where: str) -> dict[
 def missing_files(value: Any, key: str, folder: Path) -> Iterator[str]:
     """Values of `file` keys that are neither files in a folder nor absolute paths."""
     if isinstance(value, Mapping):
-        for inner, one in value.items():
-            yield from missing_files(one, inner, folder)
+        for inner, item in value.items():
+            yield from missing_files(item, inner, folder)
     elif isinstance(value, list):
-        for one in value:
-            yield from missing_files(one, key, folder)
+        for item in value:
+            yield from missing_files(item, key, folder)
     elif key == "file" and not (isinstance(value, str) and (folder / value).is_file()):
         yield str(value)

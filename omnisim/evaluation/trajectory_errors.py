@@ -81,7 +81,7 @@ def lost_intervals(times_s: Floats, start_s: float, end_s: float) -> list[tuple[
     gaps_s = np.diff(times_s)
     period_s = float(np.median(gaps_s)) if len(gaps_s) else 0.0
     inner = np.flatnonzero(gaps_s > MAX_PERIODS * period_s)
-    found = [(float(times_s[one]), float(times_s[one + 1])) for one in inner]
+    found = [(float(times_s[index]), float(times_s[index + 1])) for index in inner]
     found = [(start_s, float(times_s[0])), *found, (float(times_s[-1]), end_s)]
     return [(start, end) for start, end in found if end - start > 0.0]
 
@@ -109,12 +109,12 @@ def trajectory_errors(
     alignment = align(poses, true, kind)
     aligned = alignment.apply(poses)
     offsets = np.linalg.norm(aligned[:, :3, 3] - true[:, :3, 3], axis=1)
-    motions, true_motions = (inverse(one[:-1]) @ one[1:] for one in (aligned, true))
+    motions, true_motions = (inverse(poses[:-1]) @ poses[1:] for poses in (aligned, true))
     steps = _pose_errors(motions, true_motions)
     drift, turn_drift = _drift(aligned, true)
     down = poses[:, 2, :3], true[:, 2, :3]  # the world's vertical in the robot's frame
     cosines = np.clip((down[0] * down[1]).sum(axis=1), -1.0, 1.0)
-    level, true_level = (rotation_from_yaw(yaw_from_rotation(one)) for one in (aligned, true))
+    level, true_level = (rotation_from_yaw(yaw_from_rotation(poses)) for poses in (aligned, true))
     yaw = rotation_angles(level, true_level)
     ends_s = float(truth.times_s[0]), float(truth.times_s[-1])
     lost_s = sum(end - start for start, end in lost_intervals(estimate.times_s[used], *ends_s))

@@ -452,7 +452,7 @@ class StoredChannels:
         for name in names:
             if name not in self.names:
                 available = ", ".join(self.names) or "none"
-                raise OutputError(f"{self._image}: channel {name!r}: not there; it has {available}")
+                raise OutputError(f"{self._image}: no channel {name!r}; it has {available}")
         return {name: self._read(name) for name in names}
 
     def _read(self, name: str) -> NDArray[Any]:

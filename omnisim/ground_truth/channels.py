@@ -63,8 +63,8 @@ CHANNELS: dict[str, Channel] = {
         ),
         Channel(
             "range_through", ("range_through",), "float32", "m",
-            "length of the ray's path to the first surface that is no pane, and after mirrors, "
-            "as reflected; +inf: nothing is hit",
+            "length of the ray's path, through panes and after mirrors, to the first other "
+            "surface; +inf: nothing is hit",
             math.inf,
         ),
         Channel(
@@ -121,13 +121,13 @@ CHANNELS: dict[str, Channel] = {
         ),
         Channel(
             "flow", ("flow.U", "flow.V"), "float32", "px",
-            "from the pixel to where its point is in the next image, u right, v down; of "
-            "nothing's direction where nothing is hit; NaN: the next image's lens cannot see it",
+            "from the pixel to where its point is in the next image, u right, v down; where "
+            "nothing is hit, for a point at infinity; NaN: the next image's lens cannot see it",
             math.nan, "next",
         ),
         Channel(
             "occluded", ("occluded",), "uint8", "",
-            "the point in the next image: 0 visible, 1 hidden, 2 outside of it, 255 the pixel "
+            "the point in the next image: 0 visible, 1 hidden, 2 outside it, 255 the pixel "
             "sees nothing",
             255, "next",
         ),
@@ -155,7 +155,7 @@ CHANNELS: dict[str, Channel] = {
         ),
         Channel(
             "valid", ("valid",), "uint8", "",
-            "1: the pixel's center has a ray; 0: it is outside of the lens or the mirror",
+            "1: the pixel's center has a ray; 0: it is outside the lens or the mirror",
         ),
     )
 }  # fmt: skip

@@ -39,7 +39,7 @@ class HitDetails(NamedTuple):
 
     def joined(self, other: HitDetails) -> HitDetails:
         """Union of two sets of details."""
-        return HitDetails(*(one or more for one, more in zip(self, other, strict=True)))
+        return HitDetails(*(own or more for own, more in zip(self, other, strict=True)))
 
     @property
     def components(self) -> dict[str, int]:

@@ -113,8 +113,8 @@ class Unwarping:
         """
         if image.shape[:2] != self._shape:
             raise OpticsError(
-                f"an image of {image.shape[1]} × {image.shape[0]} px, where the camera's has "
-                f"{self._shape[1]} × {self._shape[0]}"
+                f"image: expected the camera's {self._shape[1]} × {self._shape[0]} px, got "
+                f"{image.shape[1]} × {image.shape[0]}"
             )
         is_encoded = image.dtype == np.uint8
         linear = linear_from_srgb8(image) if is_encoded else image.astype(np.float32, copy=False)
@@ -285,8 +285,8 @@ class ChannelUnwarping:
         """Coordinates (height, width) in m along the view's z; +inf: no hit."""
         if "position" not in channels or world_from_view is None:
             raise OutputError(
-                "channel 'z': expected position beside it, and the image's pose: it is along "
-                "another axis in the view, and made of these"
+                "channel 'z': requires the channel position and the image's pose, from which "
+                "depths along the view's axis are computed"
             )
         pose = check_pose(world_from_view)
         depths_m = (self._take(channels["position"]) - pose[:3, 3]) @ pose[:3, 2]

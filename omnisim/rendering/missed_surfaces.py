@@ -31,7 +31,7 @@ def near_plane_note(scene: Scene, sensor: OmniCamera, world_from_base: Floats) -
         return None
     more = f" and {len(names) - _NAMES} more" if len(names) > _NAMES else ""
     return (
-        f"nearer than the near plane, {seeing.near_m:.3g} m, and not seen there: "
+        f"clipped by the near plane, {seeing.near_m:.3g} m: "
         f"{', '.join(names[:_NAMES])}{more} (virtual_cameras.near_m of a sensor file)"
     )
 
@@ -60,10 +60,10 @@ def viewpoint_notes(scene: Scene, sensor: OmniCamera, world_from_base: Floats) -
     beside = (point_m < low_m) | (point_m > np.where([True, True, False], high_m, np.inf))
     near = near_plane_note(scene, sensor, world_from_base)
     if around := _bodies_around(still, point_m):
-        notes.append(f"{place} is inside of {', '.join(around[:_NAMES])}")
+        notes.append(f"{place} is inside {', '.join(around[:_NAMES])}")
     elif beside.any() and not is_own:
         low, high = (" ".join(number_text(value, 4) for value in end) for end in (low_m, high_m))
-        notes.append(f"{place} is outside of the scene, which is from {low} to {high} m")
+        notes.append(f"{place} is outside the scene, which spans {low} to {high} m")
     elif near is None:
         triangles = triangles_within(still, point_m - seeing.near_m, point_m + seeing.near_m)
         _, gaps_m = nearest_points(triangles.corners_m - point_m)

@@ -53,7 +53,7 @@ def reflection_kinds(
         if not surfaces[number].kind & SurfaceKind.REFLECTING:
             continue
         own = kinds.setdefault(instance.name, set())
-        own.update(kind for kind, some in planes if any(number in one.parts for one in some))
+        own.update(kind for kind, some in planes if any(number in mirror.parts for mirror in some))
         if number in probed:
             own.add(ReflectionKind.PROBE)
         elif not is_surface_planar(number, (*found.mirrors, *found.panes)):
@@ -109,7 +109,7 @@ def reflection_notes(
             "reflections show the sky and lamps, not the scene "
             f"({_materials(surfaces, unreflected)}): --backend rays shows it"
         )
-    bodies = [not one.surfaces <= flat for one in found.places]
+    bodies = [not place.surfaces <= flat for place in found.places]
     if probes > 0 and any(bodies[probes:]):
         notes.append(
             f"{sum(bodies)} curved or rough reflective bodies: the {probes} most prominent show "
@@ -117,8 +117,8 @@ def reflection_notes(
         )
     for some, name in ((found.mirrors, "planar mirrors"), (found.panes, "faces of panes")):
         if len(some) > mirrors and (mirrors or shown):
-            most = f"the {mirrors} that fill most of the image show the scene, others "
-            others = "a probe of it" if shown else "sky and lamps"
+            most = f"the {mirrors} largest in the image show the scene, the others "
+            others = "a reflection probe" if shown else "sky and lamps"
             notes.append(
                 f"{len(some)} {name}: {most if mirrors else 'each shows '}{others} "
                 "(virtual_cameras.mirrors of a sensor file)"
@@ -167,7 +167,7 @@ def frosted_notes(scene: Scene, is_traced: bool) -> list[str]:
 
 
 def specular_notes(scene: Scene, objects: Collection[Scene], backend: BackendName) -> list[str]:
-    """Notices on glass and mirrors that beams and depth cameras are not followed at.
+    """Notices on glass and mirrors beyond which beams and depth cameras are not followed.
 
     Args:
         scene: static scene.

@@ -332,8 +332,8 @@ class Renderer(Instrument[OmniCamera, CameraBackend, RecordedFrame]):
 
         def finish() -> dict[str, NDArray[Any]]:
             with self._current():
-                for one in begun:
-                    one.result()
+                for pending in begun:
+                    pending.result()
             return arrays
 
         return Pending(finish)
@@ -375,8 +375,8 @@ class Renderer(Instrument[OmniCamera, CameraBackend, RecordedFrame]):
             ev, metered_ev = float(exposure["ev"]), float(exposure["metered_ev"])
         except (OmnisimError, KeyError, TypeError, ValueError):
             raise RunError(
-                f"{path}: has no exposure, which the next image's follows from: remove it, and it "
-                "is taken again"
+                f"{path}: has no exposure, from which the next image's follows: remove it to have "
+                "it rendered again"
             ) from None
         return degradation.exposure.next_ev(ev, metered_ev, moment.time_s - moment.previous_s)
 

@@ -185,7 +185,7 @@ class SharedScene(Closeable, EditableScene):
             raise SceneError("body: expected either the body of one vehicle or vehicles, got both")
         self.vehicles = dict(vehicles or {}) if body is None else {BODY: body}
         self.objects = dict(self.vehicles)
-        moving = [(one.name, one.shape) for one in self.scene.objects]
+        moving = [(moving.name, moving.shape) for moving in self.scene.objects]
         for name, shape in (*moving, *(dynamic_objects or {}).items()):
             if name in self.objects or name == BODY:
                 raise SceneError(f"dynamic object {name!r}: expected each name once")
@@ -217,7 +217,7 @@ class SharedScene(Closeable, EditableScene):
         for key in ("lighting", "background", "objects"):
             if getattr(scene, key) != getattr(before, key):
                 raise SceneError(
-                    f"scene: expected the {key} that the stage was opened with, got others: "
+                    f"scene: expected the {key} that the stage was opened with, got different: "
                     "open a new stage"
                 )
         with self.current():

@@ -89,13 +89,13 @@ class GroundTruth:
         flows = any(name in FLOWS for name in names)  # occlusion refers to the latest hits
         details = HitDetails.of_channels(names)
         hits = (
-            (self._source.hits(one, details) for one in current)
+            (self._source.hits(poses, details) for poses in current)
             if flows
             else self._source.batch_hits(current, details)
         )
-        for number, (one, image_hits) in enumerate(zip(current, hits, strict=True)):
+        for number, (poses, image_hits) in enumerate(zip(current, hits, strict=True)):
             other_poses = {other: some[number] for other, some in others.items()}
-            yield self._channels_of(image_hits, names, one, other_poses)
+            yield self._channels_of(image_hits, names, poses, other_poses)
 
     def _channels_of(
         self, hits: Hits, names: Sequence[str], current: ScenePoses, poses: Mapping[str, ScenePoses]
@@ -299,32 +299,36 @@ def deformed_hits(
         return None
     points = hits.points_and_ranges_m.copy()
     flat, draw_ids = points.reshape(-1, 4), hits.draw_ids.ravel()
-    for draw, one in source.deforming.items():
+    for draw, deforming in source.deforming.items():
         seen = np.flatnonzero(draw_ids == draw + 1)
         if len(seen):
             triangles = hits.triangles.ravel()[seen]
-            viewpoint_from_mesh = one.object_from_mesh.copy()
-            if one.object_index is not None:
-                pose = current.world_from_objects[one.object_index]
+            viewpoint_from_mesh = deforming.object_from_mesh.copy()
+            if deforming.object_index is not None:
+                pose = current.world_from_objects[deforming.object_index]
                 viewpoint_from_mesh = pose @ viewpoint_from_mesh
             viewpoint_from_mesh[:3, 3] -= current.world_from_rig[:3, 3]
             flat[seen, :3] = _deformed(
-                flat[seen, :3].astype(np.float64), one, triangles, viewpoint_from_mesh, times_s
+                flat[seen, :3].astype(np.float64),
+                deforming,
+                triangles,
+                viewpoint_from_mesh,
+                times_s,
             )
     return hits._replace(points_and_ranges_m=points)
 
 
 def _deformed(
     points_m: Floats,
-    one: DeformingDraw,
+    draw: DeformingDraw,
     triangles: Uints32,
     viewpoint_from_mesh: Floats,
     times_s: tuple[float, float],
 ) -> Floats:
     """Points (n, 3) on triangles (n,) of a mesh, moved from its shape at one time to another."""
-    deformation = one.mesh.deformation
+    deformation = draw.mesh.deformation
     assert deformation is not None
-    hit = one.mesh.triangles[triangles].astype(np.intp)
+    hit = draw.mesh.triangles[triangles].astype(np.intp)
     used, corners = np.unique(hit, return_inverse=True)
     before, after = (
         (

@@ -87,7 +87,7 @@ def moved_px(
     if rays.origins_m is not None:
         points_m += rays.origins_m[rays.valid]
     is_finite = np.ones(len(points_m), dtype=np.bool_)
-    world_from_optical = [one.world_from_rig.copy() for one in poses]
+    world_from_optical = [pose.world_from_rig.copy() for pose in poses]
     for pose in world_from_optical:
         pose[:3, :3] = pose[:3, :3] @ camera.rig_from_optical
     static_px = np.zeros(len(points_m))
@@ -105,7 +105,7 @@ def moved_px(
         _object_px(camera, rays.directions[rays.valid], world_from_optical, path, corners_m)
         for corners_m, path in zip(
             object_corners_m,
-            zip(*(one.world_from_objects for one in poses), strict=True),
+            zip(*(pose.world_from_objects for pose in poses), strict=True),
             strict=True,
         )
     ]

@@ -142,8 +142,8 @@ def _sample(
         )
     if period_s is not None:
         segments = [
-            dataclasses.replace(one, stretch=count * period_s / one.duration_s)
-            for one, count in zip(segments, counts, strict=True)
+            dataclasses.replace(segment, stretch=count * period_s / segment.duration_s)
+            for segment, count in zip(segments, counts, strict=True)
         ]
     segments = in_sequence(segments)
     times, poses = [np.zeros(1)], [np.array([segments[0].start])]

@@ -207,15 +207,15 @@ def _named(sensors: tuple[Mount[SensorT], ...], name: str | None, what: str) -> 
     if name in names:
         return sensors[names.index(name)]
     hint = did_you_mean(name or "", names, "it has")
-    raise RobotFileError(f"{what}{'' if name is None else f' {name!r}'}: not there; {hint}")
+    raise RobotFileError(f"{what}{'' if name is None else f' {name!r}'}: not found; {hint}")
 
 
 def _without_folders(value: Any) -> Any:
     """Values in which absolute paths, which differ between machines, are names of files."""
     if isinstance(value, Mapping):
-        return {key: _without_folders(one) for key, one in value.items()}
+        return {key: _without_folders(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_without_folders(one) for one in value]
+        return [_without_folders(item) for item in value]
     return Path(value).name if isinstance(value, str) and Path(value).is_absolute() else value
 
 
@@ -272,7 +272,7 @@ def _check_outside(body: Scene | None, mount: Mount[SensorSettings], where: str)
     if around := enclosing_nodes(body, mount.origin_m, sensor.near_m, mount.hides):
         place = point_text(mount.origin_m)
         raise RobotFileError(
-            f"{where}: its {sensor.origin_noun} {place} m is inside of the body's "
+            f"{where}: its {sensor.origin_noun} {place} m is inside the body's "
             f"{', '.join(around)}: move it, or name in hides what it does not see"
         )
 

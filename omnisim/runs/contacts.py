@@ -20,7 +20,7 @@ from omnisim.scene.space.floor import TriangleBvh, triangles_within
 
 SPACING_M = 0.05  # spacing of the outermost corner between poses
 MAX_PER_STEP = 200  # poses: a longer step is a jump, not a drive
-NO_SIZE = "the robot has neither a [footprint] nor a body: contacts are not looked for"
+NO_SIZE = "the robot has neither a [footprint] nor a body: collisions are not checked"
 POSES_AT_ONCE = 64  # batch size, which bounds the memory
 
 
@@ -121,7 +121,7 @@ def check_no_contact(contacts: Sequence[Contact] | None, where: str) -> None:
             contact.
     """
     if contacts is None:
-        raise TrajectoryError(f"{where}: {NO_SIZE}: expected one of them with --no-contact")
+        raise TrajectoryError(f"{where}: {NO_SIZE}: expected one of the two with --no-contact")
     if contacts:
         others = f", and with {len(contacts) - 1} more" if len(contacts) > 1 else ""
         raise TrajectoryError(f"{where}: {contacts[0]}{others}: expected none with --no-contact")

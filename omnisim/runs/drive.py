@@ -93,7 +93,9 @@ class Drive:
     def _plan_route(self, print_note: Callable[[str], None] | None) -> PlannedRoute:
         self._check_seed()
         if self.physics is not None and self.route.ground_m is not None:
-            raise TrajectoryError("--ground: expected wheels on the scene's floor with --physics")
+            raise TrajectoryError(
+                "--ground: expected none with --physics, as wheels stand on the scene's floor"
+            )
         return plan_route(self.scene, self.vehicle, self.route, print_note)
 
     def _planned(self, route: PlannedRoute, simulated: SimulatedMotion | None) -> PlannedDrive:
@@ -351,8 +353,8 @@ class PlannedDrive:
             apart_m = np.linalg.norm(recorded.positions_m - self.truth.positions_m, axis=1).max()
             if apart_m > SAME_MOTION_M:
                 raise RunError(
-                    f"{file}: physics leads {apart_m:.2g} m elsewhere on this machine: resume the "
-                    "run where it began, or record it anew with --force"
+                    f"{file}: on this machine, physics diverges from it by {apart_m:.2g} m: resume "
+                    "the run where it began, or record it again with --force"
                 )
         if self.odometry is not None and not run.has(run_folder.ODOMETRY):
             write_odometry(run.path / run_folder.ODOMETRY, self.odometry)

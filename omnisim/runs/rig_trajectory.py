@@ -73,7 +73,7 @@ class RigRoute:
         is_timed = times_s is not None or self.rate_hz is not None
         if times_s is None:
             if self.rate_hz is None:
-                print_note(f"{self.path}: has no times: one pose a second; --rate says otherwise")
+                print_note(f"{self.path}: has no times: 1 pose per second; --rate sets another")
             rate_hz = UNTIMED_HZ if self.rate_hz is None else self.rate_hz
             if not 1e-9 < rate_hz < 1e9:
                 raise TrajectoryError(f"--rate: expected a finite number above 0, got {rate_hz:g}")
@@ -97,7 +97,7 @@ class RigRoute:
         moved = self.world_from_file @ poses.upright() @ inverse(body_from_posed)
         if self.frame is None:
             axes = ", in KITTI's axes" if poses.axes == "kitti" else ""
-            print_note(f"{self.path}: poses of {label}{axes}; --trajectory-frame says otherwise")
+            print_note(f"{self.path}: poses of {label}{axes}; --trajectory-frame sets another")
         return RigPoses(moved, poses.names, poses.times_s)
 
     def _parse(self, rig: Rig) -> _FilePoses:
@@ -150,7 +150,7 @@ def _posed_frame(rig: Rig, frame: str | None, path: Path) -> tuple[Floats, str]:
     body_from_rig = first.body_from_camera @ optical_from_rig  # upright, x forward
     if frame is None:
         is_lens = np.array_equal(first.model.rig_from_optical, BASE_FROM_OPTICAL_LOOKING_AHEAD)
-        place = "" if is_lens else "a camera that looks ahead in the place of "
+        place = "" if is_lens else "a camera that looks ahead from the position of "
         return body_from_rig @ AHEAD, f"{place}{first.name} ({OPTICAL_AXES})"
     if frame == BODY:
         return body_from_rig, f"a vehicle (x forward, y left, z up) with {first.name} on it"
@@ -171,7 +171,7 @@ def _nerfstudio_poses(path: Path, rig: Rig) -> _FilePoses:
         if len(names) > 1 or names[0] not in calibration.names:
             raise TrajectoryError(
                 f"{path}: expected frames of one camera, got {len(calibration.cameras)} cameras "
-                "with intrinsics of their own: --camera-name takes one"
+                "with intrinsics of their own: --camera-name selects one"
             )
         camera = calibration.camera(names[0])
     poses = [pose for pose in camera.poses if pose.target == WORLD]

@@ -209,7 +209,7 @@ def _from_file(
     recording = parse_trajectory(path, axes=route.axes)
     if print_note is not None and route.axes is None and recording.axes != "world":
         print_note(
-            f"{path}: poses in KITTI's axes, x right, y down, z ahead; --axes world takes them "
+            f"{path}: poses in KITTI's axes, x right, y down, z ahead; --axes world reads them "
             "as x forward, y left, z up"
         )
     if recording.has_heights and route.ground_m is not None:
@@ -235,7 +235,7 @@ def _from_file(
             else:
                 check_continuous(trajectory, math.inf, recording.source, MAX_SPEED_MPS, lines)
         except TrajectoryError as reason:
-            raise TrajectoryError(f"{reason}; --ignore-limits drives it all the same") from None
+            raise TrajectoryError(f"{reason}; --ignore-limits drives it regardless") from None
     has_times = recording.times_s is not None or route.rate_hz is not None
     return _RecordedPath(trajectory, recording.has_heights, has_times)
 
@@ -249,7 +249,7 @@ def _check_steps(recording: ParsedTrajectory) -> None:
         raise TrajectoryError(
             f"{recording.source}:{recording.line_numbers[k + 1]}: step {k} → {k + 1}: "
             f"{lengths_m[k]:g} m without times: expected at most {MAX_STEP_M:g} m: --rate HZ "
-            "gives times, --ignore-limits drives it all the same"
+            "gives times, --ignore-limits drives it regardless"
         )
 
 
@@ -499,8 +499,8 @@ def on_floor(plan: MotionPlan, sweep: Sweep) -> tuple[Sweep, PlannedMotion]:
     segments = in_sequence(segments)
     times = [segments[0].start_s + np.zeros(1)]
     times += [
-        one.start_s + one.trapezoid.times_at(way)[1:]
-        for one, way in zip(segments, ways, strict=True)
+        segment.start_s + segment.trapezoid.times_at(way)[1:]
+        for segment, way in zip(segments, ways, strict=True)
     ]
     return dataclasses.replace(sweep, times_s=np.concatenate(times)), PlannedMotion(segments)
 

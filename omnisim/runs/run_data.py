@@ -176,7 +176,7 @@ class RunLabels:
         ids: NDArray[np.uint32]
         ids = StoredChannels(image, {}).read(["instance"])["instance"]
         if ids.max(initial=0) >= len(self._class_of_instance):
-            raise RunError(f"{image}: its channel has instances that are not in {LABELS}")
+            raise RunError(f"{image}: channel 'instance': has instances that are not in {LABELS}")
         return self._class_of_instance[ids]
 
     def pixels(self, track: Track = iter) -> Iterator[LabeledPixels]:

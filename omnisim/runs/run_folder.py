@@ -197,7 +197,7 @@ class RunFolder:
             raise RunError(f"{self.path}: this run has no camera")
         if name is not None and name not in names:
             hint = did_you_mean(name, names, "it has")
-            raise RunError(f"{self.path}: camera {name!r}: not there; {hint}")
+            raise RunError(f"{self.path}: camera {name!r}: not found; {hint}")
         return names[0] if name is None else name
 
     def check_steps(self, name: str, count: int) -> None:
@@ -227,8 +227,8 @@ class RunFolder:
         if not missing:
             return None
         return (
-            f"{missing[0]}: is missing: the first {self.steps_done()} of {total} steps are looked "
-            f"at; record the run again to have the others, {len(missing)} without all their files"
+            f"{missing[0]}: is missing: only the first {self.steps_done()} of {total} steps are "
+            f"used; record the run again to complete the {len(missing)} steps with missing files"
         )
 
     def is_done(self, step: int) -> bool:
@@ -336,7 +336,7 @@ def _locked(path: Path) -> Iterator[None]:
                 fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
                 raise RunError(
-                    f"{path}: another command is writing to it: wait for its end"
+                    f"{path}: another command is writing to it: wait until it ends"
                 ) from None
         yield
     finally:
@@ -359,8 +359,8 @@ def _begin(run: RunFolder, content: dict[str, Any], force: bool) -> None:
             _clear(RunFolder(path, existing))
         elif difference := first_difference(old, content):
             raise RunError(
-                f"{path / MANIFEST}: {difference}: another run is in this folder; choose another, "
-                "or throw that one away with --force"
+                f"{path / MANIFEST}: {difference}: another run is in this folder; choose another "
+                "folder, or overwrite that run with --force"
             )
     for leftover in path.rglob(PARTIAL):  # from an interrupted run
         leftover.unlink()

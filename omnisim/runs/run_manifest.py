@@ -174,5 +174,5 @@ def _equal(key: str, before: Any, after: Any) -> bool:
 def _by_key(value: Any) -> Any:
     """Table by index from a list of tables, or from a list too long for a message."""
     if isinstance(value, list) and (len(value) > LONG or any(isinstance(v, dict) for v in value)):
-        return {str(number): one for number, one in enumerate(value)}
+        return {str(number): item for number, item in enumerate(value)}
     return value

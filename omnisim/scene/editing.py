@@ -34,7 +34,7 @@ def find(content: Content, name: str) -> tuple[Instance, ...]:
     """Parts of an instance, by its name."""
     parts = tuple(instance for instance in content.instances if instance.name == name)
     if not parts:
-        names = dict.fromkeys(one.name for one in content.instances)
+        names = dict.fromkeys(instance.name for instance in content.instances)
         hint = did_you_mean(str(name), names, "the scene has")
         raise _error(name, f"unknown; {hint}")
     return parts
@@ -74,7 +74,7 @@ def add(content: Content, name: str, part: Content, world_from_part: ArrayLike) 
     """Add all instances of other content as one instance."""
     if not isinstance(name, str) or not name:
         raise SceneError(f"instance: expected a name, got {name!r}")
-    if any(one.name == name for one in content.instances):
+    if any(instance.name == name for instance in content.instances):
         raise _error(name, "expected a new name, got that of another instance")
     pose = instance_pose(name, world_from_part)
     meshes, materials = list(content.meshes), list(content.materials)
@@ -117,7 +117,7 @@ def recolor(
     meshes, materials = list(content.meshes), list(content.materials)
     mesh_at: dict[int, int] = {}
     material_at: dict[int, int] = {}
-    for number in dict.fromkeys(one.mesh for one in find(content, name)):
+    for number in dict.fromkeys(instance.mesh for instance in find(content, name)):
         mesh = meshes[number]
         if texture is not None and mesh.texture_coordinates is None:
             raise _error(name, f"texture: expected texture coordinates in mesh {mesh.name!r}")
@@ -144,7 +144,9 @@ def _geometry(mesh: Mesh, materials: tuple[Material, ...]) -> tuple[int, ...]:
 
 def _without_unused(before: Content, after: Content) -> Content:
     """Edited content without the meshes and materials that only the edited instance used."""
-    lost = {instance.mesh for instance in before.instances} - {one.mesh for one in after.instances}
+    lost = {instance.mesh for instance in before.instances} - {
+        instance.mesh for instance in after.instances
+    }
     if not lost:
         return after
     meshes = [mesh for i, mesh in enumerate(after.meshes) if i not in lost]
@@ -152,11 +154,14 @@ def _without_unused(before: Content, after: Content) -> Content:
     mesh_at = _renumbered(len(after.meshes), lost)
     material_at = _renumbered(len(after.materials), orphaned)
     return Content(
-        tuple(dataclasses.replace(one, material=material_at[one.material]) for one in meshes)
+        tuple(dataclasses.replace(mesh, material=material_at[mesh.material]) for mesh in meshes)
         if orphaned
         else tuple(meshes),
         tuple(material for i, material in enumerate(after.materials) if i not in orphaned),
-        tuple(dataclasses.replace(one, mesh=mesh_at[one.mesh]) for one in after.instances),
+        tuple(
+            dataclasses.replace(instance, mesh=mesh_at[instance.mesh])
+            for instance in after.instances
+        ),
     )
 
 
@@ -191,7 +196,7 @@ def import_arrays(
     count = len(vertices)
     coordinates = None if uv is None else _numbers(name, "uv", uv, (count, 2))
     if texture is not None and coordinates is None:
-        raise _error(name, "texture: expected uv beside it, got none")
+        raise _error(name, "texture: expected uv with it, got none")
     mesh, center = make_mesh(
         name,
         0,

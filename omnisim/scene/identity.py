@@ -30,7 +30,7 @@ class SourceDigests:
 
     def edited(self, *change: Any) -> SourceDigests:
         """Digests after an edit, given by its name and its arguments."""
-        plain = [_plain(one) for one in change]
+        plain = [_plain(part) for part in change]
         return SourceDigests(source_digest(self.content, *plain), source_digest(self.light, *plain))
 
     def baked(self, bake: str) -> SourceDigests:
@@ -89,9 +89,9 @@ class _Digest:
         """Add numbers, text, arrays, enumerations, sequences and data classes of these."""
         if isinstance(value, np.ndarray):
             if id(value) not in self._known:
-                one = hashlib.sha256(f"{value.dtype.str}{value.shape}".encode())
-                one.update(np.ascontiguousarray(value).data)
-                self._known[id(value)] = value, one.digest()  # the reference keeps the id unique
+                hasher = hashlib.sha256(f"{value.dtype.str}{value.shape}".encode())
+                hasher.update(np.ascontiguousarray(value).data)
+                self._known[id(value)] = value, hasher.digest()  # the reference keeps the id unique
             self._hash.update(self._known[id(value)][1])
         elif isinstance(value, tuple | list):
             self._tag("sequence", len(value))

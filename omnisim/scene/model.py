@@ -172,7 +172,7 @@ class Scene:
             return self.instance_boxes
         is_rigid = [mesh.deformation is None for mesh in self.meshes]
         names = {instance.name for instance in self.instances if not is_rigid[instance.mesh]}
-        deforming = [one for one in self.instances if one.name in names]
+        deforming = [instance for instance in self.instances if instance.name in names]
         return self.instance_boxes | _boxes(deforming, self.meshes, time_s)
 
     @property

@@ -156,8 +156,8 @@ class Material:
     def absorption_per_m(self) -> tuple[float, float, float]:
         """Absorption coefficients of Beer and Lambert's law in glass, linear RGB."""
         red, green, blue = (
-            -math.log(max(one, _DARKEST)) / self.attenuation_distance_m
-            for one in self.attenuation_color
+            -math.log(max(channel, _DARKEST)) / self.attenuation_distance_m
+            for channel in self.attenuation_color
         )
         return red, green, blue
 
@@ -331,7 +331,7 @@ class Lighting:
     def by_kind(self) -> tuple[tuple[Light, ...], tuple[Light, ...]]:
         """Directional lights, and point and spot lights, as two groups."""
         directional = [light for light in self.lights if light.kind is LightKind.DIRECTIONAL]
-        punctual = [one for one in self.lights if one.kind is not LightKind.DIRECTIONAL]
+        punctual = [light for light in self.lights if light.kind is not LightKind.DIRECTIONAL]
         return tuple(directional), tuple(punctual)
 
     def with_shadows(self, casts: bool) -> Lighting:

@@ -209,5 +209,5 @@ def _candidates(
     inverse = inverse.reshape(-1)
     sums = np.bincount(inverse, weights=areas)
     kept = np.flatnonzero((sums > 0.0) & (sums >= min_area))
-    largest = [int(np.argmax(np.where(inverse == one, areas, 0.0))) for one in kept.tolist()]
+    largest = [int(np.argmax(np.where(inverse == plane, areas, 0.0))) for plane in kept.tolist()]
     return sorted(largest, key=lambda index: -areas[index])

@@ -122,11 +122,13 @@ def cone(
 
 def join(*surfaces: PrimitiveSurface) -> PrimitiveSurface:
     """Union of several surfaces; either all of them have normals or none has."""
-    starts = np.cumsum([0, *(len(one.positions) for one in surfaces)])
+    starts = np.cumsum([0, *(len(surface.positions) for surface in surfaces)])
     normals = [surface.normals for surface in surfaces if surface.normals is not None]
-    triangles = [one.triangles + start for one, start in zip(surfaces, starts, strict=False)]
+    triangles = [
+        surface.triangles + start for surface, start in zip(surfaces, starts, strict=False)
+    ]
     return PrimitiveSurface(
-        np.concatenate([one.positions for one in surfaces]),
+        np.concatenate([surface.positions for surface in surfaces]),
         np.concatenate(triangles),
         np.concatenate(normals) if normals else None,
     )

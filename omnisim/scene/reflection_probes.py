@@ -133,11 +133,13 @@ def find_probes(
         is_inside = ((low_m <= centers_m) & (centers_m <= high_m)).all(axis=1)
         held = indices[is_inside & (radii_m <= radii_m[row])].tolist()
         own_object = surfaces[index].object_index
-        return frozenset(one for one in held if surfaces[one].object_index == own_object)
+        return frozenset(
+            surface for surface in held if surfaces[surface].object_index == own_object
+        )
 
     places: list[ProbePlace] = []
     shared: list[tuple[int, frozenset[int]]] = []  # places, and the surfaces that may join them
-    for index in sorted(own, key=lambda one: (-radii_m[row_of[one]], one)):
+    for index in sorted(own, key=lambda surface: (-radii_m[row_of[surface]], surface)):
         for number, within in shared:
             if index in within:
                 place = places[number]
@@ -173,7 +175,7 @@ def _planar_places(
     """
     placed = {index for place in others for index in place.surfaces}
     found: list[tuple[float, MirrorPlane, ProbePlace]] = []
-    for plane in (one for one in planes if one.object_index is None):
+    for plane in (mirror for mirror in planes if mirror.object_index is None):
         for index in sorted(set(plane.parts) - placed):
             placed.add(index)
             surface, own = surfaces[index], plane.parts[index]
@@ -189,7 +191,7 @@ def _planar_places(
             place = ProbePlace(None, center_m, radius_m, area_m2, alone, alone, is_planar=True)
             found.append((-area_m2 * _strength(surface.material), plane, place))
     places: list[tuple[MirrorPlane, ProbePlace]] = []
-    for _, plane, place in sorted(found, key=lambda one: one[0]):
+    for _, plane, place in sorted(found, key=lambda entry: entry[0]):
         for number, (other, larger) in enumerate(places):
             apart_m = float(np.linalg.norm(place.center_m - larger.center_m))
             if other is plane and apart_m <= _TILES_M:

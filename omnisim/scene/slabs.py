@@ -77,7 +77,7 @@ def _thickness_m(mesh: Mesh, places: Sequence[Floats]) -> float | None:
 
 def normal_of_slabs(mesh: Mesh) -> Floats:
     """Unit normal (3,) of the faces of a mesh of slabs; 0 if its slabs are not parallel."""
-    normals = [np.zeros(3) if one is None else one[0] for one in _faces_of(mesh)]
+    normals = [np.zeros(3) if face is None else face[0] for face in _faces_of(mesh)]
     is_same = np.abs(normals @ normals[0]) >= _SAME_NORMAL
     return normals[0] if is_same.all() else np.zeros(3)
 

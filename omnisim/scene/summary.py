@@ -58,14 +58,16 @@ def instance_summaries(scene: Scene) -> tuple[InstanceSummary, ...]:
     classes = {kind.id: kind.name for kind in labels.classes}
     class_of = {instance.name: classes[instance.class_id] for instance in labels.instances}
     parts: dict[str, list[int]] = {}
-    for number, one in enumerate(scene.instances):
-        parts.setdefault(one.name, []).append(number)
+    for number, instance in enumerate(scene.instances):
+        parts.setdefault(instance.name, []).append(number)
     summaries = []
     for name, numbers in parts.items():
         own = tuple(scene.instances[number] for number in numbers)
-        meshes = [scene.meshes[one.mesh] for one in own]
+        meshes = [scene.meshes[instance.mesh] for instance in own]
         materials = dict.fromkeys(scene.materials[mesh.material] for mesh in meshes)
-        textures = dict.fromkeys(texture for one in materials for texture in textures_of(one))
+        textures = dict.fromkeys(
+            texture for material in materials for texture in textures_of(material)
+        )
         low, high = bounds_m(scene.meshes, own)
         summaries.append(
             InstanceSummary(
@@ -76,7 +78,7 @@ def instance_summaries(scene: Scene) -> tuple[InstanceSummary, ...]:
                 tuple(low.tolist()),
                 tuple(high.tolist()),
                 tuple(material.name for material in materials),
-                tuple((one.pixels.shape[1], one.pixels.shape[0]) for one in textures),
+                tuple((texture.pixels.shape[1], texture.pixels.shape[0]) for texture in textures),
             )
         )
     return tuple(summaries)
@@ -102,7 +104,7 @@ def floors(scene: Scene) -> tuple[Floor, ...]:
             height = float(heights[first:end] @ areas[first:end]) / area
             large_floors.append(Floor(round(height, 3) + 0.0, area))  # no -0.0
         first = end
-    return tuple(sorted(large_floors, key=lambda one: -one.area_m2))
+    return tuple(sorted(large_floors, key=lambda floor: -floor.area_m2))
 
 
 def start_summaries(scene: Scene) -> tuple[StartSummary, ...]:
@@ -139,4 +141,4 @@ def scene_textures(scene: Scene) -> list[Texture]:
 
 def textures_of(material: Material) -> list[Texture]:
     """Textures of a material: base color texture and maps."""
-    return [one for one in (material.texture, *material.maps) if one is not None]
+    return [texture for texture in (material.texture, *material.maps) if texture is not None]

@@ -81,7 +81,7 @@ def _decide(material: Material) -> SurfaceKind:
         material.metallic, material.specular, material.clearcoat, material.transmission,
         *material.emissive,
     )  # fmt: skip
-    if not (any(strengths) or any(one is not None for one in material.maps)):
+    if not (any(strengths) or any(texture is not None for texture in material.maps)):
         return kind | SurfaceKind.MATTE
     if material.transmission * (1.0 - material.metallic) > 0.0:
         kind |= _glass(material)

@@ -22,7 +22,7 @@ _DIRECTIONS = 512
 def tinted_reflectance(ior: float, color: tuple[float, float, float]) -> tuple[float, float, float]:
     """Reflectance at normal incidence, linear RGB, before the clamp to 1 and `specular`."""
     reflectance = ((ior - 1.0) / (ior + 1.0)) ** 2
-    red, green, blue = (reflectance * one for one in color)
+    red, green, blue = (reflectance * channel for channel in color)
     return red, green, blue
 
 
@@ -33,7 +33,7 @@ def dielectric_f0(
 
     Source: KHR_materials_specular, implementation.
     """
-    red, green, blue = (specular * min(one, 1.0) for one in tinted_reflectance(ior, color))
+    red, green, blue = (specular * min(channel, 1.0) for channel in tinted_reflectance(ior, color))
     return red, green, blue
 
 

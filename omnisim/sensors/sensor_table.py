@@ -125,10 +125,10 @@ def sensor_rates(
         if mount.rate_hz is None:
             for key in ("phase_s", "jitter_s"):
                 if getattr(mount, key) > 0.0:
-                    raise RobotFileError(f"{source}: {key}: expected with rate_hz")
+                    raise RobotFileError(f"{source}: {key}: requires rate_hz")
             if mount.trigger is not None and first.rate_hz is None:
                 raise RobotFileError(
-                    f"{source}: trigger = {mount.trigger!r}: expected a sensor of it with rate_hz"
+                    f"{source}: trigger = {mount.trigger!r}: expected rate_hz in one of its sensors"
                 )
         if first.rate_hz is None:
             rates.append((mount, None))

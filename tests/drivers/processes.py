@@ -66,7 +66,7 @@ def virgl_server() -> Iterator[None]:
     """A server of virgl that draws by llvmpipe; there is one at a time on a machine."""
     server = shutil.which(VIRGL_SERVER)
     if server is None:
-        raise FileNotFoundError(f"{VIRGL_SERVER} is not there: apt-get install virgl-server")
+        raise FileNotFoundError(f"{VIRGL_SERVER} is missing: apt-get install virgl-server")
     with _LOCK.open("w") as lock, tempfile.TemporaryFile() as log:
         fcntl.flock(lock, fcntl.LOCK_EX)
         _SOCKET.unlink(missing_ok=True)

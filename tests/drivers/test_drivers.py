@@ -62,7 +62,7 @@ def shaders(drawn):
 def _need(program):
     if shutil.which(program) is None:
         assert not os.environ.get("CI"), f"CI must have {program}"
-        pytest.skip(f"{program} is not there")
+        pytest.skip(f"{program} is missing")
 
 
 def test_every_image_is_drawn_the_same_again_and_in_a_batch(drawn):

@@ -320,7 +320,7 @@ def test_what_is_not_there_or_of_another_image_is_refused(tmp_path):
     channels = _channels()
     _frame({"range": channels["range"]}).save(tmp_path / "a.png", channel_format="npy")
     stored = StoredChannels(tmp_path / "a.png", METADATA)
-    with pytest.raises(OutputError, match=r"a\.png: channel 'flow': not there; it has range"):
+    with pytest.raises(OutputError, match=r"a\.png: no channel 'flow'; it has range"):
         stored.read(["flow"])
     with pytest.raises(OutputError, match="scene: differs from the image's: these are channels"):
         StoredChannels(tmp_path / "a.png", {"scene": "other"})

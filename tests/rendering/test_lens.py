@@ -57,7 +57,7 @@ def test_lens_from_a_sensor_file(tmp_path):
         ("theta_max_deg", "theta_deg", r"theta_deg: unknown key; did you mean 'theta_max_deg'\?"),
         ("\nfocal", "\nk5 = 1\nfocal", r"lens\.k5: unknown key; expected one of model"),
         ("[camera]", "[mirror]\nk = 5.0\n[camera]", r"\[lens\] and \[mirror\] both define"),
-        ("[camera]", "[camera]\nwidth_px = 9", r"camera\.width_px: is a key of \[lens\]"),
+        ("[camera]", "[camera]\nwidth_px = 9", r"camera\.width_px: expected it in \[lens\]"),
         ("theta_max_deg = 100.0", "theta_max_deg = 200.0", r"lens\.theta_max"),
     ],
 )

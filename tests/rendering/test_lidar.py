@@ -163,9 +163,7 @@ def test_limits_of_range_and_motion_and_an_edited_scene():
     with open_sensor(scene_of([room()]), lidar) as renderer:
         ranges_m = renderer.scan(np.eye(4)).points["range"]
         assert 2.5 <= ranges_m.min() < ranges_m.max() <= 3.2
-        with pytest.raises(
-            OmnisimError, match=r"^lidar: expected to be turned by at most 0.06 rad"
-        ):
+        with pytest.raises(OmnisimError, match=r"^lidar: expected a turn of at most 0.06 rad"):
             renderer.scan(lambda time_s: pose(yaw_deg=6000.0 * time_s))
         renderer.scene = dataclasses.replace(renderer.scene, instances=())
         assert len(renderer.scan(np.eye(4)).points) == 0

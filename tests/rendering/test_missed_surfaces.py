@@ -75,7 +75,7 @@ def test_what_the_near_plane_cuts_away_is_named():
     assert surfaces_too_near(room, LENS, np.eye(4)) == ("pole",)
     note = near_plane_note(room, LENS, np.eye(4))
     assert note is not None
-    assert "near plane, 0.05 m, and not seen there: pole" in note
+    assert "near plane, 0.05 m: pole" in note
     # beside the image, behind the camera, or beyond the near plane
     assert near_plane_note(room, LENS, pose(yaw_deg=90.0)) is None
     assert near_plane_note(room, LENS, pose((0.04, 0.0, 0.0))) is None
@@ -118,9 +118,9 @@ def test_a_viewpoint_in_a_room_is_quiet(is_inward):
 @pytest.mark.parametrize(
     ("position", "words"),
     [
-        ((2.0, 1.0, 0.5), "the viewpoint (2, 1, 0.5) m is inside of crate"),
-        ((3.5, 0.0, 1.0), "is outside of the scene, which is from -3 -2 0 to 3 2 3 m"),
-        ((0.0, 0.0, -0.5), "is outside of the scene"),
+        ((2.0, 1.0, 0.5), "the viewpoint (2, 1, 0.5) m is inside crate"),
+        ((3.5, 0.0, 1.0), "is outside the scene, which spans -3 -2 0 to 3 2 3 m"),
+        ((0.0, 0.0, -0.5), "is outside the scene"),
         ((0.0, -2.0, 1.0), "is 0 m from room, nearer than the near plane, 0.05 m"),
         ((-2.98, 0.0, 1.0), "is 0.02 m from room, nearer than the near plane"),
     ],

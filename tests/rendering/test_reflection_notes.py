@@ -61,10 +61,10 @@ def test_planar_mirrors_and_panes_are_drawn():
         block = scene_of([box("box", 0)], [material])
         assert not reflection_notes(block, 6)
         key = "(virtual_cameras.mirrors of a sensor file)"
-        most = f"6 {shown}: the 4 that fill most of the image show the scene, others"
-        assert reflection_notes(block) == [f"{most} a probe of it {key}"]
+        most = f"6 {shown}: the 4 largest in the image show the scene, the others"
+        assert reflection_notes(block) == [f"{most} a reflection probe {key}"]
         assert reflection_notes(block, probes=0) == [f"{most} sky and lamps {key}"]
-        assert reflection_notes(block, 0) == [f"6 {shown}: each shows a probe of it {key}"]
+        assert reflection_notes(block, 0) == [f"6 {shown}: each shows a reflection probe {key}"]
         (note,) = reflection_notes(block, 0, 0)
         assert note.startswith("reflections show the sky and lamps")
         note, *_ = reflection_notes(scene_of([square(), sphere(1.0, 8)], [material]))

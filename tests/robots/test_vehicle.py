@@ -107,9 +107,9 @@ def test_scanners_are_as_asked_for():
 def test_sensors_by_name():
     vehicle = vehicle_of(CAMERA, SCANNER)
     assert vehicle.camera("omni") is vehicle.camera()
-    with pytest.raises(RobotFileError, match=r"^robot 'a': camera 'omi': not there; did you mean"):
+    with pytest.raises(RobotFileError, match=r"^robot 'a': camera 'omi': not found; did you mean"):
         vehicle.camera("omi")
-    with pytest.raises(RobotFileError, match=r"^robot 'a': scanner: not there; it has none$"):
+    with pytest.raises(RobotFileError, match=r"^robot 'a': scanner: not found; it has none$"):
         vehicle_of().scanner()
 
 
@@ -121,9 +121,9 @@ OUTSIDE, INSIDE = {"position_m": (0.0, 0.0, 1.01)}, {"position_m": (0.0, 0.0, 0.
     [
         ([CAMERA | OUTSIDE, SCANNER | OUTSIDE], None),
         ([CAMERA | INSIDE | {"hides": ("cube",)}], None),
-        ([CAMERA | INSIDE], r"sensor 'omni': its effective viewpoint \(0, 0, 0.9\) m is inside of "
+        ([CAMERA | INSIDE], r"sensor 'omni': its effective viewpoint \(0, 0, 0.9\) m is inside "
          "the body's cube: move it, or name in hides what it does not see"),
-        ([SCANNER | INSIDE], r"sensor 'scan': its origin \(0, 0, 0.9\) m is inside of the bod"),
+        ([SCANNER | INSIDE], r"sensor 'scan': its origin \(0, 0, 0.9\) m is inside the bod"),
         ([SCANNER | {"hides": ("cub",)}], "hides 'cub': no such node in the body; did you mean"),
         ([SCANNER | {"hides": ("x",)}], "hides 'x': no such node in the body; it has cube"),
         ([CAMERA | {"file": "s.toml"}], "sensor 'omni': file = 's.toml': no such file beside it"),

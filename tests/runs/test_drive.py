@@ -343,6 +343,6 @@ def test_interrupted_by_a_person_it_says_how_to_go_on(tmp_path):
     _, error = process.communicate()
     assert process.returncode == 130
     first, last = error.splitlines()
-    assert re.fullmatch(r"run: \d+ of \d+ steps are done: the same command resumes the run", first)
+    assert re.fullmatch(r"run: \d+ of \d+ steps are done: run the same command to resume", first)
     assert last == "interrupted"
     assert not list((tmp_path / "run").rglob(".omnisim-*"))

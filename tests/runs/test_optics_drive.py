@@ -170,5 +170,5 @@ def test_a_pinhole_in_its_housing_sees_by_the_mirror_above(tmp_path):
     np.testing.assert_allclose(found, (0.0, 0.0, 0.5 + 0.1557), atol=1e-3)
     near = sphere.read_text().replace("0.15]", "0.08]")
     (tmp_path / "sphere.toml").write_text(near)
-    with pytest.raises(RobotFileError, match=r"its effective viewpoint .* is inside of the body's"):
+    with pytest.raises(RobotFileError, match=r"its effective viewpoint .* is inside the body's"):
         Vehicle.load(tmp_path / "robot.toml")

@@ -72,7 +72,7 @@ def test_kittis_poses_are_the_first_cameras_in_a_world_with_y_down(write):
     np.testing.assert_allclose(poses @ IMU_FROM_CAMERA, AHEAD @ POSES, atol=1e-8)
     assert not is_timed
     assert "poses of cam0 (x right, y down, z forward), in KITTI's axes" in notes[0]
-    assert "has no times: one pose a second" in notes[1]
+    assert "has no times: 1 pose per second" in notes[1]
 
 
 def test_kittis_poses_set_a_mirror_upright(write):
@@ -80,7 +80,7 @@ def test_kittis_poses_set_a_mirror_upright(write):
     rig = Rig("base", (RigCamera("camera", mirror.model, mirror.base_from_optical),))
     poses, _, notes = _read(write("kitti"), rig)
     np.testing.assert_allclose(poses, AHEAD @ POSES @ inverse(AHEAD), atol=1e-8)  # as a drive
-    assert "a camera that looks ahead in the place of camera" in notes[0]
+    assert "a camera that looks ahead from the position of camera" in notes[0]
 
 
 def test_the_user_may_say_otherwise(write):

@@ -82,9 +82,9 @@ def test_sensors_of_a_trigger_fire_together():
 def test_skipped_revolutions_and_what_is_too_near_at_the_start_are_mentioned():
     low = {"name": "low", "type": "omnicamera", "position_m": [0.0, 0.0, 0.03]}
     skipped, near = drive_of(LIDAR, low).plan().notes
-    assert skipped.startswith("lidar: a cloud at each step, of 5 of the lidar's 15")
-    assert skipped.endswith("revolutions: rate_hz = 10 in its table takes all")
-    words = "low: nearer than the near plane, 0.05 m, and not seen there: line_halfway, carpet"
+    assert skipped.startswith("lidar: one cloud per step, of 5 of the lidar's 15")
+    assert skipped.endswith("revolutions: rate_hz = 10 in its table records all")
+    words = "low: clipped by the near plane, 0.05 m: line_halfway, carpet"
     assert near.startswith(words)
     assert not drive_of(LIDAR | {"rate_hz": 10.0}, low | PLACE).plan().notes
 
@@ -203,7 +203,7 @@ def test_frames_are_the_slowest_sensors(whole):
     assert np.abs(lidar_s - sonar_s).max() <= 0.05 + 1e-9
     (note,) = notes
     assert note.startswith("lidar: measures up to 0.0")
-    assert note.endswith(" s from sonar, whose times are taken")
+    assert note.endswith(" s from sonar, whose times are used")
     pose = recording.cloud("lidar", 3).header.pose("world_from_lidar")
     at = recording.states(lidar_s[3:4]).world_from_base[0, :3, 3]
     np.testing.assert_allclose(pose[:3, 3], at + (0.0, 0.0, 0.5), atol=1e-6)

@@ -111,7 +111,7 @@ def test_faulty_edits_are_refused(edit, message):
         ({"normals": np.zeros((3, 3))}, r"normals: expected \(4, 3\), got \(3, 3\)"),
         ({"uv": np.zeros((4, 3))}, r"uv: expected \(4, 2\), got \(4, 3\)"),
         ({"colors": np.full((4, 3), 200.0)}, "colors: expected uint8, or numbers from 0 to 1"),
-        ({"texture": WHITE}, "texture: expected uv beside it, got none"),
+        ({"texture": WHITE}, "texture: expected uv with it, got none"),
         ({"texture": WHITE / 255.0, "uv": np.zeros((4, 2))}, "expected .* uint8, got .* float64"),
     ],
 )

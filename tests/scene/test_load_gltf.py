@@ -174,7 +174,7 @@ def test_only_the_strongest_lights_shine(gltf, tmp_path):
     assert sorted(light.intensity for light in scene.lighting.lights) == [
         9.0 + i for i in range(32)
     ]
-    assert scene.notices == ("a.gltf: has 40 lights: the 32 strongest shine",)
+    assert scene.notices == ("a.gltf: has 40 lights: only the 32 strongest are used",)
 
 
 def test_sparse_positions_and_triangle_fan(gltf, tmp_path):
@@ -300,7 +300,7 @@ def test_missing_texture_is_noticed_and_the_factor_drawn(gltf, tmp_path):
     scene = load_scene(gltf.write(tmp_path / "a.gltf"))
     assert scene.materials[0].texture is None
     assert scene.materials[0].base_color[:3] == (0.2, 0.3, 0.4)
-    assert any("not%20there.png is not there" in line for line in scene.notices)
+    assert any("not%20there.png is missing" in line for line in scene.notices)
 
 
 def test_texture_file_is_found_by_its_decoded_name(gltf, tmp_path):

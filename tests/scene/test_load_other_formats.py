@@ -47,7 +47,7 @@ def test_obj_colors_are_display_values(tmp_path):
 
 def test_obj_without_materials_is_light_gray(tmp_path):
     """trimesh puts a dark gray image where there is no material; it must not be seen."""
-    path, missing = tmp_path / "a.obj", ("a.obj: a.mtl is not there: drawn without it",)
+    path, missing = tmp_path / "a.obj", ("a.obj: a.mtl is missing: drawn without it",)
     for text, notices in ((TRIANGLE_OBJ, missing), (TRIANGLE_OBJ.partition("\n")[2], ())):
         path.write_text(text)
         scene = load_scene(path)
@@ -250,7 +250,7 @@ def test_irregular_files_and_unknown_names_are_refused(tmp_path):
 @pytest.mark.parametrize(
     ("package", "message"),
     [
-        ("charset_normalizer", "cannot be read as obj: is damaged, or of another format"),
+        ("charset_normalizer", "cannot be read as obj: is damaged, or not in the format"),
         ("networkx", "cannot be read as obj: it needs networkx: pip install networkx"),
     ],
 )

@@ -72,12 +72,12 @@ FORMATS = (_obj_with_texture, _obj_with_hole_map, _obj_with_material_file, _coll
 
 
 def _missing(path, content, monkeypatch):
-    return "is not there"
+    return "is missing"
 
 
 def _folder(path, content, monkeypatch):
     path.mkdir()
-    return "is not there"
+    return "is missing"
 
 
 def _holding(content, reason):
@@ -179,7 +179,7 @@ def test_a_name_of_two_lines_is_told_in_one(tmp_path):
     tree = json.loads(path.read_text())
     tree["buffers"][0]["uri"] = "a\nb"
     path.write_text(json.dumps(tree))
-    with pytest.raises(SceneError, match=r"buffers\[0\].uri: a\\nb is not there") as caught:
+    with pytest.raises(SceneError, match=r"buffers\[0\].uri: a\\nb is missing") as caught:
         load_scene(path)
     assert "\n" not in str(caught.value)
 

@@ -313,7 +313,7 @@ class _CommandLine:
                 return field.error(" ".join(words), flag)
             return CommandLineError(f"{flag}: expected {example}, got {flag} {' '.join(words)}")
         takes = " ".join(field.metavar for field in self._fields if field.is_argument) or "nothing"
-        takes = f"{self._path} takes {takes} beside its options"
+        takes = f"{self._path} takes {takes} besides its options"
         return CommandLineError(f"{word}: unexpected argument: {takes}")
 
     def _given(self) -> Iterator[tuple[int, str, RequestField, list[str]]]:

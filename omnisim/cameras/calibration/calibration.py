@@ -99,7 +99,7 @@ class Calibration:
         if len(self.cameras) > 1:
             raise CalibrationError(
                 f"{self.source}: expected one camera, got {', '.join(self.names)}: "
-                "expected calibration.camera(name)"
+                "select one with calibration.camera(name)"
             )
         return self.cameras[0]
 
@@ -170,8 +170,8 @@ def load_calibration(
     for model in (calibrated.camera for calibrated in selected.cameras):
         if limit_rad not in (None, math.pi) and model.domain_limit_rad is None:
             raise CalibrationError(
-                f"theta_max_deg: {model.model_name} ends by its own parameters: `omnisim "
-                "calibration convert` to opencv_fisheye fits a lens that has this key"
+                f"theta_max_deg: {model.model_name} has a limit of its own, from its parameters: "
+                "`omnisim calibration convert` to opencv_fisheye fits a lens with this key"
             )
     for note in selected.notes:
         warnings.warn(f"{path}: {note}", NoticeWarning, stacklevel=2)
@@ -317,7 +317,7 @@ class Rig:
             elif name is None:
                 raise CalibrationError(
                     f"{calibration.source}: {camera.name}: expected its pose from {body}, got no "
-                    "extrinsics: --camera-name takes one camera"
+                    "extrinsics: --camera-name selects one camera"
                 )
             elif name == camera.name:
                 return cls.of(calibration.only(name))
@@ -361,19 +361,19 @@ def read_cameras(
     given = {"mirrored": mirrored, "theta_max_rad": theta_max_rad}
     given = {key: value for key, value in given.items() if value is not None}
     cameras = []
-    for one in parsed:
-        own = metadata.get(one.name, CameraMetadata(camera=one.name)).model_copy(update=given)
-        place, lens, own_notes = f"{source}: {one.name}", one.lens, one.notes
+    for entry in parsed:
+        own = metadata.get(entry.name, CameraMetadata(camera=entry.name)).model_copy(update=given)
+        place, lens, own_notes = f"{source}: {entry.name}", entry.lens, entry.notes
         if isinstance(lens, base.FovLens):
             lens, note = _nearest_model(lens, place)
             own_notes = (*own_notes, note)
         with error_context(place):
             camera = camera_from_lens(lens, own)
             _check_camera(camera, place)
-        poses = own.poses(one.poses, place)
+        poses = own.poses(entry.poses, place)
         own_notes = (*own_notes, *field_notes(camera))
-        calibrated = (camera, poses, own.residuals, own_notes, lens.model_name, one.time_shift_s)
-        cameras.append(CalibratedCamera(one.name, *calibrated))
+        calibrated = (camera, poses, own.residuals, own_notes, lens.model_name, entry.time_shift_s)
+        cameras.append(CalibratedCamera(entry.name, *calibrated))
     contradiction = pose_contradiction([pose for camera in cameras for pose in camera.poses])
     if contradiction is not None:
         notes.append(contradiction)
@@ -398,14 +398,14 @@ def _nearest_model(lens: base.FovLens, source: str) -> tuple[CentralCamera, str]
         if best is not None and best.residuals.max_px <= GOOD_PX:
             break
     if best is None:
-        raise CalibrationError(f"{place}: no model of omnisim comes near it")
+        raise CalibrationError(f"{place}: no model of omnisim fits this lens")
     name, residuals = best.camera.model_name, best.residuals
     if residuals.max_px > MAX_NEAREST * min(lens.width_px, lens.height_px):
         raise CalibrationError(
             f"{place}: the nearest model of omnisim, {name}, is up to {residuals.max_px:.3g} px off"
         )
     return best.camera, (
-        f"{lens.model_name} is none of omnisim's models: read as {name}, "
+        f"omnisim has no model {lens.model_name}: read as {name}, "
         f"RMS {residuals.rms_px:.2g} px and at most {residuals.max_px:.2g} px off within "
         f"{math.degrees(residuals.theta_max_rad):.1f}°"
     )
@@ -419,15 +419,15 @@ def _check_camera(camera: CentralCamera, place: str) -> None:
     if not offset.max() <= MAX_CENTER_OFFSET:
         u, v = center
         raise CalibrationError(
-            f"{place}: center: expected in the image of {size[0]:g} × {size[1]:g} px or near by, "
-            f"got ({u:g}, {v:g}): is one of both another image's?"
+            f"{place}: center: expected in or near the image of {size[0]:g} × {size[1]:g} px, "
+            f"got ({u:g}, {v:g}): do both belong to the same image size?"
         )
     steps = np.linspace(0.0, 1.0, 33)
     grid = np.stack(np.meshgrid(*(steps * (side - 1.0) for side in size)), axis=-1)
     # tests the pixel at the center, because even invalid parameters give the center itself
     rays = camera.ray_from_pixel(np.concatenate((grid.reshape(-1, 2), np.rint(center)[None])))
     if not (rays.valid & np.isfinite(rays.directions).all(axis=-1)).any():
-        raise CalibrationError(f"{place}: no pixel of this camera sees anything: expected a lens")
+        raise CalibrationError(f"{place}: no pixel of this camera has a ray: check its numbers")
 
 
 # KITTI-360's calibration folder: one file per fisheye camera, and the extrinsics of all cameras.

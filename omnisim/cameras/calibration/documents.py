@@ -101,7 +101,7 @@ def parse_yaml(text: str, source: str) -> dict[str, Any]:
         where = f" in line {mark.line + 1}" if mark else ""
         problem = reason.problem
         if "'\\t'" in str(problem):
-            problem = "expected spaces, got a tab, with which YAML cannot indent"
+            problem = "expected spaces, got a tab, which YAML does not allow as indentation"
         raise CalibrationError(f"{source}: not YAML{where}: {problem}") from None
     except yaml.YAMLError as reason:
         raise CalibrationError(f"{source}: not YAML: {_reason(reason)}") from None
@@ -176,7 +176,7 @@ def _mapping(data: Any, source: str, expected: str) -> dict[str, Any]:
 def _reason(reason: Exception) -> str:
     """Parser's reason in one line, without Python's terms."""
     if isinstance(reason, RecursionError):
-        return "expected plain values, got too deep a nesting"
+        return "expected plain values, got values nested too deeply"
     if "integer string conversion" in str(reason):
         return "expected a camera's numbers, got one of thousands of digits"
     return (str(reason).splitlines() or [type(reason).__name__])[0]

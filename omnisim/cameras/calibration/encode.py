@@ -92,7 +92,7 @@ def encode(
     target = model_named(model, form)
     if isinstance(source, CylindricalCamera | EquirectangularCamera):
         raise CalibrationError(
-            f"{place}: {form.name} has no panorama, and this one is {source.model_name}"
+            f"{place}: {form.name} has no panorama model, got {source.model_name}"
         )
     # a mirrored lens is fitted as the lens itself
     lens = source.lens if isinstance(source, MirroredCamera) else source
@@ -137,8 +137,8 @@ def _encode_exactly(
     target = model_named(model, form)
     _check_cone(source, form, place)
     lens = lens_of(source)
-    for one in form.models:
-        same = equivalent(lens, one) if lens is not None and target in (None, one) else None
+    for kind in form.models:
+        same = equivalent(lens, kind) if lens is not None and target in (None, kind) else None
         reason = None if same is None else form.unsupported(same)
         if same is not None and reason is None:
             limit_rad, residuals = source.domain_limit_rad, camera.residuals
@@ -155,7 +155,7 @@ def model_named(model: str | None, form: Format[Any]) -> type[CentralCamera] | N
     if model is not None and target not in form.models:
         names: dict[type[CentralCamera], str] = {kind: name for name, kind in CAMERA_MODELS.items()}
         known = ", ".join(names[kind] for kind in form.models)
-        raise CalibrationError(f"--model {model}: {form.name} has {known}")
+        raise CalibrationError(f"--model {model}: {form.name} has none: expected one of {known}")
     return target
 
 
@@ -167,7 +167,7 @@ def caveats(lens: CentralCamera, form: Format[Any]) -> tuple[str, ...]:
     widest = _widest_rad(lens)
     if widest <= form.caveat_theta_rad:
         return notes
-    return (*notes, f"sees {math.degrees(widest):.1f}° from its axis: {form.caveat}")
+    return (*notes, f"sees up to {math.degrees(widest):.1f}° from its axis: {form.caveat}")
 
 
 def _check_cone(camera: CentralCamera, form: Format[Any], place: str) -> None:
@@ -178,8 +178,8 @@ def _check_cone(camera: CentralCamera, form: Format[Any], place: str) -> None:
         widest = largest_theta_rad(camera)  # to the last bit, which is slow
     if widest >= form.max_theta_rad:
         raise CalibrationError(
-            f"{place}: sees {math.degrees(widest):.1f}° from its axis: {form.name} ends before "
-            f"{math.degrees(form.max_theta_rad):g}°"
+            f"{place}: sees up to {math.degrees(widest):.1f}° from its axis: {form.name} ends "
+            f"before {math.degrees(form.max_theta_rad):g}°"
         )
 
 
@@ -224,7 +224,7 @@ def nearest_fit(
             reasons.append(reason)
     failure = f"{place}: {form.name} cannot represent model {camera.model_name!r}"
     if not fits:
-        reason = "; ".join(dict.fromkeys(reasons)) or "none of its models is one"
+        reason = "; ".join(dict.fromkeys(reasons)) or "it has no such model"
         raise CalibrationError(f"{failure}: {reason}")
     best = min(fits, key=lambda fit: (fit.covered < MIN_COVERED, fit.residuals.max_px))
     side = min(camera.width_px, camera.height_px)

@@ -110,7 +110,7 @@ def fit_camera(
         share = f"it would show {100.0 * fit.covered:.1f} % of the valid pixels"
         raise _failure(camera, model, share + _hint(camera, mirrored))
     if fit.residuals.rms_px > MAX_RMS * max(camera.width_px, camera.height_px):
-        rms = f"the best found is off by {fit.residuals.rms_px:.3g} px RMS"
+        rms = f"the best fit is off by {fit.residuals.rms_px:.3g} px RMS"
         raise _failure(camera, model, rms)
     return fit
 
@@ -220,7 +220,7 @@ def _fitted(
         if is_pinhole or model is PerspectiveCamera:  # near 90° an image plane extends far out
             used &= samples.theta_rad <= STEEPEST_RAD
         if used.sum() < MIN_SAMPLES:
-            raise OpticsError("it sees nothing, or next to nothing, of what that shows")
+            raise OpticsError("too few of the camera's rays are in its field of view")
         free = FITTED[model].free
         camera, turn = _refined(camera, samples.subset(used), free, fixed, axis is not None)
         rotation, samples = turn @ rotation, samples.rotated(turn)
@@ -281,8 +281,8 @@ def _evaluate(
     seen = target.pixel_from_ray(samples.directions)
     if not seen.valid.any():
         raise CalibrationError(
-            f"camera: a {target.model_name} sees nothing of what a {source.model_name} shows"
-            + _hint(source, mirrored)
+            f"camera: the fields of view of {target.model_name} and {source.model_name} do not "
+            "overlap" + _hint(source, mirrored)
         )
     errors_px = np.linalg.norm(seen.positions_px - samples.pixels_px, axis=-1)
     # the edge's samples would count for more than their share of the image
@@ -306,4 +306,4 @@ def _failure(camera: CentralCamera, model: type[CentralCamera], reason: str) -> 
 
 def _hint(source: CentralCamera, mirrored: bool) -> str:
     is_mirror = optical_axis(source) < 0.0
-    return "; a mirror's rays have to be mirrored" if is_mirror and not mirrored else ""
+    return "; the rays of a mirror need mirrored=True" if is_mirror and not mirrored else ""

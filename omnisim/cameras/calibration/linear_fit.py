@@ -98,7 +98,7 @@ def radial_profile(
 ) -> Profile:
     """Radial profile of a camera about its principal point, or about `center_px` of the target."""
     if len(samples.theta_rad) < MIN_SAMPLES or samples.theta_rad.min() > math.radians(170.0):
-        raise OpticsError("it shows next to nothing that could be compared")
+        raise OpticsError("the camera has too few rays to compare")
     scale = camera.pixels_per_plane if isinstance(camera, PlaneCamera) else 1.0
     aspect = scale[1] / scale[0] if isinstance(scale, tuple) else 1.0
     u, v = camera.principal_point_px
@@ -149,7 +149,7 @@ def _perspective_focal(profile: Profile) -> float:
     """f in r cos θ = f sin θ, from the angles in front of the camera."""
     front = profile.theta_rad < STEEPEST_RAD
     if not front.any():
-        raise OpticsError("it sees nothing in front")
+        raise OpticsError("no ray of the camera points forward")
     sine = np.sin(profile.theta_rad[front])
     radius = profile.radii_px[front] * np.cos(profile.theta_rad[front])
     return max(float(radius @ sine / (sine @ sine)), 1e-6)
@@ -263,7 +263,7 @@ def _fisheye(model: type[IdealFisheye], profile: Profile) -> IdealFisheye:
     limit = model.largest_theta_rad
     seen = profile.theta_rad <= limit + 1e-9
     if not seen.any():
-        raise OpticsError("it sees nothing of what that shows")
+        raise OpticsError("none of the camera's rays is in its field of view")
     shape = c1 * FUNCTIONS[function](np.minimum(profile.theta_rad[seen], limit) / c2)
     focal = _scale(shape, profile.radii_px[seen])
     return model(*profile.size, focal, profile.center_px, limit)

@@ -129,7 +129,7 @@ class CameraMetadata(ForeignTable):
 
 def embed_metadata(text: str, metadata: Sequence[CameraMetadata], place: MetadataPlace) -> str:
     """Embed the cameras' metadata in a file's text, omitting defaults."""
-    entries = [one.model_dump(mode="json", exclude_defaults=True) for one in metadata]
+    entries = [camera.model_dump(mode="json", exclude_defaults=True) for camera in metadata]
     entries = [entry for entry in entries if len(entry) > 1]
     if not entries:
         return text

@@ -74,7 +74,7 @@ def rim_of_mesh(surface: Surface) -> float:
     if math.isinf(rim_m):
         raise OpticsError(f"{surface.name}: rim_radius_m: missing")
     if aside_m > 0.0 and surface.hole_radius_m > 0.0:
-        raise OpticsError(f"{surface.name}: rim_center_m: expected [0, 0] beside hole_radius_m")
+        raise OpticsError(f"{surface.name}: rim_center_m: expected [0, 0] with hole_radius_m")
     return rim_m
 
 

@@ -182,7 +182,7 @@ class Rod(Parameters, name="obstacle"):
 
     def _check(self) -> None:
         if self.begin_m == self.end_m:
-            raise self._error("end_m", "another point than begin_m")
+            raise self._error("end_m", "a point other than begin_m")
 
     def parameters(self) -> CameraParameters:
         """Keys and values in an optics file."""

@@ -59,7 +59,7 @@ class AlignmentTable(Table):
         if self.pose is not None:
             for key in ("position_m", "decenter_m", "tilt_deg"):
                 if key in self.model_fields_set:
-                    raise ValueError(f"{key}: pose has it: expected one of them")
+                    raise ValueError(f"{key}: expected none with pose, which states it")
             try:
                 poses.check_pose(self.pose)
             except OmnisimError as reason:
@@ -96,7 +96,7 @@ class TableShape(Table):
     def _file_or_points(self) -> TableShape:
         for key, value in (("r_m", self.r_m), ("z_m", self.z_m)):
             if self.file is not None and value is not None:
-                raise ValueError(f"{key}: file has it: expected one of them")
+                raise ValueError(f"{key}: expected none with file, which states it")
             if self.file is None and value is None:
                 raise ValueError(f"{key}: missing; expected file, or r_m and z_m")
         return self
@@ -200,7 +200,7 @@ class OpticalSurfaceTable(AlignmentTable):
         shape = parse_table(given, table, SensorFileError, source, key)
         if isinstance(shape, PortShape | DomeShape):
             if self.medium is None:
-                message = f"medium: missing; a {self.shape} has one behind it"
+                message = f"medium: missing; expected the medium behind the {self.shape}"
                 raise SensorFileError(f"{source}: {key}.{message}")
             return self._window(shape, self.medium, f"{source}: {key}")
         surface_shape = self._shape(shape, source, key)

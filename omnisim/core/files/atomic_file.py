@@ -57,7 +57,7 @@ def check_new_folder(path: Path) -> None:
     """
     try:
         if path.exists() or path.is_symlink():
-            raise OutputError(f"{path}: is there already: expected the name of a new folder")
+            raise OutputError(f"{path}: already exists: expected the name of a new folder")
         if not path.name:
             raise OutputError(f"{path}: expected the name of a new folder")
         _check_target(path)

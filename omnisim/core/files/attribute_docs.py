@@ -33,7 +33,7 @@ def _docs_in(module: str) -> dict[str, dict[str, str]]:
     if spec is None or spec.origin is None:  # a notebook
         return {}
     with open(spec.origin, encoding="utf-8") as file:
-        classes = [one for one in ast.parse(file.read()).body if isinstance(one, ast.ClassDef)]
+        classes = [node for node in ast.parse(file.read()).body if isinstance(node, ast.ClassDef)]
     return {kind.name: _docs_below(kind.body) for kind in classes}
 
 

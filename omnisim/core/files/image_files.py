@@ -112,8 +112,8 @@ def image_bytes(
     size = len(str(attributes.get(METADATA_KEY, "")))
     if size > _MAX_TEXT and path.suffix.lower() in _SHORT_TEXTS:
         raise OutputError(
-            f"{path}: expected a camera of at most {_MAX_TEXT} bytes, got {size}, which .png "
-            "and .exr hold"
+            f"{path}: expected at most {_MAX_TEXT} bytes of camera metadata, got {size}: write "
+            ".png or .exr, which hold them"
         )
     return _encode(path, pixels, attributes)
 

@@ -24,7 +24,7 @@ def read_arrays(
 ) -> dict[str, NDArray[Any]]:
     """Read all arrays of an archive, or the existing ones among `names`; nothing is unpickled.
 
-    Messages name the kind of archive and the expected content.
+    Messages name the kind of archive, with its article, and the expected content.
 
     Raises:
         error: the file cannot be read, or is not an archive.
@@ -37,12 +37,12 @@ def read_arrays(
             )
             arrays = {name: stored[name] for name in selected_names}
     except OSError as reason:
-        message = reason.strerror or f"not a {kind}"
+        message = reason.strerror or f"not {kind}"
         raise error(f"{path}: cannot be read: {message}: {expected}") from None
     except Exception:  # NumPy and zipfile raise many exceptions for a damaged file
-        raise error(f"{path}: is no {kind}: {expected}") from None
+        raise error(f"{path}: is not {kind}: {expected}") from None
     if not all(isinstance(array, np.ndarray) for array in arrays.values()):  # bytes of another file
-        raise error(f"{path}: is no {kind}: {expected}")
+        raise error(f"{path}: is not {kind}: {expected}")
     return arrays
 
 

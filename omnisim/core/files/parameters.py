@@ -1,4 +1,4 @@
-"""Settings: frozen dataclasses, whose annotations and help are all that is stated of a setting.
+"""Settings: frozen dataclasses; annotation and help are the only statement of each setting.
 
 `Parameters` is their base. A field is stated once: its annotation has type, limits and usual range,
 the string below it is its help, and its name has the unit:
@@ -239,13 +239,15 @@ def in_degrees(angle_rad: float) -> float:
     """Angle in degrees with the fewest digits that `math.radians` turns into the same angle."""
     exact_deg = math.degrees(angle_rad)
     shortened = (float(f"{exact_deg:.{digits}g}") for digits in range(1, 18))
-    return next((one for one in shortened if math.radians(one) == angle_rad), exact_deg)
+    return next(
+        (angle_deg for angle_deg in shortened if math.radians(angle_deg) == angle_rad), exact_deg
+    )
 
 
 def mapped(convert: Callable[[float], float], value: Any) -> Any:
     """Number, or numbers in a tuple, converted; words and None stay as they are."""
     if isinstance(value, tuple):
-        return tuple(mapped(convert, one) for one in value)
+        return tuple(mapped(convert, item) for item in value)
     return convert(value) if isinstance(value, int | float) else value
 
 
@@ -260,7 +262,7 @@ def _written(value: Any, full: bool) -> Any:
     if isinstance(value, Parameters):
         return value.to_table(full=full)
     if isinstance(value, tuple):
-        return [_written(one, full) for one in value]
+        return [_written(item, full) for item in value]
     return value.value if isinstance(value, Enum) else value
 
 

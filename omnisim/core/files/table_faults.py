@@ -111,7 +111,7 @@ def _expected(
         if is_open or _table_at(model, names) is not None:
             return f"tables, [[{key}]]"
         if _are_words(annotation):
-            return 'a list of words, ["a", "b"]'
+            return 'a list of strings, ["a", "b"]'
         pair = "[u, v]" if key.endswith("_px") else "[x, y]"
         return f"a list of numbers, {pair if _is_pair(annotation) else '[x, y, z]'}"
     if kind in _RELATIONS:

@@ -42,7 +42,7 @@ def read_tables(path: Path, error: type[OmnisimError]) -> dict[str, Any]:
     except tomllib.TOMLDecodeError as reason:
         raise error(f"{path}: not TOML: {reason}") from None
     except (ValueError, RecursionError):
-        fault = "a number of thousands of digits, or too deep a nesting"
+        fault = "a number of thousands of digits, or values nested too deeply"
         raise error(f"{path}: not TOML: expected plain values, got {fault}") from None
     note_table(path, tables)
     return tables
@@ -87,9 +87,9 @@ def toml_text(table: Mapping[str, Any], path: str = "") -> str:
         below = f"{path}.{_key(key)}" if path else _key(key)
         is_list = not isinstance(value, Mapping)
         header = f"[[{below}]]\n" if is_list else f"[{below}]\n"
-        for one in _tables_in(value):
-            has_own = is_list or not one or any(not _tables_in(each) for each in one.values())
-            parts.append((header if has_own else "") + toml_text(one, below))
+        for child in _tables_in(value):
+            has_own = is_list or not child or any(not _tables_in(each) for each in child.values())
+            parts.append((header if has_own else "") + toml_text(child, below))
     return "\n".join(parts)
 
 
@@ -117,9 +117,9 @@ def _quoted(text: str) -> str:
 
 def _value(value: Any) -> str:
     if isinstance(value, list | tuple):
-        return f"[{', '.join(_value(one) for one in value)}]"
+        return f"[{', '.join(_value(item) for item in value)}]"
     if isinstance(value, Mapping):
-        return f"{{ {', '.join(f'{_key(key)} = {_value(one)}' for key, one in value.items())} }}"
+        return f"{{ {', '.join(f'{_key(key)} = {_value(item)}' for key, item in value.items())} }}"
     if isinstance(value, str):
         return _quoted(value)
     if isinstance(value, float) and not math.isfinite(value):
@@ -192,9 +192,9 @@ def with_absolute_files(value: Any, folder: Path, key: str = "") -> Any:
     `key` is that of the value; `resources` are folders.
     """
     if isinstance(value, Mapping):
-        return {name: with_absolute_files(one, folder, name) for name, one in value.items()}
+        return {name: with_absolute_files(item, folder, name) for name, item in value.items()}
     if isinstance(value, list):
-        return [with_absolute_files(one, folder, key) for one in value]
+        return [with_absolute_files(item, folder, key) for item in value]
     if not isinstance(value, str):
         return value
     path = folder / value
@@ -220,5 +220,5 @@ def _merged(base: Any, own: Any) -> Any:
 def _are_named(value: Any) -> bool:
     """True for a list of tables that have names."""
     return isinstance(value, list) and all(
-        isinstance(one, Mapping) and isinstance(one.get("name"), str) for one in value
+        isinstance(item, Mapping) and isinstance(item.get("name"), str) for item in value
     )

@@ -251,7 +251,7 @@ def read_odometry(path: Path) -> Odometry:
         if np.max(np.abs(off)) > AGREEMENT * (1.0 + np.max(np.abs((*poses[k], *readings[k])))):
             raise table.fault(
                 table.lines[k],
-                f"pose {math.hypot(off[0], off[1]):.3g} m and {abs(off[2]):.3g} rad off what its "
-                "reading leads to: expected poses by dead reckoning along arcs",
+                f"pose {math.hypot(off[0], off[1]):.3g} m and {abs(off[2]):.3g} rad off the pose "
+                "that its reading gives: expected poses by dead reckoning along arcs",
             )
     return Odometry(times_s, readings[1:, 0], readings[1:, 1], tuple(poses[0].tolist()))

@@ -42,7 +42,7 @@ FORMATS: dict[str, TrajectoryFormat] = {"tum": tum, "kitti": kitti, "euroc": eur
 # The base stands in for the camera: files do not say where it is mounted.
 _FROM_KITTI = pose_from_rotation(BASE_FROM_OPTICAL_LOOKING_AHEAD, np.zeros(3))
 WANTED = (
-    f"expected 8 columns between blanks (TUM), 12 (KITTI), 17 between commas (EuRoC), "
+    f"expected 8 space-separated columns (TUM) or 12 (KITTI), 17 comma-separated ones (EuRoC), "
     f"or a header with some of {', '.join(pose_csv.COLUMNS)}"
 )
 
@@ -173,6 +173,6 @@ def _format_of(path: Path, table: TextTable) -> str:
         return "csv"
     elif len(cells) == len(euroc.COLUMNS):
         return "euroc"
-    between = "commas" if table.separator else "blanks"
-    columns = f"{len(cells)} column{'s' if len(cells) > 1 else ''} between {between}"
+    kind = "comma-separated" if table.separator else "space-separated"
+    columns = f"{len(cells)} {kind} column{'s' if len(cells) > 1 else ''}"
     raise table.fault(table.lines[0], f"{columns}, first {quote(cells[0])!r}: {WANTED}")

@@ -41,7 +41,7 @@ def export_run(
     recording = Recording.read(run, camera_name)
     check_new_folder(output)
     if run.resolve() in output.resolve().parents:
-        raise OutputError(f"{output}: is inside of the run: expected a folder elsewhere")
+        raise OutputError(f"{output}: is inside the run: expected a folder elsewhere")
     form, settings = format_named(format), settings or ExportSettings()
     for option, is_given, is_used, others in (
         ("--compressed", settings.compressed, form.has_messages, "ros2-mcap or ros2-sqlite"),
@@ -49,10 +49,10 @@ def export_run(
         ("--start-time", settings.start_ns != 0, form.dates_stamps, "a format with stamps"),
     ):
         if is_given and not is_used:
-            raise OutputError(f"{option}: expected with --to {others}, got {form.name}")
+            raise OutputError(f"{option}: requires --to {others}, got --to {form.name}")
     recording = for_format(recording, form, print_note)
     if form.dates_stamps and settings.start_ns == 0:
-        print_note("times begin in 1970: --start-time says otherwise")
+        print_note("times begin in 1970; --start-time sets another date")
     yield recording.steps
     with atomic_folder(output) as folder:
         yield from form.write(recording, folder, settings, print_note)
@@ -85,8 +85,8 @@ def for_format(recording: Recording, form: ExportFormat, print_note: PrintNote) 
             framed += recording.sensors(kind)[:1]
         recording = recording.in_frames(framed, print_note)
     if left_out:
-        print_note(f"{form.name} has no place for {', '.join(left_out)}: left out")
+        print_note(f"{form.name} cannot hold {', '.join(left_out)}: left out")
     channels = [name for name in manifest.channels if name not in form.channels]
     if channels:
-        print_note(f"{form.name} has no place for the channels {', '.join(channels)}: left out")
+        print_note(f"{form.name} cannot hold the channels {', '.join(channels)}: left out")
     return recording

@@ -43,7 +43,7 @@ class ExportSettings:
             if not -self.start_ns / NANOSECONDS <= time_s < largest_s:  # also refuses NaN
                 raise OutputError(
                     f"{source}: time {time_s:g} s: expected a stamp from 1970 to 2038: "
-                    "--start-time moves it"
+                    "set another --start-time"
                 )
         return [self.start_ns + round(time_s * NANOSECONDS) for time_s in times_s.tolist()]
 
@@ -90,7 +90,7 @@ class OneCameraFormat(ExportFormat):
         """The first camera."""
         if len(cameras) > 1:
             print_note(
-                f"{self.name} holds one camera: {cameras[0].name} is exported: --camera-name takes "
+                f"{self.name} holds one camera: {cameras[0].name}; --camera-name selects "
                 f"another of {', '.join(camera.name for camera in cameras)}"
             )
         return cameras[:1]
@@ -144,4 +144,4 @@ class FarDepths:
         """Print a note with the number of depths out of range, if there are any."""
         if self._count:
             limit_m = MAX_DEPTH / self._steps_per_m
-            print_note(f"{self._camera}: {self._count} depths past {limit_m:.1f} m are 0: none")
+            print_note(f"{self._camera}: {self._count} depths past {limit_m:.1f} m become 0")

@@ -63,8 +63,8 @@ class LensCamera:
         camera = cls(recorded, recorded.central)
         if camera.is_flipped:
             print_note(
-                f"{recorded.name}: looks into a mirror: its images are flipped left to right, as "
-                "a lens has them"
+                f"{recorded.name}: looks into a mirror: its images are flipped left to right, "
+                "like those of a lens"
             )
         return camera
 

@@ -82,7 +82,8 @@ class Recording:
         for step in range(run.manifest.steps):
             if (missing := run.missing_file(step)) is not None:
                 raise RunError(
-                    f"{missing}: is missing: expected a finished run: its command resumes it"
+                    f"{missing}: is missing: expected a finished run: run its command again to "
+                    "resume it"
                 )
         names = run.manifest.cameras if camera_name is None else [run.camera(camera_name)]
         truth = read_trajectory(path / GROUND_TRUTH)
@@ -152,7 +153,7 @@ class Recording:
             late_s = float(np.abs(times[name][frames[name]] - times[clock]).max())
             if late_s > NOTED_S:
                 print_note(
-                    f"{name}: measures up to {late_s:.3g} s from {clock}, whose times are taken"
+                    f"{name}: measures up to {late_s:.3g} s from {clock}, whose times are used"
                 )
         poses = self.states(times[clock]).world_from_base
         return self._framed(Trajectory(times[clock], poses), frames)
@@ -181,7 +182,8 @@ class Recording:
             biases = read_table(folder / BIASES, *BIAS_COLUMNS.split(",")).columns
             walks = np.column_stack(list(biases.values())[1:])
             if len(walks) != len(table["t_s"]):
-                raise RunError(f"{folder / BIASES}: expected {len(table['t_s'])} rows, as readings")
+                rows = f"{len(table['t_s'])} rows, as in {READINGS}"
+                raise RunError(f"{folder / BIASES}: expected {rows}")
             values = np.column_stack(list(table.values()))
             return ImuReadings(values[:, 0], values[:, 1:], walks)
         files = [self.run.file(name, step, ".csv") for step in range(self.run.manifest.steps)]

@@ -66,7 +66,7 @@ class Draw:
 def draw_indices(plan: Plan, number: int) -> SampleIndices:
     """Draw the scene and the rig of a sample, and find its setups."""
     stream = RandomStream(plan.seed, number, 0, _INDICES)
-    scene = stream.choose(range(len(plan.scenes)), [one.weight for one in plan.scenes])
+    scene = stream.choose(range(len(plan.scenes)), [table.weight for table in plan.scenes])
     rig = stream.choose(range(len(plan.cameras)), [camera.weight for camera in plan.cameras])
     setup = number // plan.vary.images_per_setup
     varies = plan.cameras[rig].varies
@@ -183,7 +183,10 @@ def _colors(
     for table in prepared.plan.vary.recolor:
         for name in prepared.instances(scene, table.nodes, "vary.recolor.nodes"):
             is_drawn = stream.share() < table.share
-            parts = [one.draw(stream) for one in (table.hue_deg, table.saturation, table.value)]
+            parts = [
+                distribution.draw(stream)
+                for distribution in (table.hue_deg, table.saturation, table.value)
+            ]
             if is_drawn:
                 hue, saturation, value = parts
                 rgb = colorsys.hsv_to_rgb(hue / 360.0 % 1.0, _unit(saturation), _unit(value))

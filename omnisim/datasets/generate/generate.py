@@ -68,7 +68,7 @@ class Generation:
         self.shards = range(count) if shards is None else shards
         if not self.shards or self.shards[0] < 0 or self.shards[-1] >= count:
             raise PlanError(
-                f"--shards: expected some of 0:{count}, as the plan has shards = {count}, got "
+                f"--shards: expected a range in 0:{count}, as the plan has shards = {count}, got "
                 f"{self.shards.start}:{self.shards.stop}"
             )
         self.prepared.check_setups()
@@ -170,8 +170,9 @@ class Generation:
             return
         is_abandoned = names == [PLAN] and before is not None and before.startswith(text[:10])
         if names and not is_abandoned:  # a plan without a shard has no claim
-            what = "another plan, or of other scenes" if before else "no data set"
-            raise OutputError(f"{folder}: is of {what}: expected a new folder, or its own plan")
+            expected = "expected a new folder, or that of this plan"
+            what = "belongs to another plan or other scenes" if before else "is not a data set"
+            raise OutputError(f"{folder}: {what}: {expected}")
         write_text(folder / PLAN, text)
         self._has_taken_folder = True
 
@@ -231,8 +232,8 @@ def write_card(folder: Path, manifest: SampleManifest) -> None:
     samples = Shards(folder, manifest)
     step = max(1, len(samples) // EXAMPLES)
     images = [samples.image(row) for row in range(0, len(samples), step)[:EXAMPLES]]
-    height = max(one.shape[0] for one in images) + GAP_PX
-    width = max(one.shape[1] for one in images) + GAP_PX
+    height = max(image.shape[0] for image in images) + GAP_PX
+    width = max(image.shape[1] for image in images) + GAP_PX
     rows = -(-len(images) // EXAMPLE_COLUMNS)
     columns = min(EXAMPLE_COLUMNS, len(images))
     sheet = np.full((rows * height, columns * width, 3), 255, dtype=np.uint8)

@@ -119,9 +119,9 @@ class VarySkyTable(Table):
             raise ValueError(f"{min(others)}: expected a clear sky, got files")
         of_hour, of_sun = {"day", "latitude_deg"}, {"sun_elevation_deg", "sun_azimuth_deg"}
         if self.hour is not None and (others := of_sun & given):
-            raise ValueError(f"{min(others)}: expected none beside hour")
+            raise ValueError(f"{min(others)}: expected none with hour")
         if self.hour is None and (others := of_hour & given):
-            raise ValueError(f"{min(others)}: expected an hour beside it")
+            raise ValueError(f"{min(others)}: requires hour")
         return self
 
 
@@ -220,7 +220,7 @@ class PlanCameraTable(Table):
             raise ValueError(f"expected one of sensor, calibration and optics, got {files}")
         for key in ("camera_name", "mirrored"):
             if getattr(self, key) is not None and self.calibration is None:
-                raise ValueError(f"{key}: expected a calibration beside it")
+                raise ValueError(f"{key}: requires calibration")
         return self
 
     @property
@@ -268,7 +268,7 @@ class ViewpointTable(Table):
         if self.where == "around" and not self.nodes:
             raise ValueError('nodes: expected names of objects with where = "around"')
         if (self.where == "poses") != (self.file is not None):
-            raise ValueError('file: expected with where = "poses", and only there')
+            raise ValueError('file: expected with where = "poses", and only with it')
         if self.height_m.low <= 0.0 and self.where != "poses":
             raise ValueError(f"height_m: expected heights above 0, got {self.height_m.low:g}")
         return self
@@ -380,8 +380,8 @@ class Plan(Table):
         for scene in self.scenes:
             if files.setdefault(scene.title, scene.file) != scene.file:
                 raise ValueError(
-                    f"scenes: name = {scene.title!r}: expected a name for each file, got "
-                    f"{files[scene.title]!r} and {scene.file!r}"
+                    f"scenes: name = {scene.title!r}: expected a different name for each file, "
+                    f"got it for {files[scene.title]!r} and {scene.file!r}"
                 )
         return self
 
@@ -389,7 +389,7 @@ class Plan(Table):
     def _annotated(self) -> Plan:
         for key in ("min_area_px", "min_visible"):
             if key in self.model_fields_set and "instance" not in self.channels:
-                raise ValueError(f"{key}: expected the channel instance, whose objects it is about")
+                raise ValueError(f"{key}: requires the channel instance")
         return self
 
     @property

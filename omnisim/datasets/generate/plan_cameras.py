@@ -105,7 +105,7 @@ class RigFile:
             if not (numbers := known.get(key, [])):
                 existing = [key for key, numbers in known.items() if numbers]
                 raise PlanError(
-                    f"{self._place(f'parameters.{key}')}: of model {model.model_name!r}: "
+                    f"{self._place(f'parameters.{key}')}: not a parameter of {model.model_name!r}: "
                     f"{did_you_mean(key, existing, 'expected one of')}"
                 )
             known[key] = [number + distribution.draw(stream) for number in numbers]
@@ -118,7 +118,7 @@ class RigFile:
             if not np.allclose(_numbers(camera.parameters()[key]), known[key], rtol=ROUNDING):
                 raise PlanError(
                     f"{self._place(f'parameters.{key}')}: follows from the other parameters: "
-                    "expected one of these"
+                    "vary those instead"
                 )
         return camera
 
@@ -172,7 +172,7 @@ def _read_cameras(table: PlanCameraTable, folder: Path) -> dict[str, OmniCamera]
 def _numbers(value: Any) -> list[float]:
     """Floats of a camera parameter that is a float or a list of floats; else an empty list."""
     values = value if isinstance(value, list) else [value]
-    return values if all(isinstance(one, float) for one in values) else []
+    return values if all(isinstance(number, float) for number in values) else []
 
 
 # Light of a setup: drawn lamps and sky of a scene.

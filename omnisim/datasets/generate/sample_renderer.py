@@ -78,8 +78,8 @@ class SampleRenderer:
                 return rendered
             reason = rendered
         raise PlanError(
-            f"{self._prepared.path}: sample {number}: rejected {plan.reject.attempts} times, last "
-            f"as {reason}: see [reject] and [viewpoints]"
+            f"{self._prepared.path}: sample {number}: rejected {plan.reject.attempts} times, at "
+            f"last because {reason}: see [reject] and [viewpoints]"
         )
 
     def close(self) -> None:
@@ -192,12 +192,10 @@ def rejected(frame: Frame, rules: RejectTable) -> str:
         return "it has no pixel with a ray"
     hits = float(np.isfinite(ranges).mean())
     if hits < rules.min_hit_share:
-        return f"{100 * hits:.0f} % of its pixels hit something: min_hit_share"
+        return f"only {100 * hits:.0f} % of its rays hit a surface (min_hit_share)"
     near = float((ranges < rules.near_m).mean())
     if near > rules.max_near_share:
-        return (
-            f"{100 * near:.0f} % of its pixels are nearer than {rules.near_m:g} m: max_near_share"
-        )
+        return f"{100 * near:.0f} % of its rays hit within {rules.near_m:g} m (max_near_share)"
     return ""
 
 

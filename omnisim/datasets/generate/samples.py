@@ -87,7 +87,7 @@ def read_manifest(folder: Path) -> SampleManifest:
             "generate` has finished"
         ) from None
     except (ValueError, KeyError, TypeError, RecursionError):
-        raise PlanError(f"{path}: is damaged: `omnisim generate` writes it again") from None
+        raise PlanError(f"{path}: is damaged: run `omnisim generate` to write it again") from None
     summaries = [find_shard(folder, number) for number in range(count)]
     for number, shard in enumerate(summaries):
         if shard is None or shard.plan != plan:

@@ -71,8 +71,8 @@ def make_shards(job: SampleJob, shards: Sequence[int], workers: int) -> Iterator
                         deaths[worker.shard] += 1
                         if deaths[worker.shard] >= MAX_DEATHS:
                             raise PlanError(
-                                f"shard {worker.shard}: {MAX_DEATHS} workers ended without a word "
-                                "(killed, or out of memory): expected fewer --workers"
+                                f"shard {worker.shard}: {MAX_DEATHS} workers died without an error "
+                                "(killed, or out of memory): use fewer --workers"
                             ) from None
                         todo.appendleft(worker.shard)
     finally:
@@ -82,7 +82,7 @@ def make_shards(job: SampleJob, shards: Sequence[int], workers: int) -> Iterator
 
 @contextmanager
 def uninterrupted() -> Iterator[None]:
-    """Put signals that end the process off to the end of a `with` block."""
+    """Defer signals that end the process to the end of a `with` block."""
     came: list[int] = []
     before = {}
     if threading.current_thread() is threading.main_thread():  # only there they can be handled

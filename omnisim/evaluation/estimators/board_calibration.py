@@ -51,7 +51,7 @@ class BoardCalibration(Estimator):
         views = [found for found in results if isinstance(found, BoardView)]
         if len(views) < MIN_IMAGES:
             raise EstimatorError(
-                f"the board is in {len(views)} of {len(files)} images: expected at least "
+                f"the board was found in {len(views)} of {len(files)} images: expected at least "
                 f"{MIN_IMAGES}"
             )
         return self.calibrate(views, camera.recorded.size_px)

@@ -129,7 +129,7 @@ def _trajectory(
     camera = taken.cameras[0]
     poses = {}
     if models:
-        largest = max(models.values(), key=lambda one: int(one.num_reg_images()))
+        largest = max(models.values(), key=lambda model: int(model.num_reg_images()))
         base_from_lens = LensCamera.of(camera, lambda note: None).base_from_lens  # as exported
         lens_from_tracked = inverse(tracked_from_base @ base_from_lens)
         for image in largest.images.values():

@@ -37,7 +37,10 @@ class LandmarkLocalization(Estimator):
         colors = train_on_run(data, Costs()).model
         detector = LandmarkDetector(colors, data.landmarks, data.mount)
         observations = [
-            [observation_from_detection(one, parameters.measurement) for one in detector(image)]
+            [
+                observation_from_detection(detection, parameters.measurement)
+                for detection in detector(image)
+            ]
             for image in data.images()
         ]
         known, camera_m = LandmarkMap.of_scene(data.landmarks), data.mount.position_m

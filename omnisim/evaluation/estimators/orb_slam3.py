@@ -62,7 +62,7 @@ class OrbSlam3(CameraTracker):
         if self.has_imu and not run.sensors(Imu):
             raise EstimatorError("the run has no IMU")
         run = run.in_frames([camera.name for camera in run.cameras[: self.cameras]], _refuse_late)
-        cameras = [LensCamera.of(one, _ignore) for one in run.cameras[: self.cameras]]
+        cameras = [LensCamera.of(camera, _ignore) for camera in run.cameras[: self.cameras]]
         times_s = run.times_s(cameras[0].name)
         if len(times_s) < 3:
             raise EstimatorError(f"{len(times_s)} images: expected at least 3")

@@ -126,10 +126,10 @@ def compare_image(
         raise MeasurementError(f"{view.name}: in the twin's image: {reason}") from None
     starts, ends = _edges(view, pattern)
     rises = [
-        [edge_rise_px(one, start, end, pattern.clear) for one in (image, twin)]
+        [edge_rise_px(pixels, start, end, pattern.clear) for pixels in (image, twin)]
         for start, end in zip(starts, ends, strict=True)
     ]
-    levels = np.stack([patch_levels(one, samples) for one in (image, twin)], axis=1)
+    levels = np.stack([patch_levels(pixels, samples) for pixels in (image, twin)], axis=1)
     field = np.zeros(image.shape, dtype=np.uint8)  # 255 among the corners
     hull = cv2.convexHull(np.rint(view.pixels_px).astype(np.int32))
     cv2.fillConvexPoly(field, hull, (255,))

@@ -107,7 +107,7 @@ def compare_scene_images(sensor: OmniCamera, images: list[ImageComparison]) -> C
     if found < max(_MIN_FOUND * count, RINGS):
         raise MeasurementError(
             f"{found} of {count} corners are found in the twin's images: expected most of them: "
-            "the poses, their frame (--trajectory-frame), the scene or the sensor file are others"
+            "check the poses, their frame (--trajectory-frame), the scene and the sensor file"
         )
     return compare_images(sensor, images, MAX_OFFSET_PX, np.median, _MIN_EDGES)
 

@@ -249,7 +249,7 @@ def _checked(points: Floats, pixels: Floats, is_kept: Bools) -> Corners:
         cross = seen[0, 0] * seen[other, 1] - seen[0, 1] * seen[other, 0]
         signs.append(np.sign(cross * crosses[other]))
     if not signs or min(signs) <= 0.0:
-        raise MeasurementError("its corners are in no plane's order")
+        raise MeasurementError("its corners are not in the order of a flat board's")
     return points, pixels
 
 
@@ -346,14 +346,14 @@ def grid_fault(grid: Grid) -> str | None:
     """
     areas = cell_areas_px2(grid)
     if areas.min() <= 0.0 <= areas.max():
-        return "its corners are in no grid's order"
+        return "its corners do not form a grid"
     for lines in (grid, grid.swapaxes(0, 1)):
         steps = np.diff(lines, axis=1)
         lengths = np.linalg.norm(steps, axis=2)
         ratios = lengths[:, 1:] / lengths[:, :-1]
         cosines = (steps[:, 1:] * steps[:, :-1]).sum(axis=2) / (lengths[:, 1:] * lengths[:, :-1])
         if max(ratios.max(), 1.0 / ratios.min()) > MAX_STRETCH or cosines.min() < MAX_BEND_COSINE:
-            return "its lines of corners jump"
+            return "its rows of corners are irregular"
     return None
 
 
@@ -368,7 +368,7 @@ def squares_fault(image: Bytes, grid: Grid) -> str | None:
     contrast *= np.sign(np.median(contrast))
     wrong = float(np.mean(contrast <= 0.0))
     if wrong > MAX_WRONG_SQUARES:
-        return f"{100.0 * wrong:.0f} % of neighboring squares are not black beside white"
+        return f"{100.0 * wrong:.0f} % of neighboring squares do not alternate in color"
     return None
 
 

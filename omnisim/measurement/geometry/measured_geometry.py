@@ -205,7 +205,7 @@ def measure_optics(
         names = [part for part in fitted.name.split(".") if not part.isdecimal()]
         unit = _UNITS.get(names[-1].rpartition("_")[2], "")
         quantities.append(Quantity(fitted.name, fitted.value, fitted.sigma, unit, basis))
-    hidden = "fits without a fifth of the images do not show all corners"
+    hidden = "fits without a fifth of the images do not reach the corners in them"
     unobservable = (Unobservable("held_out_rms_px", hidden),) if math.isnan(held_out_px) else ()
     return MeasuredGeometry(
         fit.system,

@@ -83,29 +83,41 @@ def choose_model(
     if not candidates:
         reasons = "; ".join(f"{result.name}: {result.reason}" for result in results)
         raise MeasurementError(f"no model describes the lens: {reasons}")
-    limit = _MAX_ERROR_RATIO * min(one.fit.rms_px for one in candidates)
-    near = [one for one in candidates if one.fit.rms_px <= limit]
-    errors = {one.name: _held_out(one, part, stiffness) for one in near}
+    limit = _MAX_ERROR_RATIO * min(candidate.fit.rms_px for candidate in candidates)
+    near = [candidate for candidate in candidates if candidate.fit.rms_px <= limit]
+    errors = {candidate.name: _held_out(candidate, part, stiffness) for candidate in near}
     known = {name: error for name, error in errors.items() if error is not None}
     if known:
-        chosen = _chosen([one for one in candidates if one.name in known], known, part)
+        chosen = _chosen(
+            [candidate for candidate in candidates if candidate.name in known], known, part
+        )
     else:
-        chosen = min(candidates, key=lambda one: one.fit.rms_px)
+        chosen = min(candidates, key=lambda candidate: candidate.fit.rms_px)
     if part is not corners:
         try:
             chosen = fit_candidate(chosen.name, corners, first, stiffness)
         except (CalibrationError, OpticsError) as reason:
             raise MeasurementError(f"{reason}, in all images") from None
-        candidates = [chosen if one.name == chosen.name else one for one in candidates]
+        candidates = [
+            chosen if candidate.name == chosen.name else candidate for candidate in candidates
+        ]
         known.pop(chosen.name, None)
         held_out = _held_out(chosen, corners, stiffness)
         if held_out is not None:
             known[chosen.name] = held_out
-    held_out_rms = {name: rms_px(one) for name, one in known.items()}
-    for one in candidates:
-        rms = held_out_rms.get(one.name, math.nan)
-        results.append(ModelResult(one.name, len(one.parameters.start), one.fit.rms_px, rms))
-    results.sort(key=lambda one: (math.isnan(one.held_out_rms_px), one.held_out_rms_px, one.rms_px))
+    held_out_rms = {name: rms_px(error) for name, error in known.items()}
+    for candidate in candidates:
+        rms = held_out_rms.get(candidate.name, math.nan)
+        results.append(
+            ModelResult(candidate.name, len(candidate.parameters.start), candidate.fit.rms_px, rms)
+        )
+    results.sort(
+        key=lambda result: (
+            math.isnan(result.held_out_rms_px),
+            result.held_out_rms_px,
+            result.rms_px,
+        )
+    )
     return ModelChoice(chosen, held_out_rms.get(chosen.name, math.nan), tuple(results))
 
 
@@ -157,7 +169,13 @@ def _chosen(
         return float(excess.mean()) <= min(error, MAX_EXCESS * float(squared[best].mean()))
 
     good = [candidate for candidate in candidates if is_as_good(candidate.name)]
-    return min(good, key=lambda one: (len(one.parameters.start), float(squared[one.name].mean())))
+    return min(
+        good,
+        key=lambda candidate: (
+            len(candidate.parameters.start),
+            float(squared[candidate.name].mean()),
+        ),
+    )
 
 
 # Fits of camera models to boards, and their errors in held-out images.
@@ -311,8 +329,8 @@ def unobservable_quantities(
     unobservable = []
     if not is_held_out:
         reason = (
-            "without a fifth of the images, no fit reaches the corners in them: show the board in "
-            "more images near the edge"
+            "fits without a fifth of the images do not reach the corners in them: show the board "
+            "in more images near the edge"
         )
         unobservable.append(Unobservable("held_out_rms_px", reason))
     reach = widest_angle_rad(fit, corners)

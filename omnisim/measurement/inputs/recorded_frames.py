@@ -131,7 +131,9 @@ def _bag_files(bag: Path, topic: str, folder: Path) -> list[Path]:
         store = get_typestore(Stores.ROS2_HUMBLE)
         with AnyReader([whole], default_typestore=store) as reader:
             images = [
-                one for one in reader.connections if one.msgtype in (_RAW_TYPE, _COMPRESSED_TYPE)
+                connection
+                for connection in reader.connections
+                if connection.msgtype in (_RAW_TYPE, _COMPRESSED_TYPE)
             ]
             names = sorted({image.topic for image in images})
             if not names:
@@ -141,12 +143,12 @@ def _bag_files(bag: Path, topic: str, folder: Path) -> list[Path]:
             if not topic and len(names) > 1:
                 example = f"{bag}{_TOPIC}{names[0]}"
                 raise MeasurementError(
-                    f"{bag}: images of several topics, {', '.join(names)}: give one, such as "
+                    f"{bag}: images of several topics, {', '.join(names)}: select one, such as "
                     f"{example}"
                 )
             name = topic or names[0]
             used = [image for image in images if image.topic == name]
-            chosen = _chosen(sum(one.msgcount for one in used))
+            chosen = _chosen(sum(connection.msgcount for connection in used))
             messages = (
                 (index, reader.deserialize(data, connection.msgtype))
                 for index, (connection, _, data) in enumerate(reader.messages(used))

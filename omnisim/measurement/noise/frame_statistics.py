@@ -154,7 +154,7 @@ def find_frame_sets(folder: Path, is_lossy_allowed: bool = False) -> list[FrameS
         sets.append(FrameSet(inner, float(match[1]) * _UNITS_S[match[2]], files))
     if not sets:
         raise MeasurementError(f"{folder}: expected folders such as 1ms and 2.5ms, got none")
-    return sorted(sets, key=lambda one: one.exposure_s)
+    return sorted(sets, key=lambda frames: frames.exposure_s)
 
 
 def read_statistics(frames: FrameSet) -> FrameStatistics:

@@ -67,8 +67,8 @@ def measure_noise(
         raise MeasurementError(f"expected dark and flat frames, got no {missing} ones")
     darks, flats, bits = _aligned(darks, flats, bit_depth)
     largest_dn = float((1 << bits) - 1)
-    for one in darks:
-        _check_dark(one, largest_dn)
+    for frames in darks:
+        _check_dark(frames, largest_dn)
     dark = dark_signal(darks)
     curve = photon_transfer(flats, dark)
     result = _Collector(curve, dark, largest_dn, mosaic)
@@ -77,11 +77,13 @@ def measure_noise(
     result.saturation()
     # the flat with enough frames nearest to 50 % of saturation
     end_dn = curve.saturation_dn
-    end_dn = max(one.mean_dn for one in flats) if end_dn is None else end_dn
-    stacks = [one for one in flats if one.count >= MIN_FRAMES and one.mean_dn < 0.9 * end_dn]
+    end_dn = max(frames.mean_dn for frames in flats) if end_dn is None else end_dn
+    stacks = [
+        frames for frames in flats if frames.count >= MIN_FRAMES and frames.mean_dn < 0.9 * end_dn
+    ]
     middle_dn = 0.5 * (dark.black_dn + end_dn)
-    flat = min(stacks, key=lambda one: abs(one.mean_dn - middle_dn), default=None)
-    stack = max(darks, key=lambda one: one.count)
+    flat = min(stacks, key=lambda frames: abs(frames.mean_dn - middle_dn), default=None)
+    stack = max(darks, key=lambda frames: frames.count)
     result.pattern(stack, flat)
     return MeasuredNoise(
         noise=Noise(bit_depth=bits, **result.parameters), quantities=tuple(result.quantities),
@@ -97,20 +99,20 @@ def _aligned(
     everything = [*darks, *flats]
     first = everything[0]
     bits = 0
-    for one in everything:
-        bits |= one.bits
-        if one.mean_image_dn.shape != first.mean_image_dn.shape:
-            height, width = one.mean_image_dn.shape
+    for frames in everything:
+        bits |= frames.bits
+        if frames.mean_image_dn.shape != first.mean_image_dn.shape:
+            height, width = frames.mean_image_dn.shape
             expected = f"{first.mean_image_dn.shape[1]} × {first.mean_image_dn.shape[0]} px"
             raise MeasurementError(
-                f"{one.name}: expected {expected} as in {first.name}, got {width} × {height} px"
+                f"{frames.name}: expected {expected} as in {first.name}, got {width} × {height} px"
             )
     if bits == 0:
         raise MeasurementError(f"{first.name} and others: expected light in the flats, got zeros")
     shift = (bits & -bits).bit_length() - 1  # values at the upper end of 16 bits
     used = (bits >> shift).bit_length()
     if bit_depth is not None and used > bit_depth:
-        raise MeasurementError(f"bit depth {bit_depth}: expected at least {used}, which values use")
+        raise MeasurementError(f"bit depth {bit_depth}: expected at least {used}, as in the values")
     shifted = [[frame.shifted(shift) for frame in frames] for frames in (darks, flats)]
     return shifted[0], shifted[1], bit_depth or used
 
@@ -214,7 +216,7 @@ class _Collector:
             return
         well_e = self._gain * (end_dn - self._dark.black_dn)
         at_end = end_dn > self._largest_dn - 1.0
-        by = "the converter's largest number" if at_end else "the pixels' wells"
+        by = "limited by the converter" if at_end else "limited by the pixels' full wells"
         basis = f"saturation at {end_dn:.0f} DN, {by}"
         self._add("full_well_e", well_e, well_e * self._gain_share, "e", basis)
 
@@ -300,7 +302,7 @@ class DarkSignal:
 
     def variance_dn2(self, exposure_s: float) -> float:
         """Temporal variance of the dark frames whose exposure is nearest to `exposure_s`."""
-        return min(self.frames, key=lambda one: abs(one.exposure_s - exposure_s)).variance_dn2
+        return min(self.frames, key=lambda frames: abs(frames.exposure_s - exposure_s)).variance_dn2
 
 
 def dark_signal(darks: Sequence[FrameStatistics]) -> DarkSignal:
@@ -338,15 +340,17 @@ def photon_transfer(flats: Sequence[FrameStatistics], dark: DarkSignal) -> Photo
         MeasurementError: flats darker than the dark frames, too few levels below saturation, levels
             that are too close to each other, or frames that are not linear in the light.
     """
-    ordered = sorted(flats, key=lambda one: one.mean_dn)
-    times = np.array([one.exposure_s for one in ordered])
-    means = np.array([one.mean_dn - dark.mean_dn(one.exposure_s) for one in ordered])
-    variances = np.array([one.variance_dn2 - dark.variance_dn2(one.exposure_s) for one in ordered])
-    sigmas = np.array([one.variance_sigma_dn2 for one in ordered])
+    ordered = sorted(flats, key=lambda frames: frames.mean_dn)
+    times = np.array([frames.exposure_s for frames in ordered])
+    means = np.array([frames.mean_dn - dark.mean_dn(frames.exposure_s) for frames in ordered])
+    variances = np.array(
+        [frames.variance_dn2 - dark.variance_dn2(frames.exposure_s) for frames in ordered]
+    )
+    sigmas = np.array([frames.variance_sigma_dn2 for frames in ordered])
     peak = int(np.argmax(variances))
     saturated = np.arange(len(ordered)) > peak
     saturated &= (variances < _PLATEAU * variances[peak]) & (means > _NEAR_END * means.max())
-    at_end = (one.mean_dn for one, is_end in zip(ordered, saturated, strict=True) if is_end)
+    at_end = (frames.mean_dn for frames, is_end in zip(ordered, saturated, strict=True) if is_end)
     end_dn = max(at_end, default=None)
     first = f"{ordered[0].name} and others"
     if means[-1] <= 0.0:
@@ -360,8 +364,10 @@ def photon_transfer(flats: Sequence[FrameStatistics], dark: DarkSignal) -> Photo
         )
     # uneven light saturates in some pixels first: from the level with the largest variance on
     limit = np.inf if peak == len(ordered) - 1 else MAX_SHARE * float(means[peak])
-    largest = max(one.maximum_dn for one in ordered)
-    is_clipped = [one.maximum_dn >= largest and one.clipped > MAX_CLIPPED for one in ordered]
+    largest = max(frames.maximum_dn for frames in ordered)
+    is_clipped = [
+        frames.maximum_dn >= largest and frames.clipped > MAX_CLIPPED for frames in ordered
+    ]
     used = (means <= limit) & (means > 0.0) & ~saturated & ~np.array(is_clipped)
     if used.sum() < MIN_LEVELS:
         raise MeasurementError(

@@ -224,7 +224,7 @@ def _point_spread(
     sigmas = np.hypot(sigmas, SYSTEMATIC_PX2 + SYSTEMATIC * np.abs(variances))
     isotropic = float(radial_share.std()) < MIN_SPREAD
     if isotropic:
-        reason = "all edges have like angles to the radius: photograph a board turned by 45°, too"
+        reason = "all edges have similar angles to the radius: add a board turned by 45°"
         name = "difference of radial and tangential width"
         curves.unobservable.append(Unobservable(name, reason))
     radii = radii_px / unit_px
@@ -245,7 +245,7 @@ def _point_spread(
         errors = np.minimum(errors / (2.0 * np.maximum(widths, 1e-9)), np.sqrt(errors))
         rows.append((widths, errors))
     if all((widths < SIGNIFICANT * errors).all() for widths, errors in rows):
-        reason = "the edges are as sharp as pixels alone make them: the optics cannot be seen"
+        reason = "the edges are as sharp as the pixels allow: the optics' blur cannot be measured"
         curves.unobservable.append(Unobservable("point_spread", reason))
         return None
     basis = f"{int(curve.used.sum())} edges, degree {curve.degree}"
@@ -277,7 +277,7 @@ def _lateral_color(
     if usable.sum() < MIN_COLOR_EDGES:
         reason = f"{int(usable.sum())} edges across the radius, expected {MIN_COLOR_EDGES}"
         if not np.isfinite(shifts).any():
-            reason = "the images have one channel: save demosaicked linear images of three"
+            reason = "the images have one channel: save demosaicked linear images with three"
         curves.unobservable.append(Unobservable("lateral color", reason))
         return None
     coefficients: list[tuple[float, ...]] = []

@@ -237,8 +237,8 @@ def shifts(spread: EdgeSpread, other: EdgeSpread, rise_px: float) -> Floats:
     reach_px = rise_px + 2.0 * _SMOOTHING_PX
     near = np.abs(spread.distances_px) < reach_px
     expected, measured = (
-        gaussian_filter1d(one.levels, _SMOOTHING_PX / BIN_PX, axis=1, mode="nearest")
-        for one in (spread, other)
+        gaussian_filter1d(profile.levels, _SMOOTHING_PX / BIN_PX, axis=1, mode="nearest")
+        for profile in (spread, other)
     )
     result = np.zeros(len(expected))
     for row, levels in enumerate(measured):
@@ -283,9 +283,9 @@ class Flaw(Enum):
         f"slanted by less than {MIN_SLANT_DEG:g}° to rows or columns of pixels: turn the pattern "
         "or the camera by about 5°"
     )
-    PHASES = "at an angle that leaves gaps between its samples: turn the pattern by some degrees"
+    PHASES = "at an angle that leaves gaps between its samples: turn the pattern by a few degrees"
     CLIPPED = "clipped at the largest or smallest value: change the exposure"
-    FAINT = "of too little contrast for their noise: use more light, or black on white"
+    FAINT = "with too little contrast for their noise: use more light, or black on white"
     UNEVEN = "with uneven areas beside them: use a pattern of larger, plain areas"
     WIDE = "wider than the areas beside them: focus, or use a larger pattern"
     OUTSIDE = "too close to the border of the image: move the pattern"

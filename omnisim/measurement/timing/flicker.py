@@ -122,15 +122,15 @@ def measure_timing(
     share = float(rest.max() / _powers(bands.profile).max())
     if share > MAX_REST:
         raise MeasurementError(
-            f"{name}: the frames differ by more than bands, which leave {100.0 * share:.0f} % of "
-            "their power at another frequency: expected a still surface and a still camera"
+            f"{name}: the frames differ by more than bands: {100.0 * share:.0f} % of the power is "
+            "at another frequency: expected a still surface and a still camera"
         )
     count = light.shape[1]
     periods = bands.frequency * (count - 1)
     if periods < MIN_PERIODS:
         raise MeasurementError(
-            f"{name}: {periods:.2f} of a flicker's period in a frame: expected {MIN_PERIODS:g} or "
-            f"more: use a lamp that flickers faster than {flicker_hz:g} Hz"
+            f"{name}: {periods:.2f} flicker periods per frame: expected at least "
+            f"{MIN_PERIODS:g}: use a lamp that flickers faster than {flicker_hz:g} Hz"
         )
     line_s, sigma_s = (value / flicker_hz for value in (bands.frequency, bands.sigma))
     basis = f"{len(light)} frames of {count} {lines}, {periods:.2f} periods of {flicker_hz:g} Hz"
@@ -140,8 +140,8 @@ def measure_timing(
         Quantity("line_s", line_s, sigma_s, "s", basis),
         Quantity("modulation", bands.modulation, bands.modulation_sigma, "", basis),
     ]
-    reason = "bands look the same from top to bottom and from bottom to top: photograph something "
-    unobservable = [Unobservable("readout_direction", f"{reason}that turns")]
+    reason = "bands look the same in either direction: photograph something that turns"
+    unobservable = [Unobservable("readout_direction", reason)]
     exposure = _exposure(bands, lamp_modulation, flicker_hz, basis)
     (quantities if isinstance(exposure, Quantity) else unobservable).append(exposure)  # type: ignore[arg-type]
     return MeasuredTiming(
@@ -248,7 +248,7 @@ def _global_shutter(profiles: LineProfiles, flicker_hz: float, name: str) -> Mea
     if flicker < MIN_FLICKER:
         raise MeasurementError(
             f"{name}: no bands, and all frames are equally bright to {100.0 * flicker:.2f} %: "
-            "expected a flickering lamp, an exposure that is no multiple of its period, and a "
+            "expected a flickering lamp, an exposure that is not a multiple of its period, and a "
             "frame rate that is not in step with it"
         )
     basis = f"{len(means)} frames that flicker by {100.0 * flicker:.1f} % as a whole, without bands"

@@ -219,7 +219,7 @@ def train(
 
 FORMAT = 1
 MODEL_SUFFIX = ".npz"
-_EXPECTED = "expected the .npz file of omnisim landmarks train"
+_EXPECTED = "expected the .npz file of `omnisim landmarks train`"
 _NO_MODEL = (KeyError, TypeError, ValueError, OverflowError, AttributeError, RecursionError)
 
 
@@ -249,7 +249,7 @@ def load_model(path: Path) -> tuple[ColorModel, tuple[Landmark, ...]]:
     Raises:
         LocalizationError: the file does not exist, or is not a color model.
     """
-    stored = read_arrays(path, LocalizationError, "model", _EXPECTED)
+    stored = read_arrays(path, LocalizationError, "a color model", _EXPECTED)
     try:
         if int(stored["format"]) != FORMAT:
             raise LocalizationError(
@@ -268,7 +268,7 @@ def load_model(path: Path) -> tuple[ColorModel, tuple[Landmark, ...]]:
             first = str(faults).partition("\n")[0].removeprefix("it: ")
             raise LocalizationError(f"{first}: train it again") from None
     except _NO_MODEL:
-        raise LocalizationError(f"{path}: is no model: {_EXPECTED}") from None
+        raise LocalizationError(f"{path}: is not a color model: {_EXPECTED}") from None
     except LocalizationError as reason:
         message = str(reason)
         raise LocalizationError(message if str(path) in message else f"{path}: {message}") from None

@@ -87,8 +87,9 @@ class LandmarkDetector:
         self.ignored = tuple(each.name for each in landmarks if each.name not in known)
         if not self._pillars and not self._wide:
             raise LocalizationError(
-                "landmarks: none has colors of the model: expected pillars whose upper bands, "
-                f"or wide ones whose only band, are of {', '.join(model.colors)}"
+                "landmarks: none can be detected by the model's colors: expected pillars whose "
+                "two upper bands, or wide landmarks whose only band, have the colors "
+                f"{', '.join(model.colors)}"
             )
 
     def classes(self, panorama: Bytes) -> Bytes:

@@ -132,8 +132,8 @@ def notices(track: Track, parameters: FilterParameters) -> list[str]:
             continue
         if first is not None and k - first >= limit:
             texts.append(
-                f"steps {first} to {k - 1}: none of the landmarks that were seen passed the gate; "
-                "the estimate went by the wheels, and its doubt grew"
+                f"steps {first} to {k - 1}: none of the detected landmarks passed the gate; the "
+                "estimate followed the wheel odometry, and its uncertainty grew"
             )
         first = None
     blind = [k for k, estimate in enumerate(track.estimates) if k and not estimate.associations]

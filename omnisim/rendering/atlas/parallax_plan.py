@@ -253,7 +253,7 @@ def parallax_tiles(
     """
     supersampling = colors[0].supersampling
     seen = [_seen_rays(rays, near_m, max_anisotropy, _MAX_RAYS // len(colors)) for rays in colors]
-    points = [part for one in seen for part in one.points]
+    points = [part for sampled in seen for part in sampled.points]
     places, densest = (np.concatenate(parts) for parts in zip(*points, strict=True))
     densities = []
     for on_it, tangents in _on_faces(places):

@@ -210,32 +210,32 @@ def plan_densities(
     Raises:
         GraphicsError: no face is seen.
     """
-    whole = [(face, one) for face, density in enumerate(densities) for one in density.whole()]
+    whole = [(face, region) for face, density in enumerate(densities) for region in density.whole()]
     if not whole:
         raise GraphicsError("camera: no pixel of the image sees anything of the scene")
 
     def plan(regions: list[tuple[int, RegionDensity]]) -> TilePlan:
         """One tile per region of a face."""
         sizes, minification = [], 0.0
-        for _, one in regions:
-            needed = math.ceil(2.0 * DENSITY_MARGIN * texels_per_pixel * one.max_px_per_tan)
+        for _, region in regions:
+            needed = math.ceil(2.0 * DENSITY_MARGIN * texels_per_pixel * region.max_px_per_tan)
             sizes.append(face_size_px or max(MIN_FACE_PX, needed))
-            minification = max(minification, 0.5 * sizes[-1] / one.min_px_per_tan)
+            minification = max(minification, 0.5 * sizes[-1] / region.min_px_per_tan)
         level = round(math.log2(minification) + level_bias) if max_level is None else max_level
         level = max(0, min(level, int(math.log2(min(sizes)))))
         step = max(1 << level, gutter_px)
         tiles = [
-            _tile(face, size, one.region, one.seen_region, step)
-            for size, (face, one) in zip(sizes, regions, strict=True)
+            _tile(face, size, region.region, region.seen_region, step)
+            for size, (face, region) in zip(sizes, regions, strict=True)
         ]
         return pack_tiles(tiles, level, level_bias)
 
     if not subdivide or face_size_px is not None:
         return plan(whole)
     texels = 0.0
-    for _, one in whole:
-        extent = one.seen_region[1] - one.seen_region[0]
-        texels += float(np.prod(extent * texels_per_pixel * one.max_px_per_tan))
+    for _, region in whole:
+        extent = region.seen_region[1] - region.seen_region[0]
+        texels += float(np.prod(extent * texels_per_pixel * region.max_px_per_tan))
     tile_texels = max(TILE_TEXELS, TILE_SHARE * texels)
     parts = [
         (face, part)
@@ -245,7 +245,7 @@ def plan_densities(
     if not 0 < len(parts) <= MAX_TILES:
         return plan(whole)
     # a gutter is as wide as the largest mip texel: it may cost what cutting saves
-    return min(plan(parts), plan(whole), key=lambda one: one.texels)
+    return min(plan(parts), plan(whole), key=lambda tile_plan: tile_plan.texels)
 
 
 def whole_faces(plan: TilePlan) -> TilePlan:
@@ -324,7 +324,7 @@ class TileViews:
     def __init__(self, plan: TilePlan, near_m: float, far_m: float):
         self._tiles = plan.tiles
         self._faces_from_rig = FACE_FROM_RIG[[tile.face for tile in plan.tiles]]
-        self._clips_from_face = np.stack([_projection(one, near_m, far_m) for one in plan.tiles])
+        self._clips_from_face = np.stack([_projection(tile, near_m, far_m) for tile in plan.tiles])
         self._planes_in_rig = frustum_planes(clips_from_rig(plan, near_m, far_m))
 
     def at(self, world_from_rig: Floats) -> PosedViews:
@@ -347,7 +347,7 @@ def frustum_planes(clips: Floats) -> Floats:
 
 def clips_from_rig(plan: TilePlan, near_m: float, far_m: float) -> Floats:
     """Matrices (tiles, 4, 4) from rig axes at the viewpoint to each tile's clip space."""
-    clips = np.stack([_projection(one, near_m, far_m) for one in plan.tiles])
+    clips = np.stack([_projection(tile, near_m, far_m) for tile in plan.tiles])
     clips[..., :3] = clips[..., :3] @ FACE_FROM_RIG[[tile.face for tile in plan.tiles]]
     return clips
 

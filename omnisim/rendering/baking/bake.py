@@ -296,7 +296,7 @@ def hollow_triangles(scene: Scene) -> Bools:
     A solid is a closed part of a mesh without a start position of a camera inside. Frosted glass is
     lit from its back, also if it is closed or single-sided.
     """
-    parts = {one: _closed_parts(scene.meshes[one]) for one in {i.mesh for i in scene.instances}}
+    parts = {mesh: _closed_parts(scene.meshes[mesh]) for mesh in {i.mesh for i in scene.instances}}
     places = [scene.start.position_m, *(start.position_m for start in scene.starts)]
     hollow = [np.empty(0, np.bool_)]
     for instance in scene.instances:
@@ -526,7 +526,7 @@ class TileFolder:
         path = self.path / f"{name}.npz"
         if not path.is_file():
             return None
-        return read_arrays(path, OutputError, "tile of a bake", f"remove {self.path}")
+        return read_arrays(path, OutputError, "a tile of a bake", f"remove {self.path}")
 
     def store(self, name: str, arrays: Arrays) -> None:
         """Store the arrays of a tile.

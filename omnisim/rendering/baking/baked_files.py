@@ -176,7 +176,7 @@ def is_finished(
         raise OutputError(f"{output}: is not a bake: expected a new or empty folder")
     document = _document(output)
     if document.get("fingerprint") != fingerprint:
-        what = "of another scene, or of this one before it changed"
+        what = "of another scene, or of this scene before it changed"
     elif (
         len(names) < len(FILES)
         or settings.texel_m not in (None, document.get("texel_m"))
@@ -186,7 +186,7 @@ def is_finished(
     else:
         return not force
     if not force:
-        raise OutputError(f"{output}: is a bake {what}: expected --force to replace it")
+        raise OutputError(f"{output}: is a bake {what}: pass --force to overwrite it")
     return False
 
 

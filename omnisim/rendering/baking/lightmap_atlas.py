@@ -85,7 +85,9 @@ def build_atlas(
     """
     areas, finest_m = areas_m2(scene), coarseness(scene) * texel_m
     texels_m = _limited(areas * (1 + has_back), lengths_m(scene), finest_m, limit)
-    volumes = [np.abs(np.linalg.det(one.world_from_mesh[:3, :3])) for one in scene.instances]
+    volumes = [
+        np.abs(np.linalg.det(instance.world_from_mesh[:3, :3])) for instance in scene.instances
+    ]
     scales = np.array([volume ** (1.0 / 3.0) for volume in volumes]) / np.maximum(texels_m, 1e-12)
     unwrappings: dict[int, Unwrapping] = {}
     sizes_px = np.zeros((len(scene.instances), 2), dtype=np.intp)
@@ -116,8 +118,8 @@ def build_atlas(
 def _too_fine(texel_m: float, scene: Scene, texels: float) -> SceneError:
     fitting_m = texel_m * float(np.sqrt(texels)) / (0.7 * MAX_SIDE_PX)
     return SceneError(
-        f"{scene.name}: texel_m = {texel_m:g}: expected an atlas of at most {MAX_SIDE_PX} px, "
-        f"which about {fitting_m:.2g} makes"
+        f"{scene.name}: texel_m = {texel_m:g}: expected about {fitting_m:.2g} or more, for an "
+        f"atlas of at most {MAX_SIDE_PX} px"
     )
 
 

@@ -85,7 +85,9 @@ def build_patches(
     """Patches of all static instances, ordered by place, fronts first; see `Patches`."""
     geometry, scene = rays.caster.geometry, rays.scene
     width, height = atlas.size_px
-    swapped = [bool(np.linalg.det(one.world_from_mesh[:3, :3]) < 0) for one in scene.instances]
+    swapped = [
+        bool(np.linalg.det(instance.world_from_mesh[:3, :3]) < 0) for instance in scene.instances
+    ]
     corners_px = corner_pixels(scene, atlas, swapped)
     has_rect = atlas.rects_px[:, 2] > 0
     in_atlas = np.flatnonzero(has_rect[geometry.surface_of_triangle])

@@ -22,7 +22,7 @@ _ABOVE = 1e-3  # minimum cosine between a mirrored ray and the triangle's plane
 
 
 class Way(IntEnum):
-    """Way of a ray from a specular surface."""
+    """Continuation of a ray at a specular surface."""
 
     END = 0
     MIRRORED = 1
@@ -30,7 +30,7 @@ class Way(IntEnum):
 
 
 class Ways(NamedTuple):
-    """Ways on for rays (n,) from specular surfaces."""
+    """Continuations of rays (n,) at specular surfaces."""
 
     # (n, 3) shares of the light from each way, linear RGB
     reflected: Floats32
@@ -138,7 +138,7 @@ class SpecularSurfaces:
         self._continues = continues
 
     def ways(self, hits: EmbreeHits, directions: Floats32) -> Ways:
-        """Ways on from specular surfaces hit by rays (n,) with unit directions (n, 3)."""
+        """Continuations at specular surfaces hit by rays (n,) with unit directions (n, 3)."""
         is_back = np.einsum("nc,nc->n", hits.normals, directions) > 0.0
         planes = hits.normals / np.maximum(np.linalg.norm(hits.normals, axis=1), 1e-30)[:, None]
         planes[is_back] *= np.float32(-1.0)
@@ -194,7 +194,7 @@ def _mean_reflectance(ior: Floats) -> Floats:
     """Reflectance (n,) of panes for Lambertian light."""
     squares = (np.arange(_ANGLES) + 0.5) / _ANGLES
     means = {
-        one: float(pane_reflectance(np.sqrt(squares), np.full(_ANGLES, one)).mean())
-        for one in np.unique(ior).tolist()
+        index: float(pane_reflectance(np.sqrt(squares), np.full(_ANGLES, index)).mean())
+        for index in np.unique(ior).tolist()
     }
-    return np.array([means[one] for one in ior.tolist()])
+    return np.array([means[index] for index in ior.tolist()])

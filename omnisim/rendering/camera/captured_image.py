@@ -46,7 +46,7 @@ def camera_of_parameters(parameters: Mapping[str, Any]) -> CentralCamera:
     for table in (parameters.get("camera"), *tables):
         for key in ("calibration", "file"):
             if isinstance(table, Mapping) and key in table:
-                raise OpticsError(f"camera: {key}: expected its content, got {table[key]!r}")
+                raise OpticsError(f"camera: {key}: expected its content, got file {table[key]!r}")
     try:
         return parse_optics(parameters, "camera")
     except SensorFileError as faults:

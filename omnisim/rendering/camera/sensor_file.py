@@ -212,7 +212,7 @@ class OpticsTable(Table):
         """
         found = _polygon_count(self.polygons, f"{source}: optics")
         if isinstance(found, int) and max_polygons(camera) is None:
-            expected = "expected 'auto' or 'exact', as no mirror with a rim is there"
+            expected = "expected 'auto' or 'exact', as there is no mirror with a rim"
             raise SensorFileError(f"{source}: optics.polygons = {found}: {expected}")
         return found
 
@@ -229,7 +229,7 @@ class OpticsTable(Table):
         if self.file is None:
             return parse_optics(extra, source, "optics")
         if extra:
-            reason = "the optics file has it: expected one of them"
+            reason = "expected none with optics.file, which states it"
             raise SensorFileError(f"{source}: optics.{min(extra)}: {reason}")
         return read_optics_file(Path(source).parent / self.file)
 
@@ -258,7 +258,7 @@ class SensorFile(Table):
         extra = self.camera.model_fields_set - {"quality", "supersampling"}
         if extra and given in (["lens"], ["optics"]):
             owner = "[lens]" if self.lens is not None else "[optics.camera] or the optics file"
-            raise ValueError(f"camera.{min(extra)}: is a key of {owner}, where there is one")
+            raise ValueError(f"camera.{min(extra)}: expected it in {owner}")
         return self
 
 

@@ -1,4 +1,4 @@
-"""Cameras without a single viewpoint: virtual cameras at one, whose depth all rays search.
+"""Non-central cameras: virtual cameras at one viewpoint, whose depth all rays search.
 
 Each pixel's own ray finds its surface by the depth that the viewpoint sees.
 """

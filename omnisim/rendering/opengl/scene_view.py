@@ -286,7 +286,7 @@ class MirroredViews(Protocol):
 
     @property
     def without_view(self) -> frozenset[int]:
-        """Indices of those that some mirrored view is missing for, of the last rendered views."""
+        """Indices of the items for which the last rendered views lack a mirrored view."""
 
     def use_plan(self, plan: TilePlan) -> None:
         """Draw other tiles, at most as many as at first, in an atlas of the same size."""
@@ -320,7 +320,7 @@ class Probes(Protocol):
 
 
 class SceneView:
-    """Drawers of a scene for the tiles of an atlas; of no use once the buffers have changed.
+    """Drawers of a scene for the tiles of an atlas; invalid once the buffers have changed.
 
     Args:
         buffers: scene and dynamic objects; other passes may share them.
@@ -365,7 +365,7 @@ class SceneView:
         is_blended = SurfaceKind.BLENDED if cameras.unlit else SurfaceKind.SEE_THROUGH
         blended = mask_of([item.kind for item in items], is_blended)
         self._blended = self._all_blended = np.flatnonzero(shown & blended)
-        is_sorted = can_sort([items[one] for one in self._blended], buffers.clustered_geometry)
+        is_sorted = can_sort([items[index] for index in self._blended], buffers.clustered_geometry)
         self._sorted, self._all_unsorted = self._blended[is_sorted], self._blended[~is_sorted]
         self._unsorted, self._has_all_sorted = self._all_unsorted, True
         self.sorted_items = [items[index] for index in self._sorted]
@@ -467,7 +467,7 @@ class SceneView:
         if not self._is_layered and not self.sorts_blended(shot):
             one_by_one = self._blended_item_drawer  # before the programs, as it may add to them
             drawers.append(one_by_one)
-        without_view = self._planar & {i for one in self.mirrors for i in one.without_view}
+        without_view = self._planar & {i for mirror in self.mirrors for i in mirror.without_view}
         for drawer in drawers:
             drawer.use(without_view, partial(self._find_item_program, is_without_view=True))
         self._set_viewpoints(shots)
@@ -483,7 +483,7 @@ class SceneView:
                 self._bind_mirrors(of_panes=False)
                 self.tiles.draw(target, shots, self._drawer)
             if self._sky is not None:
-                self._sky.draw(np.array([one.world_from_rig for one in shots]))
+                self._sky.draw(np.array([shot.world_from_rig for shot in shots]))
             if one_by_one is None and self.blended_drawer is None:
                 return
             with self._state.blending(), self._clipped():

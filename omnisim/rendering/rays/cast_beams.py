@@ -100,13 +100,13 @@ class LidarCaster:
         if limits is not None and limits.returns > 1:
             hits = hits._replace(second=_no_hits(size))
         targets = [hits] if hits.second is None else [hits, hits.second]
-        parts = [part for one in revolution.slices for part in self._parts(scene, one)]
+        parts = [part for span in revolution.slices for part in self._parts(scene, span)]
 
         def cast_part(part: tuple[Slice, int, int]) -> None:
-            one, first, last = part
+            span, first, last = part
             firings = slice(first, last)
-            rays, shares = _rays(self._beams, revolution, one, firings)
-            returns = self._cast_slice(scene, one, rays, shares, limits)
+            rays, shares = _rays(self._beams, revolution, span, firings)
+            returns = self._cast_slice(scene, span, rays, shares, limits)
             for number, target in enumerate(targets):
                 target.ranges_m[:, firings] = returns.ranges_m[number].reshape(size[0], -1)
                 target.draw_ids[:, firings] = returns.surfaces_plus_one[number].reshape(size[0], -1)
@@ -117,31 +117,31 @@ class LidarCaster:
         scene.in_threads(cast_part, parts)
         return hits
 
-    def _parts(self, scene: RayScene, one: Slice) -> list[tuple[Slice, int, int]]:
+    def _parts(self, scene: RayScene, span: Slice) -> list[tuple[Slice, int, int]]:
         """Ranges of firings that are cast at once, each with its slice or part of a slice."""
         at_once = _FIRINGS_AT_ONCE
         path_m = scene.caster.longest_path_m(
-            one.start.world_from_objects, one.end.world_from_objects, self._hidden
+            span.start.world_from_objects, span.end.world_from_objects, self._hidden
         )
         is_cut = path_m > _MAX_PATH_M
         if is_cut:
-            at_once = max(1, min(at_once, int((one.last - one.first) * _MAX_PATH_M / path_m)))
+            at_once = max(1, min(at_once, int((span.last - span.first) * _MAX_PATH_M / path_m)))
         parts = []
-        for first in range(one.first, one.last, at_once):
-            last = min(first + at_once, one.last)
-            parts.append((one.part(first, last) if is_cut else one, first, last))
+        for first in range(span.first, span.last, at_once):
+            last = min(first + at_once, span.last)
+            parts.append((span.part(first, last) if is_cut else span, first, last))
         return parts
 
     def _cast_slice(
         self,
         scene: RayScene,
-        one: Slice,
+        span: Slice,
         rays: WorldRays,
         shares: Floats,
         limits: EchoLimits | None,
     ) -> Returns:
         """Returns of rays (n,) in a slice; without limits, rays end at the first surface."""
-        poses = one.middle.world_from_objects
+        poses = span.middle.world_from_objects
         objects = ObjectState(poses, self._hidden)
         beams = rays
         hits = scene.first_hits(rays, objects, both_sides=True)
@@ -149,7 +149,7 @@ class LidarCaster:
         hits, rays = hits.take(hit), rays.take(hit)
         geometry = scene.caster.geometry
         bent = [(moving, rays.take(moving)) for moving, _ in geometry.deformed(hits.triangles)]
-        _follow_objects(rays, one, geometry.part_of_triangles(hits.triangles), shares[hit])
+        _follow_objects(rays, span, geometry.part_of_triangles(hits.triangles), shares[hit])
         returns = no_returns(1 if limits is None else limits.returns, len(shares))
         exact = scene.caster.exact(rays, hits, poses)
         ranges_m = exact.ranges_m
@@ -157,7 +157,7 @@ class LidarCaster:
             share = shares[hit[moving], None, None]
             start_m, end_m = (
                 geometry.corners_m(hits.triangles[moving], pose.world_from_objects)
-                for pose in (one.start, one.end)
+                for pose in (span.start, span.end)
             )
             corners_m = start_m + share * (end_m - start_m)
             moved = scene.caster.exact_at(corners_m, some, hits.take(moving))
@@ -203,14 +203,14 @@ def intensities_of(
 
 
 def _rays(
-    beams: LidarBeams, revolution: Revolution, one: Slice, firings: slice
+    beams: LidarBeams, revolution: Revolution, span: Slice, firings: slice
 ) -> tuple[WorldRays, Floats]:
     """Rays (n,) of some firings of a slice, ring by ring, and their times as shares of it."""
     rotations, directions = revolution.rotations[firings], beams.directions[:, firings]
     directions = np.einsum("fij,rfj->rfi", rotations, directions)
-    elapsed = (np.arange(firings.start, firings.stop) - one.first) / (one.last - one.first)
+    elapsed = (np.arange(firings.start, firings.stop) - span.first) / (span.last - span.first)
     shares = np.broadcast_to(elapsed, directions.shape[:2]).ravel()
-    origins_m = one.start.origin_m + shares[:, None] * one.path_m
+    origins_m = span.start.origin_m + shares[:, None] * span.path_m
     far_m = np.full(len(shares), beams.max_range_m)
     return WorldRays(origins_m, directions.reshape(-1, 3), np.zeros(len(shares)), far_m), shares
 
@@ -219,9 +219,9 @@ def _no_hits(size: tuple[int, int]) -> BeamHits:
     return BeamHits(np.full(size, np.inf), np.zeros(size, dtype=np.uint32), np.zeros(size))
 
 
-def _follow_objects(rays: WorldRays, one: Slice, parts: Indices, shares: Floats) -> None:
+def _follow_objects(rays: WorldRays, span: Slice, parts: Indices, shares: Floats) -> None:
     """Move rays (n,) at the moving ones of the parts (n,) into the frames of their middle poses."""
-    poses = (state.world_from_objects for state in (one.start, one.middle, one.end))
+    poses = (state.world_from_objects for state in (span.start, span.middle, span.end))
     for part, (start, middle, end) in enumerate(zip(*poses, strict=True), start=1):
         if not np.array_equal(start, end):
             own = np.flatnonzero(parts == part)

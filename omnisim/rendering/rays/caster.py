@@ -75,7 +75,8 @@ class RayCaster:
         # of the last times, shared by the threads
         self._deformed_mesh = lru_cache(maxsize=_MESHES_KEPT)(self._build_deformed_mesh)
         self._deforming_parts = {
-            int(self.geometry.part_of_surface[one.number]) for one in self.geometry.deforming
+            int(self.geometry.part_of_surface[deforming.number])
+            for deforming in self.geometry.deforming
         }
 
     def prepare(self) -> None:
@@ -109,7 +110,7 @@ class RayCaster:
         for part in self._deforming_parts:
             if part > len(world_from_objects):  # without poses there are no dynamic objects
                 continue
-            gone = frozenset(one for one in hidden if one[0] == part - 1)
+            gone = frozenset(key for key in hidden if key[0] == part - 1)
             mesh = self._deformed_mesh(part, gone, time_of(world_from_objects))
             others.append((mesh, world_from_objects[part - 1] if part else identity))
         for mesh, pose in others:
@@ -131,8 +132,8 @@ class RayCaster:
     def longest_path_m(self, start: Poses, end: Poses, hidden: frozenset[ObjectPart]) -> float:
         """Upper bound of the straight motion of any object's points from one pose to another."""
         paths_m = [0.0]
-        for part, (one, other) in enumerate(zip(start, end, strict=True), start=1):
-            change = other - one
+        for part, (first, other) in enumerate(zip(start, end, strict=True), start=1):
+            change = other - first
             if change.any():
                 mesh = self._part_mesh(part, hidden)
                 center_m = change[:3, :3] @ mesh.center_m + change[:3, 3]
@@ -248,7 +249,7 @@ class RayCaster:
 
     def _part_mesh(self, part: int, hidden: frozenset[ObjectPart]) -> _PartMesh:
         """BVH of a part without hidden instances, built on first use and shared by sensors."""
-        hidden = frozenset(one for one in hidden if one[0] == part - 1)
+        hidden = frozenset(key for key in hidden if key[0] == part - 1)
         if (part, hidden) not in self._part_meshes:
             triangles = self.geometry.triangles_of_part(part, hidden)
             used, renumbered = np.unique(self.geometry.corners[triangles], return_inverse=True)

@@ -96,7 +96,7 @@ class Geometry:
         self, part: int, hidden: frozenset[ObjectPart], deforming: bool = False
     ) -> Indices:
         """Indices (n,) of a part's triangles, rigid or deforming, without hidden instances."""
-        deform = {one.number for one in self.deforming}
+        deform = {deforming.number for deforming in self.deforming}
         shown = np.array(
             [
                 of_part == part
@@ -117,9 +117,11 @@ class Geometry:
     def corners_m(self, triangles: Ints32, world_from_objects: Poses = ()) -> Floats:
         """Corners (n, 3, 3) of triangles (n,), world, with the dynamic objects at poses (4, 4)."""
         corners_m = self.positions_m[self.corners[triangles]]
-        for selected, one in self.deformed(triangles):
-            positions_m = one.at(time_of(world_from_objects)).positions_m
-            corners_m[selected] = positions_m[self.corners[triangles[selected]] - one.first_vertex]
+        for selected, deforming in self.deformed(triangles):
+            positions_m = deforming.at(time_of(world_from_objects)).positions_m
+            corners_m[selected] = positions_m[
+                self.corners[triangles[selected]] - deforming.first_vertex
+            ]
         for selected, pose in self.moved(triangles, world_from_objects):
             rotated = np.einsum("nkj,ij->nki", corners_m[selected], pose[:3, :3])
             corners_m[selected] = rotated + pose[:3, 3]
@@ -128,11 +130,11 @@ class Geometry:
     def corner_normals(self, triangles: Ints32, world_from_objects: Poses = ()) -> Floats32:
         """Normals (n, 3, 3) at the corners of triangles (n,), each in the frame of its part."""
         normals: Floats32 = self.normals[self.corners[triangles]]
-        for selected, one in self.deformed(triangles):
-            deformed_normals = one.at(time_of(world_from_objects)).normals
+        for selected, deforming in self.deformed(triangles):
+            deformed_normals = deforming.at(time_of(world_from_objects)).normals
             if deformed_normals is not None:
                 normals[selected] = deformed_normals[
-                    self.corners[triangles[selected]] - one.first_vertex
+                    self.corners[triangles[selected]] - deforming.first_vertex
                 ]
         return normals
 
@@ -141,10 +143,10 @@ class Geometry:
         if not self.deforming:
             return
         surfaces = self.surface_of_triangle[triangles]
-        for one in self.deforming:
-            selected = np.flatnonzero(surfaces == one.number)
+        for deforming in self.deforming:
+            selected = np.flatnonzero(surfaces == deforming.number)
             if len(selected):
-                yield selected, one
+                yield selected, deforming
 
     def moved(
         self, triangles: Ints32, world_from_objects: Poses
@@ -169,9 +171,9 @@ def build_geometry(scene: Scene, dynamic_objects: Sequence[Scene] = ()) -> Geome
     materials = [part.materials[mesh.material] for _, part, _, mesh in placed]
     tables = [_EMPTY, *(_vertices(instance, mesh) for *_, instance, mesh in placed)]
     second = [
-        _floats(len(mesh.positions), 2) if one is None else one
+        _floats(len(mesh.positions), 2) if coordinates is None else coordinates
         for *_, mesh in placed
-        for one in (mesh.second_texture_coordinates,)
+        for coordinates in (mesh.second_texture_coordinates,)
     ]
     has_second = any(mesh.second_texture_coordinates is not None for *_, mesh in placed)
     has_colors = any(mesh.colors is not None for *_, mesh in placed)
@@ -229,9 +231,9 @@ def _light_coordinates(scene: Scene, dynamic_objects: Sequence[Scene]) -> Floats
             own = sides[:, :2] + mesh.light_coordinates[:, None] * sides[:, 2:]
             places.append(own.reshape(-1, 4).astype(np.float32))
     others = [
-        _floats(len(part.meshes[one.mesh].positions), 4)
+        _floats(len(part.meshes[instance.mesh].positions), 4)
         for part in dynamic_objects
-        for one in part.instances
+        for instance in part.instances
     ]
     return np.concatenate([_floats(0, 4), *places, *others])
 

@@ -272,10 +272,12 @@ class RayHitSource(HitSource):
         geometry, sensor = scene.caster.geometry, setup.sensor
         self.camera, self.polygons, self.draws = sensor.model, sensor.mesh_polygons, geometry.draws
         self.deforming = {
-            one.number: DeformingDraw(
-                one.mesh, geometry.surfaces[one.number].object_index, one.instance.world_from_mesh
+            deforming.number: DeformingDraw(
+                deforming.mesh,
+                geometry.surfaces[deforming.number].object_index,
+                deforming.instance.world_from_mesh,
             )
-            for one in geometry.deforming
+            for deforming in geometry.deforming
         }
         self._scene, self._hidden = scene, setup.hidden
         self._camera_rays = CastCamera(lambda: scene, setup)

@@ -69,7 +69,7 @@ def import_model(
         plugins = (plugin for element in elements for plugin in element.children("plugin"))
         plugin, kinematics = next(filter(is_wheel_drive, plugins), None), None
         if plugin is None:
-            about_drive.append("kinematics: left out: no plugin of a differential drive")
+            about_drive.append("kinematics: left out: no plugin for a differential drive")
         else:
             kinematics = drive_table(plugin, about_drive)
     except (SceneError, RobotFileError) as reason:
@@ -81,7 +81,7 @@ def import_model(
         lowest_m = float(body.bounds_m()[0, 2])
         if abs(lowest_m) > _GROUND_M:
             notices.append(
-                f"its lowest point is {lowest_m:.3g} m above its origin: expected the ground"
+                f"its lowest point is {lowest_m:.3g} m above its origin: expected 0, the ground"
             )
     elif whole is not tree:
         notices.append(f"body: left out: {model.name!r} is one of several models of its file")
@@ -106,7 +106,7 @@ def _choose(tree: Model, name: str | None) -> Model:
         if name not in models:
             raise RobotFileError(f"no model {name!r}; {did_you_mean(name, models, 'it has')}")
         return models[name]
-    with_sensors = [one for one in models.values() if any(True for _ in _elements(one))]
+    with_sensors = [model for model in models.values() if any(True for _ in _elements(model))]
     candidates = with_sensors or list(models.values())
     if len(candidates) != 1:
         names = ", ".join(candidate.name for candidate in candidates) or "no model"
@@ -247,7 +247,7 @@ def _lidar(
     }
     notices = ()
     if high - low < 2.0 * math.pi - 2.0 * step_rad:
-        notices = (f"{name}: {math.degrees(high - low):.4g}° wide, becomes one all around",)
+        notices = (f"{name}: {math.degrees(high - low):.4g}° wide, becomes 360° wide",)
     return ImportedSensor.at(name, "lidar", base_from_lidar, values, None, notices)
 
 

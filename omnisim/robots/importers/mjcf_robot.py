@@ -80,7 +80,7 @@ def _root(model: mujoco.MjModel, path: Path, notices: list[str]) -> int:
         shown = _listed([reader.body_name(model, body) for body in roots])
         raise RobotFileError(f"{path}: expected the model of one robot, got {shown or 'no body'}")
     if others:
-        notices.append(f"left out, as it is the world's: {_listed(others)}")
+        notices.append(f"left out, as they belong to the world: {_listed(others)}")
     return roots[0]
 
 

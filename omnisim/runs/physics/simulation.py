@@ -294,7 +294,7 @@ class _Robot:
         recent_s = time_s - 2.0 * PERIOD_S
         touching = [name for name, times in self.contact_times_s.items() if times[-1] > recent_s]
         against = f" against {', '.join(touching)}" if touching else ""
-        hint = "--ignore-limits drives on all the same"
+        hint = "--ignore-limits drives on regardless"
         if 1.0 - 2.0 * (i * i + j * j) < TIPPED_COSINE:
             raise TrajectoryError(f"{at}: the robot tips over{against}: {hint}")
         distance_m = self.follower.distance_m(command, base)
@@ -335,7 +335,7 @@ def solid_objects(scene: Scene) -> dict[str, SolidObject]:
             continue
         hull = hull_of(moving.shape)
         if hull is None:
-            raise TrajectoryError(f"object {name!r}: expected a solid with mass_kg, got a flat one")
+            raise TrajectoryError(f"object {name!r}: mass_kg: expected a solid, got a flat object")
         solids[name] = SolidObject([ConvexPiece(name, hull)], pose, motion.mass_kg)
     return solids
 

@@ -65,19 +65,19 @@ def with_moving_instances(scene: model.Scene, objects: Sequence[ImportedObject])
     """Scene in which a file's moving instances become dynamic objects."""
     if not objects:
         return scene
-    moving = {number for one in objects for number in one.instances}
+    moving = {number for moving_object in objects for number in moving_object.instances}
     static_numbers = [number for number in range(len(scene.instances)) if number not in moving]
     new_objects = tuple(
         model.DynamicObject(
-            one.name,
+            moving_object.name,
             dataclasses.replace(
-                _part(scene, one.instances, inverse(one.motion.pose_at(0.0))),
-                name=one.name,
+                _part(scene, moving_object.instances, inverse(moving_object.motion.pose_at(0.0))),
+                name=moving_object.name,
                 notices=(), starts=(), paths=(), landmarks=(), cameras=(),
             ),
-            one.motion,
+            moving_object.motion,
         )
-        for one in objects
+        for moving_object in objects
     )  # fmt: skip
     return dataclasses.replace(_part(scene, static_numbers, np.eye(4)), objects=new_objects)
 
@@ -85,9 +85,13 @@ def with_moving_instances(scene: model.Scene, objects: Sequence[ImportedObject])
 def _part(scene: model.Scene, numbers: Sequence[int], part_from_world: Floats) -> model.Scene:
     """Scene with some of the instances, and only the meshes and materials that they use."""
     instances = [scene.instances[number] for number in numbers]
-    mesh_at = {number: at for at, number in enumerate(sorted({one.mesh for one in instances}))}
+    mesh_at = {
+        number: at for at, number in enumerate(sorted({instance.mesh for instance in instances}))
+    }
     meshes = [scene.meshes[number] for number in mesh_at]
-    material_at = {number: at for at, number in enumerate(sorted({one.material for one in meshes}))}
+    material_at = {
+        number: at for at, number in enumerate(sorted({mesh.material for mesh in meshes}))
+    }
     return dataclasses.replace(
         scene,
         meshes=tuple(
@@ -112,7 +116,7 @@ def _check_distinct(
     names = {each.name for each in first}
     for each in second:
         if each.name in names:
-            raise SceneError(f"{where}: name = {each.name!r}: {whose} has one")
+            raise SceneError(f"{where}: name = {each.name!r}: {whose} already has one")
 
 
 # Changes of materials by the [[materials]] tables of a scene's TOML file.
@@ -134,11 +138,11 @@ def with_materials(
     if not tables:
         return scene
     shapes = (scene, *(moving.shape for moving in scene.objects))
-    names = dict.fromkeys(one.name for shape in shapes for one in shape.materials)
+    names = dict.fromkeys(material.name for shape in shapes for material in shape.materials)
     notices = list(scene.notices)
     if scene.lighting.is_matte:
         notices.append(
-            f"{source.name}: materials: of shading 'matte', which shows base colors only"
+            f"{source.name}: materials: only base_color has an effect, as shading is 'matte'"
         )
     changes_of: dict[str, dict[str, Any]] = {}
     for number, table in enumerate(tables):
@@ -195,10 +199,12 @@ def _without_effect(material: model.Material, changes: Mapping[str, Any], source
     where = f"{source}: materials: {material.name!r}"
     if material.unlit:
         others = [key for key in changes if key != "base_color"]
-        return [f"{where} is unlit: no effect of {', '.join(others)}"] if others else []
+        return [f"{where} is unlit: {', '.join(others)} without effect"] if others else []
     is_glossy = material.metallic or material.specular or material.transmission
     keys = [] if is_glossy else [key for key in changes if key in _WITH_GLOSS]
-    return [f"{where}: no effect of {', '.join(keys)} without specular or metallic"] if keys else []
+    if not keys:
+        return []
+    return [f"{where}: {', '.join(keys)} without effect, as it has no specular or metallic"]
 
 
 def _with_changed(scene: model.Scene, changed: Mapping[int, model.Material]) -> model.Scene:

@@ -251,7 +251,9 @@ def _with_materials(
     if changed.lighting.baked is not None:
         unbaked = _build_extended(files, options._replace(takes_baked=False), reader, outer)
         changed = extension.with_materials(unbaked.scene, tables, toml)
-        notice = f"{toml.name}: materials change the light: without the bake of the base scene"
+        notice = (
+            f"{toml.name}: materials change the light: the base scene's baked light is not used"
+        )
         changed = dataclasses.replace(changed, notices=(*changed.notices, notice))
     keys = [table.model_dump(mode="json") for table in tables]
     return _Built(changed, source_digest(built.light, keys))
@@ -279,7 +281,7 @@ def _build_mesh_file(files: SceneSource, options: _Options, reader: SourceReader
     except OSError as reason:  # no permission, or a name too long
         raise SceneError(f"{files.name}: cannot be read: {reason.strerror}") from None
     except MemoryError:
-        raise SceneError(f"{path}: asks for more memory than there is") from None
+        raise SceneError(f"{path}: needs more memory than available") from None
     reader.update(file_reader)
     moving = choice.name or True if read.objects else None
     inputs = (axes, moving) if chosen is None else (axes, moving, chosen)
@@ -302,7 +304,7 @@ def _scene(
         read.notices.extend(_size_notices(model.bounds_m(read.meshes, instances), unit))
     if len(read.lights) > model.MAX_LIGHTS:
         read.notices.append(
-            f"has {len(read.lights)} lights: the {model.MAX_LIGHTS} strongest shine"
+            f"has {len(read.lights)} lights: only the {model.MAX_LIGHTS} strongest are used"
         )
     # a shape needs no start pose, so the search for one is skipped
     start = (

@@ -110,7 +110,7 @@ def read_file(
             read = read_other(path, data, textures, assets)
             if suffix == ".dae" and axes.up_axis is None and b"<up_axis>" not in data:
                 read.notices.append(
-                    "states no up axis: y is up, as COLLADA says; RViz and Gazebo take z (up_axis)"
+                    "states no up axis: y is up, as in COLLADA; RViz and Gazebo assume z (up_axis)"
                 )
     if not read.instances:
         raise SceneError("; ".join(["has no triangles to draw", *read.notices[:1]]))

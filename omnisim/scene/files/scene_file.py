@@ -125,7 +125,7 @@ class ObjectTable(Table):
         if given and self.mass_kg is not None:
             raise ValueError(f"mass_kg: expected no motion, got {given[0]}")
         if not given and self.rolling_radius_m is not None:
-            raise ValueError("rolling_radius_m: expected a motion")
+            raise ValueError("rolling_radius_m: requires a motion")
         return self
 
     @property
@@ -238,7 +238,7 @@ class SceneFile(Table):
     @model_validator(mode="after")
     def _one_source(self) -> SceneFile:
         if self.file is None and self.extends is None:
-            raise ValueError("missing; expected a mesh file, or in extends a scene")
+            raise ValueError("missing; expected a mesh file, or extends with a base scene")
         if self.file is not None and self.extends is not None:
             raise ValueError("expected either file or extends, got both")
         if self.extends is not None and (self.up_axis or self.meters_per_unit):
@@ -246,7 +246,7 @@ class SceneFile(Table):
         if self.extends is not None and self.animation is not None:
             raise ValueError("expected no animation with extends")
         if self.light.sky is not None and (self.sun or self.sky):
-            raise ValueError("light.sky: expected no sun and no sky beside it")
+            raise ValueError("light.sky: expected no sun and no sky with it")
         return self
 
     @field_validator("landmarks")

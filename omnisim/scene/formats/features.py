@@ -142,7 +142,7 @@ def xml_parts(root: Element, table: str, apart: Collection[str] = ()) -> Parts:
         for child in element:
             tag = child.tag.rpartition("}")[2]
             names = f"{parent}/{tag}", f"{tag}/*", tag, f"{parent}/…"
-            name = next((one for one in names if one in known), tag)
+            name = next((alias for alias in names if alias in known), tag)
             if tag in apart or (":" in tag and name not in known):
                 continue
             yield name, " ".join(child.itertext()) if known.get(name) is Support.LEFT_OUT else ""

@@ -67,12 +67,12 @@ def material_notices(read: ImportedScene) -> list[str]:
     They have a texture without texture coordinates or below black vertex colors, or are invisible.
     """
     used_meshes = [read.meshes[index] for index in sorted({i.mesh for i in read.instances})]
-    textured = [one for one in used_meshes if read.materials[one.material].texture is not None]
-    black = sum(one.colors is not None and not one.colors[:, :3].any() for one in textured)
+    textured = [mesh for mesh in used_meshes if read.materials[mesh.material].texture is not None]
+    black = sum(mesh.colors is not None and not mesh.colors[:, :3].any() for mesh in textured)
     unseen = {
-        one.name: None
-        for one in (read.materials[mesh.material] for mesh in used_meshes)
-        if one.alpha_mode is parts.AlphaMode.BLEND and one.base_color[3] == 0.0
+        material.name: None
+        for material in (read.materials[mesh.material] for mesh in used_meshes)
+        if material.alpha_mode is parts.AlphaMode.BLEND and material.base_color[3] == 0.0
     }
     notices = [f"material {name!r} is invisible: its opacity is 0" for name in unseen]
     if black:
@@ -324,12 +324,12 @@ class Cameras:
         self._poses[free] = parts.CameraPose(free, (x, y, z), yaw, pitch, roll, known)
         if isinstance(lens, str):
             self.notices.append(
-                f"camera {free!r}: its pose is a viewpoint, its lens is not: {lens}"
+                f"camera {free!r}: its pose is a viewpoint, but its lens is not used: {lens}"
             )
 
 
 def read_lens(make: Callable[[], CentralCamera | str]) -> CentralCamera | str:
-    """Lens, or the reason why its values are none of a lens."""
+    """Lens, or the reason why its values are invalid."""
     try:
         return make()
     except (OmnisimError, ArithmeticError, ValueError) as reason:

@@ -226,7 +226,7 @@ class AssetResolver(Mapping[str, bytes]):
         except OSError as reason:  # no permission, a disk error or a name too long
             raise FileNotFoundError(f"cannot be read: {reason.strerror}") from None
         if path is None:
-            raise FileNotFoundError("is not there")
+            raise FileNotFoundError("is missing")
         if not data:
             raise FileNotFoundError("is an empty file")
         return data

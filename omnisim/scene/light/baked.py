@@ -28,7 +28,7 @@ from omnisim.scene.parts import LightRectangle
 CONTENTS, IRRADIANCE = "baked.json", "irradiance.exr"
 UNWRAPPING, PROBES = "unwrapping.npz", "probes.npz"
 MAX_SIZE_PX, MAX_PROBES = 16384, 1_000_000
-_EXPECTED = "expected that of omnisim bake"
+_EXPECTED = "expected the file that `omnisim bake` wrote"
 _TOLERANCE = 1e-4  # for rectangles and for coordinates within them
 
 Share = Annotated[float, Field(strict=True, ge=-_TOLERANCE, le=1.0 + _TOLERANCE)]
@@ -177,7 +177,7 @@ def _read_probes(path: Path, contents: Path, grid: _Grid) -> Probes:
         raise SceneError(
             f"{contents}: probes.shape = {list(shape)}: expected at most {MAX_PROBES} probes"
         )
-    stored = read_arrays(path, SceneError, "archive", _EXPECTED, ("sh", "valid"))
+    stored = read_arrays(path, SceneError, "an archive", _EXPECTED, ("sh", "valid"))
     factors = _array(stored, "sh", "f", (*shape, FACTORS, 3), path)
     valid = _array(stored, "valid", "b", shape, path)
     if not (np.abs(factors[valid]) <= MAX_HALF).all():
@@ -191,7 +191,7 @@ def _read_probes(path: Path, contents: Path, grid: _Grid) -> Probes:
 def _read_unwrapping(path: Path) -> dict[str, NDArray[Any]]:
     """Arrays of the meshes, keyed by array name and mesh index."""
     names = {"meshes", "vertex_of", "triangles", "uv"}
-    stored = read_arrays(path, SceneError, "archive", _EXPECTED, names)
+    stored = read_arrays(path, SceneError, "an archive", _EXPECTED, names)
     meshes = _array(stored, "meshes", "iu", (None, 3), path).astype(np.int64)
     arrays = {}
     for key, kinds, width, column in (
@@ -221,7 +221,7 @@ def _split_mesh(mesh: Mesh, number: int, stored: dict[str, NDArray[Any]], path: 
             f"{path}: vertex_of of mesh {number}: expected the scene's triangles, got others"
         )
     if not ((places >= -_TOLERANCE) & (places <= 1.0 + _TOLERANCE)).all():
-        raise SceneError(f"{path}: uv of mesh {number}: expected places from 0 to 1")
+        raise SceneError(f"{path}: uv of mesh {number}: expected coordinates from 0 to 1")
     if len(vertex_of) and not (vertex_of.min() >= 0 and vertex_of.max() < len(mesh.positions)):
         raise SceneError(
             f"{path}: vertex_of of mesh {number}: expected vertices from 0 to "
@@ -258,7 +258,7 @@ def _array(
         expected in (None, got) for expected, got in zip(shape, array.shape, strict=True)
     )
     if array.dtype.kind not in kinds or not fits:
-        expected = " × ".join("n" if one is None else str(one) for one in shape)
+        expected = " × ".join("n" if size is None else str(size) for size in shape)
         raise SceneError(
             f"{path}: {name}: expected {expected} {_KINDS[kinds]}, "
             f"got {array.dtype} of shape {array.shape}"

@@ -123,8 +123,8 @@ def lookup(pixels: Floats32, uv: Floats) -> Floats32:
     columns = left % width, (left + 1) % width
     rows = np.clip(top, 0, height - 1), np.clip(top + 1, 0, height - 1)
     upper, lower = (
-        pixels[one, columns[0]] * (1 - right_share) + pixels[one, columns[1]] * right_share
-        for one in rows
+        pixels[row, columns[0]] * (1 - right_share) + pixels[row, columns[1]] * right_share
+        for row in rows
     )
     return upper * (1 - down_share) + lower * down_share
 

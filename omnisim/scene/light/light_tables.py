@@ -83,9 +83,9 @@ class LampTable(Table):
         for key in ("position_m", "direction", "inner_deg", "outer_deg", "range_m"):
             given = getattr(self, key) is not None
             if key in needed and not given:
-                raise ValueError(f"{key}: missing; a {kind} lamp has one")
+                raise ValueError(f"{key}: missing; a {kind} lamp needs it")
             if given and key in _FOREIGN[kind]:
-                raise ValueError(f"{key}: expected none of a {kind} lamp")
+                raise ValueError(f"{key}: expected none for a {kind} lamp")
         if self.direction == (0.0, 0.0, 0.0):
             raise ValueError("direction: expected a length other than 0")
         if not (self.inner_deg or 0.0) < (45.0 if self.outer_deg is None else self.outer_deg):
@@ -161,5 +161,5 @@ class SkyTable(Table):
         if self.file is not None and (given := of_clear_sky & self.model_fields_set):
             raise ValueError(f"{min(given)}: expected a clear sky, got file = {self.file!r}")
         if self.file is None and "yaw_deg" in self.model_fields_set:
-            raise ValueError("yaw_deg: expected an environment map in file")
+            raise ValueError("yaw_deg: requires file, an environment map")
         return self

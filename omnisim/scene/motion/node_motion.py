@@ -117,22 +117,22 @@ class NodePoses:
             while node is not None and node not in every:
                 chain.append(node)
                 node = node.parent
-            for one in reversed(chain):
-                every[one] = len(every)
-                depths.append(0 if one.parent is None else 1 + depths[every[one.parent]])
-        self._period_s = max((one.period_s for one in every), default=0.0)
-        self._before = np.array([one.parent_from_node for one in every]).reshape(-1, 4, 4)
-        self._translations = _Tracks([one.translation for one in every], 3)
-        self._rotations = _Tracks([one.rotation for one in every], 4)
-        self._scales = _Tracks([one.scale for one in every], 3)
-        parents = np.array([0 if one.parent is None else every[one.parent] for one in every])
+            for link in reversed(chain):
+                every[link] = len(every)
+                depths.append(0 if link.parent is None else 1 + depths[every[link.parent]])
+        self._period_s = max((node.period_s for node in every), default=0.0)
+        self._before = np.array([node.parent_from_node for node in every]).reshape(-1, 4, 4)
+        self._translations = _Tracks([node.translation for node in every], 3)
+        self._rotations = _Tracks([node.rotation for node in every], 4)
+        self._scales = _Tracks([node.scale for node in every], 3)
+        parents = np.array([0 if node.parent is None else every[node.parent] for node in every])
         depth_of = np.array(depths)
         levels = [
             np.flatnonzero(depth_of == number) for number in range(1, 1 + max(depths, default=0))
         ]
         self._levels = [(level, parents[level]) for level in levels]
         # the last transform is the identity of the world
-        self._index = np.array([len(every) if one is None else every[one] for one in nodes])
+        self._index = np.array([len(every) if node is None else every[node] for node in nodes])
 
     def at(self, time_s: float) -> Floats:
         """Transforms (n, 4, 4) from the nodes to the world at a world time."""
@@ -164,12 +164,14 @@ class _Tracks:
                 self._rest[index] = value
         self._groups: list[tuple[Indices, Keyframes]] = []
         for indices in groups.values():
-            tracks = [one for one in map(values.__getitem__, indices) if isinstance(one, Keyframes)]
+            tracks = [
+                value for value in map(values.__getitem__, indices) if isinstance(value, Keyframes)
+            ]
             before = [track.in_tangents for track in tracks if track.in_tangents is not None]
-            after = [one.out_tangents for one in tracks if one.out_tangents is not None]
+            after = [track.out_tangents for track in tracks if track.out_tangents is not None]
             joined = replace(
                 tracks[0],
-                values=np.stack([one.values for one in tracks], axis=1),
+                values=np.stack([track.values for track in tracks], axis=1),
                 in_tangents=np.stack(before, axis=1) if before else None,
                 out_tangents=np.stack(after, axis=1) if after else None,
             )
@@ -217,7 +219,9 @@ class Keyframes:
     def is_constant(self) -> bool:
         """True if the values are constant up to float32 noise."""
         noise = _NOISE * float(np.abs(self.values).max())
-        tangents = [one for one in (self.in_tangents, self.out_tangents) if one is not None]
+        tangents = [
+            tangent for tangent in (self.in_tangents, self.out_tangents) if tangent is not None
+        ]
         duration_s = float(self.times_s[-1] - self.times_s[0])
         return bool(np.ptp(self.values, axis=0).max() <= noise) and all(
             float(np.abs(tangent).max()) * duration_s <= noise for tangent in tangents
@@ -264,7 +268,10 @@ def _slerp(first: Floats, second: Floats, share: float) -> Floats:
 
 def _slerps(first: Floats, second: Floats, share: float) -> Floats:
     """Unit quaternions (m, 4) interpolated by a share of the shorter arc between each pair."""
-    first, second = (one / np.linalg.norm(one, axis=1, keepdims=True) for one in (first, second))
+    first, second = (
+        quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True)
+        for quaternions in (first, second)
+    )
     second = np.where(np.einsum("mk,mk->m", first, second)[:, None] < 0.0, -second, second)
     lengths = np.linalg.norm(second - first, axis=1), np.linalg.norm(second + first, axis=1)
     angles = 2.0 * np.arctan2(*lengths)[:, None]

@@ -117,7 +117,7 @@ class DepthCamera(parameters.Parameters, SensorSettings, name="depth_camera"):
         if self.range_min_m >= self.range_max_m:
             raise self._error("range_min_m", f"less than range_max_m = {self.range_max_m:g}")
         if self.second_width_px > MAX_IMAGE_PX:
-            raise self._error("baseline_m", "a second view less wide")
+            raise self._error("baseline_m", "a smaller one, for a narrower second view")
 
     @classmethod
     def kinect_v1(cls) -> DepthCamera:
@@ -329,7 +329,7 @@ class DepthRenderer(Instrument[DepthCamera, _Views, DepthImage]):
             OmniCamera(camera.model, base_from_rig=mount).seeing(size_m),
             OmniCamera(camera.second_model, base_from_rig=beside).seeing(size_m),
         )
-        setups = (CameraSetup(one, True, hidden, 0, vehicles) for one in cameras)
+        setups = (CameraSetup(camera, True, hidden, 0, vehicles) for camera in cameras)
         return _Views(stage.backend.camera(setup) for setup in setups)
 
     def begin(self, moment: Moment) -> Pending[DepthImage]:

@@ -120,7 +120,7 @@ def true_readings(
     before, after = (motion.at(times).at_mount(base_from_imu) for times in (begin, end))
     duration_s = (end - begin)[:, None]
     rotation = scipy.spatial.transform.Rotation
-    first, last = (one.world_from_base[:, :3, :3] for one in (before, after))
+    first, last = (states.world_from_base[:, :3, :3] for states in (before, after))
     turns = rotation.from_matrix(np.swapaxes(first, 1, 2) @ last).as_rotvec()
     halfway = first @ rotation.from_rotvec(0.5 * turns).as_matrix()
     upward = (after.velocity_mps - before.velocity_mps) / duration_s + (0.0, 0.0, gravity_mps2)

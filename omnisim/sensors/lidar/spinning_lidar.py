@@ -118,8 +118,8 @@ class SpinningLidar(parameters.Parameters, SensorSettings, name="lidar"):
         if mount.rate is not None or turns <= len(times_s):
             return None
         return (
-            f"{mount.name}: a cloud at each step, of {len(times_s)} of the lidar's {turns} "
-            f"revolutions: rate_hz = {self.rate_hz:g} in its table takes all"
+            f"{mount.name}: one cloud per step, of {len(times_s)} of the lidar's {turns} "
+            f"revolutions: rate_hz = {self.rate_hz:g} in its table records all"
         )
 
     def manifest(self, mount: Mount[object]) -> dict[str, Any]:
@@ -360,13 +360,15 @@ class LidarRenderer(Instrument[SpinningLidar, BeamCaster, PointCloud]):
         instances = instances_of_draws(labels, draws, list(stage.objects))
         returns = [hits] if hits.second is None else [hits, hits.second]
         ranges_m = [
-            lidar.measure(one.ranges_m, revolution, number) for number, one in enumerate(returns)
+            lidar.measure(echo.ranges_m, revolution, number) for number, echo in enumerate(returns)
         ]
-        intensities = np.stack([one.intensities for one in returns if one.intensities is not None])
+        intensities = np.stack(
+            [echo.intensities for echo in returns if echo.intensities is not None]
+        )
         return PointCloud(
             lidar.points(
                 np.stack(ranges_m),
-                np.stack([instances.take(one.draw_ids) for one in returns]),
+                np.stack([instances.take(echo.draw_ids) for echo in returns]),
                 intensities,
             ),
             lidar,
@@ -435,7 +437,7 @@ def plan_revolution(
     turn_rad = max(_turn_rad(part) for part in slices)
     if turn_rad > MAX_TURN_RAD:
         raise OmnisimError(
-            f"lidar: expected to be turned by at most {MAX_TURN_RAD:g} rad in 1/{count} of a "
+            f"lidar: expected a turn of at most {MAX_TURN_RAD:g} rad in 1/{count} of a "
             f"revolution, got {turn_rad:g}"
         )
     return _revolution(firings, slices)

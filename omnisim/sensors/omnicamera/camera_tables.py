@@ -67,7 +67,7 @@ class CalibratedCamerasTable(SensorTable):
             rig = Rig.of(load_calibration(path), self.camera)
             selected_rig = rig if self.camera is None else rig.only(self.camera)
         except CalibrationError as reason:
-            fault = str(reason).partition("\n")[0].replace("--camera-name takes", "camera takes")
+            fault = str(reason).partition("\n")[0].replace("--camera-name ", "camera ")
             raise RobotFileError(f"{source}: {fault}") from None
         base_from_body = self.base_from_mount
         if not rig.has_body:

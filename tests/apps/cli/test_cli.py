@@ -32,7 +32,7 @@ def test_a_surface_before_the_near_plane_is_noted(ran, needs_opengl):
     """The camera stands in the compass of the courtyard's pavement."""
     words = "render", "courtyard", "-o", "a.png", "--size", 16, "--at", 0, 0, 0.03
     assert ran(*words)[1] == (
-        "note: courtyard: nearer than the near plane, 0.05 m, and not seen there: compass_rose "
+        "note: courtyard: clipped by the near plane, 0.05 m: compass_rose "
         "(virtual_cameras.near_m of a sensor file)\n"
     )
 
@@ -72,7 +72,7 @@ def test_statistics_count_triangles(quiet, needs_opengl, backend):
 def test_notices_go_to_standard_error(ran, tmp_path, needs_opengl):
     (tmp_path / "a.obj").write_text("mtllib gone.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     out, error = ran("render", "a.obj", "-o", "a.png", "--size", 32)
-    assert error == "note: a.obj: gone.mtl is not there: drawn without it\n"
+    assert error == "note: a.obj: gone.mtl is missing: drawn without it\n"
     assert "note" not in out
 
 
@@ -142,6 +142,6 @@ def test_missing_opengl_is_one_line(omnisim, monkeypatch):
     for arguments in (("render", "courtyard", "-o", "a.png"), ("info",)):
         status, out, error = omnisim(*arguments)
         assert (status, error.count("\n")) == (1, 1)
-        assert error.startswith("error: libNoSuchEGL.so.1 is not there: install OpenGL: ")
+        assert error.startswith("error: libNoSuchEGL.so.1 is missing: install OpenGL: ")
     for known in (f"{__version__}, in {PACKAGE}", "numpy", "plots", "courtyard", "superscout"):
         assert known in out  # of info, without OpenGL too

@@ -25,23 +25,23 @@ PAIRS = {
         "--sensor good.toml",
     ),
     "the frame of poses": (
-        f"record rings --trajectory timed.tum -o run {IMAGE}", "--trajectory-frame says otherwise",
+        f"record rings --trajectory timed.tum -o run {IMAGE}", "--trajectory-frame sets another",
         "--trajectory-frame camera",
     ),
     "the rate of poses": (
         f"record rings --trajectory poses.kitti -o run {IMAGE} --trajectory-frame camera",
-        "--rate says otherwise", "--rate 2",
+        "--rate sets another", "--rate 2",
     ),
     "axes of poses": (
         "drive rings --robot superscout --path poses.kitti --rate 1 --ignore-limits -o run",
-        "--axes world takes them", "--axes kitti",
+        "--axes world reads them", "--axes kitti",
     ),
     "the height of a floor": (
         "drive step.obj --robot blind.toml --path way.csv -o run",
         "--ground M drives at one height", "--ground 0.5",
     ),
     "the start of time": (
-        "export recorded --to tum -o out", "--start-time says otherwise", "--start-time 5",
+        "export recorded --to tum -o out", "--start-time sets another date", "--start-time 5",
     ),
     "the height of a robot's origin": (
         "robot import robot.ini -o r.toml", "--origin-height sets its height", "--origin-height 0",

@@ -27,7 +27,7 @@ BAD = [
     ("kalibr_tum_vi.yaml", "resolution: [512, 512]", "resolution: [512, 32769]",
      "resolution.1: expected a whole number from 1 to 32768.*, got 32769"),
     ("kalibr_tum_vi.yaml", "resolution: [512, 512]", "resolution: [51, 51]",
-     r"cam0: center: expected in the image of 51 × 51 px .*, got \(254\.932, 256\.897\)"),
+     r"cam0: center: expected in or near the image of 51 × 51 px, got \(254\.932, 256\.897\)"),
     ("kalibr_tum_vi.yaml", "254.93170605935475", ".nan",
      "intrinsics.2: expected a finite number.*, got nan"),
     ("kalibr_tum_vi.yaml", "[0.0, 0.0, 0.0, 1.0]", "[0.0, 0.0, 0.0, 2.0]",
@@ -238,8 +238,14 @@ def _aliases(levels, opening, item, closing):
         (_aliases(8, "[", "{}", "]"), "expected plain values, got aliases that grow"),
         (_aliases(8, "{{", "k#: {}", "}}"), "expected plain values, got aliases that grow"),
         ("model_type: &a [*a]\n", "expected plain values, got aliases that grow"),
-        ("model_type: " + "[" * 5000 + "]" * 5000 + "\n", "expected plain values, got too deep"),
-        ('{"fl_x": ' + "[" * 200_000 + "]" * 200_000 + "}", "expected plain values, got too deep"),
+        (
+            "model_type: " + "[" * 5000 + "]" * 5000 + "\n",
+            "expected plain values, got values nested",
+        ),
+        (
+            '{"fl_x": ' + "[" * 200_000 + "]" * 200_000 + "}",
+            "expected plain values, got values nested",
+        ),
         ('{"fl_x": ' + "9" * 5000 + "}", "expected a camera's numbers, got one of thousands"),
         ("model_type: " + "9" * 5000 + "\n", "expected a camera's numbers, got one of thousands"),
     ],
@@ -278,4 +284,4 @@ def test_lens_of_another_model_states_its_residuals(monkeypatch):
     monkeypatch.setattr(fit, "_refined", lambda start, *arguments: (start, np.eye(3)))
     calibration = load_calibration(FOLDER / "kalibr_fov.yaml")
     (note,) = calibration.notes
-    assert note.startswith("fov is none of omnisim's models: read as kannala_brandt, RMS")
+    assert note.startswith("omnisim has no model fov: read as kannala_brandt, RMS")

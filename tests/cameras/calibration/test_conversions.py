@@ -62,10 +62,10 @@ def test_any_format_converts_to_any_other_or_gives_the_reason(path, tmp_path):
 @pytest.mark.parametrize(
     ("form", "name", "words"),
     [
-        ("ros", "kannala-brandt-tum-vi", r"sees 115\.6° from its axis: ros ends before 90°"),
-        ("foxglove", "equirectangular", "sees 180.0° from its axis: foxglove ends before 90°"),
-        ("kalibr", "equirectangular", "kalibr has no panorama, and this one is equirectangular"),
-        ("colmap", "cylindrical", "colmap has no panorama, and this one is cylindrical"),
+        ("ros", "kannala-brandt-tum-vi", r"sees up to 115\.6° from its axis: ros ends before 90°"),
+        ("foxglove", "equirectangular", r"up to 180\.0° from its axis: foxglove ends before 90°"),
+        ("kalibr", "equirectangular", "kalibr has no panorama model, got equirectangular"),
+        ("colmap", "cylindrical", "colmap has no panorama model, got cylindrical"),
         ("opencv_omnidir", "equidistant-full-sphere",
          "opencv_omnidir cannot represent model 'equidistant': the nearest, 'unified', is up to"),
         ("gazebo", "hyperbolic-off-center",
@@ -164,5 +164,5 @@ def test_a_model_can_be_asked_for(tmp_path):
     assert found.camera == written.camera
     assert isinstance(found.camera, MirroredCamera)
     assert found.residuals.max_px < 0.01
-    with pytest.raises(CalibrationError, match="--model gazebo: kalibr has unified"):
+    with pytest.raises(CalibrationError, match=r"--model gazebo: .* expected one of unified"):
         calibration.save(tmp_path / "a.yaml", "kalibr", model="gazebo")

@@ -135,7 +135,7 @@ def test_a_fit_ends_where_its_source_does():
 
 def test_a_mirror_has_to_be_mirrored():
     narrow = HyperbolicMirror(theta_max_rad=math.radians(60.0))
-    with pytest.raises(CalibrationError, match="rays have to be mirrored"):
+    with pytest.raises(CalibrationError, match="rays of a mirror need mirrored"):
         fit_camera(HyperbolicCamera.framed_on_rim(narrow, 360, 360), PerspectiveCamera)
 
 

@@ -81,7 +81,7 @@ def test_the_size_is_that_of_the_images(tmp_path):
     camera = read_transforms(tmp_path, camera_angle_x=0.69).cameras[0].camera
     assert (camera.width_px, camera.height_px) == (8, 6)
     (note,) = read_transforms(tmp_path, camera_angle_x=0.69, w=16, h=12).notes
-    assert note == "w, h = 16, 12, and ./train/r_0 has 8 × 6 px"
+    assert note == "w, h = 16, 12, but ./train/r_0 has 8 × 6 px"
 
 
 def test_the_inverse_extrinsics_of_openvins(tmp_path):

@@ -101,7 +101,7 @@ def test_one_model_alone():
     (fitted,) = fit_central(SYSTEMS["sphere"], model="kannala_brandt").cameras
     assert isinstance(fitted.camera, MirroredCamera)
     assert isinstance(fitted.camera.lens, KannalaBrandtCamera)
-    with pytest.raises(CalibrationError, match=r"--model eucm: opencv_fisheye has kannala_brandt"):
+    with pytest.raises(CalibrationError, match=r"--model eucm: .* expected one of kannala_brandt"):
         fit_central(SYSTEMS["sphere"], "opencv_fisheye", "eucm")
 
 

@@ -119,12 +119,12 @@ def test_indices_of_three_colors():
          "hole_radius_m: expected 0 or more, and less than rim_radius_m = 0.07"),
         ({"shape": "dome", "thickness_m": 0.1, "medium": "water"},
          "thickness_m: expected less than radius_m = 0.03, got 0.1"),
-        ({"pose": IDENTITY}, "position_m: pose has it: expected one of"),
+        ({"pose": IDENTITY}, "position_m: expected none with pose"),
         ({"pose": [[1, 0, 0, 0]] * 4, "position_m": None},
          "pose: expected a rotation and a translation"),
         ({"pose": 1, "position_m": None}, "pose: expected a pose, a 4 × 4 matrix"),
         ({"r_m": [0.0, 1.0]}, "z_m: missing; expected file, or r_m and z_m"),
-        ({"file": "a.csv", "r_m": [0.0]}, "r_m: file has it: expected one of them"),
+        ({"file": "a.csv", "r_m": [0.0]}, "r_m: expected none with file, which states it"),
         ({"r_m": [0.0, 1.0, 2.0, 3.0], "z_m": [0.0]},
          "z_m: expected as many numbers as r_m, 4, got 1"),
         ({"r_m": [0.0, 1.0, 1.0, 3.0], "z_m": [0.0, 1.0, 2.0, 3.0]},
@@ -147,7 +147,7 @@ def test_faults_of_surfaces(changes, message):
         ({"model": "optics"}, "camera.model: expected one of"),
         ({"focal_length_px": -1.0}, "camera."),
         ({"focus": 1.0}, "camera.focus: unknown key"),
-        ({"calibration": "a.yaml"}, "camera.model: calibration has it: expected one of them"),
+        ({"calibration": "a.yaml"}, "camera.model: expected none with calibration"),
     ],
 )
 def test_faults_of_the_camera(changes, message):

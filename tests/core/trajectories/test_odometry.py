@@ -238,8 +238,8 @@ def test_file_of_wrapped_headings_and_long_arcs(tmp_path):
         (HEADER + "0,0,0,0,0,nan\n", r"a\.csv:2: yaw_rad = nan: expected a finite number"),
         (HEADER + "0,1,0,0,0,0\n", r"a\.csv:2: first line: expected distance and turn 0, got 1 m"),
         (HEADER + "0,0,0,0,0,0\n0,1,0,1,0,0\n", r"a\.csv:3: time 0 s repeats 0 s of line 2"),
-        (HEADER + "0,0,0,0,0,0\n1,1,0,2,0,0\n", r"a\.csv:3: pose 1 m and 0 rad off what its"),
-        (HEADER + "0,0,0,0,0,0\n1,1,0,1,0,1\n", r"a\.csv:3: pose 0 m and 1 rad off what its"),
+        (HEADER + "0,0,0,0,0,0\n1,1,0,2,0,0\n", r"a\.csv:3: pose 1 m and 0 rad off the pose"),
+        (HEADER + "0,0,0,0,0,0\n1,1,0,1,0,1\n", r"a\.csv:3: pose 0 m and 1 rad off the pose"),
         (HEADER + "0,0,0,1e16,0,0\n", r"a\.csv:2: expected numbers below 1e\+15"),
     ],
 )

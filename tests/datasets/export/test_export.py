@@ -110,17 +110,17 @@ class TestRefusals:
         ],
     )
     def test_of_options_that_a_format_has_no_use_for(self, run, tmp_path, format, settings, option):
-        with pytest.raises(OmnisimError, match=f"{option}: expected with --to .*, got {format}"):
+        with pytest.raises(OmnisimError, match=f"{option}: requires --to .*, got --to {format}"):
             list(export_run(run, format, tmp_path / "out", ExportSettings(**settings)))
 
     def test_of_folders_and_cameras(self, run, tmp_path):
         (tmp_path / "there").mkdir()
         (tmp_path / "file").touch()
         for output, camera, words in (
-            (tmp_path / "there", None, "there: is there already: expected the name of a new"),
-            (run / "out", None, "is inside of the run"),
+            (tmp_path / "there", None, "there: already exists: expected the name of a new"),
+            (run / "out", None, "is inside the run"),
             (tmp_path / "file" / "out", None, "file: is a file: expected a folder"),
-            (tmp_path / "out", "fron", "camera 'fron': not there; did you mean 'front'"),
+            (tmp_path / "out", "fron", "camera 'fron': not found; did you mean 'front'"),
         ):
             with pytest.raises(OmnisimError, match=words):
                 list(export_run(run, "ros2-mcap", output, camera_name=camera))
@@ -136,11 +136,11 @@ def test_sensors_and_channels_that_a_format_has_no_place_for_are_named(run, tmp_
     notes = []
     list(export_run(run, format, tmp_path / "out", None, "front", notes.append))
     form = format_named(format)
-    sensors = [note for note in notes if "has no place for" in note and "channels" not in note]
-    channels = [note for note in notes if "has no place for the channels" in note]
+    sensors = [note for note in notes if "cannot hold" in note and "channels" not in note]
+    channels = [note for note in notes if "cannot hold the channels" in note]
     if format.startswith("ros2"):
         assert not sensors
-        assert channels == [f"{format} has no place for the channels flow, occluded: left out"]
+        assert channels == [f"{format} cannot hold the channels flow, occluded: left out"]
     else:
         assert "laser" in sensors[0]
         assert ("lidar" in sensors[0]) == (format not in ("kitti", "kitti360"))
@@ -182,7 +182,7 @@ class TestWithoutCameras:
         notes, folder = [], without(*CAMERAS)
         list(export_run(folder, format, tmp_path / "out", print_note=notes.append))
         names = {"imu", "kinect", "laser", "lidar", "sonar"} - {held}
-        assert f"{format} has no place for {', '.join(sorted(names))}: left out" in notes
+        assert f"{format} cannot hold {', '.join(sorted(names))}: left out" in notes
         assert (tmp_path / "out" / file).stat().st_size > 0
         assert not list((tmp_path / "out").rglob("*image*")) + list((tmp_path / "out").rglob("rgb"))
 

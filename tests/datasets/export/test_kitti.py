@@ -104,7 +104,7 @@ def test_without_a_pinhole_camera_0_stands_in_the_lidars_place(run, tmp_path):
     (tmp_path / "run" / "manifest.json").write_text(json.dumps(manifest))
     notes = []
     list(export_run(tmp_path / "run", "kitti", tmp_path / "out", print_note=notes.append))
-    assert sum("camera 0 stands in the place of lidar" in note for note in notes) == 1
+    assert sum("camera 0 is at the position of lidar" in note for note in notes) == 1
     calibration = _calibration(tmp_path / "out")
     ahead = calibration["Tr"] @ (5.0, 0.5, 0.2, 1.0)  # x forward, y left, z up
     np.testing.assert_allclose(ahead, (-0.5, -0.2, 5.0), atol=1e-12)

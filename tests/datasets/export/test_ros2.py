@@ -288,7 +288,7 @@ def test_dynamic_objects_have_frames_of_the_map(run, tmp_path):
     for name in ("odom", "front", "base link"):
         taken = moving / "objects" / f"{name}.tum"
         shutil.copy(run / "ground_truth.tum", taken)
-        with pytest.raises(OmnisimError, match=f"topic and frame of its own for {name}, got"):
+        with pytest.raises(OmnisimError, match=f"unique topic and frame for {name}, got"):
             list(export_run(moving, "ros2-mcap", tmp_path / "bag"))
         taken.unlink()
     shutil.copy(run / "ground_truth.tum", moving / "objects" / "ball 1.tum")

@@ -63,13 +63,13 @@ def test_depths_are_along_the_axis_in_steps_of_a_fifth_of_a_millimeter(run, tmp_
         assert near.any()
         np.testing.assert_allclose(found[v, u][near] / 5000.0, depths_m[near], atol=1.01e-4)
         assert np.all(found[v, u][~near] == 0)
-    assert sum("has no place for imu" in note for note in notes) == 1
+    assert sum("cannot hold imu" in note for note in notes) == 1
 
 
 def test_a_mirror_has_flipped_images_no_depths_and_says_so(run, tmp_path):
     notes = _export(run, tmp_path / "tum", "mirror")
     assert not (tmp_path / "tum" / "depth.txt").exists()
-    assert any("mirror: no depths" in note for note in notes)
+    assert any("mirror: no depth images" in note for note in notes)
     assert any("mirror: looks into a mirror: its images are flipped" in note for note in notes)
     name = _list(tmp_path / "tum", "rgb")[2][1]
     flipped, own = read_image(tmp_path / "tum" / name)[0], read_image(run / "mirror/000002.png")[0]

@@ -82,7 +82,7 @@ def test_shards_that_are_there_stay(made):
     plan, out = made
     before = {path: path.stat().st_mtime_ns for path in out.iterdir()}
     done = _omnisim("generate", plan, "-o", out)
-    assert "2 shards, 2 of them there before" in done.output
+    assert "2 shards, 2 of them made before" in done.output
     assert {path: path.stat().st_mtime_ns for path in out.iterdir()} == before
 
 
@@ -107,7 +107,7 @@ def test_a_damaged_shard_is_found_and_made_again(made, tmp_path):
     assert "shard-000001.tar: is damaged: expected SHA-256" in str(done.exception)
     tar.write_bytes(data[:-512])
     assert find_shard(tmp_path / "out", 1) is None
-    assert "1 of them there before" in _omnisim("generate", plan, "-o", tmp_path / "out").output
+    assert "1 of them made before" in _omnisim("generate", plan, "-o", tmp_path / "out").output
     assert _tars(tmp_path / "out") == _tars(out)
     assert _omnisim("dataset", "check", tmp_path / "out").exit_code == 0
 
@@ -135,8 +135,8 @@ def test_the_card_counts_all_pixels(made):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("generate", "PLAN"), "-o: expected the folder of the data set"),
-        (("generate", "PLAN", "-o", "NEW", "--shards", "2"), "--shards: expected some of 0:2"),
+        (("generate", "PLAN"), "-o: missing: expected the folder of the data set"),
+        (("generate", "PLAN", "-o", "NEW", "--shards", "2"), "--shards: expected a range in 0:2"),
         (("generate", "PLAN", "-o", "NEW", "--shards", "a"), "--shards: expected FROM:TO or"),
         (("generate", "PLAN", "-o", "NEW", "--shards", "1:1"), "expected FROM less than TO"),
         (("generate", "PLAN", "-o", "NEW", "--engine", "rya"), "got rya; did you mean"),
@@ -145,8 +145,8 @@ def test_the_card_counts_all_pixels(made):
         (("generate", "PLAN", "--preview", "4", "-o", "NEW"), "-o: expected a .png or .jpg"),
         (("generate", "PLAN", "--map", "-o", "NEW"), "expected .png, .pdf"),
         (("generate", "PLAN", "--map"), "-o: expected a .png, .pdf or .svg for the map"),
-        (("generate", "OTHER", "-o", "OUT"), "is of another plan, or of other scenes"),
-        (("generate", "PLAN", "-o", "FOLDER"), "is of no data set: expected a new folder"),
+        (("generate", "OTHER", "-o", "OUT"), "belongs to another plan or other scenes"),
+        (("generate", "PLAN", "-o", "FOLDER"), "is not a data set: expected a new folder"),
         (("generate", "no.toml", "-o", "NEW"), "no.toml: cannot be read"),
         (("dataset", "info", "FOLDER"), "manifest.json: cannot be read"),
         (("dataset", "view", "OUT", "-o", "NEW.png", "--first", "6"), "expected less than 6"),
@@ -169,8 +169,8 @@ def test_bad_input_is_one_line(made, tmp_path, words, message):
 def test_samples_that_see_nothing_are_drawn_again_or_refused(tmp_path):
     plan = write_plan(tmp_path, "[reject]\nnear_m = 1000.0\nmax_near_share = 0.5\nattempts = 3")
     done = _omnisim("generate", plan, "-o", tmp_path / "out")
-    assert "sample 0: rejected 3 times, last as " in str(done.exception)
-    assert "of its pixels are nearer than 1000 m: max_near_share" in str(done.exception)
+    assert "sample 0: rejected 3 times, at last because " in str(done.exception)
+    assert "of its rays hit within 1000 m (max_near_share)" in str(done.exception)
     assert not (tmp_path / "out").exists()
 
 
@@ -182,11 +182,11 @@ def test_a_plan_without_a_shard_has_no_claim_to_its_folder(tmp_path):
     (out / "shard-000000.tar").touch()
     again.give_up()
     assert (out / "plan.json").is_file()
-    with pytest.raises(OmnisimError, match="is of another plan"):
+    with pytest.raises(OmnisimError, match="belongs to another plan"):
         Generation(write_plan(tmp_path, seed=8), out)
     (out / "shard-000000.tar").unlink()
     (out / "plan.json").write_text("{}")
-    with pytest.raises(OmnisimError, match="is of"):
+    with pytest.raises(OmnisimError, match="belongs to"):
         Generation(write_plan(tmp_path, seed=8), out)
 
 
@@ -328,7 +328,7 @@ def test_pycocotools_takes_the_boxes_of_a_sample_and_of_all(made, tmp_path, caps
         found = boxes.loadAnns(boxes.getAnnIds(imgIds=[image["id"]]))
         assert sorted(one["instance_id"] for one in found) == sorted(set(instances[instances > 0]))
     again = _omnisim("dataset", "convert", out, "-o", tmp_path / "coco")
-    assert "is there already" in str(again.exception)
+    assert "already exists" in str(again.exception)
 
 
 @pytest.mark.filterwarnings("ignore:__array__:DeprecationWarning")  # of its masks

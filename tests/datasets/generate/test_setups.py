@@ -139,7 +139,7 @@ def test_exposure_is_in_stops(tmp_path):
         ("[vary]\nhour = [8, 9]", "", "vary.hour: unknown key; expected in [vary.sky]"),
         ("[vary.light]\nlamp_factor = [-1.0, 1.0]", "", "lamp_factor: expected factors of at"),
         ("[vary.light]\nlamp_temperature_k = 10.0", "", "temperature_k: expected 1667 to 25000"),
-        ("", "parameters = { focal = 1.0 }", "focal: of model 'hyperbolic': did you"),
+        ("", "parameters = { focal = 1.0 }", "focal: not a parameter of 'hyperbolic': did you"),
         ("", "parameters = { xi = 0.1 }", "parameters.xi: follows from the other parameters"),
         ("", "parameters = { focal_length_px = [-9e3, 0] }", "focal_length_px: expected"),
         ("", "degradation = { noise = { read = 1.0 } }", "noise.read: unknown key; did you mean"),

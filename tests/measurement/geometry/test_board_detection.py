@@ -74,7 +74,9 @@ def test_an_even_image_has_no_board_however_tiny(shape):
 
 @pytest.mark.parametrize("size", [(5, 4), (7, 6), (9, 6)])
 def test_another_board_is_named(image, size):
-    seen = "but of 8 x 6|squares continue beyond the board|not black beside white|no chessboard of"
+    seen = (
+        "but of 8 x 6|squares continue beyond the board|do not alternate in color|no chessboard of"
+    )
     with pytest.raises(MeasurementError, match=seen):
         find_board(image, Chessboard(*size, 0.03))
 
@@ -84,10 +86,10 @@ def test_corners_in_another_order_are_refused():
     assert grid_fault(grid) is None
     swapped = grid.copy()
     swapped[2, [1, 2]] = swapped[2, [2, 1]]
-    assert grid_fault(swapped) == "its corners are in no grid's order"
+    assert grid_fault(swapped) == "its corners do not form a grid"
     jumped = grid.copy()
     jumped[:, 3:] += (50.0, 0.0)
-    assert grid_fault(jumped) == "its lines of corners jump"
+    assert grid_fault(jumped) == "its rows of corners are irregular"
 
 
 def test_squares_of_one_color_are_refused():
@@ -96,7 +98,7 @@ def test_squares_of_one_color_are_refused():
     board = (((row - 10) // 20 + (column - 10) // 20) % 2 * 200 + 20).astype(np.uint8)
     assert squares_fault(board, grid) is None
     board[30:70, 30:90] = 220
-    assert "not black beside white" in squares_fault(board, grid)
+    assert "do not alternate in color" in squares_fault(board, grid)
 
 
 def test_charuco_corners_are_identified_though_some_are_hidden():

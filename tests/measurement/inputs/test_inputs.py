@@ -82,7 +82,7 @@ def test_images_of_a_bag_s_topic_are_read(bag, topic):
 
 
 def test_several_topics_need_a_choice(bag):
-    with pytest.raises(MeasurementError, match=r"several topics, /front, /rear: give one, such as"):
+    with pytest.raises(MeasurementError, match=r"several topics, /front, /rear: select one"):
         image_files(bag[0])
     with pytest.raises(MeasurementError, match="topic /left: expected one of /front, /rear"):
         image_files(Path(f"{bag[0]}#/left"))

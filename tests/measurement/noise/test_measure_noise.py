@@ -208,7 +208,7 @@ def test_clipped_darks_and_sizes_are_refused():
 
 
 def test_noise_has_a_pattern_or_its_spread():
-    with pytest.raises(OpticsError, match=r"noise\.pattern: expected none beside prnu or dsnu_e"):
+    with pytest.raises(OpticsError, match=r"noise\.pattern: expected none with prnu or dsnu_e"):
         Noise(pattern="a.exr", prnu=0.1)
 
 

@@ -71,7 +71,7 @@ def test_a_global_shutter_has_no_readout():
         ({"exposure_s": 0.01}, "no bands, and all frames are equally bright"),
         ({"frame_s": 0.03}, "no bands, and all frames are equally bright"),
         ({"count": 3}, "3 frames: expected at least 5"),
-        ({"noise": 0.0, "readout_s": 0.004}, "of a flicker's period in a frame"),
+        ({"noise": 0.0, "readout_s": 0.004}, "flicker periods per frame"),
     ],
 )
 def test_what_does_not_tell_is_refused(options, message):

@@ -105,10 +105,10 @@ def test_a_file_that_is_no_model_is_refused(tmp_path):
     with pytest.raises(LocalizationError, match=r"none.npz: cannot be read: No such file"):
         load_model(tmp_path / "none.npz")
     (tmp_path / "text.npz").write_text("no model")
-    with pytest.raises(LocalizationError, match=r"text.npz: is no model"):
+    with pytest.raises(LocalizationError, match=r"text.npz: is not a color model"):
         load_model(tmp_path / "text.npz")
     np.savez(tmp_path / "other.npz", counts=np.zeros(3))
-    with pytest.raises(LocalizationError, match=r"other.npz: is no model"):
+    with pytest.raises(LocalizationError, match=r"other.npz: is not a color model"):
         load_model(tmp_path / "other.npz")
     model = ColorModel(("yellow",), _counts({GRAY: 9}, {YELLOW: 5}), (3.0,))
     with pytest.raises(OutputError, match=r"expected a name that ends in .npz"):
@@ -126,13 +126,13 @@ def _stored(file, **changed):
 @pytest.mark.parametrize(
     ("changed", "reason"),
     [
-        ({"format": np.inf}, "is no model"),
+        ({"format": np.inf}, "is not a color model"),
         ({"smoothing": 0.0}, "smoothing = 0: expected a finite number above 0"),
         ({"smoothing": np.nan}, "smoothing = nan: expected"),
         ({"colors": ["red", "red"], "counts": np.ones((3, BINS**3)), "thresholds": [1, 1]},
          "expected different names"),
         ({"landmarks": "{}"}, "landmarks: expected tables, [[landmarks]], got {}"),
-        ({"colors": np.array([{}])}, "is no model"),  # would have to be unpickled
+        ({"colors": np.array([{}])}, "is not a color model"),  # would have to be unpickled
     ],
 )  # fmt: skip
 def test_a_model_that_cannot_be_is_refused_in_one_line(tmp_path, changed, reason):
@@ -162,5 +162,5 @@ def test_a_model_with_flipped_bits_is_refused(tmp_path):
     for at in range(60, len(data) // 2, 3):
         data[at] ^= 0x55
     (tmp_path / "model.npz").write_bytes(data)
-    with pytest.raises(LocalizationError, match="is no model"):
+    with pytest.raises(LocalizationError, match="is not a color model"):
         load_model(tmp_path / "model.npz")

@@ -124,7 +124,7 @@ def test_landmarks_must_differ(field):
     with pytest.raises(LocalizationError, match="'goal_yellow' and 'twin': look the same"):
         LandmarkDetector(_model(), (*scene.landmarks, twin), mount)
     other = _model(("pink",))
-    with pytest.raises(LocalizationError, match="none has colors of the model"):
+    with pytest.raises(LocalizationError, match="none can be detected by the model's colors"):
         LandmarkDetector(other, scene.landmarks[:1], mount)
     grounded = mount.base_from_optical.copy()
     grounded[2, 3] = 0.0

@@ -232,7 +232,7 @@ def test_a_image_without_its_camera_is_taken_by_a_sensor_file(run, model, tmp_pa
 def test_a_run_with_a_image_missing_says_which(run, model, tmp_path):
     broken = shutil.copytree(run, tmp_path / "broken")
     (broken / "omnicam" / "000003.png").unlink()
-    message = "000003.png: is missing: the first 3 of 5 steps are looked at; record the run again"
+    message = "000003.png: is missing: only the first 3 of 5 steps are used; record the run again"
     assert message in _done("landmarks", "detect", broken, "--model", model).replace("- ", "-")
 
 

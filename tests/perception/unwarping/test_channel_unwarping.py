@@ -124,7 +124,7 @@ def test_flow_leads_to_where_the_point_will_be_seen(image, view):
 
 def test_what_cannot_be_made_is_refused_by_name(image):
     unwarp = ChannelUnwarping(FISHEYE, VIEWS["perspective"], TURN)
-    with pytest.raises(OutputError, match="'z': expected position beside it"):
+    with pytest.raises(OutputError, match="'z': requires the channel position"):
         unwarp({"z": image.channels["z"]}, np.eye(4))
     with pytest.raises(OutputError, match=r"'range': expected 300 × 300 px, .* got 9 × 7"):
         unwarp({"range": np.zeros((7, 9))})

@@ -142,7 +142,7 @@ def test_bad_views_are_named():
     image = np.zeros((10, 20, 3), dtype=np.uint8)
     view = perspective_view(20, 20, 1.0)
     unwarp = Unwarping(CAMERA, view.camera, BASE_FROM_OPTICAL.T @ view.base_from_view)
-    with pytest.raises(OpticsError, match="20 × 10 px, where the camera's has 600 × 600"):
+    with pytest.raises(OpticsError, match="expected the camera's 600 × 600 px, got 20 × 10"):
         unwarp(image)
     up = perspective_view(20, 20, 0.2, pitch_rad=-math.pi / 2)
     with pytest.raises(OpticsError, match="nothing of this view"):

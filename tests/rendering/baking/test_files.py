@@ -122,10 +122,10 @@ def test_a_bake_is_finished_or_replaced(tmp_path):
     assert bake_scene(scene, out, SETTINGS) is not None  # into an empty folder
     before = contents(out)
     assert bake_scene(scene, out, SETTINGS) is None
-    with pytest.raises(OmnisimError, match="is a bake with other settings: expected --force"):
+    with pytest.raises(OmnisimError, match="is a bake with other settings: pass --force"):
         bake_scene(scene, out, BakeSettings(texel_m=0.2, samples=9, bounces=3))
     changed = scene.added("other", box("other", (0.5, 0.5, 0.5), (0.0, 0.6, -0.75)))
-    with pytest.raises(OmnisimError, match="or of this one before it changed: expected --force"):
+    with pytest.raises(OmnisimError, match="or of this scene before it changed: pass --force"):
         bake_scene(changed, out, SETTINGS)
     assert contents(out) == before
     assert bake_scene(changed, out, SETTINGS, force=True) is not None

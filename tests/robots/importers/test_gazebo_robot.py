@@ -124,9 +124,9 @@ def test_a_planar_lidar_looks_where_its_middle_is_and_what_is_left_out_is_noted(
     scanner = vehicle.sensors[0]
     assert scanner.sensor.beams == 91
     assert scanner.base_from_sensor[:2, 0] == pytest.approx((0.5**0.5, 0.5**0.5))
-    assert "wide: 57.3° wide, becomes one all around" in imported.notices
+    assert "wide: 57.3° wide, becomes 360° wide" in imported.notices
     assert "gps: left out (2 sensors)" in imported.notices
-    assert "kinematics: left out: no plugin of a differential drive" in imported.notices
+    assert "kinematics: left out: no plugin for a differential drive" in imported.notices
 
 
 def test_a_model_of_a_world_is_chosen_by_its_name(tmp_path):

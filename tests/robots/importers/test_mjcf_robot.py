@@ -83,7 +83,7 @@ def test_the_floor_of_a_model_is_left_out(tmp_path):
     floor = '<geom name="floor" type="plane" size="9 9 1"/>'
     alone, table = load(tmp_path, model(PAIR))
     vehicle, with_floor = load(tmp_path, model(PAIR, world=floor))
-    assert "left out, as it is the world's: floor" in (tmp_path / "robot.toml").read_text()
+    assert "left out, as they belong to the world: floor" in (tmp_path / "robot.toml").read_text()
     assert with_floor == table  # footprint, mass and wheels
     assert vehicle.body.instance_names == alone.body.instance_names
 

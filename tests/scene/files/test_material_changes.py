@@ -105,8 +105,8 @@ def test_a_faulty_table_is_one_line(changed, table, words):
     ("table", "head", "words"),
     [
         ('names = ["window"]\nior = 1.2\nspecular = 0.0\n', "",
-         "scene.toml: materials: 'window': no effect of ior without specular or metallic"),
-        (GLOSS, '[light]\nshading = "matte"\n', "of shading 'matte', which shows base colors only"),
+         "scene.toml: materials: 'window': ior without effect, as it has no specular or metallic"),
+        (GLOSS, '[light]\nshading = "matte"\n', "only base_color has an effect"),
     ],
 )  # fmt: skip
 def test_a_change_without_effect_is_a_note(changed, table, head, words):
@@ -142,5 +142,5 @@ def test_a_variant_keeps_the_bake_of_its_base_unless_light_changes():
     assert glass.lighting.baked is None
     (notice,) = glass.notices
     assert notice == (
-        "mapping-glass.toml: materials change the light: without the bake of the base scene"
+        "mapping-glass.toml: materials change the light: the base scene's baked light is not used"
     )

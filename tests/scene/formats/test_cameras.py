@@ -179,7 +179,9 @@ def test_lenses_of_gltf(tmp_path):
     assert (u, v) == (pytest.approx(719.5), pytest.approx(479.5))
     scene = load_scene(_glb(tmp_path, type="orthographic", orthographic={"xmag": 1, "ymag": 1}))
     assert scene.cameras[0].lens is None
-    assert scene.notices[0].endswith("its pose is a viewpoint, its lens is not: it is orthographic")
+    assert scene.notices[0].endswith(
+        "its pose is a viewpoint, but its lens is not used: it is orthographic"
+    )
 
 
 @pytest.mark.skipif(not is_installed("mujoco"), reason="MuJoCo is not installed")

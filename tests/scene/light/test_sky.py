@@ -203,12 +203,12 @@ def test_a_map_is_turned_and_scaled(tmp_path, suffix):
         ('file = "square.exr"', "expected a map twice as wide as high"),
         ('file = "dark.exr"', "expected finite radiance of at least 0"),
         ('file = "x.hdr"\nturbidity = 3', "expected a clear sky"),
-        ("yaw_deg = 3", "yaw_deg: expected an environment map in file"),
+        ("yaw_deg = 3", "yaw_deg: requires file, an environment map"),
         ("turbidity = 1", "sky.turbidity: expected a number ≥ 2, got 1"),
         ("sun_elevation_deg = -5", "sky.sun_elevation_deg: expected a number > 0, got -5"),
         ("brightness = 0", "sky.brightness: expected a number .*, got 0"),
         ('[light]\nsky = "clear"', "light.sky: expected 'none', got 'clear'"),
-        ('[light]\nsky = "none"', "light.sky: expected no sun and no sky beside it"),
+        ('[light]\nsky = "none"', "light.sky: expected no sun and no sky with it"),
     ],
 )
 def test_a_bad_sky_is_one_line(tmp_path, sky, expected):

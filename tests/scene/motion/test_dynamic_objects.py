@@ -61,7 +61,7 @@ def test_a_scene_extends_another(folder):
         (BALL.replace("ball.glb", "b" * 500), "bbb': cannot be read: File name too long"),
         (BALL + "yaw_deg = 3\nshuttle = { from_m = [0,0,0], to_m = [1,0,0], period_s = 1 }\n",
          "expected position_m and yaw_deg without a motion, got shuttle"),
-        (BALL + "rolling_radius_m = 1\n", "rolling_radius_m: expected a motion"),
+        (BALL + "rolling_radius_m = 1\n", "rolling_radius_m: requires a motion"),
         (
             BALL + "mass_kg = 1\norbit = { center_m = [0, 0, 1], radius_m = 2, period_s = 4 }\n",
             "mass_kg: expected no motion, got orbit",
@@ -79,7 +79,7 @@ def test_a_scene_extends_another(folder):
         ('extends = "socer"\n', "did you mean 'soccer'"),
         (SOCCER + 'up_axis = "z"\n', "expected no up_axis"),
         (SOCCER + '[[starts]]\nname = "kick_off"\nposition_m = [0, 0, 0]\n',
-         "starts: name = 'kick_off': the scene that it extends has one"),
+         "starts: name = 'kick_off': the scene that it extends already has one"),
     ],
 )  # fmt: skip
 def test_faulty_objects_and_extensions(folder, text, words):

@@ -239,7 +239,7 @@ def test_keys_change_the_device():
         ({"device": "kinect"}, "device"),
         ({"range_min_m": 7.0}, r"sensor 'depth': range_min_m: expected less than range_max_m = 5"),
         ({"range_max_m": 70.0}, "range_max_m"),
-        ({"baseline_m": 1e6}, "baseline_m: expected a second view less wide"),
+        ({"baseline_m": 1e6}, "baseline_m: expected a smaller one"),
     ],
 )
 def test_a_camera_that_cannot_be_is_refused(keys, message):

@@ -170,7 +170,7 @@ def test_scenes_past_the_limit_of_the_gpu_are_refused(context, monkeypatch):
     small = SimpleNamespace(info={"GL_MAX_SHADER_STORAGE_BLOCK_SIZE": 100})
     buffers = SceneBuffers(context, scene_of([room()]))
     monkeypatch.setattr(buffers, "context", small)
-    with pytest.raises(GraphicsError, match="320 bytes: to scan them this GPU allows 192"):
+    with pytest.raises(GraphicsError, match="320 bytes: this GPU allows 192 to scan them"):
         RangePass(buffers, np.zeros(1))
 
 

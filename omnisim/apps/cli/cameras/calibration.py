@@ -47,7 +47,7 @@ def convert(request: ConvertRequest) -> None:
     calibrations.check_calibration_suffix(request.output, form.name)
     check_target(request.output)
     source, more_distances_m = _source(request)
-    check_distinct({"what is written": request.output}, {"the file to convert": source})
+    check_distinct({"the output": request.output}, {"the file to convert": source})
     if request.optics is not None:
         from omnisim.cameras.optics.system_file import read_optics_file  # seldom needed
 
@@ -163,7 +163,7 @@ def read_calibration(
             for camera in calibrations.calibration_of(mounted.lens, mounted.name).cameras
         ]
         if not cameras:
-            raise CalibrationError(f"{path}: expected a camera with a lens, got a scene without")
+            raise CalibrationError(f"{path}: expected a camera with a lens, got a scene with none")
         return calibrations.Calibration(tuple(cameras), "scene", str(path))
     camera = None if format is not None else _own_camera(path)
     if camera is not None:
@@ -203,7 +203,7 @@ def _own_camera(path: Path) -> CentralCamera | None:
     _, metadata = read_image(path)
     parameters = None if metadata is None else metadata.get("camera")
     if not isinstance(parameters, dict):
-        raise CalibrationError(f"{path}: expected an image by omnisim, got one without a camera")
+        raise CalibrationError(f"{path}: expected an image by omnisim, got one without its camera")
     try:
         return camera_of_parameters(parameters)
     except OmnisimError as reason:
@@ -219,7 +219,7 @@ def _conversion(before: calibrations.CalibratedCamera, after: calibrations.Calib
     model = f"{after.file_model}{' in a mirrored frame' if is_mirror else ''}"
     fit = after.residuals
     if fit is None or fit is before.residuals:
-        return f"{name}: {model}, the same rays"
+        return f"{name}: {model}, with identical rays"
     return (
         f"{name}: {model}, fitted to {fit.source_model}: "
         f"RMS {number_text(fit.rms_px, 3)} px, at most {number_text(fit.max_px, 3)} px, "
@@ -256,7 +256,7 @@ def _rows(calibrated: calibrations.CalibratedCamera) -> list[tuple[str, str]]:
         place = point_text(pose.target_from_source[:3, 3])
         rows.append((f"{pose.target}_from_{pose.source}", f"at {place} m"))
     if len(calibrated.poses) > SHOWN_POSES:
-        rows.append(("…", f"{len(calibrated.poses)} poses in all"))
+        rows.append(("…", f"{len(calibrated.poses)} poses in total"))
     if (fit := calibrated.residuals) is not None:
         error = f"RMS {number_text(fit.rms_px, 3)} px, at most {number_text(fit.max_px, 3)} px"
         within = f"within {math.degrees(fit.theta_max_rad):.1f}°"

@@ -43,7 +43,7 @@ def run(request: MirrorRequest) -> None:
         f"{len(unfolded.triangles)} triangles once cut along the cube's edges, "
         f"rim radius {1000.0 * model.mirror.rim_radius_m:.4g} mm"
     )
-    _print_error(f"in an image of it {2.0 * model.rim_radius_px:.4g} px wide", error)
+    _print_error(f"in an image {2.0 * model.rim_radius_px:.4g} px wide", error)
 
 
 def _write_profile(request: MirrorRequest) -> None:

@@ -92,7 +92,7 @@ def design(request: requests.OpticsDesignRequest) -> None:
     check_suffix(request.output, ".csv", ".toml")
     is_system = request.output.suffix.lower() == ".toml"
     if request.size_px is not None and not is_system:
-        raise OpticsError("--size: expected -o FILE.toml beside it")
+        raise OpticsError("--size: requires -o FILE.toml")
     profile_file = request.output.with_suffix(".csv") if is_system else request.output
     for path in dict.fromkeys((request.output, profile_file)):
         check_target(path)
@@ -101,12 +101,12 @@ def design(request: requests.OpticsDesignRequest) -> None:
         raise OpticsError("design: expected either --equi-angular or --equi-ground")
     if request.equi_angular_deg is not None:
         if request.height_m is not None:
-            raise OpticsError("--height: expected --equi-ground beside it")
+            raise OpticsError("--height: requires --equi-ground")
         profile = target.equi_angular(request.equi_angular_deg)
     else:
         assert request.equi_ground_m is not None
         if request.height_m is None:
-            raise OpticsError("--equi-ground: expected --height beside it")
+            raise OpticsError("--equi-ground: requires --height")
         profile = target.equi_ground(request.height_m, request.equi_ground_m)
     write_profile(profile_file, *profile)
     out.print(
@@ -153,7 +153,7 @@ def write_surface_profile(
 
 
 def _check_distinct(output: Path, system: Path) -> None:
-    check_distinct({"what is written": output}, system_file.input_files(system))
+    check_distinct({"the output": output}, system_file.input_files(system))
 
 
 def _summary(system: OpticalSystem) -> str:
@@ -168,8 +168,8 @@ def calibrate(request: requests.OpticsCalibrateRequest) -> None:
     check_suffix(request.output, ".toml")
     check_target(request.output)
     check_distinct(
-        {"what is written": request.output},
-        {"the optics file": request.system, "the corners' file": request.corners},
+        {"the output": request.output},
+        {"the optics file": request.system, "the file of corners": request.corners},
     )
     file = system_file.read_optics_tables(request.system)
     system_file.parse_optics(*file)  # reports faults with the names of the keys

@@ -34,7 +34,7 @@ def info(request: requests.DatasetInfoRequest) -> None:
         "channels": ", ".join(manifest.channels) or "none",
         "scenes": _counts(statistics.scenes),
         "cameras": _counts(statistics.cameras),
-        "drawn again": str(statistics.redrawn),
+        "redrawn": str(statistics.redrawn),
         "plan": manifest.plan,
     }
     for name, value in rows.items():
@@ -47,7 +47,7 @@ def check(request: requests.DatasetCheckRequest) -> None:
     count = len(manifest.shards)
     for _ in track(check_hashes(request.folder, manifest), "check", count):
         pass
-    out.print(f"{request.folder}: {pluralize(count, 'shard')}, as in {MANIFEST}")
+    out.print(f"{request.folder}: {pluralize(count, 'shard')}, all hashes as in {MANIFEST}")
 
 
 def convert(request: requests.DatasetConvertRequest) -> None:
@@ -59,7 +59,7 @@ def convert(request: requests.DatasetConvertRequest) -> None:
         (("coco",), ("polygons",)),
     ):
         if request.to not in layouts:
-            reason = f"expected with --to {' or '.join(layouts)}, got --to {request.to}"
+            reason = f"requires --to {' or '.join(layouts)}, got --to {request.to}"
             refuse_given(request.coco, reason, *options)
     coco = request.coco
     limits = BoxLimits(coco.min_area_px or 1, coco.min_visible)
@@ -102,7 +102,8 @@ def view(request: requests.DatasetViewRequest) -> None:
     shards = Shards(request.folder)
     rows = range(request.first, min(request.first + request.count, len(shards)))
     if not rows:
-        raise OutputError(f"--first {request.first}: expected less than {len(shards)} samples")
+        expected = f"expected less than {len(shards)}, the number of samples"
+        raise OutputError(f"--first {request.first}: {expected}")
     samples = []
     for row in track(rows, "view"):
         sample = shards[row]

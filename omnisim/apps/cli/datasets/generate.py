@@ -113,7 +113,7 @@ def _estimate(request: GenerateRequest) -> None:
 
 def _generate(request: GenerateRequest) -> None:
     if request.output is None:
-        raise OutputError("-o: expected the folder of the data set")
+        raise OutputError("-o: missing: expected the folder of the data set")
     shards = parse_shards(request.shards)
     generation = Generation(
         request.plan, request.output, shards, request.workers, request.gpu.device
@@ -133,7 +133,7 @@ def _generate(request: GenerateRequest) -> None:
     def state() -> str:
         whole = sum(count == each for count in done.values())
         made = f"{whole} of {pluralize(len(generation.missing), 'shard')} made"
-        return f"{request.output}: {made}: the same command resumes"
+        return f"{request.output}: {made}: run the same command to resume"
 
     try:
         with progress(request.plan.stem, total, "samples") as show, resumable(state):
@@ -146,10 +146,10 @@ def _generate(request: GenerateRequest) -> None:
         raise
     manifest = generation.finish()
     made, existing = len(generation.missing), len(generation.shards) - len(generation.missing)
-    before = f", {existing} of them there before" if existing else ""
+    before = f", {existing} of them made before" if existing else ""
     planned = generation.prepared.plan.shards
-    rest = "" if manifest else f"; others of the plan's {planned} are missing"
+    rest = "" if manifest else f"; the plan's other shards, of {planned} in total, are missing"
     size = f"; {manifest.size_bytes / 1e6:.1f} MB" if manifest else ""
     redrawn = manifest.statistics.redrawn if manifest else 0
-    again = f"; {pluralize(redrawn, 'sample')} drawn again" if redrawn else ""
+    again = f"; {pluralize(redrawn, 'sample')} redrawn" if redrawn else ""
     out.print(f"{request.output}: {pluralize(made + existing, 'shard')}{before}{size}{again}{rest}")

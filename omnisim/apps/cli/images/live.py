@@ -32,7 +32,7 @@ SCENE, SIZE_PX = "soccer", 400
 def run(request: LiveRequest) -> None:
     """Serve the page until Ctrl-C."""
     if request.run is not None:
-        reason = "a run has its own: expected none with --run"
+        reason = "expected none with --run, as a run has its own"
         refuse_given(request, reason, "robot")
         refuse_given(request.camera, reason, "sensor", "optics", "calibration_file")
         refuse_given(request.viewpoint, reason, "at", "yaw_deg", "pitch_deg")
@@ -79,7 +79,7 @@ def _serve(page: LivePage, request: LiveRequest) -> None:
 def _settings(request: LiveRequest, scene: Scene) -> LiveSettings:
     vehicle = None
     if request.robot is not None:
-        reason = "a robot stands on the floor: expected none with --robot"
+        reason = "expected none with --robot, as a robot stands on the floor"
         refuse_given(request.viewpoint, reason, "pitch_deg")
         vehicle = Vehicle.load(request.robot)
     files = request.camera

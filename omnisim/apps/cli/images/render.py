@@ -234,10 +234,10 @@ def _check_outputs(request: RenderRequest) -> tuple[str, ...]:
         {"the image": request.output, **extra},
         {
             "the scene": Path(request.world.scene),
-            "the camera's file": request.camera.calibration_file,
+            "the calibration file": request.camera.calibration_file,
             "the sensor file": request.camera.sensor,
             "the optics file": request.camera.optics,
-            "the labels' file": request.truth.labels,
+            "the label file": request.truth.labels,
             "the sky": None if request.light.sky is None else Path(request.light.sky),
         },
     )
@@ -245,7 +245,7 @@ def _check_outputs(request: RenderRequest) -> tuple[str, ...]:
     has_sidecars = channels or request.truth.boxes_3d or request.flow.overlay
     for option, path in extra.items():
         if has_sidecars and path is not None and is_sidecar_name(request.output, path):
-            raise OutputError(f"{option}: expected another name than a channel's file, got {path}")
+            raise OutputError(f"{option}: expected a name other than a channel's, got {path}")
     if files.calibration is not None:
         from omnisim.cameras.calibration import check_calibration_suffix
 

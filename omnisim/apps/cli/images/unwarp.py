@@ -46,7 +46,7 @@ def run(request: UnwarpRequest) -> None:
     channel_format = parse_channel_format(request.channel_format, request.also or "")
     is_float = is_float_format(request.output)
     check_target(request.output)
-    check_distinct({"the view": request.output}, {"the image itself": request.source})
+    check_distinct({"the view": request.output}, {"the source image": request.source})
     if request.also is not None:
         files = (
             channel_files.sidecar_path(path, "channels.json")

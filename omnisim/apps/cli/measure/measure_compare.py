@@ -211,7 +211,7 @@ class ComparisonSummary:
             name = "noise, by gray level"
             measures.append(Measure(name, noise, "gray levels", _NOISE, unmeasured=no_noise))
         if self.brighter_ev is not None:
-            name = "light of the images over the twin's, median"
+            name = "exposure of the images relative to the twin's, median"
             measures.append(Measure(name, self.brighter_ev, "EV"))
         return tuple(measures)
 
@@ -220,8 +220,8 @@ class ComparisonSummary:
         comparison, patches = self.comparison, self.subject.patches
         level, rise, noise = self.level_error, self.rise_error, self.noise_error
         parts = [
-            f"{pluralize(len(comparison.images), 'image')}: corners detected again with a bias of "
-            f"{comparison.bias_px:.3f} px at most by ring, {comparison.lost} lost"
+            f"{pluralize(len(comparison.images), 'image')}: corners of the twin with a bias of at "
+            f"most {comparison.bias_px:.3f} px in any ring, {comparison.lost} lost"
         ]
         if math.isfinite(level):
             parts.append(f"gray levels within {level:.1f} of 255 for 90 % of the {patches}")

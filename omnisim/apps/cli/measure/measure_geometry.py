@@ -96,12 +96,12 @@ def _read_optics(
     """Optics to fit: the file's table, keys of the free parameters, and the system."""
     if request.optics is None:
         if request.free:
-            raise MeasurementError("--free: expected --optics, whose keys it names")
+            raise MeasurementError("--free: requires --optics, whose keys it names")
         return None
     if request.model:
-        raise MeasurementError("--model: expected none, as --optics states the model")
+        raise MeasurementError("--model: expected none with --optics, which states the model")
     if not request.free:
-        raise MeasurementError("--optics: expected --free KEY, such as surfaces.0.tilt_deg")
+        raise MeasurementError("--optics: requires --free KEY, such as surfaces.0.tilt_deg")
     file = read_optics_tables(request.optics)
     system = parse_optics(*file)
     try:
@@ -136,8 +136,8 @@ def _views(
     views = [each.found for each in results if isinstance(each.found, BoardView)]
     rejected = [each.found for each in results if isinstance(each.found, RejectedImage)]
     if not views:
-        why = rejected[0].reason
-        raise MeasurementError(f"{request.images}: no image has the board; the first: {why}")
+        found = f"the board was found in no image; {rejected[0].name}: {rejected[0].reason}"
+        raise MeasurementError(f"{request.images}: {found}")
     return views, rejected, results[0].size_px
 
 
@@ -197,7 +197,7 @@ def _print(measured: MeasuredGeometry, rejected: Sequence[RejectedImage]) -> Non
     out.print(shown)
     bow_m = float(np.abs(measured.board_m[:, 2]).max())
     if bow_m > 0.0:
-        print_note(f"the board is bent by up to {1e3 * bow_m:.2g} mm; this is measured, too")
+        print_note(f"the board is bent by up to {1e3 * bow_m:.2g} mm, which is measured as well")
     for image in rejected:
         print_note(f"{image.name} not used: {image.reason}")
     if measured.rms_px > _MANY_PX:

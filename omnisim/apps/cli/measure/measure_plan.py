@@ -51,7 +51,7 @@ def plan(request: requests.MeasurePlanRequest) -> bool:
     folder = request.output.with_name(f"{request.output.stem}-report")
     files.check_outputs(request.output, request.sensor)
     if request.sensor is not None and request.sensor.resolve() == request.output.resolve():
-        raise MeasurementError(f"--sensor: {request.sensor} is the file to write: expected another")
+        raise MeasurementError(f"--sensor: {request.sensor} is the output: expected another file")
     check_report_target(folder)
     read = _with_board(read_tables(request.plan, MeasurementError), request.output)
     parsed = parse_table(read, plan_schema(), MeasurementError, str(request.plan))
@@ -65,7 +65,7 @@ def plan(request: requests.MeasurePlanRequest) -> bool:
             continue
         digest = _digest(digest, tables[name])
         if files.read_reports(request.output).get(name, {}).get("inputs") == digest:
-            out.print(f"{name}: measured before")
+            out.print(f"{name}: already measured")
         else:
             out.print(name, style="bold")
             with _named(f"{request.plan}: {name}"):

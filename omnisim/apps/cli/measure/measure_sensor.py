@@ -62,7 +62,7 @@ def response(request: requests.MeasureResponseRequest) -> None:
     """Measure the response and, from flat fields, the vignetting, and write a sensor file."""
     check_outputs(request.output, request.sensor)
     if request.white is not None and not request.white > request.black:
-        expected = f"expected a level above the black one, {request.black:g}"
+        expected = f"expected a level above --black {request.black:g}"
         raise MeasurementError(f"--white: {expected}, got {request.white:g}")
     tables = sensor_tables(request.sensor)
     sets = find_frame_sets(request.images, is_lossy_allowed=True)
@@ -82,7 +82,7 @@ def response(request: requests.MeasureResponseRequest) -> None:
     curves = {"light": measured.light.tolist(), "levels": measured.levels.tolist()}
     details: dict[str, Any] = {"response": {**curves, "errors": measured.errors}}
     if request.flat is None:
-        reason = "no flat fields: photograph an evenly lit surface, and give --flat"
+        reason = "no flat fields: photograph an evenly lit surface, and pass it as --flat"
         unobservable.append(Unobservable("vignetting.coefficients", reason))
     else:
         channels = _vignetting(request.flat, request, encoding)
@@ -93,7 +93,7 @@ def response(request: requests.MeasureResponseRequest) -> None:
             if max(abs(value - 1.0) for value in tint) > _MIN_TINT:
                 response = [round(value, 4) for value in tint]
                 degradation["white_balance"] = {"response": response, "gains": [1.0, 1.0, 1.0]}
-            basis = "middle of the flat fields, whose light is taken as white"
+            basis = "center of the flat fields, whose light is assumed to be white"
             quantities += [
                 Quantity(f"white_balance.{name}", value, math.nan, "of green", basis)
                 for name, value in zip(_NAMES, tint, strict=True)
@@ -201,10 +201,10 @@ def timing(request: requests.MeasureTimingRequest) -> None:
         if value is not None and not 0.0 < value < math.inf:
             raise MeasurementError(f"{option}: expected a frequency above 0 Hz, got {value:g}")
     for is_wrong, fault in (
-        (request.sensor is None, "--board: expected --sensor with the measured camera model"),
-        (request.frame_rate is None, "--board: expected --frame-rate HZ"),
+        (request.sensor is None, "--board: requires --sensor with the measured camera model"),
+        (request.frame_rate is None, "--board: requires --frame-rate HZ"),
         (request.modulation is not None,
-         "--modulation: expected --flicker HZ, whose lamp it describes"),
+         "--modulation: requires --flicker HZ, whose lamp it describes"),
     ):  # fmt: skip
         if request.board is not None and is_wrong:
             raise MeasurementError(fault)
@@ -295,7 +295,7 @@ def sharpness(request: requests.MeasureSharpnessRequest) -> None:
             files = [path for path in files if path.name in with_board]
         if len(boards) != len(files):
             raise MeasurementError(
-                f"{request.corners}: expected corners in each of {len(files)} images, in the order "
+                f"{request.corners}: expected the corners of all {len(files)} images in the order "
                 f"of their names, got those of {len(boards)}"
             )
     center_px = None
@@ -329,7 +329,8 @@ def sharpness(request: requests.MeasureSharpnessRequest) -> None:
         print_note(f"{count} edges left out: {flaw.value}")
     if camera is None:
         width, height = measured.size_px
-        print_note(f"radii are those of {width} × {height} px: give the camera's --sensor file")
+        hint = "pass the camera's sensor file as --sensor"
+        print_note(f"radii apply to images of {width} × {height} px: {hint}")
 
 
 def _encoding_of(text: str | None, tables: dict[str, Any]) -> Encoding | None:

@@ -77,7 +77,7 @@ def _load_robots(request: DriveRequest) -> tuple[dict[str, Robot], dict[str, Veh
     if request.way.physics is not None:
         require_extra("mujoco", "--physics", RunError)
     if (count := len(request.paths)) != len(request.robots):
-        expected = f"expected one for each --robot, {len(request.robots)}"
+        expected = f"expected {len(request.robots)}, one for each --robot"
         raise RunError(f"--path: {expected}, got {count}")
     robots: dict[str, Robot] = {}
     vehicles: dict[str, Vehicle] = {}
@@ -168,7 +168,7 @@ def _rig(camera: RigOptions, path: Path) -> tuple[Rig, Vehicle]:
     from omnisim.robots.vehicle import rig_vehicle
 
     if camera.robot is not None:
-        reason = "expected the robot's sensors with --robot"
+        reason = "expected none with --robot, whose sensors record"
         others = "sensor", "calibration_file", "camera_name", "optics", "mirrored"
         refuse_given(camera, reason, *others)
         vehicle = Vehicle.load(camera.robot)
@@ -238,7 +238,7 @@ def _record(plan: PlannedDrive, folder: Path, force: bool) -> None:
 
     def state() -> str:
         steps_done = f"{done} of {total} steps are done"
-        return f"{folder}: {steps_done}: {command} resumes the run" if done else ""
+        return f"{folder}: {steps_done}: run {command} to resume" if done else ""
 
     with progress(title, total, "steps") as show, resumable(state):
         steps = plan.record(folder, force)
@@ -250,7 +250,7 @@ def _record(plan: PlannedDrive, folder: Path, force: bool) -> None:
     touched = f"; contact with {pluralize(objects, 'object')}" if objects else ""
     summaries = ((each.name, each.sensor.mesh_summary) for each in plan.drive.vehicle.cameras)
     meshes = "".join(f"; {name}: {mesh}" for name, mesh in summaries if mesh != "exact")
-    resumed = f", {before} of them there before" if before else ""
+    resumed = f", {before} of them recorded before" if before else ""
     out.print(
         f"{folder}: {pluralize(done, 'step')}{resumed}; "
         f"{plan.truth.path_length_m:.2f} m in {plan.truth.duration_s:.1f} s{meshes}{touched}"

@@ -39,7 +39,7 @@ def run(request: EvaluateRequest) -> bool:
     if not request.run.is_dir():
         plan = find_plan(request.run)
         if request.estimators:
-            raise PlanError("--with: a plan names its estimators")
+            raise PlanError("--with: expected none with a plan, which names its estimators")
         _sweep(request, plan)
         return True
     if request.engine != "local" or request.address is not None:
@@ -116,7 +116,7 @@ def _sweep(request: EvaluateRequest, path: Path) -> None:
 
     def state() -> str:
         finished = f"{len(results)} of {pluralize(len(points), 'drive')} finished"
-        return f"{request.output}: {finished}: the same command resumes"
+        return f"{request.output}: {finished}: run the same command to resume"
 
     with resumable(state):
         for result in track(steps, "Drives", len(points)):

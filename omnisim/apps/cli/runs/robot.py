@@ -76,12 +76,12 @@ def import_robot(request: ImportRequest) -> None:
         expected = f"expected a configuration of USARSim (.ini) or {models}"
         raise OutputError(f"{request.configuration}: {expected}")
     if request.resources:
-        raise OutputError("--resources: expected a Gazebo, URDF or MuJoCo model beside it")
+        raise OutputError("--resources: requires a Gazebo, URDF or MuJoCo model")
     imported = usarsim.import_robot(
         request.configuration, request.robot_class, request.unreal_units, request.origin_height_m
     )
     if output.exists() and output.samefile(request.configuration):
-        raise OutputError(f"--output: expected another name than the configuration's, got {output}")
+        raise OutputError(f"--output: expected a name other than the configuration's, got {output}")
     robot = imported.robot(output)
     vehicle = Vehicle.from_robot(robot)
     imported.write(output)
@@ -97,7 +97,7 @@ def _sensors(vehicle: Vehicle) -> str:
 
 def _import_model(request: ImportRequest) -> None:
     output = request.output
-    reason = "expected with a configuration of USARSim's only"
+    reason = "requires a configuration of USARSim (.ini)"
     refuse_given(request, reason, "unreal_units", "origin_height_m")
     imported = import_model(request.configuration, request.robot_class, request.resources or ())
     robot = imported.robot(output)

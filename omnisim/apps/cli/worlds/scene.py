@@ -179,9 +179,9 @@ def _lines(document: dict[str, Any]) -> list[tuple[str, str]]:
         floor = "no floor" if start["floor_m"] is None else f"floor at {start['floor_m']:z.2f} m"
         at_m = np.array(start["position_m"])
         if np.any((at_m < low) | (at_m > np.where([True, True, False], high, np.inf))):
-            floor += ", outside of the bounds"
+            floor += ", outside the bounds"
         place = f"{_point(at_m, digits)} m, yaw {number_text(start['yaw_deg'])}°"
-        lines.append(("start", f"{start['name'] or 'of the camera'}: {place}, {floor}"))
+        lines.append(("start", f"{start['name'] or 'camera'}: {place}, {floor}"))
     for camera in document["cameras"]:
         yaw, pitch = (number_text(camera[key]) for key in ("yaw_deg", "pitch_deg"))
         place = f"{_point(camera['position_m'], digits)} m, yaw {yaw}°, pitch {pitch}°"
@@ -253,11 +253,11 @@ def bake(request: BakeRequest) -> None:
 
     output = request.output
     if output is None and not request.estimate:
-        raise OutputError("-o: expected the folder of the bake")
+        raise OutputError("-o: missing: expected the folder of the bake")
     _check_distinct(request.world.scene, "the baked light", output)
     scene = load_requested_scene(request.world, baked=NO_BAKED_LIGHT)
     if scene.objects:
-        print_note("dynamic objects are not baked: probes light them")
+        print_note("dynamic objects are not baked: they are lit by the probes")
     settings = BakeSettings(request.texel_m, request.samples, request.bounces, request.seed)
     began_s = time.monotonic()
     if output is None or request.estimate:

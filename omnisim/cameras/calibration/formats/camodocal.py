@@ -51,7 +51,7 @@ class _Head(
         "extrinsicRotation extrinsicTranslation body_T_cam0": Unread("pose: a Kalibr chain has it"),
         "td": Unread("time shift: a Kalibr chain has it"),
         "rolling_shutter rolling_shutter_tr": documents.ROLLING_SHUTTER,
-        "mirror_parameters": Unread("ξ of a MEI camera, and the model is another", is_fault=True),
+        "mirror_parameters": Unread("ξ of a MEI camera, but the model is another", is_fault=True),
         "distortion_parameters": Unread("distortion of another model", is_fault=True),
     },
 ):

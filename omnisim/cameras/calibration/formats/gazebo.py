@@ -191,7 +191,7 @@ class Gazebo(Format[GazeboLens]):
         off_u, off_v = u - 0.5 * (lens.width_px - 1), v - 0.5 * (lens.height_px - 1)
         off = math.hypot(off_u, off_v)
         if off > 1e-9:
-            return f"its axis is in the image's middle, this one's {off:.3g} px beside it"
+            return f"its axis is at the image center, this lens's is {off:.3g} px off"
         return None
 
 
@@ -221,14 +221,14 @@ def _contradictions(camera: Element, lens: CentralCamera) -> tuple[str, ...]:
         ray = lens.ray_from_pixel(np.add(lens.principal_point_px, (1.0, 0.0))).directions
         seen = 2.0 * math.atan(0.5 * lens.width_px * ray[0] / ray[2])
         if abs(seen - fov) > FOV_TOLERANCE_RAD:
-            notes.append(f"horizontal_fov = {fov:g} is not read: the intrinsics see {seen:g} rad")
+            notes.append(f"horizontal_fov = {fov:g} is not read: the intrinsics give {seen:g} rad")
         cutoff = camera.findtext("lens/cutoff_angle")
         if cutoff is not None and float(cutoff) < largest_theta_rad(lens):
-            notes.append(f"lens/cutoff_angle = {cutoff.strip()} is not read in a perspective lens")
+            notes.append(f"lens/cutoff_angle = {cutoff.strip()} is not read for a perspective lens")
     elif camera.find("lens/intrinsics") is not None:
-        notes.append("lens/intrinsics is not read in a wide lens")
+        notes.append("lens/intrinsics is not read for a wide-angle lens")
     if camera.find("lens/custom_function") is not None and not isinstance(lens, GazeboCamera):
-        notes.append("lens/custom_function is not read in a lens of another type")
+        notes.append("lens/custom_function is not read for a lens of another type")
     return tuple(notes)
 
 
@@ -313,7 +313,7 @@ def _pinhole(
         intrinsics = base.Intrinsics(*size, (fx, fy), (cx - CORNER_PX, cy - CORNER_PX))
         return base.pinhole(intrinsics, skew_px=skew)
     if fov >= math.pi:
-        expected = "less than π of a camera without a wide lens"
+        expected = "less than π for a camera without a wide-angle lens"
         raise unexpected(f"{place}: horizontal_fov", expected, fov)
     return PerspectiveCamera(*size, 0.5 * size[0] / math.tan(0.5 * fov), middle)
 

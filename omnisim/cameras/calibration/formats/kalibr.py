@@ -125,7 +125,7 @@ class Kalibr(Format[KalibrLens]):
             poses = tuple(_poses(fields, name, before, place))
             lens, shift_s = _lens(fields, place), fields.timeshift_cam_imu
             first = before is None and fields.T_cn_cnm1 is not None
-            notes = ("T_cn_cnm1 is not read: no camera is before it",) if first else ()
+            notes = ("T_cn_cnm1 is not read: this is the first camera",) if first else ()
             cameras.append(ParsedCamera(name, lens, poses, shift_s, notes))
             before = name
         return cameras

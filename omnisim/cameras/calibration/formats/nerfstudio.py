@@ -176,7 +176,7 @@ def _size(
         if width is None or height is None:
             return columns, rows
         if (width, height) != (columns, rows):
-            notes.append(f"w, h = {width}, {height}, and {image} has {columns} × {rows} px")
+            notes.append(f"w, h = {width}, {height}, but {image} has {columns} × {rows} px")
     if width is None or height is None:
         key, hint = ("w" if width is None else "h"), f", or the image {image} beside the file"
         hint = f": expected it{hint}" if image else ""
@@ -203,7 +203,7 @@ def _focal_px(
             first, taken = key, focal_px
         elif focal_px is not None and abs(focal_px - taken) > FOCAL_TOLERANCE * abs(taken):
             notes.append(
-                f"{key} = {value:g} is not read: it is a focal length of {focal_px:.6g} px, and "
+                f"{key} = {value:g} is not read: it is a focal length of {focal_px:.6g} px, but "
                 f"{first} states {taken:.6g} px"
             )
     return taken

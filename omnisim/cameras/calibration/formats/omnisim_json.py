@@ -112,9 +112,9 @@ def _parsed(part: dict[str, Any], place: str) -> ParsedCamera[CentralCamera]:
     poses = []
     for index, entry in enumerate(fields.poses):
         where = f"{place}.poses.{index}"
-        one = parse(entry, _Pose, where)
-        matrix = documents.pose(one.target_from_source, f"{where}.target_from_source")
-        poses.append(NamedPose(one.target, one.source, matrix))
+        stated = parse(entry, _Pose, where)
+        matrix = documents.pose(stated.target_from_source, f"{where}.target_from_source")
+        poses.append(NamedPose(stated.target, stated.source, matrix))
     camera = _camera(fields.camera, f"{place}.camera")
     return ParsedCamera(fields.name or "camera", camera, tuple(poses))
 

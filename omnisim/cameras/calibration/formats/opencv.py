@@ -65,7 +65,7 @@ class _Xi(ForeignTable):
     xi: Number
 
 
-OTHER_KIND = "the file calls itself another kind of OpenCV's"
+OTHER_KIND = "it states another of OpenCV's models than --format"
 
 
 class _Table(
@@ -224,7 +224,7 @@ def _matrix(data: dict[str, Any], keys: Sequence[str], source: str) -> tuple[str
         raise CalibrationError(f"{source}: {keys[0]}: missing")
     key = stated[0]
     if any(data[other] != data[key] for other in stated):
-        raise CalibrationError(f"{source}: {', '.join(stated)}: expected the same numbers in all")
+        raise CalibrationError(f"{source}: {', '.join(stated)}: expected the same numbers in each")
     matrix = parse(data[key], _Matrix, f"{source}: {key}")
     if len(matrix.data) != matrix.rows * matrix.cols:
         size = f"{matrix.rows} × {matrix.cols} numbers"

@@ -45,8 +45,8 @@ CameraInfoLens = UnifiedCamera | RationalPolynomialCamera | KannalaBrandtCamera
 class CameraInfoMessage(
     ForeignTable,
     unread={
-        "binning_x binning_y": Unread("the camera is that of the full size", (1,)),
-        "roi": Unread("the camera is that of the full size"),
+        "binning_x binning_y": Unread("the camera has the full image size", (1,)),
+        "roi": Unread("the camera has the full image size"),
     },
     harmless="timestamp header R",
 ):

@@ -160,7 +160,7 @@ def check_printed_times(times_s: Floats) -> None:
         k = int(np.argmax(same))
         raise TrajectoryError(
             f"trajectory: times {k} and {k + 1} are less than a nanosecond apart: "
-            "a file cannot tell them from each other"
+            "a file cannot tell them apart"
         )
 
 

@@ -59,10 +59,10 @@ def _header(table: TextTable) -> list[str]:
             hint = did_you_mean(name, COLUMNS)
             raise table.fault(line, f"column {quote(name)!r}: {hint}")
         if name in line.cells[:k]:
-            raise table.fault(line, f"column {name!r} is there twice: expected it once")
+            raise table.fault(line, f"column {name!r} appears twice: expected it once")
     missing = [name for name in ("x_m", "y_m") if name not in line.cells]
     if missing:
-        raise table.fault(line, f"no column {missing[0]!r}: expected x_m and y_m at least")
+        raise table.fault(line, f"no column {missing[0]!r}: expected at least x_m and y_m")
     return line.cells
 
 

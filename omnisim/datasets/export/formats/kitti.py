@@ -49,7 +49,9 @@ class Kitti(ExportFormat):
         self, cameras: Sequence[RecordedCamera], print_note: PrintNote
     ) -> Sequence[RecordedCamera]:
         """The first two pinholes: other cameras do not set the pace of the frames either."""
-        pinholes = [one for one in cameras if isinstance(one.mount.camera, PerspectiveCamera)]
+        pinholes = [
+            camera for camera in cameras if isinstance(camera.mount.camera, PerspectiveCamera)
+        ]
         held = pinholes[: len(IMAGES)]
         left_out = [camera.name for camera in cameras if camera not in held]
         if left_out:
@@ -86,11 +88,11 @@ class Kitti(ExportFormat):
         write_lines(sequence / "calib.txt", iter(calibration))
         if not cameras:
             print_note(
-                f"calib.txt: no pinhole: camera 0 stands in the place of {lidars[0]}, with a focal "
+                f"calib.txt: no pinhole: camera 0 is at the position of {lidars[0]}, with a focal "
                 "length of 1 px"
             )
         if not lidars:
-            print_note(f"calib.txt: no lidar: Tr is of one in the place of {cameras[0].name}")
+            print_note(f"calib.txt: no lidar: Tr is that of one at {cameras[0].name}")
         times_s = recording.truth.times_s - recording.truth.times_s[0]
         write_lines(sequence / "times.txt", (f"{time_s:.9e}" for time_s in times_s))
         world_from_camera = recording.truth.world_from_base @ base_from_camera
@@ -124,7 +126,7 @@ def _calibration(
         if np.abs(lens_from_camera[:3, :3] - np.eye(3)).max() > PARALLEL:
             raise OutputError(
                 f"{recording.run.path}: expected parallel pinholes, as KITTI's rectified ones are, "
-                f"got {cameras[0].name}, {camera.name}: --camera-name takes one"
+                f"got {cameras[0].name}, {camera.name}: --camera-name selects one"
             )
         focal, (u, v) = lens.focal_length_px, lens.principal_point_px
         matrix = np.array([[focal, 0.0, u], [0.0, focal, v], [0.0, 0.0, 1.0]])

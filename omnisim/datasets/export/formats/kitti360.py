@@ -113,7 +113,7 @@ def name_cameras(recording: Recording, print_note: PrintNote) -> dict[str, LensC
             names = ", ".join(lens.name for lens in cameras)
             raise OutputError(
                 f"{recording.run.path}: expected at most two {kind}, as KITTI-360 has, got "
-                f"{names}: --camera-name takes one"
+                f"{names}: --camera-name selects one"
             )
     named = (*zip(PINHOLES, pinholes, strict=False), *zip(FISHEYES, fisheyes, strict=False))
     return dict(named)
@@ -142,10 +142,10 @@ def _write_calibrations(
         lines.append(f"{name}: {_matrix(pose[:3])}")
     missing = [name for name in (*PINHOLES, *FISHEYES) if name not in cameras]
     if missing:
-        place = f"the pose of {first}" if cameras else f"the place of {lidars[0]}"
+        place = f"the pose of {first}" if cameras else f"the position of {lidars[0]}"
         print_note(
-            f"calib_cam_to_pose.txt: {', '.join(missing)}, which the run has not, have {place}: "
-            "the development kit wants all four"
+            f"calib_cam_to_pose.txt: the run has no {', '.join(missing)}: written with {place}, "
+            "as the development kit needs all four"
         )
     write_lines(folder / "calib_cam_to_pose.txt", iter(lines))
     lenses = [cameras[name].lens for name in PINHOLES if name in cameras]
@@ -167,7 +167,7 @@ def _write_calibrations(
         text = Camodocal().encode([ParsedCamera(name, fisheye)])
         write_text(folder / f"{name}.yaml", text)
         if isinstance(fisheye, UnifiedCamera) and not fisheye.xi:
-            print_note(f"{name}.yaml: PINHOLE, which the development kit does not read")
+            print_note(f"{name}.yaml: model PINHOLE, which the development kit does not read")
     if imu_from_velo is not None:
         cam0 = imu_from_lens.get(PINHOLES[0], imu_from_lens[first])
         velo_from_cam0 = inverse(imu_from_velo) @ cam0
@@ -228,12 +228,13 @@ class LabelImages:
         labels = recorded.labels(0) if kinds else None
         if labels is None:
             return None
-        largest_class = max((one.id for one in labels.classes), default=0)
+        largest_class = max((label.id for label in labels.classes), default=0)
         every = {SEMANTIC: np.arange(largest_class + 1), INSTANCE: _instances(labels)}
         numbers = {}
         for kind in kinds:
             if every[kind].max(initial=0) > MAX_ID[kind]:
-                print_note(f"no images of {kind}: {len(every[kind]) - 1} do not fit into them")
+                numbers_text = f"{len(every[kind]) - 1} numbers do not fit into their pixels"
+                print_note(f"no images of {kind}: {numbers_text}")
             else:
                 numbers[kind] = every[kind]
         for name in cameras if numbers else ():

@@ -59,7 +59,7 @@ class NerfstudioExport(ExportFormat):
         if len(models) > 1:
             raise OutputError(
                 f"{recording.run.path}: nerfstudio expects one camera_model, got "
-                f"{', '.join(sorted(models))}: --camera-name takes one camera"
+                f"{', '.join(sorted(models))}: --camera-name selects one camera"
             )
         note_missing_ranges(cameras, POINTS, print_note)
         document: dict[str, Any] = {"camera_model": lenses[0]["camera_model"]}
@@ -69,7 +69,7 @@ class NerfstudioExport(ExportFormat):
         if len(points):
             document["ply_file_path"] = POINTS
             write_ply(folder / POINTS, points)
-        deep = [one for one in cameras if one.is_pinhole and one.recorded.has("range")]
+        deep = [camera for camera in cameras if camera.is_pinhole and camera.recorded.has("range")]
         document["frames"] = [
             frame | ({} if shared else lens)
             for camera, lens in zip(cameras, lenses, strict=True)

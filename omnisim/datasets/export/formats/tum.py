@@ -52,9 +52,9 @@ class Tum(OneCameraFormat):
         has_ranges = has_images and camera.recorded.has("range")
         has_depths = not has_images or (has_ranges and camera.is_pinhole)
         if has_ranges and not has_depths:
-            print_note(f"{camera.name}: no depths: TUM's are a pinhole's, along its axis")
+            print_note(f"{camera.name}: no depth images: TUM's are those of a pinhole camera")
         if not has_images and len(depth_cameras) > 1:
-            print_note(f"depth is {camera.name}: {', '.join(depth_cameras[1:])} left out")
+            print_note(f"depth is that of {camera.name}: {', '.join(depth_cameras[1:])} left out")
         stamps_ns = settings.stamps_ns(recording.truth.times_s, recording.run.path)
         stamps = [seconds_text(stamp) for stamp in stamps_ns]
         times_s = recording.state_times_s

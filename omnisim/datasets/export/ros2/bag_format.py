@@ -352,7 +352,7 @@ class Ros2Bag(ExportFormat):
         for stream in streams:
             if isinstance(stream, CameraStream) and stream.lens is None:
                 print_note(
-                    f"{stream.name}: CameraInfo has no model of it: its calibration is on "
+                    f"{stream.name}: CameraInfo has no model for it: its calibration is on "
                     f"/{stream.topic}/calibration"
                 )
         folder.rmdir()  # rosbags creates it
@@ -410,8 +410,8 @@ def open_streams(recording: Recording, settings: ExportSettings) -> list[Stream]
     for ros, name in sources:
         if ros in taken:
             raise OutputError(
-                f"{recording.run.path}: expected a topic and frame of its own for {name}, got "
-                f"{ros}, which is {taken[ros]}"
+                f"{recording.run.path}: expected a unique topic and frame for {name}, got "
+                f"{ros}, which is that of {taken[ros]}"
             )
         taken[ros] = name
     return streams

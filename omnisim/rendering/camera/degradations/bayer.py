@@ -98,7 +98,9 @@ class Bayer(SensorEffect, name="degradation.bayer"):
                 whole &= _neighbor(valid.astype(np.float32), right, down) > 0.5
             filtered = _filtered(raw, np.array(_CROSS))
             if color != 1:
-                in_row, in_column = (_filtered(raw, one) for one in (_ROW_FILTER, _ROW_FILTER.T))
+                in_row, in_column = (
+                    _filtered(raw, kernel) for kernel in (_ROW_FILTER, _ROW_FILTER.T)
+                )
                 green = np.where(np.any(known, axis=1)[:, None], in_row, in_column)
                 filtered = np.where(colors == 1, green, _filtered(raw, np.array(_CORNERS)))
             guess = np.where(whole, filtered, guess)

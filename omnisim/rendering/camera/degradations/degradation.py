@@ -197,5 +197,5 @@ class Degradation:
 # Modules by effect, imported at first use: an ideal camera needs none of them. A field is named as
 # its module, and annotated by its class, or None.
 EFFECT_MODULES = {
-    str(one.type).partition(" ")[0]: one.name for one in dataclasses.fields(Degradation)
+    str(field.type).partition(" ")[0]: field.name for field in dataclasses.fields(Degradation)
 }

@@ -80,7 +80,7 @@ class Noise(SensorEffect, name="degradation.noise"):
 
     def _check(self) -> None:
         if self.pattern is not None and (self.prnu or self.dsnu_e):
-            raise self._error("pattern", "none beside prnu or dsnu_e")
+            raise self._error("pattern", "none with prnu or dsnu_e")
         if self.pattern is not None:
             read_pattern(Path(self.pattern))  # its faults, before anything is rendered
         if self.black_level_dn >= self.largest_dn:

@@ -161,7 +161,7 @@ class ClusterCuller:
         settings["occluder_rad"].T[:, :-1] = occluders_rad
         settings["first_range"] = [ranges[0].number for ranges in self.slices]
         self._settings = [
-            [written_buffer(context, one.tobytes()) for one in row] for row in settings
+            [written_buffer(context, table.tobytes()) for table in row] for row in settings
         ]
         self._written = views.cameras, views.tiles
         self._shown = written_buffer(context, buffers.all_shown)
@@ -342,7 +342,7 @@ class ClusterBuffers:
         of_clusters["object"] = objects[group]
         of_blocks = _blocks(of_groups, buckets)
         self.block_count = len(of_blocks)
-        entries = [one.view(_ENTRY) for one in (of_groups, of_clusters, of_blocks)]
+        entries = [table.view(_ENTRY) for table in (of_groups, of_clusters, of_blocks)]
         rows = -(-sum(map(len, entries)) // _ROW)
         table = np.resize(np.concatenate(entries), rows * _ROW)  # what fills the last row is unused
         self.bounds = texture_2d(context, (_ROW, rows), 4, table, dtype="u4")

@@ -65,7 +65,9 @@ def raise_messages() -> None:
 def label(kind: int, name: int, text: str = "") -> None:
     """Label an object, if `IS_ON`; without a text by the line outside of this package."""
     if IS_ON:
-        stack = (one for one in reversed(traceback.extract_stack()) if _ROOM not in one.filename)
+        stack = (
+            frame for frame in reversed(traceback.extract_stack()) if _ROOM not in frame.filename
+        )
         line = next(stack)
         set_label = gl_function("glObjectLabel", _ENUM, _ENUM, _INT, _TEXT)
         set_label(kind, name, -1, (text or f"{line.filename}:{line.lineno}").encode())

@@ -67,7 +67,7 @@ def driver_fault() -> Fault | None:
     if library is None or _loaded("libGLdispatch.so") is None:  # not libglvnd's: reads no files
         return nvidia_fault()
     prefix = str(library.resolve()).partition("/lib")[0]
-    folders = [Path(one, "glvnd/egl_vendor.d") for one in ("/etc", f"{prefix}/share")]
+    folders = [Path(folder, "glvnd/egl_vendor.d") for folder in ("/etc", f"{prefix}/share")]
     files, variable = _vendor_files(*folders)
     if not files and variable:
         remedy = f"unset {variable}" + ("" if _files_in(*folders) else f", and {install_hint()}")
@@ -220,7 +220,7 @@ def _load_fault(library: str) -> Fault | None:
     if mismatch := re.match(r"(.*): version `(\w+?)_([\d.]+)' not found.*by (.*)\)", error):
         older, kind, version, newer = mismatch.groups()
         cause = f"OpenGL's {Path(newer).name} needs {kind}_{version}, and {older} is older"
-        systems = (Path(one, Path(older).name) for one in _LIBRARY_FOLDERS)
+        systems = (Path(folder, Path(older).name) for folder in _LIBRARY_FOLDERS)
         system = next((str(path) for path in systems if path.exists()), "")
         if kind == "GLIBC" or system in ("", os.path.realpath(older)):
             return Fault(cause, "use a newer distribution or base image")
@@ -229,7 +229,7 @@ def _load_fault(library: str) -> Fault | None:
         other = f"take {folder} out of LD_LIBRARY_PATH" if is_listed else "update libstdcxx-ng"
         return Fault(cause, f"{other}, or put the system's first: export LD_PRELOAD={system}")
     if "No such file" in error:
-        return Fault(f"{error.partition(':')[0]} is not there", install_hint())
+        return Fault(f"{error.partition(':')[0]} is missing", install_hint())
     paths = [name for name in ("LD_LIBRARY_PATH", "LD_PRELOAD") if os.environ.get(name)]
     remedy = f"unset {' '.join(paths)}" if paths else install_hint()
     return Fault(f"{library} does not load ({error})", remedy)

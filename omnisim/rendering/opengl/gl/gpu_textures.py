@@ -112,7 +112,7 @@ def byte_textures(
             view = gl_function("glTextureView", *(ENUM,) * 8)
             view(name, _TEXTURE_2D, array.glo, stored, 0, levels, layer, 1)
     views = [context.external_texture(name, (width, height), 4, 0, "f1") for name in names]
-    return _finished(array), [_finished(one) for one in views]
+    return _finished(array), [_finished(view) for view in views]
 
 
 def cube_array(context: moderngl.Context, size_px: int, levels: int, cubes: int) -> int:

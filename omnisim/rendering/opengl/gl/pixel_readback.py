@@ -160,14 +160,14 @@ class PixelReadback:
         if len(self._readings) == LENGTH:
             self._readings[0].finish()
         stored = [_stored(*read) for read in reads]
-        ends = [*accumulate(-(-one.size // _ALIGNMENT) * _ALIGNMENT for one in stored)]
+        ends = [*accumulate(-(-array.size // _ALIGNMENT) * _ALIGNMENT for array in stored)]
         buffer = self._buffer(ends[-1])
         end_pass(self.context)
         self._bind(_PIXEL_PACK_BUFFER, buffer.buffer.glo)
         copies: list[tuple[Any, NDArray[Any]]] = []
-        for (source, out), one, first in zip(reads, stored, [0, *ends], strict=False):
-            self._copy(source, one, buffer, first)
-            copies.append((out, buffer.content[first : first + one.size].view(one.dtype)))
+        for (source, out), array, first in zip(reads, stored, [0, *ends], strict=False):
+            self._copy(source, array, buffer, first)
+            copies.append((out, buffer.content[first : first + array.size].view(array.dtype)))
         self._bind(_PIXEL_PACK_BUFFER, 0)
         self._check()
         self._readings.append(PixelReading(self, buffer, copies))

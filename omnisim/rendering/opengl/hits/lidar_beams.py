@@ -72,7 +72,7 @@ class LidarPass:
         )
         context, size = buffers.context, (len(beams.azimuths_rad), len(beams.elevations_rad))
         buffers.check_readable("to look up what its beams hit")
-        with gpu_allocation(f"a lidar of {size[0]} × {size[1]} beams", "take fewer"):
+        with gpu_allocation(f"a lidar of {size[0]} × {size[1]} beams", "use fewer"):
             self._rays = texture_2d(context, size, 4)
             self._hits = texture_2d(context, size, 4, dtype="u4")
             self._target = framebuffer(context, [self._hits])
@@ -98,10 +98,10 @@ class LidarPass:
         texels[..., :3], texels[..., 3] = rays, revolution.shares
         self._rays.write(texels)
         slices, azimuths_rad = revolution.slices, self._beams.azimuths_rad
-        for one in slices:
+        for span in slices:
             sector = self._sector(slices[0].last, len(slices) == 1)
-            for first in range(one.first, one.last, sector.firings):
-                part = replace(one, first=first, last=min(first + sector.firings, one.last))
+            for first in range(span.first, span.last, sector.firings):
+                part = replace(span, first=first, last=min(first + sector.firings, span.last))
                 heading_rad = 0.0  # of the middle; of a whole revolution any
                 if part.last - part.first < len(azimuths_rad):
                     ends_rad = azimuths_rad[part.first], azimuths_rad[part.last - 1]
@@ -159,19 +159,19 @@ class _Sector:
         self._path_m = uniform(program, "u_path_m")
 
     def render(
-        self, one: Slice, target: moderngl.Framebuffer, rays: moderngl.Texture, heading_rad: float
+        self, span: Slice, target: moderngl.Framebuffer, rays: moderngl.Texture, heading_rad: float
     ) -> None:
         """Draw the hits of a slice's beams."""
-        world_from_rig = one.middle.world_from_lidar @ pose_from_rotation(
+        world_from_rig = span.middle.world_from_lidar @ pose_from_rotation(
             rotation_from_yaw(heading_rad), np.zeros(3)
         )
-        self._visibility.render([ScenePoses(world_from_rig, one.middle.world_from_objects)])
-        start, end = self._transforms(one.start), self._transforms(one.end)
+        self._visibility.render([ScenePoses(world_from_rig, span.middle.world_from_objects)])
+        start, end = self._transforms(span.start), self._transforms(span.end)
         self._rig_from_viewpoint.write(columns_first(world_from_rig[:3, :3].T))
-        self._path_m.write(one.path_m.astype("<f4"))
+        self._path_m.write(span.path_m.astype("<f4"))
         self._tables.update([start], [end.viewpoint_from_mesh[:, :3]])
         rays.use(_RAYS_UNIT)
-        with within(target, (one.first, 0, one.last - one.first, target.size[1])):
+        with within(target, (span.first, 0, span.last - span.first, target.size[1])):
             self._array.render()
 
     def _transforms(self, poses: LidarPoses) -> InstanceTransforms:

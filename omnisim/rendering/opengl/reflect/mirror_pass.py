@@ -44,7 +44,7 @@ _R2_STEPS = 0.7548776662466927, 0.5698402909980532  # evenly spread
 
 
 class MirrorPass:
-    """Draws a camera's views in mirrors, or in panes; of no use once the buffers have changed.
+    """Draws a camera's views in mirrors, or in panes; invalid once the buffers have changed.
 
     Args:
         buffers: scene and dynamic objects.
@@ -162,7 +162,7 @@ class MirrorPass:
                 visible.append(number)
         beyond: list[int] = []
         if len(visible) > self._count:
-            order = sorted(visible, key=lambda one: self._rank(one, planes[one], whole, shot))
+            order = sorted(visible, key=lambda index: self._rank(index, planes[index], whole, shot))
             visible, beyond = sorted(order[: self._count]), order[self._count :]
         parts = {index for number in beyond for index in self._mirrors[number].parts}
         self.without_view = self.items & parts
@@ -205,7 +205,7 @@ class MirrorPass:
             (self._buffers.draw_items[index].surface, own) for index, own in mirror.parts.items()
         ]
         corners_m = np.concatenate(
-            [one.positions_m[one.mesh.triangles[own]] for one, own in surfaces]
+            [surface.positions_m[surface.mesh.triangles[own]] for surface, own in surfaces]
         )
         ends_m2 = np.cumsum(np.linalg.norm(triangle_crosses(corners_m), axis=1))
         numbers = np.arange(_POINTS)

@@ -81,7 +81,7 @@ class _OwnProbe:
     def __init__(self, buffers: SceneBuffers, name: int):
         items, self.number, self._name = buffers.draw_items, 0, name
         planar = {index for plane in buffers.mirrors for index in plane.parts}
-        self.items = frozenset(one for one in planar if items[one].material.metallic > _METAL)
+        self.items = frozenset(index for index in planar if items[index].material.metallic > _METAL)
         self.planar = frozenset[int]()
         self._items = [items[index] for index in self.items]
 
@@ -97,7 +97,7 @@ class _OwnProbe:
 
 
 class ProbePass:
-    """Draws the reflection probes of a scene; of no use once the buffers have changed.
+    """Draws the reflection probes of a scene; invalid once the buffers have changed.
 
     Args:
         buffers: scene and dynamic objects.
@@ -132,7 +132,7 @@ class ProbePass:
         self._background = background
         plan = cube_plan(size_px)
         size = plan.width_px, plan.height_px
-        near_m = min(_MAX_NEAR_M, _NEAR_SHARE * min(one.radius_m for one in places))
+        near_m = min(_MAX_NEAR_M, _NEAR_SHARE * min(place.radius_m for place in places))
         with gpu_allocation(f"an atlas of {size[0]} × {size[1]} px", "free GPU memory"):
             self._colors = texture_2d(context, size, 4, dtype="f2")
             self._depths = depth_texture(context, size)
@@ -146,16 +146,16 @@ class ProbePass:
         self._view = SceneView(
             buffers, programs, plan, cameras, self._depths, 1, behind, probes=within or self._own
         )
-        self.items = frozenset(index for one in places for index in one.surfaces)
-        self.planar = frozenset(i for one in places if one.is_planar for i in one.surfaces)
+        self.items = frozenset(index for place in places for index in place.surfaces)
+        self.planar = frozenset(i for place in places if place.is_planar for i in place.surfaces)
         self._is_static = is_static
         left_out = self._is_mirror
         if is_static:  # blended items are not selected by their motion
             left_out = left_out | ~SceneParts.STATIC.mask(buffers.draw_items)
-        self._left_out = [self._mask(one.left_out) | left_out for one in places]
-        self._mirrors = [self._is_mirror & ~self._mask(one.left_out) for one in places]
+        self._left_out = [self._mask(place.left_out) | left_out for place in places]
+        self._mirrors = [self._is_mirror & ~self._mask(place.left_out) for place in places]
         items = buffers.draw_items
-        self._steps = [self._steps_of(one) for one in places]
+        self._steps = [self._steps_of(place) for place in places]
         self._gloss = [
             _Gloss.of(items[surface].material for surface in place.surfaces) for place in places
         ]
@@ -308,7 +308,7 @@ class SceneProbes:
 
     def connect(self, programs: Collection[SurfaceProgram], shot: ScenePoses) -> None:
         """Set the probes of items in the programs for a viewpoint."""
-        probes = {key: one for some in self._passes for key, one in some.at(shot).items()}
+        probes = {key: probe for some in self._passes for key, probe in some.at(shot).items()}
         for program in programs:
             program.set_probes(probes)
 

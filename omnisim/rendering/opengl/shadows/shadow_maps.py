@@ -308,9 +308,9 @@ class KeptCascades:
                 continue
             self._first[number] = None  # if drawing is interrupted
             parts = [
-                kept.map_part(one)
+                kept.map_part(torus_part)
                 for cells in entered_cells(old, first, CELLS)
-                for one in torus_parts(cells, CELLS)
+                for torus_part in torus_parts(cells, CELLS)
             ]
             target = self.levels.target
             for part in parts:
@@ -319,9 +319,9 @@ class KeptCascades:
                     target.clear(depth=CLEAR_DEPTH, viewport=part.part_px)
                 drawer.draw_part(target, part, world_from_objects)
             self.levels.coarsen([part.part_px for part in parts])
-            for one in torus_parts(Cells(*first, CELLS, CELLS), CELLS):
-                place_px = kept.on_torus_px(one.place)
-                maps.copy(self.levels, kept.on_map_px(one.cells, first), place_px[:2])
+            for torus_part in torus_parts(Cells(*first, CELLS, CELLS), CELLS):
+                place_px = kept.on_torus_px(torus_part.place)
+                maps.copy(self.levels, kept.on_map_px(torus_part.cells, first), place_px[:2])
             self._first[number] = first
 
 
@@ -367,7 +367,7 @@ def entered_cells(old: tuple[int, int] | None, new: tuple[int, int], side: int) 
     row = top + side - rows if shift_y > 0 else top
     rest = left if shift_x > 0 else left + columns
     entered = [Cells(column, top, columns, side), Cells(rest, row, side - columns, rows)]
-    return [one for one in entered if one.width and one.height]
+    return [cells for cells in entered if cells.width and cells.height]
 
 
 def torus_parts(cells: Cells, side: int) -> list[TorusPart]:

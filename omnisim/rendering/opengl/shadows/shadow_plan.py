@@ -98,9 +98,9 @@ class ShadowPlan:
         """Matrices (maps, 4, 4) clip_from_anchor, given the cascades' centers."""
         casting = [cascade for cascade in self.cascades if cascade is not None]
         clips = [
-            orthographic_clip(one.axes, middle_m, half_m, one.depths_m)
-            for one, middles in zip(casting, middles_m, strict=True)
-            for middle_m, half_m in zip(middles, one.halves_m, strict=True)
+            orthographic_clip(cascade.axes, middle_m, half_m, cascade.depths_m)
+            for cascade, middles in zip(casting, middles_m, strict=True)
+            for middle_m, half_m in zip(middles, cascade.halves_m, strict=True)
         ]
         for light, block in zip(self.punctual_casters, self.blocks[len(casting) :], strict=True):
             view = punctual_view(light, block.size_px)

@@ -307,10 +307,10 @@ def _packed(items: Sequence[DrawItem], anchor_m: Floats) -> NDArray[np.void]:
     packed = np.zeros(len(items), dtype=_ITEM)
     packed["triangles"] = [item.triangles for item in items]
     packed["first_triangle"] = np.cumsum(packed["triangles"]) - packed["triangles"]
-    for one, item in zip(packed, items, strict=True):
+    for row, item in zip(packed, items, strict=True):
         is_static = item.object_index is None
-        one["center"] = item.center_m - (anchor_m if is_static else 0.0)
-        one["object"] = 0 if item.object_index is None else 1 + item.object_index
+        row["center"] = item.center_m - (anchor_m if is_static else 0.0)
+        row["object"] = 0 if item.object_index is None else 1 + item.object_index
         # matrices are floats
-        one["radius"] = item.radius_m * (1.0 + 1e-5) + 1e-5 * np.abs(one["center"]).sum()
+        row["radius"] = item.radius_m * (1.0 + 1e-5) + 1e-5 * np.abs(row["center"]).sum()
     return packed

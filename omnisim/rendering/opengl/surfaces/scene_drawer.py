@@ -32,7 +32,7 @@ class ItemProgram:
     def __init__(self, program: moderngl.Program):
         self.program = program
         found = {name: find_uniform(program, name) for name in program}
-        self._uniforms = {name: one for name, one in found.items() if one is not None}
+        self._uniforms = {name: uniform for name, uniform in found.items() if uniform is not None}
 
     def write(self, name: str, values: ArrayLike) -> None:
         """Set a uniform of floats, unless the program lacks it."""

@@ -247,7 +247,7 @@ def variant_of_blended(arrays: int, unlit: bool, items: Sequence[DrawItem]) -> S
 
 
 def _are_used(maps: Sequence[TextureArray | None]) -> tuple[bool, ...]:
-    return tuple(one is not None for one in maps)
+    return tuple(texture is not None for texture in maps)
 
 
 class SurfaceProgram(ItemProgram):
@@ -274,7 +274,7 @@ class SurfaceProgram(ItemProgram):
         self._probes: Mapping[int, Probe] = {}
         self.is_pane = SurfaceKind.PANE in variant.kind
         self.needs_item_details = variant.second_coordinates and not variant.clustered
-        self._light_positions_m = np.array([one.position_m for one in lighting.by_kind()[1]])
+        self._light_positions_m = np.array([light.position_m for light in lighting.by_kind()[1]])
         if lighting.baked is not None:
             connect_baked_light(program, lighting.baked)
         if shadows is not None:
@@ -451,9 +451,10 @@ def _write_lights(program: moderngl.Program, lighting: Lighting) -> None:
             values[f"u_{name}_direction"] = [light.direction for light in lights]
     if punctual:
         cones = [
-            one.cone_cosines if one.kind is LightKind.SPOT else _ALL_DIRECTIONS for one in punctual
+            light.cone_cosines if light.kind is LightKind.SPOT else _ALL_DIRECTIONS
+            for light in punctual
         ]
-        ranges_m = [min(one.range_m, _NO_RANGE_M) for one in punctual]
+        ranges_m = [min(light.range_m, _NO_RANGE_M) for light in punctual]
         values["u_punctual_limits"] = np.column_stack((ranges_m, cones))
     # those that baked light replaces are missing
     set_uniforms(program, {key: np.asarray(value, np.float32) for key, value in values.items()})

@@ -232,7 +232,7 @@ def build_clustered_geometry(
         made = shaded_triangles(context, items, anchor_m, lighting)
     buckets, bucket = _buckets(items, item_of_triangle, made.shading)
     object_of_item = 1 + np.array(
-        [-1 if one.object_index is None else one.object_index for one in items], dtype=np.int32
+        [-1 if item.object_index is None else item.object_index for item in items], dtype=np.int32
     )
     # parts of dynamic objects can be hidden individually, and items without shadows stay out of
     # shadow maps
@@ -246,7 +246,7 @@ def build_clustered_geometry(
     first = hierarchy.clusters.first[hierarchy.groups.first]
     group_key = group_key[hierarchy.order[first]]
     bucket_of_group, object_of_group = group_key // objects, group_key % objects
-    double_sided = np.array([one.double_sided for one in buckets])[bucket_of_group]
+    double_sided = np.array([bucket.double_sided for bucket in buckets])[bucket_of_group]
     with gpu_allocation(f"clusters of {counts.sum()} triangles", "make the scene smaller"):
         cullable = upload_triangles(context, made.triangles, made.corners, hierarchy)
     reflectances, details = [item.texture_layer.reflectance for item in items], None
@@ -305,7 +305,10 @@ def _buckets(
 
 def _state_order(bucket: Bucket) -> tuple[object, ...]:
     """Sort key that minimizes state changes: program first, then texture."""
-    arrays = [0 if one is None else one.array.glo for one in (bucket.array, *(bucket.maps or ()))]
+    arrays = [
+        0 if texture is None else texture.array.glo
+        for texture in (bucket.array, *(bucket.maps or ()))
+    ]
     return (
         SurfaceKind.CUTOUT in bucket.kind, bucket.double_sided, SurfaceKind.UNLIT in bucket.kind,
         bucket.shading.value, bucket.maps is not None, bucket.light.value, arrays,

@@ -57,7 +57,7 @@ class GeometryStore:
     def __init__(self, context: moderngl.Context, parts: Sequence[Scene]):
         self._context = context
         self._vertex_count, self.ranges, self.offsets = _place_meshes(parts)
-        self._index_count = sum(one.mesh.triangles.size for one in self.ranges)
+        self._index_count = sum(index_range.mesh.triangles.size for index_range in self.ranges)
         self._limit = 2 * (self._vertex_count + self._index_count) + MIN_SPARE
         self._buffers: tuple[moderngl.Buffer, moderngl.Buffer] | None = None
         self._complete = 0  # number of ranges that are all uploaded
@@ -67,8 +67,8 @@ class GeometryStore:
         self._base: dict[GeometryKey, int] = {}
         self._shared: dict[GeometryKey, int] = {}
         self._free: dict[GeometryKey, list[int]] = {}
-        for one in self.ranges:
-            self._register(one)
+        for index_range in self.ranges:
+            self._register(index_range)
 
     @property
     def sizes(self) -> tuple[int, int]:
@@ -95,7 +95,13 @@ class GeometryStore:
     def upload(self, items: Sequence[DrawItem]) -> tuple[moderngl.Buffer, moderngl.Buffer]:
         """Buffers of vertices and indices, with those of some items."""
         firsts, bases = {item.first for item in items}, {item.base for item in items}
-        self._upload([one for one in self.ranges if one.first in firsts or one.base in bases])
+        self._upload(
+            [
+                index_range
+                for index_range in self.ranges
+                if index_range.first in firsts or index_range.base in bases
+            ]
+        )
         return self.allocated
 
     def upload_all(self) -> tuple[moderngl.Buffer, moderngl.Buffer]:
@@ -107,14 +113,14 @@ class GeometryStore:
 
     def _upload(self, ranges: Sequence[IndexRange]) -> None:
         """Upload what is missing; the GPU may have changed the rest since."""
-        for one in ranges:
-            if one.mesh.triangles.size and one.first not in self._uploaded:
-                self.allocated[1].write(_indices(one), offset=4 * one.first)
-                self._uploaded.add(one.first)
-            if len(one.mesh.positions) and one.base not in self._uploaded_bases:
-                offset = VERTEX.itemsize * one.base
-                self.allocated[0].write(_vertices(one.mesh), offset=offset)
-                self._uploaded_bases.add(one.base)
+        for index_range in ranges:
+            if index_range.mesh.triangles.size and index_range.first not in self._uploaded:
+                self.allocated[1].write(_indices(index_range), offset=4 * index_range.first)
+                self._uploaded.add(index_range.first)
+            if len(index_range.mesh.positions) and index_range.base not in self._uploaded_bases:
+                offset = VERTEX.itemsize * index_range.base
+                self.allocated[0].write(_vertices(index_range.mesh), offset=offset)
+                self._uploaded_bases.add(index_range.base)
 
     @property
     def is_overgrown(self) -> bool:
@@ -124,7 +130,9 @@ class GeometryStore:
     def light_coordinates(self) -> moderngl.Buffer:
         """Upload the light coordinates of all vertices."""
         whole = (0.0, 0.0, 1.0, 1.0)
-        parts = [(one.base, one.mesh, (whole, whole)) for one in self.ranges]
+        parts = [
+            (index_range.base, index_range.mesh, (whole, whole)) for index_range in self.ranges
+        ]
         return gpu_buffer(self._context, light_coordinates(parts, self._vertex_count))
 
     def place(self, mesh: Mesh, is_blended: bool) -> tuple[int, int]:
@@ -187,9 +195,9 @@ def _vertices(mesh: Mesh) -> NDArray[np.void]:
     return vertices
 
 
-def _indices(one: IndexRange) -> Uints32:
+def _indices(index_range: IndexRange) -> Uints32:
     """Indices of a range, as indices into the vertex buffer."""
-    return (one.mesh.triangles.ravel() + np.uint32(one.base)).astype("<u4")
+    return (index_range.mesh.triangles.ravel() + np.uint32(index_range.base)).astype("<u4")
 
 
 def _place_meshes(
@@ -246,7 +254,7 @@ class TriangleTable:
     ):
         count = indices.size // 4
         self.corners = table_texture(context, count, "the scene's triangles")
-        self._is_sorted = any(one.is_blended for one in ranges)
+        self._is_sorted = any(index_range.is_blended for index_range in ranges)
         self.indices = written_buffer(context, 4 * count) if self._is_sorted else indices
         self._written, self._row, self._rest = 0, 0, np.empty(0, dtype=_CORNER)
         self._write(ranges)
@@ -256,7 +264,7 @@ class TriangleTable:
         more = ranges[self._written :]
         if not more:
             return True
-        is_sorted = self._is_sorted or any(one.is_blended for one in more)
+        is_sorted = self._is_sorted or any(index_range.is_blended for index_range in more)
         if is_sorted or indices is not self.indices:
             return False
         self._write(more)

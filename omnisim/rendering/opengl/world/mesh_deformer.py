@@ -44,11 +44,15 @@ class MeshDeformer:
 
     def __init__(self, context: moderngl.Context, ranges: Sequence[IndexRange]):
         self._context = context
-        placed = {one.base: one.mesh.deformation for one in ranges}
-        self._deformations = [one for one in placed.values() if one is not None]
-        bases = [base for base, one in placed.items() if one is not None]
+        placed = {index_range.base: index_range.mesh.deformation for index_range in ranges}
+        self._deformations = [
+            deformation for deformation in placed.values() if deformation is not None
+        ]
+        bases = [base for base, deformation in placed.items() if deformation is not None]
         bounds, offsets = _tables(self._deformations, bases)
-        corners = np.concatenate([_corners(one) for one in ranges if one.mesh.deformation])
+        corners = np.concatenate(
+            [_corners(index_range) for index_range in ranges if index_range.mesh.deformation]
+        )
         self._count, self._corner_count = len(bounds), len(corners)
         if max(self._count, self._corner_count) > _GROUP_SIZE * _MAX_GROUPS:
             raise GraphicsError(
@@ -148,8 +152,8 @@ def _tables(
     return np.concatenate(bounds), np.concatenate(offsets)
 
 
-def _corners(one: IndexRange) -> Uints32:
+def _corners(index_range: IndexRange) -> Uints32:
     """Entries (n, 2) of a range in the table of triangles, and their vertices."""
-    vertices = one.mesh.triangles.ravel() + np.uint32(one.base)
-    entries = one.first + np.arange(len(vertices))
+    vertices = index_range.mesh.triangles.ravel() + np.uint32(index_range.base)
+    entries = index_range.first + np.arange(len(vertices))
     return np.stack((entries, vertices), axis=1).astype("<u4")

@@ -128,7 +128,7 @@ class SceneBuffers:
             np.array([item.normal_from_mesh for item in items]).reshape(-1, 3, 3),
             np.array([item.center_m for item in items]).reshape(-1, 3),
         )
-        object_indices = [-1 if one.object_index is None else one.object_index for one in items]
+        object_indices = [-1 if item.object_index is None else item.object_index for item in items]
         self._object_of_item = np.array(object_indices, dtype=np.intp)
         self._dynamic = np.flatnonzero(self._object_of_item >= 0)
         self.deforming = np.flatnonzero([item.mesh.deformation is not None for item in items])
@@ -145,9 +145,9 @@ class SceneBuffers:
     def item_details(self) -> moderngl.Texture | None:
         """Vertex details, see `vertex_details`; None: no item has second texture coordinates."""
         placed = [
-            (one.mesh, 0, one.base)
-            for one in self._store.ranges
-            if one.mesh.second_texture_coordinates is not None
+            (index_range.mesh, 0, index_range.base)
+            for index_range in self._store.ranges
+            if index_range.mesh.second_texture_coordinates is not None
         ]
         return vertex_details(self.context, placed) if placed else None
 
@@ -331,7 +331,7 @@ class SceneBuffers:
         largest = max(self._store.sizes)
         if largest > limit:
             raise GraphicsError(
-                f"the scene's triangles take {largest} bytes: {purpose} this GPU allows {limit}"
+                f"the scene's triangles take {largest} bytes: this GPU allows {limit} {purpose}"
             )
 
     def sort_triangles(

@@ -74,9 +74,9 @@ class TextureArray:
 
 def bind_maps(maps: Sequence[TextureArray | None]) -> None:
     """Bind the arrays of a material's maps, after that of its base color."""
-    for unit, one in zip(MAP_UNITS, maps, strict=True):
-        if one is not None:
-            bind_texture(unit, one.array.glo)
+    for unit, texture in zip(MAP_UNITS, maps, strict=True):
+        if texture is not None:
+            bind_texture(unit, texture.array.glo)
 
 
 # Textures of baked light: the lightmap, and the probes as blocks of four numbers along z.
@@ -178,7 +178,7 @@ class MaterialTextures:
         """Drop all textures but the used ones; an array goes with its last layer."""
         if not used:
             self.table, self._reflectances = MaterialRecords(self._context), {}
-        arrays = {id(array) for one in used for array in one.arrays}
+        arrays = {id(array) for texture in used for array in texture.arrays}
         self._layers = {
             key: layer for key, layer in self._layers.items() if id(layer.array) in arrays
         }
@@ -213,7 +213,7 @@ class MaterialTextures:
         """Reflectance of a material on a mesh, whose maps are uploaded."""
         if SurfaceKind.MATTE in kind_of(material, self._is_matte):
             return None
-        keys = [_map_key(one, mesh) for one in material.maps]
+        keys = [_map_key(texture, mesh) for texture in material.maps]
         name = id(material), *keys
         if name not in self._reflectances:
             textures = [None if key is None else self._layers[key] for key in keys]
@@ -222,8 +222,8 @@ class MaterialTextures:
             )
             maps = tuple(None if texture is None else texture.array for texture in textures)
             second = any(
-                one is not None and key is not None and one.uv_set
-                for one, key in zip(material.maps, keys, strict=True)
+                texture is not None and key is not None and texture.uv_set
+                for texture, key in zip(material.maps, keys, strict=True)
             )
             self._reflectances[name] = material, ReflectanceMaps(record, maps, second)
         return self._reflectances[name][1]
@@ -233,8 +233,8 @@ class MaterialTextures:
         is_matte = SurfaceKind.MATTE in kind_of(material, self._is_matte)
         maps = () if is_matte else material.maps
         pairs = [(material.texture, _base_key(material, mesh))]
-        pairs += [(one, _map_key(one, mesh)) for one in maps]
-        return {key: one for one, key in pairs if one is not None and key is not None}
+        pairs += [(texture, _map_key(texture, mesh)) for texture in maps]
+        return {key: texture for texture, key in pairs if texture is not None and key is not None}
 
     def _check_size(self, material: Material, texture: Texture) -> None:
         height, width = texture.pixels.shape[:2]

@@ -1,1 +1,1 @@
-"""Shading of hits: `shading` is the whole, of materials, light, and rays that surfaces send on."""
+"""Shading of hits: `shading` combines materials, light and secondary rays."""

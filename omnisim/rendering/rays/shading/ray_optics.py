@@ -1,4 +1,4 @@
-"""Rays that surfaces send on: reflected by mirrors and gloss, passed by glass and frosted panes.
+"""Secondary rays: reflected by mirrors and gloss, passed by glass and frosted panes.
 
 Rough surfaces are facets of GGX. The origin of a reflected ray is the mirrored viewpoint, behind
 the surface. Ranges and footprints at its hit are therefore those of the whole path. A ray that

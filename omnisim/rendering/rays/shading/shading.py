@@ -108,7 +108,9 @@ class Shading:
         self._base_color = np.array(
             [material.base_color for material in materials], dtype=np.float32
         ).reshape(-1, 4)
-        self._is_lightmapped = np.array([one.is_lightmapped for one in geometry.surfaces], np.bool_)
+        self._is_lightmapped = np.array(
+            [surface.is_lightmapped for surface in geometry.surfaces], np.bool_
+        )
         self.is_unlit = mask_of(kinds, SurfaceKind.UNLIT)
         self.is_blended = mask_of(kinds, SurfaceKind.BLENDED)
         self.panes = Panes.of(materials)
@@ -116,7 +118,7 @@ class Shading:
         self.is_glass = mask_of(kinds, SurfaceKind.REFRACTING)
         self.is_slab = mask_of(kinds, SurfaceKind.SLAB)
         self.is_pane = mask_of(kinds, SurfaceKind.PANE) & ~self.is_slab
-        frosted = [transmitted(one, SurfaceKind.FROSTED_PANE) for one in materials]
+        frosted = [transmitted(material, SurfaceKind.FROSTED_PANE) for material in materials]
         self.frosted = np.array(frosted) * (not lighting.is_matte)
         self.is_specular = mask_of(kinds, SurfaceKind.SPECULAR)
         self.is_mirror = mask_of(kinds, SurfaceKind.MIRROR)
@@ -342,7 +344,8 @@ class Shading:
             corners = self._geometry.corners_m(triangles, view.world_from_objects)
             normals = self._geometry.corner_normals(triangles, view.world_from_objects)
             edges, bends = (
-                np.linalg.norm(one - np.roll(one, 1, axis=1), axis=2) for one in (corners, normals)
+                np.linalg.norm(points - np.roll(points, 1, axis=1), axis=2)
+                for points in (corners, normals)
             )
             curvatures_per_m[split] = (bends / np.maximum(edges, 1e-9)).max(axis=1)
         spreads = halfway_spreads(paths, view.hits.ranges_m, curvatures_per_m)
@@ -386,7 +389,7 @@ class Shading:
     ) -> Reflectance:
         """Reflectance in which panes and thick glass are mirrors with Fresnel's reflectance."""
         surfaces = self.surfaces(view.hits)
-        panes, glass = (np.flatnonzero(one[surfaces]) for one in (self.is_pane, self.is_glass))
+        panes, glass = (np.flatnonzero(mask[surfaces]) for mask in (self.is_pane, self.is_glass))
         indices = np.concatenate((panes, glass))
         if len(indices) == 0:
             return surface

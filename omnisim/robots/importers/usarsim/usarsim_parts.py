@@ -73,7 +73,7 @@ def read_ini(path: Path) -> dict[str, IniSection]:
             expected = "[section]" if entries is None else "[section] or key=value"
             raise RobotFileError(f"{path}:{number}: {quote(content)!r}: expected {expected}")
     if not sections:
-        raise RobotFileError(f"{path}:1: nothing in it: expected a USARBot.ini with [sections]")
+        raise RobotFileError(f"{path}:1: empty: expected a USARBot.ini with [sections]")
     return {
         key: IniSection(name, line, tuple(entries))
         for key, (name, line, entries) in sections.items()

@@ -342,7 +342,7 @@ def decode_meshopt(entry: JsonObject, data: memoryview) -> memoryview:
     mode, count = entry.choice("mode", MODES), entry.integer("count")
     stride, filtered = entry.integer("byteStride"), entry.text("filter", "NONE")
     if filtered not in STRIDES or (mode != "ATTRIBUTES" and filtered != "NONE"):
-        raise entry.error("filter", f"one of {', '.join(STRIDES)}, of attributes")
+        raise entry.error("filter", f"one of {', '.join(STRIDES)}, for attributes")
     strides = STRIDES[filtered] if mode == "ATTRIBUTES" else _INDEX_STRIDES
     if stride not in strides:
         allowed = " or ".join(map(str, strides))
@@ -350,7 +350,7 @@ def decode_meshopt(entry: JsonObject, data: memoryview) -> memoryview:
             "byteStride", allowed if len(strides) < 3 else "a multiple of 4 up to 256"
         )
     if count * stride > MAX_RATIO * len(data) or (mode == "TRIANGLES" and count % 3):
-        raise entry.error("count", f"that of {len(data)} compressed bytes")
+        raise entry.error("count", f"a count that {len(data)} compressed bytes can hold")
     if not count:
         return memoryview(b"")
     try:

@@ -137,19 +137,25 @@ class GltfMaterials:
     def _pack(self, what: str, parts: Sequence[Part], material: str) -> Texture | None:
         """Texture with the channels of all parts, packed once for all materials; None: no map."""
         given = [texture for texture, _ in parts if texture is not None]
-        places = {(one.uv_set, one.uv_transform, one.wrap_u, one.wrap_v) for one in given}
+        places = {
+            (texture.uv_set, texture.uv_transform, texture.wrap_u, texture.wrap_v)
+            for texture in given
+        }
         if len(places) > 1:
             notice = f"{what} maps of {material!r} are placed differently: not drawn"
             self.notices.append(notice)
         if len(places) != 1:
             return None
-        if len(given) == len(parts) and len({id(one.pixels) for one in given}) == 1:
+        if len(given) == len(parts) and len({id(texture.pixels) for texture in given}) == 1:
             return given[0]
-        key = (*(None if one is None else id(one.pixels) for one, _ in parts), places.pop())
+        key = (
+            *(None if texture is None else id(texture.pixels) for texture, _ in parts),
+            places.pop(),
+        )
         if key not in self._packs:  # storing the parts keeps their ids from being reused
             from PIL import Image  # slow to import
 
-            height, width = np.max([one.pixels.shape[:2] for one in given], axis=0).tolist()
+            height, width = np.max([texture.pixels.shape[:2] for texture in given], axis=0).tolist()
             pixels = np.full((height, width, 4), 255, dtype=np.uint8)
             for texture, channels in parts:
                 for channel in channels if texture is not None else ():
@@ -416,11 +422,11 @@ def _tint_of(red: float, green: float, blue: float) -> Color:
 def _emissive(entry: JsonObject, factors: Factors) -> Color:
     strength = entry.extension_or_empty("KHR_materials_emissive_strength")
     factor = factors.number(strength, "emissiveStrength", 1.0, 0.0)
-    bright = [factor * one for one in factors.color(entry, "emissiveFactor", 0.0)]
+    bright = [factor * channel for channel in factors.color(entry, "emissiveFactor", 0.0)]
     peak = max(bright)
     if peak > _BRIGHTEST:
         factors.replaced("emissiveFactor · emissiveStrength", peak, _BRIGHTEST)
-    red, green, blue = (min(one, _BRIGHTEST) for one in bright)
+    red, green, blue = (min(channel, _BRIGHTEST) for channel in bright)
     return red, green, blue
 
 

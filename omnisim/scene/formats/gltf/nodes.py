@@ -169,7 +169,7 @@ NO_ANIMATION = "none"
 _WEIGHTS = "weights"
 _WIDTHS = {"translation": 3, "rotation": 4, "scale": 3}
 _REST = {"translation": (0.0,) * 3, "rotation": (0.0, 0.0, 0.0, 1.0), "scale": (1.0,) * 3}
-_INTERPOLATIONS: dict[int | str, Interpolation] = {one.value: one for one in Interpolation}
+_INTERPOLATIONS: dict[int | str, Interpolation] = {kind.value: kind for kind in Interpolation}
 Properties = dict[str, Keyframes]
 
 
@@ -203,7 +203,7 @@ class Animation:
         return [
             index
             for index, properties in self.nodes.items()
-            if not all(one.is_constant for one in properties.values())
+            if not all(keyframes.is_constant for keyframes in properties.values())
         ]
 
 

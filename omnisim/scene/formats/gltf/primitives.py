@@ -261,10 +261,10 @@ class DeformingMeshes:
         self._singular += int((~(determinants > _SINGULAR * scales**3)).sum())
         moved = [played.moved.get(joint) for joint in joints]
         offsets = [
-            played.world_from_file @ played.poses[joint] if one is None else one.owner_from_node
-            for joint, one in zip(joints, moved, strict=True)
+            played.world_from_file @ played.poses[joint] if node is None else node.owner_from_node
+            for joint, node in zip(joints, moved, strict=True)
         ]
-        nodes = tuple(None if one is None else one.node for one in moved)
+        nodes = tuple(None if node is None else node.node for node in moved)
         self._skeletons[number] = Skeleton(nodes, np.array(offsets).reshape(-1, 4, 4) @ binds)
         return self._skeletons[number]
 
@@ -370,8 +370,8 @@ def joint_weights(primitive: Primitive, joint_count: int) -> JointWeights:
     sets = ["0", "1"] if primitive.has("JOINTS_1") and primitive.has("WEIGHTS_1") else ["0"]
     count = len(primitive.required("POSITION", 3))
     joints, weights = (
-        np.concatenate([primitive.required(f"{name}_{one}", 4) for one in sets], axis=1)
-        if {len(primitive.required(f"{name}_{one}", 4)) for one in sets} == {count}
+        np.concatenate([primitive.required(f"{name}_{index}", 4) for index in sets], axis=1)
+        if {len(primitive.required(f"{name}_{index}", 4)) for index in sets} == {count}
         else None
         for name in ("JOINTS", "WEIGHTS")
     )

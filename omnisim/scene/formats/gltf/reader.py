@@ -79,7 +79,9 @@ def read_gltf(
     nodes, accessors = root.objects("nodes"), Accessors(root, chunk, assets)
     parents = scene_parents(root, nodes)
     animation = read_animation(root, nodes, accessors, choice.name)
-    local = {one: transform_at_start(nodes[one], animation.nodes.get(one)) for one in parents}
+    local = {
+        index: transform_at_start(nodes[index], animation.nodes.get(index)) for index in parents
+    }
     poses: dict[int, Floats] = {}
     for index, parent in parents.items():
         above = np.eye(4) if parent is None else poses[parent]
@@ -94,7 +96,9 @@ def read_gltf(
     drawn = _drawn_objects(root, [nodes[index] for index in poses], materials.entries[:-1]) | {
         "animations": animation.others,
         "channels": animation.channels,
-        "shining": [nodes[one] for one in moved if nodes[one].extension("KHR_lights_punctual")],
+        "shining": [
+            nodes[index] for index in moved if nodes[index].extension("KHR_lights_punctual")
+        ],
     }
     in_world = {index: world_from_file @ pose for index, pose in poses.items()}
     extensions = [str(name) for name in root.array("extensionsUsed")]
@@ -269,8 +273,10 @@ def feature_notices(drawn: DrawnObjects, used_extensions: Sequence[str]) -> list
             if count:
                 noun = "node" if feature.group == "shining" else feature.group[:-1]
                 notices.append(f"{feature.effect} ({counted(count, noun)})")
-    noted = [one for one in FEATURES if one.support is Support.LEFT_OUT and not one.group]
-    known = {name for one in FEATURES if one not in noted for name in one.extensions}
+    noted = [
+        feature for feature in FEATURES if feature.support is Support.LEFT_OUT and not feature.group
+    ]
+    known = {name for feature in FEATURES if feature not in noted for name in feature.extensions}
     return notices + [f"{name} is not read" for name in used_extensions if name not in known]
 
 
@@ -288,7 +294,7 @@ def _differs(name: str, key: str) -> Callable[[JsonObject], bool]:
 
 # Predicates for the objects of a feature's group; by default, all use it.
 _USES: dict[str, Callable[[JsonObject], bool]] = {
-    "mode: 0, 1, 2, 3": lambda one: one.integer("mode", TRIANGLES) in POINTS_AND_LINES,
+    "mode: 0, 1, 2, 3": lambda primitive: primitive.integer("mode", TRIANGLES) in POINTS_AND_LINES,
     "JOINTS_2": lambda primitive: primitive.object("attributes").has("JOINTS_2"),
     "KHR_animation_pointer": (
         lambda channel: channel.object("target").text("path", "") == "pointer"
@@ -310,10 +316,13 @@ _USES: dict[str, Callable[[JsonObject], bool]] = {
         material.extension_or_empty("KHR_materials_sheen").numbers("sheenColorFactor", 3) or ()
     ),
     "transmissionTexture": has_transmission_map,
-    "KHR_materials_variants": lambda one: one.extension("KHR_materials_variants") is not None,
+    "KHR_materials_variants": lambda primitive: (
+        primitive.extension("KHR_materials_variants") is not None
+    ),
 }
 FEATURES = tuple(
-    replace(one, is_used=_USES.get(one.name, one.is_used)) for one in feature_table("gltf")
+    replace(feature, is_used=_USES.get(feature.name, feature.is_used))
+    for feature in feature_table("gltf")
 )
 # Extensions that a file may require: applied ones, and those that only change the appearance.
 SUPPORTED_EXTENSIONS = frozenset(

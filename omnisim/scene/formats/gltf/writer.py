@@ -211,12 +211,12 @@ def node_meshes(scene: Scene) -> tuple[list[Entry], list[NodeMesh]]:
     meshes: list[NodeMesh] = []
 
     def node_of(numbered: tuple[int, Instance]) -> tuple[str, bytes, int]:
-        number, one = numbered
-        own = number if frames[one.mesh] is None else -1
-        return one.name, one.world_from_node.tobytes(), own
+        number, instance = numbered
+        own = number if frames[instance.mesh] is None else -1
+        return instance.name, instance.world_from_node.tobytes(), own
 
     for (name, _, _), group in itertools.groupby(enumerate(scene.instances), node_of):
-        parts = [one for _, one in group]
+        parts = [instance for _, instance in group]
         indices = tuple(part.mesh for part in parts)
         node_from_meshes = [frames[index] for index in indices]
         matrix = file_from_world @ parts[0].world_from_mesh
@@ -330,7 +330,9 @@ class WrittenMaterials:
         self._put(entry, "emissiveTexture", material.emissive_map, name)
         brightest = max(material.emissive)
         if brightest > 0.0:
-            entry["emissiveFactor"] = [one / max(brightest, 1.0) for one in material.emissive]
+            entry["emissiveFactor"] = [
+                channel / max(brightest, 1.0) for channel in material.emissive
+            ]
         if extensions := self._extensions(material):
             self.extensions |= extensions.keys()
             entry["extensions"] = extensions

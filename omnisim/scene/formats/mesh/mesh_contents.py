@@ -253,7 +253,7 @@ def early_end(kind: str, data: bytes) -> str:
 
 
 def points_fault(kind: str, data: bytes) -> str:
-    """Fault of a PLY without faces: what it is, and the way on; empty: no points either."""
+    """Fault of a PLY without faces: its kind, and a remedy; empty: no points either."""
     head = data.partition(b"end_header")[0]
     if kind != "ply" or not re.search(rb"element vertex [1-9]", head):
         return ""

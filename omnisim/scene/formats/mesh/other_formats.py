@@ -54,7 +54,7 @@ from omnisim.scene.textures import TextureStore, alpha_mode_of, rgba8, unreadabl
 
 # Formats that trimesh reads, but not as surfaces: paths, voxels and archives.
 _NOT_SCENES = {"dxf", "svg", "binvox", "zip", "tar.gz", "tar.bz2", "tgz", "bz2", "gz"}
-_DAMAGED = "is damaged, or of another format than its name says"
+_DAMAGED = "is damaged, or not in the format of its suffix"
 # Errors and notices replace trimesh's output to standard error.
 logging.getLogger("trimesh").addHandler(logging.NullHandler())
 
@@ -179,7 +179,7 @@ def read_trimesh(source: object, name: str, smooth: bool | None) -> tuple[Import
     try:
         return read, float(trimesh.units.unit_conversion(source.units, "meters"))
     except (KeyError, ValueError):
-        raise SceneError(f"units: expected those of a length, got {source.units!r}") from None
+        raise SceneError(f"units: expected a unit of length, got {source.units!r}") from None
 
 
 def import_trimesh(
@@ -315,7 +315,7 @@ def _material_in_memory(
     image, factor = getattr(source, "image", None), getattr(source, "diffuse", None)
     if isinstance(source, SimpleMaterial):
         if source.kwargs.get("map_d"):
-            notices.append(f"map_d of {source.name or mesh_name!r} is not there: drawn without it")
+            notices.append(f"map_d of {source.name or mesh_name!r} is missing: drawn without it")
         if image is not None and tuple(source.diffuse) == _DEFAULT_DIFFUSE:
             factor = None
     return _material(mesh_name, source, image, factor, textures, {})

@@ -153,7 +153,7 @@ class ModelMaterials:
         notices = []
         if mirrors:
             notices.append(
-                f"not drawn: mirror images in {counted(mirrors, 'material')} of geoms that are no "
+                f"not drawn: mirror images in {counted(mirrors, 'material')} of geoms that are not "
                 "opaque planes"
             )
         if single:
@@ -244,20 +244,20 @@ def read_lighting(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Lighting,
     if not lamps:
         return DEFAULT_LIGHTING, notices
     if len(lamps) > MAX_LIGHTS:
-        notices.append(f"has {len(lamps)} lights: the first {MAX_LIGHTS} shine")
+        notices.append(f"has {len(lamps)} lights: only the first {MAX_LIGHTS} are used")
         lamps = lamps[:MAX_LIGHTS]
     ambient = model.light_ambient[lamps].sum(axis=0, dtype=np.float64)
     headlight = model.vis.headlight
     if headlight.active:
         ambient = ambient + headlight.ambient + _HEADLIGHT_SHARE * headlight.diffuse
         if headlight.diffuse.any():
-            notices.append("the headlight shines from everywhere")
+            notices.append("the headlight is drawn as ambient light")
     lights = [_light(model, data, light) for light in lamps]
     if any(light.kind is not LightKind.DIRECTIONAL for light in lights) and (
         model.light_attenuation[lamps, :2].any()
     ):
         notices.append(
-            "attenuation of lamps is drawn as that of 1/distance², equal where they point to"
+            "attenuation of lamps is drawn as 1/distance², matched at the points they aim at"
         )
     red, green, blue = ambient.tolist()
     return Lighting((red, green, blue), tuple(lights)), notices

@@ -113,7 +113,11 @@ def visible_deformables(
 ) -> list[Deformable]:
     """Skins and flexible bodies of the given groups that have a surface."""
     every = (*_skins(model, data), *_flexes(model, data))
-    return [one for one in every if one.group in groups and len(one.mapped.surface.triangles)]
+    return [
+        deformable
+        for deformable in every
+        if deformable.group in groups and len(deformable.mapped.surface.triangles)
+    ]
 
 
 def _skins(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[Deformable]:
@@ -414,7 +418,7 @@ def _cut(corners: Floats, sides: Floats) -> Floats:
     a, b, c = tri[:, 0], tri[:, 1], tri[:, 2]
     ab, ac = _crossing(a, b, side[:, 0], side[:, 1]), _crossing(a, c, side[:, 0], side[:, 2])
     pieces = np.concatenate(
-        [np.stack(one, axis=1) for one in ((a, ab, ac), (ab, b, c), (ab, c, ac))]
+        [np.stack(corners, axis=1) for corners in ((a, ab, ac), (ab, b, c), (ab, c, ac))]
     )
     points = pieces[:, :, :3]
     areas = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])

@@ -408,12 +408,12 @@ def deformed(
     if not soft:
         return static
     meshes, instances = list(static.meshes), list(static.instances)
-    for index, one in enumerate(soft, len(instances) - len(soft)):
-        number, mapped = instances[index].mesh, one.mapped
+    for index, body in enumerate(soft, len(instances) - len(soft)):
+        number, mapped = instances[index].mesh, body.mapped
         material, uv = meshes[number].material, mapped.texture_coordinates
-        mesh, center = make_mesh(one.name, material, *mapped.surface, uv)
+        mesh, center = make_mesh(body.name, material, *mapped.surface, uv)
         meshes[number] = mesh
-        instances[index] = Instance(one.name, number, translate(np.eye(4), center), np.eye(4))
+        instances[index] = Instance(body.name, number, translate(np.eye(4), center), np.eye(4))
     return replace(static, meshes=tuple(meshes), instances=tuple(instances))
 
 
@@ -453,14 +453,22 @@ def split_model(
 
 def _scene(name: str, read: ImportedScene, instances: Iterable[Instance]) -> Scene:
     chosen = tuple(instances)
-    index_of = {mesh: index for index, mesh in enumerate(dict.fromkeys(one.mesh for one in chosen))}
+    index_of = {
+        mesh: index
+        for index, mesh in enumerate(dict.fromkeys(instance.mesh for instance in chosen))
+    }
     return Scene(
         name=name,
         meshes=tuple(read.meshes[mesh] for mesh in index_of),
         materials=read.materials,
         instances=tuple(
-            Instance(one.name, index_of[one.mesh], one.world_from_mesh, one.world_from_node)
-            for one in chosen
+            Instance(
+                instance.name,
+                index_of[instance.mesh],
+                instance.world_from_mesh,
+                instance.world_from_node,
+            )
+            for instance in chosen
         ),
         lighting=read.lighting or DEFAULT_LIGHTING,
         background=read.background or DEFAULT_BACKGROUND,

@@ -127,10 +127,12 @@ def submesh(file: MeshFile, name: str) -> tuple[Instance, ...]:
     named = [
         (instance, (instance.name, file.meshes[instance.mesh].name)) for instance in file.instances
     ]
-    exact = tuple(one for one, names in named if name in names)
+    exact = tuple(instance for instance, names in named if name in names)
     # readers append numbers to make names unique
     numbered = re.compile(re.escape(name) + r"[._\- ]*\d+")
-    return exact or tuple(one for one, names in named if any(map(numbered.fullmatch, names)))
+    return exact or tuple(
+        instance for instance, names in named if any(map(numbered.fullmatch, names))
+    )
 
 
 def _submesh_names(data: bytes) -> dict[str, tuple[str, str]]:
@@ -155,8 +157,10 @@ def _submesh_names(data: bytes) -> dict[str, tuple[str, str]]:
         target = getattr(node, "node", node)  # the target, if this is an instance of a node
         name = target.xmlnode.get("name") or ancestor
         children = node.children or ()
-        below = iter([list(instances(one, name)) for one in children if isinstance(one, Node)])
-        if not name and any(isinstance(one, GeometryNode) for one in node.children):
+        below = iter(
+            [list(instances(child, name)) for child in children if isinstance(child, Node)]
+        )
+        if not name and any(isinstance(child, GeometryNode) for child in node.children):
             name = next(unnamed)
         for child in children:
             yield from next(below) if isinstance(child, Node) else instances(child, name)

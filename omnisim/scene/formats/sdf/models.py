@@ -100,7 +100,7 @@ class Scope:
         outer, separator, rest = name.partition("::")
         frame = self._frames.get(outer)
         if frame is None and outer in self.missing:
-            raise UnplacedError(f"{element.place}: its pose is relative to {outer!r}, not found")
+            raise UnplacedError(f"{element.place}: its pose is relative to a missing {outer!r}")
         if not separator or frame is None or frame.inner is None:
             hint = did_you_mean(name, self._frames, "there are")
             raise element.error(f"the name of a frame; {hint}", name)
@@ -113,7 +113,7 @@ class Scope:
 _MAX_DEPTH = 24  # nesting depth of models
 _MAX_MODELS = 200_000  # models per world: a few files with repeated includes could make billions
 _SHOWN = 4  # names per notice
-UNPLACED = "left out with the models that they are posed relative to"
+UNPLACED = "left out, as their poses are relative to models that are left out"
 ENTITIES = ("model", "light", "actor")
 
 
@@ -153,8 +153,8 @@ class ModelLibrary:
             )
         if self._remote:
             notices.append(
-                f"{counted(self._remote.total(), 'object')} not fetched from the net, and not "
-                f"drawn: {_names(self._remote)}: `gz fuel download -u ADDRESS` gets them"
+                f"{counted(self._remote.total(), 'object')} not downloaded, and not "
+                f"drawn: {_names(self._remote)}: `gz fuel download -u ADDRESS` downloads them"
             )
         substitutes = sorted(self._substitutes)
         return notices + [f"{_short(uri)} not found: omnisim's own is drawn" for uri in substitutes]
@@ -173,7 +173,7 @@ class ModelLibrary:
     def used_folders(self, root: XmlElement) -> tuple[Path, ...]:
         """Folders required by a file and its models, except those around the file."""
         roots = (root.element, *self._files.values())
-        texts = {(one.text or "").strip() for each in roots for one in each.iter()}
+        texts = {(element.text or "").strip() for each in roots for element in each.iter()}
         return self.resources.used(sorted(text for text in texts if "://" in text))
 
     def miss(self, uri: str) -> None:
@@ -184,7 +184,7 @@ class ModelLibrary:
         """Model or world with everything it includes."""
         self._count += 1
         if depth > _MAX_DEPTH or self._count > _MAX_MODELS:
-            raise element.error(f"at most {_MAX_DEPTH} models in each other", "more, or a circle")
+            raise element.error(f"at most {_MAX_DEPTH} levels of nested models", "more, or a cycle")
         model = Model(name, element)
         used_names: set[str] = set()
         for child in element.children("model", "include"):
@@ -199,7 +199,10 @@ class ModelLibrary:
             model.scope.add(link.name, link)
             shapes = (visual.find("geometry") for visual in link.children("visual"))
             self.round_shapes += sum(
-                one.tag in ROUND for shape in shapes if shape is not None for one in shape.element
+                child.tag in ROUND
+                for shape in shapes
+                if shape is not None
+                for child in shape.element
             )
         for frame in element.children("frame"):
             model.scope.add(frame.name, frame, frame.attribute("attached_to"))

@@ -189,7 +189,9 @@ class _Reader:
         elif tag == "heightmap":
             self._read_heightmap(kind, file_from_visual, name)
         elif tag in SHAPES:
-            key = tuple((one.tag, (one.text or "").strip()) for one in geometry.element.iter())
+            key = tuple(
+                (element.tag, (element.text or "").strip()) for element in geometry.element.iter()
+            )
             if key not in self._shapes:
                 limit = segment_limit(self._library.round_shapes)
                 self._shapes[key] = make_shape(geometry, kind, limit)
@@ -277,7 +279,7 @@ def apply_state(world: Model, omissions: Omissions) -> None:
     lights = {light.name: light for light in state.children("light")}
     world.others[:] = [with_pose_of(other, lights.get(other.name, other)) for other in world.others]
     for _ in state.children("insertions"):
-        omissions.count("insertions of a state are not made", "state")
+        omissions.count("insertions of a state are not applied", "state")
 
 
 def _move(outer: Model, state: XmlElement, omissions: Omissions) -> None:
@@ -298,7 +300,7 @@ def _move(outer: Model, state: XmlElement, omissions: Omissions) -> None:
 
 _KINDS = {kind.value: kind for kind in LightKind}
 _REFERENCE_M = 5.0  # distance of equal brightness for lights with another falloff
-_ATTENUATION = "attenuation of lights is drawn as that of 1/distance², equal at a few meters"
+_ATTENUATION = "attenuation of lights is drawn as 1/distance², matched at a few meters"
 
 
 def read_light(element: XmlElement, world_from_light: Floats, omissions: Omissions) -> Light | None:
@@ -484,7 +486,10 @@ class MaterialReader:
     def _metal_map(self, metal: XmlElement) -> Texture | None:
         """Texture with roughness in green and metal in blue, from two gray images."""
         maps = [metal.find(key) for key in ("roughness_map", "metalness_map")]
-        images = [self._image(one, one.own_text) if one and one.own_text else None for one in maps]
+        images = [
+            self._image(element, element.own_text) if element and element.own_text else None
+            for element in maps
+        ]
         given = [image for image in images if image is not None]
         if not given:
             return None
@@ -492,7 +497,9 @@ class MaterialReader:
         if pair not in self._joined:
             size = max(given, key=lambda image: image.size).size
             white = Image.new("L", size, 255)
-            bands = [white if one is None else one.convert("L").resize(size) for one in images]
+            bands = [
+                white if image is None else image.convert("L").resize(size) for image in images
+            ]
             self._joined[pair] = Image.merge("RGB", [white, *bands])
         return self._textures.texture(self._joined[pair], "roughness_map", is_linear=True)
 
@@ -506,7 +513,7 @@ class MaterialReader:
         """Image by its name in an element; None, with a notice, if it cannot be read."""
         path = self.find_image(element, name)
         if path is None:
-            self._omissions.count(f"image {name} is not there: drawn without it", "material")
+            self._omissions.count(f"image {name} is missing: drawn without it", "material")
             return None
         image = self.image(path)
         if image is None:

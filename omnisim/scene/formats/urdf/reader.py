@@ -93,9 +93,9 @@ class _Reader:
         notices = [*unread, *self._omissions.notices, *self._files.notices]
         if self._hidden and self._chosen is None:
             notices.append(
-                f"materials of the robot are in place of their meshes' own "
-                f'({counted(self._hidden, "visual")}): urdf_materials = "mesh" of a scene file '
-                "takes those, as RViz does"
+                f"the robot's materials replace those of the meshes "
+                f'({counted(self._hidden, "visual")}): urdf_materials = "mesh" in a scene file '
+                "keeps the meshes' own, as RViz does"
             )
         if self._missing:
             names = ", ".join(sorted(self._missing))
@@ -114,7 +114,7 @@ class _Reader:
             [child for tag in _GEOMETRIES for child in geometry.children(tag)] if geometry else []
         )
         if not shapes:
-            self._omissions.count("no geometry that is known", "visual")
+            self._omissions.count("no known geometry", "visual")
             return
         shape = shapes[0]
         material = self._material(visual)
@@ -149,7 +149,7 @@ class _Reader:
             is_plain = stated.base_color == _GRAY or not stated.name
             has_own.append(mesh.colors is not None or stated.texture is not None or not is_plain)
         self._hidden += material is not None and any(has_own)
-        for one, mesh, is_colored in zip(file.instances, meshes, has_own, strict=True):
+        for instance, mesh, is_colored in zip(file.instances, meshes, has_own, strict=True):
             if is_colored and self._chosen == "mesh":
                 material = None
             own = material
@@ -161,7 +161,7 @@ class _Reader:
             if (id(mesh), own) not in self._mesh_of:
                 self._mesh_of[id(mesh), own] = len(self._meshes)
                 self._meshes.append(replace(mesh, material=own))
-            place = pose @ np.diag((*scale, 1.0)) @ one.world_from_mesh
+            place = pose @ np.diag((*scale, 1.0)) @ instance.world_from_mesh
             self._instances.append(Instance(name, self._mesh_of[id(mesh), own], place, pose))
 
     def _material(self, visual: XmlElement) -> int | None:
@@ -253,7 +253,7 @@ def link_poses(robot: XmlElement) -> dict[str, Floats]:
             poses[child_name] = poses[parent_name] @ parents[child_name][1]
             waiting.append(child_name)
     if rest := sorted(set(links) - poses.keys()):
-        raise SceneError(f"{robot.place}: link[{rest[0]}]: expected a tree of links, got a circle")
+        raise SceneError(f"{robot.place}: link[{rest[0]}]: expected a tree of links, got a cycle")
     return poses
 
 

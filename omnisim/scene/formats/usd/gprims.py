@@ -49,7 +49,10 @@ class Gprims:
             UsdShade.MaterialBindingAPI, (prim, *(subset.GetPrim() for subset in subsets))
         )
         bound = [binding.ComputeBoundMaterial(_PURPOSE)[0] or None for binding in bindings]
-        key = (str(source.GetPath()), *(str(one.GetPath()) if one else "" for one in bound))
+        key = (
+            str(source.GetPath()),
+            *(str(material.GetPath()) if material else "" for material in bound),
+        )
         if key not in self._parts:
             self._parts[key] = tuple(self._read(prim, subsets, bound))
         return self._parts[key]
@@ -401,7 +404,7 @@ class Vertices(NamedTuple):
 def make_vertices(corners: FaceCorners, primvars: list[PrimvarValues | None]) -> Vertices:
     """Merge corners at one point with equal values into shared vertices."""
     points = corners.rows["vertex"]
-    rows = [None if one is None else one.rows(corners) for one in primvars]
+    rows = [None if primvar is None else primvar.rows(corners) for primvar in primvars]
     code = points
     for primvar, own in zip(primvars, rows, strict=True):
         if primvar is not None and own is not None and not primvar.is_shared:

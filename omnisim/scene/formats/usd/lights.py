@@ -76,7 +76,7 @@ class Lights:
             self._notices.count(f"{kind} is not drawn")
             return
         if kind in _APPROXIMATED:
-            self._notices.count(f"{kind} shines from its middle, without its size")
+            self._notices.count(f"{kind} is drawn as a lamp at its center, without its size")
         cone = self._cone(prim)
         if cone is None and kind in _FACING:
             cone = _HEMISPHERE
@@ -142,7 +142,7 @@ class Lights:
 
     def _add_dome(self, prim: Usd.Prim, stage_from_prim: Floats, luminance: Floats) -> None:
         if self.dome is not None:
-            self._notices.count("DomeLight beside another is not drawn")
+            self._notices.count("further DomeLight is not drawn")
             return
         texture = self._get(prim, "texture:file")
         if isinstance(texture, Sdf.AssetPath) and texture.path:
@@ -150,7 +150,7 @@ class Lights:
             layout = str(self._get(prim, "texture:format") or "")
             pixels = dome_map(texture, layout, world_from_dome, self._reader)
             if pixels is None:
-                self._notices.count("texture of a dome light is not drawn: its color is", "light")
+                self._notices.count("texture of a dome light is not drawn, only its color", "light")
             else:
                 self.environment = (luminance * pixels).astype(np.float32)
                 _, solid_angles = map_directions(*pixels.shape[:2])

@@ -77,10 +77,10 @@ def call_isolated(function: Callable[..., Result], *arguments: object) -> Result
             process.stdin.close()
             outcome = pickle.load(process.stdout)
         except (EOFError, BrokenPipeError, pickle.UnpicklingError):
-            reason = "cannot be read as USD: is damaged: usd-core ends without an answer"
+            reason = "cannot be read as USD: is damaged: usd-core crashed"
             if process.wait() in (-signal.SIGKILL, -signal.SIGXCPU):
                 limit = f"within {LIMIT_CPU_S} s of processor time"
-                reason = f"is not read {limit}, or takes too much memory"
+                reason = f"was not read {limit}, or takes too much memory"
             raise SceneError(reason) from None
         except BaseException:
             process.kill()
@@ -105,7 +105,7 @@ def serve() -> None:
         except OmnisimError as reason:
             outcome = reason
         except MemoryError:
-            outcome = SceneError("asks for more memory than there is")
+            outcome = SceneError("needs more memory than available")
         except Exception:
             outcome = _Defect(traceback.format_exc())
         pickle.dump(outcome, output, pickle.HIGHEST_PROTOCOL)

@@ -99,8 +99,8 @@ class _Reader:
     def read(self) -> tuple[ImportedScene, Floats]:
         """Read everything that is drawn, and the transform (4, 4) world_from_stage."""
         placed = self._placed(self._stage.GetPseudoRoot(), np.eye(4), 0)
-        instances = tuple(Instance(*one[:4]) for one in placed)
-        class_of = {one.name: one.class_name for one in placed if one.class_name}
+        instances = tuple(Instance(*mesh[:4]) for mesh in placed)
+        class_of = {mesh.name: mesh.class_name for mesh in placed if mesh.class_name}
         read = ImportedScene(
             tuple(self._gprims.meshes),
             tuple(self._gprims.materials),
@@ -177,9 +177,8 @@ class _Reader:
 
     def _copies(self, site: Site, owners: dict[str, str], nested: int) -> list[_PlacedMesh]:
         if nested >= MAX_NESTED:
-            raise SceneError(
-                f"{site.prim.GetPath()}: expected point instancers not to be in each other"
-            )
+            expected = f"at most {MAX_NESTED} levels of nested point instancers"
+            raise SceneError(f"{site.prim.GetPath()}: expected {expected}")
         placed: list[_PlacedMesh] = []
         for copies in read_copies(UsdGeom.PointInstancer(site.prim), self._time):
             path = str(copies.prototype.GetPath())
@@ -194,12 +193,12 @@ class _Reader:
             for row, frame in enumerate(frames):
                 if site.owner is None:
                     name = self._distinct(f"{copies.prototype.GetName()}_{copies.numbers[row]}")
-                    of_part = [(name, frame, one.class_name) for one in parts]
+                    of_part = [(name, frame, part.class_name) for part in parts]
                 else:
                     of_part = [self._object(site, owners)] * len(parts)
                 placed += [
-                    _PlacedMesh(part_name, one.mesh, pose[row], part_frame, class_name)
-                    for one, pose, (part_name, part_frame, class_name) in zip(
+                    _PlacedMesh(part_name, part.mesh, pose[row], part_frame, class_name)
+                    for part, pose, (part_name, part_frame, class_name) in zip(
                         parts, poses, of_part, strict=True
                     )
                 ]
@@ -220,7 +219,9 @@ class _Reader:
             if site is None:
                 continue
             if depth > MAX_DEPTH:
-                raise SceneError(f"{site.prim.GetPath()}: expected at most {MAX_DEPTH} levels")
+                raise SceneError(
+                    f"{site.prim.GetPath()}: expected at most {MAX_DEPTH} nested prims"
+                )
             yield site
             if site.prim.IsA(UsdGeom.PointInstancer) or site.prim.IsA(UsdShade.Material):
                 continue
@@ -383,7 +384,7 @@ def open_stage(path: Path, notices: Omissions) -> Usd.Stage:
         text = next((text for text in texts if not text.startswith("Failed to open layer")), "")
         text = re.sub(r"parse error matching .*?(?= at ')", "syntax error", text)  # parser's types
         text = _relative(text, path)[:_MAX_FAULT]  # without the path, which is named already
-        text = text or "is damaged, or of another format than its name says"
+        text = text or "is damaged, or not in the format of its suffix"
         raise SceneError(f"cannot be read as USD: {text}") from None
     for error in stage.GetCompositionErrors():
         text = _relative(str(error), path)
@@ -405,7 +406,7 @@ def open_stage(path: Path, notices: Omissions) -> Usd.Stage:
         ]
         if others:
             name = Path(layer.realPath).name
-            notices.add(f"{name}: {', '.join(others)} of the stage: USD does not convert it")
+            notices.add(f"{name}: {', '.join(others)} in the stage: USD does not convert it")
     return stage
 
 
@@ -413,7 +414,7 @@ def stage_parts(stage: Usd.Stage, time: Usd.TimeCode) -> Parts:
     """Types and schemas of the prims of a stage and its prototypes, and properties of some."""
     known = {name for feature in feature_table("usd") for name in feature.names}
     roots = (stage.GetPseudoRoot(), *stage.GetPrototypes())
-    for prim in (one for root in roots for one in Usd.PrimRange(root)):
+    for prim in (prim for root in roots for prim in Usd.PrimRange(root)):
         kind = str(prim.GetTypeName())
         names = [
             kind,

@@ -142,12 +142,12 @@ class _PreviewSurface:
         values |= {"clearcoatRoughness": 0.01}
         inputs = {key: self._inputs.get(key) for key in values}
         roughness, metallic, ior, clearcoat, clearcoat_roughness = (
-            one.number(values[key]) for key, one in inputs.items()
+            shader_input.number(values[key]) for key, shader_input in inputs.items()
         )
         planes = {
-            channel: (one.texture, one.channel)
-            for channel, one in ((1, inputs["roughness"]), (2, inputs["metallic"]))
-            if one.texture is not None
+            channel: (shader_input.texture, shader_input.channel)
+            for channel, shader_input in ((1, inputs["roughness"]), (2, inputs["metallic"]))
+            if shader_input.texture is not None
         }
         packed = self._packed(planes)
         if packed is not None:  # factors multiply the map, so mapped ones become 1
@@ -192,7 +192,7 @@ def _pane(material: Material) -> Material:
     """
     *diffuse, opacity = material.base_color
     opacity = min(max(opacity, 0.0), 1.0)
-    red, green, blue = (1.0 - opacity + opacity * one for one in diffuse)
+    red, green, blue = (1.0 - opacity + opacity * channel for channel in diffuse)
     transmission = (1.0 - opacity) / max((red + green + blue) / 3.0, 1e-6)
     return replace(
         material,
@@ -206,7 +206,7 @@ def _relative(target: Affine, applied: Affine) -> Affine:
     """Transform from coordinates transformed by `applied` to those transformed by `target`."""
     if target == applied:
         return IDENTITY
-    full = [np.vstack((np.array(one), (0.0, 0.0, 1.0))) for one in (target, applied)]
+    full = [np.vstack((np.array(matrix), (0.0, 0.0, 1.0))) for matrix in (target, applied)]
     if abs(np.linalg.det(full[1])) < 1e-12:
         return target
     product: Floats = full[0] @ np.linalg.inv(full[1])

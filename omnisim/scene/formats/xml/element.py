@@ -233,7 +233,7 @@ class _Builder:
         elif self.root is None:
             self.root = element
         if len(self._open) >= MAX_DEPTH:
-            raise SceneError(f"expected at most {MAX_DEPTH} elements in each other, got more")
+            raise SceneError(f"expected at most {MAX_DEPTH} levels of nested elements, got more")
         self._open.append(element)
 
     def end(self, _: str) -> None:

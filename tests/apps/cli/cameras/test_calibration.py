@@ -26,9 +26,9 @@ CONVERT, SHOW = ("calibration", "convert"), ("calibration", "show")
 def test_convert_prints_a_summary(ran, tmp_path):
     out, err = ran(*CONVERT, TUM_VI, "--to", "colmap", "-o", "c.txt")
     assert "c.txt: COLMAP: cameras.txt" in out
-    assert "1 (was cam0): kannala_brandt, the same rays" in out
-    assert "note: 1: sees 115.6° from its axis: COLMAP's own projection ends at 90°" in err
-    assert "2 (was cam1): kannala_brandt, the same rays" in out
+    assert "1 (was cam0): kannala_brandt, with identical rays" in out
+    assert "note: 1: sees up to 115.6° from its axis: COLMAP's own projection ends at 90°" in err
+    assert "2 (was cam1): kannala_brandt, with identical rays" in out
     assert load_calibration(tmp_path / "c.txt").names == ["1", "2"]
 
 
@@ -39,7 +39,7 @@ def test_convert_selects_one_camera_with_a_note(ran, tmp_path):
     out, err = ran(*arguments, "--camera-name", "cam1")
     assert "the first" not in err
     assert "cv2.fisheye's own projection is wrong past 90°" in err
-    assert "camera (was cam1): kannala_brandt, the same rays" in out
+    assert "camera (was cam1): kannala_brandt, with identical rays" in out
     camera = load_calibration(tmp_path / "f.yaml").cameras[0].camera
     assert camera.focal_lengths_px == (190.44236969414825, 190.4344384721956)
 
@@ -55,7 +55,7 @@ def test_convert_states_the_residual(ran, tmp_path):
 def test_a_sensor_file_is_a_calibration(ran, refused, tmp_path):
     (tmp_path / "s.toml").write_text(OmniCamera(PAPER).to_toml())
     out, _ = ran(*CONVERT, "s.toml", "--to", "opencv_omnidir", "-o", "o.yaml")
-    assert "camera: unified in a mirrored frame, the same rays" in out
+    assert "camera: unified in a mirrored frame, with identical rays" in out
     assert "xi: 0.99549" in (tmp_path / "o.yaml").read_text()
     line = refused(*SHOW, "s.toml", "--camera-name", "x")
     assert "expected a calibration file, got s.toml" in line
@@ -97,7 +97,7 @@ def test_the_formats_are_listed(quiet):
          "o.png: expected .yaml or .yml for kalibr, got .png"),
         ([*CONVERT, TUM_VI, "--to", "kalbr", "-o", "x"],
          "format 'kalbr': did you mean 'kalibr'?"),
-        ([*CONVERT, TUM_VI, "--to", "ros", "-o", "x"], "yaml: cam0: sees 115.6° from its axis"),
+        ([*CONVERT, TUM_VI, "--to", "ros", "-o", "x"], "cam0: sees up to 115.6° from its axis"),
         ([*CONVERT, KITTI, "--to", "gazebo", "-o", "x"], "image_02: gazebo cannot represent"),
         ([*CONVERT, TUM_VI, "--to", "ros", "-o", "x", "--camera-name", "c"],
          "expected one of cam0, cam1, got 'c'"),
@@ -134,7 +134,7 @@ def test_published_calibrations_render(ran, tmp_path):
     assert ran("render", "rings", "--camera", TUM_VI, *words)[1] == ""
     # what was rendered says its calibration, and becomes a file again
     out, _ = ran(*CONVERT, "t.png", "--to", "kalibr", "-o", "t.yaml")
-    assert "cam0 (was camera): kannala_brandt, the same rays" in out
+    assert "cam0 (was camera): kannala_brandt, with identical rays" in out
 
 
 @pytest.mark.usefixtures("needs_opengl")
@@ -206,11 +206,11 @@ def test_notes_on_the_field_of_a_sensor_file(ran, tmp_path, theta_max_deg, note)
     [
         ('calibration = "none.yaml"', r"s\.toml: lens\.calibration: .*none\.yaml: cannot be read"),
         ('calibration = "c.yaml"\ncamera = "left"', "expected one of cam0, cam1, got 'left'"),
-        ('calibration = "c.yaml"\nxi = 1.0', r"lens\.xi: calibration has it: expected one of"),
-        ('calibration = "c.yaml"\nmodel = "eucm"', r"lens\.model: calibration has it"),
-        ('calibration = "c.yaml"\ntheta_max_de = 95', "theta_max_de: unknown key beside calib"),
+        ('calibration = "c.yaml"\nxi = 1.0', r"lens\.xi: expected none with calibration"),
+        ('calibration = "c.yaml"\nmodel = "eucm"', r"lens\.model: expected none with calib"),
+        ('calibration = "c.yaml"\ntheta_max_de = 95', "theta_max_de: unknown key with calib"),
         ('calibration = "c.yaml"\ntheta_max_deg = "a"', "theta_max_deg: expected a number, 0"),
-        ('calibration = "ds.json"\ntheta_max_deg = 95', "double_sphere ends by its own parameters"),
+        ('calibration = "ds.json"\ntheta_max_deg = 95', "double_sphere has a limit of its own"),
         ('model = "kanala_brandt"', "lens.model: expected .*: did you mean 'kannala_brandt'"),
         ('model = "perspective"\nwidth_px = 320\nheigth_px = 240',
          "lens.heigth_px: unknown key; did you mean 'height_px'"),
@@ -237,7 +237,9 @@ def test_optics_are_fitted_and_the_rest_is_told(ran, refused, tmp_path):
     for given in (("--optics", "optics.toml"), ("taken.png",)):
         words = "--to", "opencv_fisheye", "-o", "a.yaml", "--at-distance", 0.5, 2
         out, err = ran(*CONVERT, *given, *words)
-        assert re.fullmatch(r"note: camera: sees 15\d\.\d° from its axis: cv2.fisheye's .*\n", err)
+        assert re.fullmatch(
+            r"note: camera: sees up to 15\d\.\d° from its axis: cv2.fisheye's .*\n", err
+        )
         assert "kannala_brandt in a mirrored frame, fitted to optics: RMS" in out
         assert "viewpoint (0.00000, " in out
         assert [line.split()[0] for line in out.splitlines()[-3:]] == ["infinity", "0.5", "2"]

@@ -147,7 +147,7 @@ ctypes.CDLL = CDLL
 @pytest.mark.parametrize(
     ("step", "environment", "status", "cause", "remedy"),
     [
-        ("libraries", {"PYTHONPATH": "{0}"}, FAILED, "libEGL.so.1 is not there", "install OpenGL"),
+        ("libraries", {"PYTHONPATH": "{0}"}, FAILED, "libEGL.so.1 is missing", "install OpenGL"),
         ("libraries", {"LIBGL_DRIVERS_PATH": "{0}"}, FAILED, "none of Mesa's drivers", "unset LIB"),
         (
             "libraries", {"__EGL_VENDOR_LIBRARY_FILENAMES": "/nonexistent.json"}, FAILED,

@@ -80,7 +80,7 @@ def test_channels_are_taken_along(ran, quiet, tmp_path, needs_opengl):
 @pytest.mark.usefixtures("image")
 def test_channels_that_are_missing_or_would_be_overwritten_leave_no_file(refused):
     command = ["unwarp", "a.png", "--to", "cylinder", "--also", "range", "-o"]
-    assert "a.png: channel 'range': not there; it has none" in refused(*command, "b.png")
+    assert "a.png: no channel 'range'; it has none" in refused(*command, "b.png")
     assert "a.channels.json" in refused(*command, "a.exr")
 
 

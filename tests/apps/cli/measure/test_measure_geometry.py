@@ -66,10 +66,10 @@ def test_images_become_a_sensor_file(ran, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--free", "surfaces.0.tilt_deg"], "--free: expected --optics, whose keys it names"),
-        (["--optics", "mirror.toml"], "--optics: expected --free KEY, such as surfaces.0.tilt_deg"),
+        (["--free", "surfaces.0.tilt_deg"], "--free: requires --optics, whose keys it names"),
+        (["--optics", "mirror.toml"], "--optics: requires --free KEY, such as surfaces.0.tilt_deg"),
         (["--optics", "mirror.toml", "--free", "surfaces.0.k", "--model", "unified"],
-         "--model: expected none, as --optics states the model"),
+         "--model: expected none with --optics, which states the model"),
         (["--optics", "mirror.toml", "--free", "surfaces.1.k"],
          "mirror.toml: surfaces.1.k: expected a number, got no such key"),
         (["--optics", "mirror.toml", "--free", "surfaces.0.tilt_deg.0"],

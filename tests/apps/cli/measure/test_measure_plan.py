@@ -47,8 +47,8 @@ def test_parts_are_measured_once(ran, photos, response_series, tmp_path):
     assert titles == ["The camera and its twin", "Geometry", "Response"]
     before = [(tmp_path / f"camera.{suffix}").read_bytes() for suffix in ("toml", "json")]
     out, _ = ran(*MEASURE)
-    assert "geometry: measured before" in out
-    assert "response: measured before" in out
+    assert "geometry: already measured" in out
+    assert "response: already measured" in out
     assert before == [(tmp_path / f"camera.{suffix}").read_bytes() for suffix in ("toml", "json")]
 
 
@@ -57,7 +57,7 @@ def test_a_changed_file_is_measured_again(ran, response_series, tmp_path):
     ran(*MEASURE)
     first = sorted(response_series.rglob("*.png"))[0]
     first.write_bytes(first.read_bytes() + b" ")  # after the image's end
-    assert "measured before" not in ran(*MEASURE)[0]
+    assert "already measured" not in ran(*MEASURE)[0]
     assert (tmp_path / "camera-report" / "report.html").exists()
 
 
@@ -71,7 +71,7 @@ def test_a_changed_file_is_measured_again(ran, response_series, tmp_path):
         ("[compare]\n[response]\nimages = 's'\n", "plan.toml: compare.images: missing"),
         ("[response]\nimages = 's'\nblack = -1\n", "plan.toml: response.black: expected a number"),
         ("[response]\nimages = 's'\noutput = 'a'\n", "plan.toml: response.output: unknown key"),
-        ("[geometry]\nimages = '.'\noptics = 'a'\n", "plan.toml: geometry: --optics: expected"),
+        ("[geometry]\nimages = '.'\noptics = 'a'\n", "plan.toml: geometry: --optics: requires"),
         ("[response]\nimages = 'none'\n", "none: expected a folder"),
     ],
 )

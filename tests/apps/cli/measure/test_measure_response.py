@@ -91,7 +91,7 @@ def test_a_response_without_a_name_is_written_as_a_curve_and_vignetting_is_not_m
     [
         (("--white", "1023"), "the brightest pixel is at 25 % of white, 1023"),
         (("--white", "100"), "the brightest pixel is at 255 % of white, 100"),
-        (("--white", "3", "--black", "8"), "--white: expected a level above the black one, 8"),
+        (("--white", "3", "--black", "8"), "--white: expected a level above --black 8"),
     ],
 )
 def test_a_wrong_white_level_is_refused(refused, arguments, message):

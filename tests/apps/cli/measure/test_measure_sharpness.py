@@ -58,7 +58,7 @@ def edge(tmp_path):
 
 def test_one_edge(ran, edge, tmp_path):
     out, error = ran("measure", "sharpness", edge, "-o", "c.toml")
-    assert "radii are those of 80 × 80 px: give the camera's --sensor file" in error
+    assert "radii apply to images of 80 × 80 px" in error
     assert "lateral color not measured: the images have one channel" in error
     assert "mtf50" in out
     assert sorted(path.name for path in tmp_path.iterdir()) == ["c.json", "c.toml", "edge"]
@@ -107,7 +107,7 @@ def test_bad_input(ran, refused, edge, tmp_path):
         (("jpeg", "-o", "c.toml"), "jpeg/0.jpg: JPEG values are not linear: save raw frames"),
         (("mixed", "-o", "c.toml"), "mixed/1.png: expected images of one size, 80 × 80 px, got"),
         (("straight", "-o", "c.toml"), "straight/0.png and others: none of 2 edges is usable; 2"),
-        (("edge", "-o", "c.toml", "--corners", "two.csv"), "two.csv: expected corners in each of"),
+        (("edge", "-o", "c.toml", "--corners", "two.csv"), "two.csv: expected the corners of all"),
         (("edge", "-o", "c.toml", "--sensor", "s.toml"), "s.toml: cannot be read"),
         (("edge", "-o", "c.toml", "--sensor", "lens.toml"), "edge/0.png: 80 × 80 px: expected 360"),
     ):

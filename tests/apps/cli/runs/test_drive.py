@@ -75,7 +75,7 @@ def test_a_robot_without_sensors_says_so(ran, needs_opengl, tmp_path):
     )
     drive = ["drive", "compass", "--robot", "bare.toml", "--path", "way.csv", "-o", "run"]
     out, error = ran(*drive)
-    assert "there before" not in out
+    assert "recorded before" not in out
     assert (
         "note: bare has no sensors: only its path and odometry are recorded: add [[sensors]] to "
         "its robot file\n"
@@ -85,7 +85,7 @@ def test_a_robot_without_sensors_says_so(ran, needs_opengl, tmp_path):
 @pytest.mark.slow
 def test_drive_plot_and_video(quiet, run_folder, tmp_path):
     out = quiet(*DRIVE, "-o", "run")
-    assert f"run: {run_folder} steps, {run_folder} of them there before; " in out
+    assert f"run: {run_folder} steps, {run_folder} of them recorded before; " in out
     assert re.search(r" s; omnicam: \d+ polygons \(auto\)\n", out)
     assert f"run/plot.png: {run_folder} of {run_folder} steps" in quiet("plot", "run")
     assert read_image(tmp_path / "run" / "plot.png")[0].std() > 20
@@ -138,14 +138,14 @@ def test_an_unfinished_run(ran, run_folder, tmp_path):
     out, error = ran("plot", "run")
     assert f"3 of {run_folder} steps" in out
     assert "omnicam/000003.png: is missing: " in error
-    assert f"the others, {run_folder - 3} without all their files\n" in error
+    assert f"the {run_folder - 3} steps with missing files\n" in error
     out, error = ran("video", "run", "-o", "run.mp4")
     assert "run.mp4: 3 images" in out
     assert error == (
-        f"note: run/omnicam/000003.png: is missing: the first 3 of {run_folder} steps are looked "
-        f"at; record the run again to have the others, {run_folder - 3} without all their files\n"
+        f"note: run/omnicam/000003.png: is missing: only the first 3 of {run_folder} steps are "
+        f"used; record the run again to complete the {run_folder - 3} steps with missing files\n"
     )
-    assert f"{run_folder} steps, 3 of them there before" in ran(*DRIVE, "-o", "run")[0]
+    assert f"{run_folder} steps, 3 of them recorded before" in ran(*DRIVE, "-o", "run")[0]
 
 
 @pytest.mark.parametrize("name", ["ground_truth.tum", "odometry.csv"])
@@ -177,7 +177,7 @@ def test_a_scene_is_the_same_from_any_folder(ran, quiet, needs_opengl, tmp_path,
     before = {path: path.read_bytes() for path in (tmp_path / "run").rglob("*.*")}
     monkeypatch.chdir("run")
     out = quiet("drive", "../room.glb", "--path", "../way.csv", *options, "-o", ".")
-    assert "4 steps, 4 of them there before" in out
+    assert "4 steps, 4 of them recorded before" in out
     assert {path: path.read_bytes() for path in (tmp_path / "run").rglob("*.*")} == before
     quiet("plot", ".")
     shutil.copy(SCENES / "rings" / "rings.glb", tmp_path / "room.glb")
@@ -214,7 +214,7 @@ def test_steps_without_a_file_are_not_there_before(ran, tmp_path):
     )
     drive = ("drive", "compass", "--robot", "robot.toml", "--path", "path.csv", "--size", "16")
     assert "run: 6 steps; " in ran(*drive, "-o", "run")[0]
-    assert "run: 6 steps, 6 of them there before; " in ran(*drive, "-o", "run")[0]
+    assert "run: 6 steps, 6 of them recorded before; " in ran(*drive, "-o", "run")[0]
 
 
 def test_contacts_are_noted_and_refused(ran, refused, needs_opengl, tmp_path):

@@ -76,7 +76,7 @@ def test_import_keeps_existing_files(refused, tmp_path):
     (tmp_path / "p.ini").write_text(f"[USARBot.P2AT]\nSensors={SCANNER}\n")
     (tmp_path / "p.toml").symlink_to("p.ini")
     line = refused("robot", "import", "p.ini", "-o", "p.toml")
-    assert "expected another name than the configuration's, got p.toml" in line
+    assert "expected a name other than the configuration's, got p.toml" in line
     assert "SICKLMS" in (tmp_path / "p.ini").read_text()
 
 

@@ -16,7 +16,7 @@ def test_the_command_says_how_long_it_takes_and_when_there_is_nothing_to_do(
     out, error = ran(*bake, "-o", "a.baked")
     assert (out[:8], error[:12]) == ("a.baked:", "note: about ")
     assert quiet(*bake, "-o", "a.baked") == "a.baked: already baked; nothing to do\n"
-    assert "expected --force" in refused("bake", "rings", "-o", "a.baked")
+    assert "pass --force" in refused("bake", "rings", "-o", "a.baked")
     line = refused("render", "rings", "--baked", "a.baked", "-o", "a.png")
     assert line.endswith("run `omnisim bake rings -o a.baked --force`")
-    assert refused("bake", "compass") == "-o: expected the folder of the bake"
+    assert refused("bake", "compass") == "-o: missing: expected the folder of the bake"

@@ -89,8 +89,8 @@ def test_starts_outside_and_large_sizes_are_legible(omnisim, tmp_path, y_m, is_o
     (tmp_path / "scene.toml").write_text(f'file = "large.stl"\n{start}')
     out = omnisim("scene", tmp_path / "scene.toml")[1]
     assert "6000×4000×2500" in out
-    assert ("no floor, outside of the bounds" in out) is is_outside
-    assert ("outside of the bounds" in out) is is_outside
+    assert ("no floor, outside the bounds" in out) is is_outside
+    assert ("outside the bounds" in out) is is_outside
 
 
 def test_floors_are_where_the_flat_surfaces_are(omnisim, tmp_path):

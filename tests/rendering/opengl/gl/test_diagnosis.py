@@ -89,7 +89,7 @@ def test_missing_libraries_are_installed_by_the_system_s_packages(monkeypatch, s
         diagnosis, "_load_error",
         lambda name: f"{name}: cannot open shared object file: No such file or directory",
     )  # fmt: skip
-    with pytest.raises(GraphicsError, match=f"libEGL.so.1 is not there: .*{command}"):
+    with pytest.raises(GraphicsError, match=f"libEGL.so.1 is missing: .*{command}"):
         diagnosis.check_libraries()
 
 

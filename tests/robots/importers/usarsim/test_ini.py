@@ -48,7 +48,7 @@ def test_structs(read):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("", r":1: nothing in it: expected a USARBot\.ini with \[sections\]$"),
+        ("", r":1: empty: expected a USARBot\.ini with \[sections\]$"),
         ("hello\n", r":1: 'hello': expected \[section\]$"),
         ("\nx=1\n[a]\n", r":2: 'x=1': expected \[section\]$"),
         ("[a]\n\nhello\n", r":3: 'hello': expected \[section\] or key=value$"),

@@ -51,8 +51,8 @@ def test_what_is_not_drawn_is_said(shapes):
         f"shapes.xml: {notice}"
         for notice in (
             "not drawn, as in MuJoCo: 1 geom of group 3",
-            "the headlight shines from everywhere",
-            "attenuation of lamps is drawn as that of 1/distance², equal where they point to",
+            "the headlight is drawn as ambient light",
+            "attenuation of lamps is drawn as 1/distance², matched at the points they aim at",
             "the sky box is drawn in its mean color",
             "sites are not drawn (1 site)",
         )

@@ -123,7 +123,7 @@ def test_what_is_matte_glows_or_takes_no_light(tmp_path):
         ("<script><uri>a.material</uri><name>Mine</name></script>",
          "material Mine not found: gray is drawn (1 visual)"),
         ("<pbr><metal><albedo_map>a.png</albedo_map></metal></pbr>",
-         "image a.png is not there: drawn without it (1 material)"),
+         "image a.png is missing: drawn without it (1 material)"),
     ],
 )  # fmt: skip
 def test_missing_scripts_and_textures_are_noted(tmp_path, text, notice):

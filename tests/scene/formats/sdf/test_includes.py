@@ -91,8 +91,8 @@ def test_missing_models_are_counted_in_one_notice(tmp_path):
     assert scene.notices == (
         "test.world: 4 objects not found, and not drawn: model://sofa × 3, "
         "model://sofa/sofa.dae: pass the folder of their models as --resources",
-        "test.world: 2 objects not fetched from the net, and not drawn: OpenRobotics/My Chair × 2: "
-        "`gz fuel download -u ADDRESS` gets them",
+        "test.world: 2 objects not downloaded, and not drawn: OpenRobotics/My Chair × 2: "
+        "`gz fuel download -u ADDRESS` downloads them",
     )
 
 
@@ -114,7 +114,7 @@ def test_models_that_include_each_other_are_refused(tmp_path):
     for name, other in (("a", "b"), ("b", "a")):
         inner = f"<model name='{name}'>{INCLUDE.format(f'model://{other}')}</model>"
         write_model(tmp_path / "models", name, inner)
-    with pytest.raises(SceneError, match="expected at most 24 models in each other"):
+    with pytest.raises(SceneError, match="expected at most 24 levels of nested models"):
         load(tmp_path, world(INCLUDE.format("model://a")))
 
 
@@ -129,7 +129,7 @@ def test_a_model_with_a_fault_is_named_with_its_file(tmp_path):
     ("text", "message"),
     [
         ("<!DOCTYPE a [<!ENTITY b 'c'>]><sdf>&b;</sdf>", "expected XML without entities"),
-        ("<sdf>" + "<a>" * 200 + "</a>" * 200 + "</sdf>", "expected at most 128 elements in each"),
+        ("<sdf>" + "<a>" * 200 + "</a>" * 200 + "</sdf>", "expected at most 128 levels of nested"),
         ("<sdf><world>", "not XML in line 1, column 13: no element found"),
         ("<robot/>", "expected <sdf>, got <robot>"),
         ("<sdf version='1.9'/>", "expected a <world>, <model> or <light>, got none"),
@@ -152,7 +152,7 @@ def test_what_hangs_on_a_missing_model_is_left_out_with_it(tmp_path):
     table = INCLUDE.format("model://table")
     scene = load(tmp_path, world(table + frame + ball + lamp + CHAIR))
     assert scene.instance_names == ("chair/link/visual",)
-    effect = "test.world: left out with the models that they are posed relative to"
+    effect = "test.world: left out, as their poses are relative to models that are left out"
     assert scene.notices[1:] == (f"{effect} (1 model)", f"{effect} (1 light)")
 
 

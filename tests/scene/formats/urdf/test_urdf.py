@@ -156,7 +156,7 @@ JOINT = "<joint name='j' type='fixed'><parent link='{}'/><child link='{}'/></joi
         ("<link name='a'/>" + JOINT.format("a", "b"), "link: expected the name of a <link>"),
         (
             "<link name='a'/><link name='b'/>" + JOINT.format("a", "b") + JOINT.format("b", "a"),
-            "expected a tree of links, got a circle",
+            "expected a tree of links, got a cycle",
         ),
         (
             "<link name='a'/><link name='b'/>" + 2 * JOINT.format("a", "b"),
@@ -204,7 +204,7 @@ def test_a_material_of_the_robot_on_a_mesh_with_its_own_is_noted(key, own, notic
     assert (material_of(scene, "l/own").name, material_of(scene, "l/plain").name) == (own, "red")
     assert len(scene.notices) == notices
     if notices:
-        assert "in place of their meshes' own (1 visual)" in scene.notices[0]
+        assert "replace those of the meshes (1 visual)" in scene.notices[0]
 
 
 def test_a_package_in_a_clone_of_another_name_is_found_by_package_xml(tmp_path):

@@ -74,7 +74,9 @@ def test_a_rectangle_shines_ahead_as_its_surface_does(tmp_path):
     expected = _lux_of_samples(*_rectangle(0.8, 0.5), 700.0)
     assert _lux_at_origin(light) == pytest.approx(expected, rel=1e-3)
     np.testing.assert_allclose(light.direction, (0.0, 0.0, -1.0), atol=1e-12)
-    assert scene.notices == ("a.usda: RectLight shines from its middle, without its size (1 prim)",)
+    assert scene.notices == (
+        "a.usda: RectLight is drawn as a lamp at its center, without its size (1 prim)",
+    )
 
 
 @pytest.mark.slow

@@ -228,7 +228,7 @@ def test_a_texture_that_is_missing_is_noted_and_its_fallback_drawn(stage):
     scene, _, material = _load_only_material(stage)
     assert material.base_color == pytest.approx((0.1, 0.2, 0.3, 1.0))
     (notice,) = scene.notices
-    assert notice.endswith("is not there: drawn without it")
+    assert notice.endswith("is missing: drawn without it")
 
 
 def test_display_colors_of_every_interpolation(stage):

@@ -287,6 +287,6 @@ def test_other_units_and_axes_of_a_reference_are_noted_and_not_converted(tmp_pat
     scene = saved(stage)
     np.testing.assert_allclose(scene.bounds_m(), [[-0.5] * 3, [0.5] * 3])
     assert scene.notices == (
-        "a.usda: part.usda: metersPerUnit = 0.01 instead of 1.0, upAxis = Y instead of Z of the "
+        "a.usda: part.usda: metersPerUnit = 0.01 instead of 1.0, upAxis = Y instead of Z in the "
         "stage: USD does not convert it",
     )
