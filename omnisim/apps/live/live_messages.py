@@ -32,8 +32,8 @@ class Ask(Message):
     """Request for the next image, sent when the page has displayed the last one."""
 
 
-class Drive(Message):
-    """Drive commands from the pressed keys, as shares of the top speeds; `fast` multiplies them."""
+class SetMotion(Message):
+    """Motion requested by the pressed keys, as shares of the top speeds; `fast` multiplies them."""
 
     ahead: Deflection = 0.0
     left: Deflection = 0.0
@@ -104,7 +104,7 @@ class Reset(Message):
     """Restore the initial camera."""
 
 
-class Views(Message):
+class SetViews(Message):
     """Views to show beside the camera."""
 
     names: Annotated[tuple[Name, ...], Field(max_length=len(VIEWS))] = ()
@@ -118,7 +118,7 @@ class Gaze(Message):
     fov_deg: Annotated[Number, Field(ge=5.0, le=150.0)] = 75.0
 
 
-class Probe(Message):
+class ProbePoint(Message):
     """Point of a view under the mouse, as shares of the view's width and height.
 
     `follow` turns the perspective view to this point.
@@ -136,7 +136,7 @@ class Save(Message):
     what: Annotated[str, Field(pattern="^(toml|image)$")]
 
 
-class Statistics(Message):
+class RequestStatistics(Message):
     """Request for the numbers of triangles submitted, drawn and visible in the image."""
 
 
@@ -159,7 +159,7 @@ class RequestControl(Message):
 
 MESSAGES: dict[str, type[Message]] = {
     "ask": Ask,
-    "drive": Drive,
+    "drive": SetMotion,
     "go": Go,
     "turn": Turn,
     "place": SetPlace,
@@ -170,11 +170,11 @@ MESSAGES: dict[str, type[Message]] = {
     "undo": Undo,
     "redo": Redo,
     "reset": Reset,
-    "views": Views,
+    "views": SetViews,
     "look": Gaze,
-    "probe": Probe,
+    "probe": ProbePoint,
     "save": Save,
-    "statistics": Statistics,
+    "statistics": RequestStatistics,
     "replay": Replay,
     "clock": Clock,
     "wheel": RequestControl,
