@@ -117,7 +117,7 @@ class VisibilityPass:
         else:
             self._compiled, self.triangle_ids = like._compiled, like.triangle_ids
         self._drawn: dict[HitDetails, _Drawing] = {}
-        self._drawing(details.of_texels if layers else NO_DETAILS)
+        self._drawing(details.of_texels if layers else NO_DETAILS)  # before the first frame
 
     def refresh(self) -> None:
         """Update after the buffers changed."""
@@ -129,8 +129,8 @@ class VisibilityPass:
         """Draw other tiles, at most as many as at first, in an atlas of the same size."""
         if plan is not self.plan:
             self.plan = plan
-            for one in self._drawn.values():
-                one.tiles.use_plan(plan)
+            for drawing in self._drawn.values():
+                drawing.tiles.use_plan(plan)
 
     def _drawing(self, details: HitDetails) -> _Drawing:
         """Targets and drawers of IDs and details, created on first use."""
@@ -299,7 +299,7 @@ class VisibilityVariant(NamedTuple):
         """Variant for a material with these maps, see `Reflectance`; None: matte."""
         if maps is None or not self.details.materials:
             return self
-        has_maps = tuple(one is not None for one in maps)
+        has_maps = tuple(texture is not None for texture in maps)
         return self._replace(maps=has_maps, second_coordinates=second_coordinates)
 
     @property
