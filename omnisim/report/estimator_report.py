@@ -97,7 +97,7 @@ def run_section(recording: Recording, outcomes: Sequence[Outcome], folder: Path)
         recording: run with the true poses.
         folder: folder with a subfolder for each estimator's trajectory.
     """
-    panel = _panel("Trajectories from above", recording, outcomes, folder)
+    panel = _track_panel("Trajectories from above", recording, outcomes, folder)
     tracked = [outcome for outcome in outcomes if outcome.camera is None]
     rows = tuple(run_row(outcome) for outcome in tracked)
     tables = [ResultTable("Errors of the trajectories.", RUN_COLUMNS, rows)]
@@ -143,7 +143,7 @@ def sweep_sections(
         section = _sweep_section(plan, results, index, key)
         if title:
             name = section.title
-            name = name[0].lower() + name[1:] if name[:2].istitle() else name
+            name = name[0].lower() + name[1:] if name[:2].istitle() else name  # not of IMU
             section = replace(section, title=f"{title}: {name}")
         sections.append(section)
     return sections
@@ -172,7 +172,7 @@ def error_lines(
     """Line of each estimator: a measure over a variation's values."""
     lines = []
     for estimator in plan.estimators:
-        outcomes = [_outcomes(group, estimator) for _, group in values]
+        outcomes = [_outcomes_of(group, estimator) for _, group in values]
         seeds = [
             [measure(outcome.errors) for outcome in group if outcome.errors is not None]
             for group in outcomes
@@ -219,7 +219,7 @@ def _sweep_section(
     rows = []
     for label, group in values:
         for estimator in plan.estimators:
-            outcomes = _outcomes(group, estimator)
+            outcomes = _outcomes_of(group, estimator)
             failed = [outcome for outcome in outcomes if outcome.errors is None]
             kinds = {outcome.errors.kind for outcome in outcomes if outcome.errors is not None}
             seconds = over_seeds([each.seconds for each in outcomes if each.seconds is not None])
@@ -246,7 +246,7 @@ def _sweep_section(
     figures += _track_figures(plan, values, name)
     times = []
     for estimator in plan.estimators:
-        groups = [_outcomes(group, estimator) for _, group in values]
+        groups = [_outcomes_of(group, estimator) for _, group in values]
         taken_s = [[each.seconds for each in group if each.seconds is not None] for group in groups]
         times.append(_line(estimator, taken_s))
     panel = plots.SweepPanel("" if variation is None else title, "time taken (s)", labels, times)
@@ -267,12 +267,12 @@ def _track_figures(
             recording = Recording.read(result.run)
         except OmnisimError:
             rows += [
-                plots.LostRow(_label(label, name), None, "no drive") for name in plan.estimators
+                plots.LostRow(_row_label(label, name), None, "no drive") for name in plan.estimators
             ]
             continue
-        panels.append(_panel(label, recording, result.outcomes, result.estimates))
+        panels.append(_track_panel(label, recording, result.outcomes, result.estimates))
         rows += [
-            _lost_row(_label(label, outcome.estimator), outcome, recording, result.estimates)
+            _lost_row(_row_label(label, outcome.estimator), outcome, recording, result.estimates)
             for outcome in result.outcomes
         ]
     figures = []
@@ -285,11 +285,11 @@ def _track_figures(
     return [*figures, CaptionedFigure(f"{name}-lost", plots.lost_figure(rows), caption)]
 
 
-def _label(label: str, estimator: str) -> str:
+def _row_label(label: str, estimator: str) -> str:
     return _short(estimator) if label == BASE else f"{label}, {_short(estimator)}"
 
 
-def _outcomes(results: Sequence[PointResult], estimator: str) -> list[Outcome]:
+def _outcomes_of(results: Sequence[PointResult], estimator: str) -> list[Outcome]:
     """Outcomes of one estimator, one per seed."""
     return [each for result in results for each in result.outcomes if each.estimator == estimator]
 
@@ -303,7 +303,7 @@ def _failures(outcomes: Sequence[Outcome]) -> list[ResultTable]:
     return [ResultTable(caption, columns, tuple(failures))] if failures else []
 
 
-def _panel(
+def _track_panel(
     title: str, recording: Recording, outcomes: Sequence[Outcome], folder: Path
 ) -> plots.TrackPanel:
     tracks = {}
