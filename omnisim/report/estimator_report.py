@@ -149,7 +149,7 @@ def sweep_sections(
     return sections
 
 
-def varied_title(plan: SweepPlan, variation: int | None) -> str:
+def _varied_title(plan: SweepPlan, variation: int | None) -> str:
     """Title of a variation by its index; None: the unchanged drive."""
     if variation is None:
         return "The drive as it is"
@@ -157,7 +157,7 @@ def varied_title(plan: SweepPlan, variation: int | None) -> str:
     return varied.title or ", ".join(varied.keys)
 
 
-def value_results(
+def _value_results(
     results: Sequence[PointResult], variation: int | None
 ) -> list[tuple[str, list[PointResult]]]:
     """Label and results, one per seed, of each value of a variation."""
@@ -166,7 +166,7 @@ def value_results(
     return [(label, [by_point[id(point)] for point in points]) for label, points in shown]
 
 
-def error_lines(
+def _error_lines(
     plan: SweepPlan, values: Sequence[tuple[str, list[PointResult]]], measure: Measure = ate_percent
 ) -> list[plots.SweepLine]:
     """Line of each estimator: a measure over a variation's values."""
@@ -188,13 +188,13 @@ def _line(estimator: str, seeds: list[list[float]]) -> plots.SweepLine:
 
 
 def lesson_figure(plan: SweepPlan, results: Sequence[PointResult], name: str) -> CaptionedFigure:
-    """Errors of all variations of a plan, and lost tracking if there is some."""
+    """Errors of all variations of a plan, and lost tracking if there is some, for a page."""
     errors, lost = [], []
     for index in range(len(plan.vary)):
-        values = value_results(results, index)
-        title = varied_title(plan, index)
+        values = _value_results(results, index)
+        title = _varied_title(plan, index)
         errors.append(_ate_panel(plan, title, values))
-        lines = error_lines(plan, values, lost_percent)
+        lines = _error_lines(plan, values, lost_percent)
         labels = [label for label, _ in values]
         lost.append(plots.SweepPanel(title, "lost (% of the time)", labels, lines))
     means = [mean for panel in lost for line in panel.lines for mean in line.means]
@@ -207,14 +207,14 @@ def _ate_panel(
     plan: SweepPlan, title: str, values: Sequence[tuple[str, list[PointResult]]]
 ) -> plots.SweepPanel:
     labels = [label for label, _ in values]
-    lines = error_lines(plan, values)
+    lines = _error_lines(plan, values)
     return plots.SweepPanel(title, "ATE (% of path length)", labels, lines, "no trajectory")
 
 
 def _sweep_section(
     plan: SweepPlan, results: Sequence[PointResult], variation: int | None, key: str
 ) -> Section:
-    values = value_results(results, variation)
+    values = _value_results(results, variation)
     labels = [label for label, _ in values]
     rows = []
     for label, group in values:
@@ -233,7 +233,7 @@ def _sweep_section(
         [outcome for _, group in values for result in group for outcome in result.outcomes]
     )
     name = f"{key}{'base' if variation is None else f'vary-{variation}'}"
-    title, figures = varied_title(plan, variation), []
+    title, figures = _varied_title(plan, variation), []
     if variation is not None:
         figures.append(
             CaptionedFigure(
