@@ -2,7 +2,8 @@
 
 A fragment knows only its triangle's position within the draw call. All triangles are therefore
 numbered in drawing order, first those of single items, then those of clusters. The atlas holds
-these IDs; the table maps each to draw item and triangle.
+these IDs; the table maps each to draw item and triangle. `RayHitPass` then intersects the rays of
+pixels with the triangles that the texels around them show.
 Source: Burns & Hunt, "The visibility buffer", 2013.
 """
 
@@ -65,12 +66,11 @@ class VisibilityPass:
         plan: tiles of the atlas.
         cameras: virtual cameras; only depth range, sides and hidden instances matter here.
         details: details that can be drawn as well, if textures change them.
-        layers: maximum number of cameras that are drawn together, each into a layer of all
-            atlases; None: one camera, and atlases without layers.
+        layers: maximum number of cameras, of a batch, that are drawn together, each into a layer of
+            all atlases; None: one camera, and atlases without layers.
         like: pass of the same scene, whose programs and IDs are used, too.
 
     Attributes:
-        buffers, plan, cameras: see the arguments.
         id_atlas: integer texture, 1 + ID of the triangle; 0: nothing visible.
         triangle_ids: table of the IDs.
         depth: depth of the last rendered atlas.
