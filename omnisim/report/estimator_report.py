@@ -143,7 +143,7 @@ def sweep_sections(
         section = _sweep_section(plan, results, index, key)
         if title:
             name = section.title
-            name = name[0].lower() + name[1:] if name[:2].istitle() else name  # not of IMU
+            name = name[0].lower() + name[1:] if name[:2].istitle() else name  # but IMU
             section = replace(section, title=f"{title}: {name}")
         sections.append(section)
     return sections

@@ -1,4 +1,4 @@
-"""Localization by mapped colored landmarks: `omnisim localize` as an estimator.
+"""Localization by mapped colored landmarks: the Kalman filter of `omnisim localize`.
 
 Source: Schmits & Visser, "An omnidirectional camera simulation for the USARSim world", 2008.
 """

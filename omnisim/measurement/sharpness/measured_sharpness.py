@@ -241,7 +241,7 @@ def _point_spread(
         shares = np.full_like(at_px, share)
         fitted, errors = curve.at(spread_rows(at_px / unit_px, shares, curve.degree, isotropic))
         widths = np.sqrt(np.maximum(fitted, 0.0))
-        # those of a root, also near zero
+        # by the root's derivative, bounded near zero
         errors = np.minimum(errors / (2.0 * np.maximum(widths, 1e-9)), np.sqrt(errors))
         rows.append((widths, errors))
     if all((widths < SIGNIFICANT * errors).all() for widths, errors in rows):
