@@ -49,7 +49,7 @@ def courtyard():
     """Titles and linear images (height, width, 3)."""
     plain = load_scene("courtyard", sky="none")
     lit = matte_on_both_sides(load_scene(FOLDER / "courtyard.toml"))
-    bare = dataclasses.replace(lit, lighting=lit.lighting.without_shadows())
+    bare = dataclasses.replace(lit, lighting=lit.lighting.with_shadows(False))
     at = SENSOR.base_pose(lit.start.position_m, yaw_deg=20.0)
     ours, traced = rendered(lit, at), traced_light(lit, SENSOR, at, SAMPLES)
     inside = inside_rim(SENSOR)

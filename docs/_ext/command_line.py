@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from omnisim.apps.cli.app import COMMANDS, command_named
 from omnisim.apps.cli.command import Command, Group, help_row, usage
-from omnisim.apps.cli.options import OptionEntry
+from omnisim.apps.cli.options import CommandEntry
 
 _HEADER = """# Command line
 
@@ -26,7 +26,7 @@ def command_line_page() -> str:
     return "\n".join(sections)
 
 
-def _entries(command: Command | Group) -> Iterator[OptionEntry]:
+def _entries(command: Command | Group) -> Iterator[CommandEntry]:
     if isinstance(command, Command):
         yield command.entry
         return
@@ -35,7 +35,7 @@ def _entries(command: Command | Group) -> Iterator[OptionEntry]:
         yield child.entry
 
 
-def _section(entry: OptionEntry) -> str:
+def _section(entry: CommandEntry) -> str:
     lines = [f"### omnisim {entry.path}\n", f"{entry.summary}\n", "```text"]
     lines += [f"omnisim {entry.path} {usage(entry)}".rstrip(), "", *entry.examples, "```\n"]
     if entry.fields:

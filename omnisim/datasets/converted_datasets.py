@@ -22,7 +22,7 @@ from omnisim.datasets.export.export import for_format
 from omnisim.datasets.export.export_format import ExportSettings, PrintNote
 from omnisim.datasets.export.export_formats import format_named
 from omnisim.datasets.export.recording import RecordedCamera, Recording
-from omnisim.datasets.generate.samples import Shards, in_shard
+from omnisim.datasets.generate.samples import Shards, without_folder
 from omnisim.ground_truth.boxes import VISIBLE_SHARE, BoxLimits, mask_from_runs, polygons_of_mask
 from omnisim.runs.run_folder import RunFolder
 from omnisim.runs.run_manifest import MANIFEST_FORMAT, parse_manifest
@@ -86,7 +86,7 @@ def write_coco(shards: Shards, folder: Path, settings: CocoSettings | None = Non
     with atomic_folder(folder) as target:
         (target / IMAGES).mkdir()
         for row in range(len(shards)):
-            with shards.damage_named(row), shards.files(row) as files:
+            with shards.naming_shard(row), shards.files(row) as files:
                 for image in shards.images(files):
                     split = splits[settings.split_of(int(image.name.partition(".")[0]))]
                     image.rename(target / IMAGES / image.name)
@@ -261,7 +261,7 @@ def write_recordings(
                 try:
                     yield from form.write(taken, place, settings, print_note)
                 except OutputError as reason:
-                    message = in_shard(str(reason))
+                    message = without_folder(str(reason))
                     if message == str(reason):
                         raise
                     raise PlanError(f"{shards.folder}: {message}") from None
@@ -272,7 +272,7 @@ def _groups(shards: Shards) -> list[_Group]:
     groups: dict[tuple[str, str], _Group] = {}
     for row in range(len(shards)):
         content = shards.metadata(row)
-        with shards.damage_named(row):
+        with shards.naming_shard(row):
             key = str(content["scene"]), str(content["camera"])
             group = groups.setdefault(key, _Group(*key, [], []))
             group.rows.append(row)
@@ -286,7 +286,7 @@ def _recording(shards: Shards, group: _Group, files: _Files) -> Recording:
     mounts: dict[str, Floats] = {}
     numbers, poses = [], []
     for row, content in zip(group.rows, group.contents, strict=True):
-        with shards.damage_named(row):
+        with shards.naming_shard(row):
             images: dict[str, dict[str, Any]] = dict(content["images"])
             first = first or images
             numbers.append(float(content["number"]))

@@ -63,7 +63,7 @@ def evaluate_estimator(
         name: name of the estimator, see `estimator_named`.
         folder: folder for the estimate and the outcome; created if missing.
         limit_s: time limit of the process.
-        given: folder of the run with the calibration for the estimator; None: `run`.
+        given: folder of the run as the estimator gets it, perhaps miscalibrated; None: `run`.
         children: child processes to start and end; None: only this one.
 
     Raises:
@@ -73,7 +73,7 @@ def evaluate_estimator(
     estimator = estimator_named(name)
     manifest = (run / MANIFEST).read_text(encoding="utf-8")
     given = given or run
-    label = "" if given == run else given.name
+    label = "" if given == run else given.name  # has the digest of the calibration's errors
     inputs = fingerprint(manifest, name, _version(estimator), label)
     before = _read_outcome(folder / OUTCOME, inputs)
     if before is not None and (
@@ -109,7 +109,7 @@ def _version(estimator: Estimator) -> str:
 
 
 def _read_outcome(path: Path, inputs: str) -> Outcome | None:
-    """Cached outcome of the same inputs; None: missing."""
+    """Cached outcome of the same inputs; None: there is none."""
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
         if content.pop("inputs") != inputs:
@@ -182,9 +182,6 @@ def true_trajectory(recording: Recording, times_s: Floats) -> Trajectory:
     times = np.concatenate((truth.times_s, other_s))
     order = np.argsort(times)
     return Trajectory(times[order], np.concatenate((truth.world_from_base, poses))[order])
-
-
-# Outcome of an estimator on a run.
 
 
 Status = Literal["ok", "not installed", "failed", "crashed", "timed out"]

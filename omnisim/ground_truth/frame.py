@@ -122,13 +122,10 @@ class Frame:
             write_previews(path, self.channels, self.labels)
 
 
-# Channels of a frame by name, with false-color previews in notebooks.
-
-
 class FrameChannels(dict[str, NDArray[Any]]):
     """Ground truth of a frame: arrays (height, width) or (height, width, n) by name.
 
-    Labels, if any, give the preview's colors.
+    Notebooks show previews, with the colors of the labels, if any.
     """
 
     def __init__(self, channels: Mapping[str, NDArray[Any]], labels: Labels | None = None):

@@ -1,4 +1,7 @@
-"""Hits of the rays of an image's pixels, and of a lidar's beams."""
+"""Hits of the rays of an image's pixels, and of a lidar's beams, as all back ends return them.
+
+A draw item is an instance, static or of a dynamic object, by its index in the back end's list.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +42,7 @@ class HitDetails(NamedTuple):
 
     def joined(self, other: HitDetails) -> HitDetails:
         """Union of two sets of details."""
-        return HitDetails(*(own or more for own, more in zip(self, other, strict=True)))
+        return HitDetails(*(first or second for first, second in zip(self, other, strict=True)))
 
     @property
     def components(self) -> dict[str, int]:
@@ -70,18 +73,18 @@ class ThroughHits(NamedTuple):
 
 
 class Hits(NamedTuple):
-    """Ray hits per pixel, first row at the top.
+    """Ray hits per pixel, first row at the top; arrays of details that are not requested are empty.
 
-    The viewpoint frame has the world's axes and its origin at the effective viewpoint. Details that
-    are not requested have no rows.
+    The viewpoint frame has the world's axes and its origin at the effective viewpoint.
     """
 
-    points_and_ranges_m: Floats32  # (height, width, 4), see below
+    points_and_ranges_m: Floats32  # (height, width, 4): `points_m` and `ranges_m`
     draw_ids: NDArray[np.uint32]  # (height, width), 1 + draw item; 0: no hit
     triangles: NDArray[np.uint32]  # (height, width) triangle indices in the instance's mesh
     normals: Floats32  # (height, width, 3), viewpoint frame, unit; 0: no hit
     albedos: Floats32  # (height, width, 3) linear RGB; 0: no hit
-    materials: Floats32  # (height, width, 5), see below; 0: no hit
+    # (height, width, 5): `roughness`, `metallic` and `emissive`; 0: no hit
+    materials: Floats32
 
     @property
     def points_m(self) -> Floats32:
@@ -96,19 +99,19 @@ class Hits(NamedTuple):
     @property
     def roughness(self) -> Floats32:
         """Roughness (height, width), 1 for matte surfaces; NaN: no hit."""
-        return self._of_something(self.materials[..., 0])
+        return self._nan_without_hit(self.materials[..., 0])
 
     @property
     def metallic(self) -> Floats32:
         """Metalness (height, width); NaN: no hit."""
-        return self._of_something(self.materials[..., 1])
+        return self._nan_without_hit(self.materials[..., 1])
 
     @property
     def emissive(self) -> Floats32:
         """Emitted light (height, width, 3), linear RGB; 0: no hit."""
         return self.materials[..., 2:]
 
-    def _of_something(self, values: Floats32) -> Floats32:
+    def _nan_without_hit(self, values: Floats32) -> Floats32:
         return np.where(self.draw_ids == 0, np.float32(np.nan), values)
 
 

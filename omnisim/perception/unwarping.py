@@ -1,7 +1,8 @@
-"""Unwarping: resampling of one camera's image for another camera at the same viewpoint.
+"""Unwarping: resampling of one camera's image for another camera, a view, at the same viewpoint.
 
-The table of a pair of cameras and a rotation is computed once and applied to any number of images.
-Colors are blended in linear light.
+`Unwarping` resamples colors, blended in linear light, and `ChannelUnwarping` ground truth, each by
+a table that is computed once for any number of images. Then follow the usual views, and `Panorama`,
+the view in which landmarks are found.
 """
 
 from __future__ import annotations
@@ -86,6 +87,7 @@ class Unwarping:
         self._camera, self._view = camera, view
         self._rotation = np.asarray(camera_from_view, dtype=np.float64)
         self._shape = (camera.height_px, camera.width_px)
+        self._steps = 0, 1, camera.width_px, camera.width_px + 1  # from a corner to its four pixels
         if covered is None:
             covered = camera.ray_from_pixel(pixel_grid(camera.width_px, camera.height_px)).valid
         self._covered = covered
@@ -120,12 +122,11 @@ class Unwarping:
         linear = linear_from_srgb8(image) if is_encoded else image.astype(np.float32, copy=False)
         flat = linear.reshape(-1, image.shape[2])
         result = np.zeros((*self.valid.shape, image.shape[2]), dtype=image.dtype)
-        width = self._shape[1]
         for rows, valid, lookups in self._make_blocks() if self._kept is None else self._kept:
             total = np.zeros((*valid.shape, image.shape[2]), dtype=np.float32)
             with np.errstate(over="ignore"):  # light beyond a float's range is infinite
                 for corner, weights in lookups:
-                    for step, weight in zip((0, 1, width, width + 1), weights, strict=True):
+                    for step, weight in zip(self._steps, weights, strict=True):
                         total += weight[..., None] * flat.take(corner + step, axis=0, mode="clip")
             seen: NDArray[Any] = total[valid] / np.float32(len(lookups))
             if is_encoded:  # as 8-bit sRGB
@@ -159,7 +160,7 @@ class Unwarping:
         rays = self._view.ray_from_pixel(positions_px)
         pixels = self._camera.pixel_from_ray(rays.directions @ self._rotation.T)
         corner, weights, inside = corner_and_weights(pixels.positions_px, self._shape)
-        for step in (0, 1, self._shape[1], self._shape[1] + 1):
+        for step in self._steps:
             inside &= self._covered.take(corner + step, mode="clip")
         return corner, weights, inside & pixels.valid & rays.valid
 
@@ -445,16 +446,14 @@ _LEVEL = 1e-9  # maximum error of a rotation about the upright axis
 
 @dataclass(frozen=True, eq=False)
 class CameraMount:
-    """Camera on a vehicle.
-
-    The caveat is of the assumed single viewpoint of non-central optics, and of its errors.
-    """
+    """Camera on a vehicle."""
 
     camera: CentralCamera
     base_from_optical: Floats  # (4, 4) pose on the vehicle
     # (height, width) pixels that show the scene; None: all valid
     covered: Bools | None = None
-    caveat: str | None = None  # None: a central camera, or no assumption
+    # notice that a single viewpoint is assumed for non-central optics; None: it is not
+    caveat: str | None = None
 
     def assuming_viewpoint(self) -> CameraMount:
         """The same mount; for non-central optics, as if all rays met in one point."""

@@ -17,7 +17,7 @@ from omnisim.core.files.image_files import write_image
 from omnisim.plots.style import DPI
 
 Tiles = Sequence[tuple[str, Bytes]]  # titles and images
-TITLE_PX, LINE_PX, GAP_PX, POINTS = 26, 16, 8, 9.5
+TITLE_PX, LINE_PX, GAP_PX, POINTS = 26, 16, 8, 9.5  # title, its second line, gap; font size
 PAGE_PX = 800  # a page shows wider sheets smaller: their titles are larger
 SHEET_JPEG_QUALITY = 82  # good enough to look at, and small enough for a page
 
@@ -40,7 +40,7 @@ def contact_sheet(tiles: Tiles, columns: int) -> Bytes:
     cell_width = max(image.shape[1] for _, image in tiles) + GAP_PX
     width, rows = columns * cell_width + GAP_PX, math.ceil(len(tiles) / columns)
     scale, lines = max(1.0, width / PAGE_PX), 1
-    figure = Figure(dpi=DPI, facecolor="white")
+    figure = Figure(dpi=DPI, facecolor="white")  # for the titles; images are copied into the sheet
     for title, _ in tiles:
         text = figure.text(0, 0, title, ha="center", va="center", fontsize=POINTS * scale)
         share = (cell_width - GAP_PX) / max(text.get_window_extent().width, 1.0)

@@ -45,8 +45,8 @@ def sample_sheet(samples: Sequence[SampleTiles]) -> Bytes:
     texts = [*(sample.title for sample in samples), *(caption for caption, _ in tiles)]
     widths = [math.ceil(font.getlength(text)) for text in texts]
     widths += [image.shape[1] for _, image in tiles]
-    rows_px = LINE_PX + GAP_PX
-    heights = [sum(image.shape[0] + rows_px for _, image in each.tiles) for each in samples]
+    caption_px = LINE_PX + GAP_PX
+    heights = [sum(image.shape[0] + caption_px for _, image in each.tiles) for each in samples]
     columns = math.ceil(math.sqrt(len(samples)))
     width, height = max(widths) + GAP_PX, max(heights) + LINE_PX + GAP_PX
     size = columns * width + GAP_PX, math.ceil(len(samples) / columns) * height + GAP_PX
@@ -61,5 +61,5 @@ def sample_sheet(samples: Sequence[SampleTiles]) -> Bytes:
             draw.text((left, top), caption, INK, font)
             pixels = Image.fromarray(np.ascontiguousarray(image[..., :3]))
             sheet.paste(pixels, (left, top + LINE_PX))
-            top += image.shape[0] + LINE_PX + GAP_PX
+            top += image.shape[0] + caption_px
     return np.asarray(sheet)

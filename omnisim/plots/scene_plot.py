@@ -19,7 +19,7 @@ from omnisim.scene.surface_kind import SurfaceKind, kind_of
 # Larger scenes are shown around their starts, paths and landmarks, with this margin.
 MAX_SIDE_M, AROUND_M = 30.0, 12.0
 MARGIN = 0.03  # share of the larger side
-CUT_M = 0.9
+CUT_M = 0.9  # height of the section above the ground
 INK = "#222222"
 _WALL = "#333333"
 _PALE = 0.45  # share of white, for lines and points on top
@@ -33,8 +33,8 @@ def scene_figure(scene: Scene) -> Figure:
         points += [start.position_m[:2] for start in scene.starts]
         points += [landmark.position_m[:2] for landmark in scene.landmarks]
         points += [point for path in scene.paths for point in path.waypoints_m]
-        near, far = np.min(points, axis=0) - AROUND_M, np.max(points, axis=0) + AROUND_M
-        low, high = np.maximum(low, near), np.minimum(high, far)
+        low = np.maximum(low, np.min(points, axis=0) - AROUND_M)
+        high = np.minimum(high, np.max(points, axis=0) + AROUND_M)
         high = np.maximum(high, low + 1.0)
     margin = MARGIN * float((high - low).max())
     low, high = low - margin, high + margin
@@ -70,7 +70,7 @@ def draw_scene_map(
 
     Args:
         low_m, high_m: corners of the drawn part.
-        ground_m: height of the ground; the section is `CUT_M` above it.
+        ground_m: height of the ground below the section.
     """
     cut_m = ground_m + CUT_M
     if not scene.instances:  # everything moves
@@ -82,9 +82,9 @@ def draw_scene_map(
         matrix = instance.world_from_mesh
         corners = mesh.positions.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
         triangles = corners[mesh.triangles]
-        near = np.all(triangles[..., :2].min(axis=1) <= high_m, axis=1)
-        near &= np.all(triangles[..., :2].max(axis=1) >= low_m, axis=1)
-        triangles = triangles[near]
+        inside = np.all(triangles[..., :2].min(axis=1) <= high_m, axis=1)
+        inside &= np.all(triangles[..., :2].max(axis=1) >= low_m, axis=1)
+        triangles = triangles[inside]
         z = triangles[..., 2]
         below = z.max(axis=1) < cut_m
         sides = triangles[:, 1:, :2] - triangles[:, :1, :2]

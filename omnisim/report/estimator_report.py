@@ -98,7 +98,7 @@ def run_section(recording: Recording, outcomes: Sequence[Outcome], folder: Path)
         recording: run with the true poses.
         folder: folder with a subfolder for each estimator's trajectory.
     """
-    panel = _panel("Trajectories from above", recording, outcomes, folder)
+    panel = _track_panel("Trajectories from above", recording, outcomes, folder)
     tracked = [outcome for outcome in outcomes if outcome.camera is None]
     rows = tuple(run_row(outcome) for outcome in tracked)
     tables = [ResultTable("Errors of the trajectories.", RUN_COLUMNS, rows)]
@@ -144,13 +144,13 @@ def sweep_sections(
         section = _sweep_section(plan, results, index, key)
         if title:
             name = section.title
-            name = name[0].lower() + name[1:] if name[:2].istitle() else name
+            name = name[0].lower() + name[1:] if name[:2].istitle() else name  # but IMU
             section = replace(section, title=f"{title}: {name}")
         sections.append(section)
     return sections
 
 
-def varied_title(plan: SweepPlan, variation: int | None) -> str:
+def _varied_title(plan: SweepPlan, variation: int | None) -> str:
     """Title of a variation by its index; None: the unchanged drive."""
     if variation is None:
         return "The drive without variation"
@@ -158,7 +158,7 @@ def varied_title(plan: SweepPlan, variation: int | None) -> str:
     return varied.title or ", ".join(varied.keys)
 
 
-def value_results(
+def _value_results(
     results: Sequence[PointResult], variation: int | None
 ) -> list[tuple[str, list[PointResult]]]:
     """Label and results, one per seed, of each value of a variation."""
@@ -167,13 +167,13 @@ def value_results(
     return [(label, [by_point[id(point)] for point in points]) for label, points in shown]
 
 
-def error_lines(
+def _error_lines(
     plan: SweepPlan, values: Sequence[tuple[str, list[PointResult]]], measure: Measure = ate_percent
 ) -> list[plots.SweepLine]:
     """Line of each estimator: a measure over a variation's values."""
     lines = []
     for estimator in plan.estimators:
-        outcomes = [_outcomes(group, estimator) for _, group in values]
+        outcomes = [_outcomes_of(group, estimator) for _, group in values]
         seeds = [
             [measure(outcome.errors) for outcome in group if outcome.errors is not None]
             for group in outcomes
@@ -189,13 +189,13 @@ def _line(estimator: str, seeds: list[list[float]]) -> plots.SweepLine:
 
 
 def lesson_figure(plan: SweepPlan, results: Sequence[PointResult], name: str) -> CaptionedFigure:
-    """Errors of all variations of a plan, and lost tracking if there is some."""
+    """Errors of all variations of a plan, and lost tracking if there is some, for a page."""
     errors, lost = [], []
     for index in range(len(plan.vary)):
-        values = value_results(results, index)
-        title = varied_title(plan, index)
+        values = _value_results(results, index)
+        title = _varied_title(plan, index)
         errors.append(_ate_panel(plan, title, values))
-        lines = error_lines(plan, values, lost_percent)
+        lines = _error_lines(plan, values, lost_percent)
         labels = [label for label, _ in values]
         lost.append(plots.SweepPanel(title, "lost (% of the time)", labels, lines))
     means = [mean for panel in lost for line in panel.lines for mean in line.means]
@@ -208,19 +208,19 @@ def _ate_panel(
     plan: SweepPlan, title: str, values: Sequence[tuple[str, list[PointResult]]]
 ) -> plots.SweepPanel:
     labels = [label for label, _ in values]
-    lines = error_lines(plan, values)
+    lines = _error_lines(plan, values)
     return plots.SweepPanel(title, "ATE (% of path length)", labels, lines, "no trajectory")
 
 
 def _sweep_section(
     plan: SweepPlan, results: Sequence[PointResult], variation: int | None, key: str
 ) -> Section:
-    values = value_results(results, variation)
+    values = _value_results(results, variation)
     labels = [label for label, _ in values]
     rows = []
     for label, group in values:
         for estimator in plan.estimators:
-            outcomes = _outcomes(group, estimator)
+            outcomes = _outcomes_of(group, estimator)
             failed = [outcome for outcome in outcomes if outcome.errors is None]
             kinds = {outcome.errors.kind for outcome in outcomes if outcome.errors is not None}
             seconds = over_seeds([each.seconds for each in outcomes if each.seconds is not None])
@@ -234,7 +234,7 @@ def _sweep_section(
         [outcome for _, group in values for result in group for outcome in result.outcomes]
     )
     name = f"{key}{'base' if variation is None else f'vary-{variation}'}"
-    title, figures = varied_title(plan, variation), []
+    title, figures = _varied_title(plan, variation), []
     if variation is not None:
         figures.append(
             CaptionedFigure(
@@ -247,7 +247,7 @@ def _sweep_section(
     figures += _track_figures(plan, values, name)
     times = []
     for estimator in plan.estimators:
-        groups = [_outcomes(group, estimator) for _, group in values]
+        groups = [_outcomes_of(group, estimator) for _, group in values]
         taken_s = [[each.seconds for each in group if each.seconds is not None] for group in groups]
         times.append(_line(estimator, taken_s))
     panel = plots.SweepPanel("" if variation is None else title, "time taken (s)", labels, times)
@@ -268,12 +268,12 @@ def _track_figures(
             recording = Recording.read(result.run)
         except OmnisimError:
             rows += [
-                plots.LostRow(_label(label, name), None, "no drive") for name in plan.estimators
+                plots.LostRow(_row_label(label, name), None, "no drive") for name in plan.estimators
             ]
             continue
-        panels.append(_panel(label, recording, result.outcomes, result.estimates))
+        panels.append(_track_panel(label, recording, result.outcomes, result.estimates))
         rows += [
-            _lost_row(_label(label, outcome.estimator), outcome, recording, result.estimates)
+            _lost_row(_row_label(label, outcome.estimator), outcome, recording, result.estimates)
             for outcome in result.outcomes
         ]
     figures = []
@@ -286,11 +286,11 @@ def _track_figures(
     return [*figures, CaptionedFigure(f"{name}-lost", plots.lost_figure(rows), caption)]
 
 
-def _label(label: str, estimator: str) -> str:
+def _row_label(label: str, estimator: str) -> str:
     return _short(estimator) if label == BASE else f"{label}, {_short(estimator)}"
 
 
-def _outcomes(results: Sequence[PointResult], estimator: str) -> list[Outcome]:
+def _outcomes_of(results: Sequence[PointResult], estimator: str) -> list[Outcome]:
     """Outcomes of one estimator, one per seed."""
     return [each for result in results for each in result.outcomes if each.estimator == estimator]
 
@@ -304,7 +304,7 @@ def _failures(outcomes: Sequence[Outcome]) -> list[ResultTable]:
     return [ResultTable(caption, columns, tuple(failures))] if failures else []
 
 
-def _panel(
+def _track_panel(
     title: str, recording: Recording, outcomes: Sequence[Outcome], folder: Path
 ) -> plots.TrackPanel:
     tracks = {}

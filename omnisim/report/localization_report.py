@@ -22,7 +22,7 @@ from omnisim.plots.localization_plots import (
 from omnisim.report.report import CaptionedFigure, Measure, Report, Section
 from omnisim.runs.run_data import RunData
 
-LATE_STEP = 5  # first step of the reported errors: the paper's start is worse than its odometry
+LATE_STEP = 5  # errors are reported from this step on: the paper's start is worse than odometry
 
 
 def write_localized(

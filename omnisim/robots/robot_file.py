@@ -1,6 +1,7 @@
 """Robot files: kinematics, odometry, body and sensors of a robot, in TOML.
 
-`scenes/p2at/robot.toml` has every table.
+`scenes/p2at/robot.toml` has every table. `RobotFile` has the keys; a `Robot` is made of them. Its
+chassis joins the wheels of [kinematics] with [physics]: both matter with `--physics` only.
 """
 
 from __future__ import annotations
@@ -123,7 +124,7 @@ class RobotFile(Table):
 
 
 class Robot(RobotFile):
-    """Contents of a robot file."""
+    """Contents of a robot file, with those of the files that it extends."""
 
     source: str  # path of the file, or the name of the table in messages
     folder: Path  # base folder of relative paths

@@ -34,7 +34,7 @@ from omnisim.core.trajectories.formats.parsed_trajectory import Axes, check_prin
 BODY, CAMERA = "body", "camera"
 NERFSTUDIO = "nerfstudio"
 OPTICAL_AXES = "x right, y down, z forward"
-AHEAD = pose_from_rotation(BASE_FROM_OPTICAL_LOOKING_AHEAD, np.zeros(3))
+AHEAD = pose_from_rotation(BASE_FROM_OPTICAL_LOOKING_AHEAD, np.zeros(3))  # base from optical
 UNTIMED_HZ = 1.0  # poses per second of a file without times, by default
 
 

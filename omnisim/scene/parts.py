@@ -1,4 +1,7 @@
-"""Plain-data parts of a scene: meshes, materials, instances, lights, starts, paths."""
+"""Plain-data parts of a scene: meshes, materials, instances, lights, starts, paths.
+
+A string below a field is the help of a key in scene files; other fields have comments.
+"""
 
 from __future__ import annotations
 
@@ -156,8 +159,8 @@ class Material:
     def absorption_per_m(self) -> tuple[float, float, float]:
         """Absorption coefficients of Beer and Lambert's law in glass, linear RGB."""
         red, green, blue = (
-            -math.log(max(channel, _DARKEST)) / self.attenuation_distance_m
-            for channel in self.attenuation_color
+            -math.log(max(share, _DARKEST)) / self.attenuation_distance_m
+            for share in self.attenuation_color
         )
         return red, green, blue
 
@@ -338,10 +341,6 @@ class Lighting:
         """Copy in which all lights cast shadows, or none does."""
         lights = tuple(replace(light, casts_shadow=casts) for light in self.lights)
         return replace(self, lights=lights)
-
-    def without_shadows(self) -> Lighting:
-        """Copy in which no light casts shadows."""
-        return self.with_shadows(False)
 
     def __repr__(self) -> str:
         return short_repr(self, counted(len(self.lights), "light"), f"exposure {self.exposure:g}")

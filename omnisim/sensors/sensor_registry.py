@@ -55,7 +55,7 @@ def parse_sensors(robot: SensorTables) -> tuple[SensorTable, ...]:
         if suffix not in ("", ".toml") and table.get("type", "omnicamera") == "omnicamera":
             typed = {"type": "omnicamera", **table}
             tables.append(parse_table(typed, CalibratedCamerasTable, RobotFileError, where))
-            continue
+            continue  # the names of its cameras are in the calibration file
         if "type" not in table:
             raise RobotFileError(
                 f"{where}: type: missing; expected one of {', '.join(SENSOR_TYPES)}"

@@ -28,7 +28,7 @@ _FISHEYE_THETA_RAD = math.radians(95.0)
 _RIM_PX = 2.0  # excluded, as pixels blend there
 
 
-class View(NamedTuple):
+class TracedView(NamedTuple):
     """Image of a scene from its start, by one of the `CAMERAS`."""
 
     camera: str
@@ -58,16 +58,16 @@ class View(NamedTuple):
         return first, second
 
 
-def views(scene: Scene, size_px: int, cameras: Sequence[str] = CAMERAS) -> Iterator[View]:
+def views(scene: Scene, size_px: int, cameras: Sequence[str] = CAMERAS) -> Iterator[TracedView]:
     """Views of a scene from its start, by cameras named in `CAMERAS`."""
     for camera in cameras:
         sensor = small_mirror(size_px) if camera == "mirror" else fisheye(size_px)
         pose = sensor.base_pose(scene.start.position_m, yaw_deg=20.0)
-        yield View(camera, scene, sensor, pose, inside_rim(sensor))
+        yield TracedView(camera, scene, sensor, pose, inside_rim(sensor))
 
 
-def samples_of(samples: Mapping[str, int]) -> list[Measure]:
-    """Rays per pixel for each camera, by name, from the `samples` of `traced_light`."""
+def ray_counts(samples: Mapping[str, int]) -> list[Measure]:
+    """Rays per pixel of each camera; `samples` of the fisheye are per texel, 1/16 of a pixel."""
     measures = [Measure("rays per pixel of the mirror", samples["mirror"])]
     return [*measures, Measure("rays per pixel of the fisheye", 16 * samples["fisheye"])]
 

@@ -100,7 +100,7 @@ def test_body_moves_with_the_vehicle():
 def test_hidden_instances_are_hidden_from_one_sensor(hidden):
     scene, base = surroundings(), POSES["tilted"]
     # their shadows are not
-    scene = dataclasses.replace(scene, lighting=scene.lighting.without_shadows())
+    scene = dataclasses.replace(scene, lighting=scene.lighting.with_shadows(False))
     rest = without(body(), *hidden)
     with Stage(scene, body()) as stage:
         one, other = stage.open(CAMERA, hidden=hidden), stage.open(CAMERA)

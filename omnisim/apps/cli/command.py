@@ -13,7 +13,7 @@ import click
 from click.core import ParameterSource
 from click.shell_completion import CompletionItem
 
-from omnisim.apps.cli.options import CommandLineError, OptionEntry, RequestField
+from omnisim.apps.cli.options import CommandEntry, CommandLineError, RequestField
 from omnisim.core.errors import did_you_mean
 
 HELP_FLAGS = ("-h", "--help", "--help-all")
@@ -40,7 +40,7 @@ def _help_options(hidden: int) -> list[click.Option]:
 class Command(click.Command):
     """Command of a request."""
 
-    def __init__(self, entry: OptionEntry):
+    def __init__(self, entry: CommandEntry):
         name = entry.path.rpartition(" ")[2]
         super().__init__(name, help=entry.summary, add_help_option=False)
         self.allow_extra_args = True  # rejected below, in the same words as others
@@ -197,7 +197,7 @@ def _write_rows(
     formatter.buffer[:] = [text.replace(_HYPHEN, "-") for text in formatter.buffer]
 
 
-def _shown(entry: OptionEntry) -> list[RequestField]:
+def _shown(entry: CommandEntry) -> list[RequestField]:
     """Arguments and important options of a command, in the order of their importance."""
     fields = {field.name: field for field in entry.fields}
     if not entry.first:
@@ -206,7 +206,7 @@ def _shown(entry: OptionEntry) -> list[RequestField]:
     return arguments + [fields[name] for name in entry.first]
 
 
-def usage(entry: OptionEntry) -> str:
+def usage(entry: CommandEntry) -> str:
     """Arguments of a command, in its usage."""
     arguments = (field for field in entry.fields if field.is_argument)
     names = (field.metavar if field.is_required else f"[{field.label}]" for field in arguments)
@@ -252,7 +252,7 @@ def _parameter(field: RequestField) -> click.Parameter:
 class _CommandLine:
     """Words after a command's name: what is wrong with them, in one line."""
 
-    def __init__(self, entry: OptionEntry, words: Sequence[str]):
+    def __init__(self, entry: CommandEntry, words: Sequence[str]):
         self._entry, self._path = entry, f"omnisim {entry.path}"
         self._fields = entry.fields
         self._words = list(words[: words.index("--")] if "--" in words else words)

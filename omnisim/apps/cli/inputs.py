@@ -145,7 +145,7 @@ def load_labeled_scene(
         raise OutputError("--labels: requires --also semantic")
     scene = load_requested_scene(world, light)
     if light.no_shadows:
-        scene = scene.altered("no shadows", lighting=scene.lighting.without_shadows())
+        scene = scene.altered("no shadows", lighting=scene.lighting.with_shadows(False))
     if truth.labels is not None:
         rules = read_label_file(truth.labels)
         scene = scene.altered(f"labels {rules}", labels=rules)

@@ -14,9 +14,9 @@
 Parser, messages, help pages, completion and the reference are derived from it. The string below a
 field is the option's help. Its flag and the placeholder of its value follow from name and type:
 `size_px: int` becomes `--size PX`, `rays: Path` becomes `--rays FILE`, `force: bool` becomes
-`--force`. `Option` and `Argument`, in `Annotated`, override details, or refer to the field of the
-thing that the option sets: `of("runs.route.Route")` takes its limits and its help. A field whose
-type is a dataclass is a group of options; the class's `panel` is its heading on the help page.
+`--force`. `Option` and `Argument`, in `Annotated`, override details, or name the owner of the
+setting: `of("runs.route.Route")` takes limits and help of that class's field of the same name. A
+field whose type is a dataclass is a group of options, under the class's `panel` on the help page.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ from dataclasses import dataclass
 from functools import cache, cached_property
 from importlib import import_module
 from pathlib import Path
+from types import NoneType
 from typing import (
     TYPE_CHECKING,
     Annotated,
@@ -106,7 +107,7 @@ class Argument(Option):
     """Details of a positional argument."""
 
 
-OWN: Any = object()  # default of an option that sets a thing's field: that of the field
+OWN: Any = object()  # default of an option with an owner: that of the owner's field
 
 
 def of(owner: str, **details: Any) -> Option:
@@ -119,10 +120,10 @@ class RequestField:
     """Option or argument of a request."""
 
     name: str
-    kind: Any  # type of its value, without `Annotated`
-    details: Option  # its details
-    help: str  # the string below it; empty: that of its type, or of the thing's field
-    stated: Any  # default value; `dataclasses.MISSING`: required; `OWN`: that of the thing's field
+    kind: Any  # type of its value, without `Annotated` and `None`
+    details: Option
+    help: str  # the string below it; empty: that of its type, or of the owner's field
+    stated: Any  # default in the request; `dataclasses.MISSING`: required; `OWN`: the owner's
     panel: str  # heading on the help page
 
     @property
@@ -143,7 +144,7 @@ class RequestField:
     @property
     def is_list(self) -> bool:
         """True if it may be given several times."""
-        return get_origin(self._kind) is list
+        return get_origin(self.kind) is list
 
     @property
     def flags(self) -> tuple[str, ...]:
@@ -168,17 +169,10 @@ class RequestField:
         return "|".join(self.choices) or unit or _TYPES.get(self.kinds[0], "")
 
     @cached_property
-    def _kind(self) -> Any:
-        """Type of the value without `None`."""
-        parts = get_args(self.kind)
-        none = type(None)
-        return next(part for part in parts if part is not none) if none in parts else self.kind
-
-    @cached_property
     def kinds(self) -> list[Any]:
         """Types of the words of a value: three for X Y Z; that of the items of a list."""
-        is_several = get_origin(self._kind) in (list, tuple)
-        return list(get_args(self._kind)) if is_several else [self._kind]
+        is_several = get_origin(self.kind) in (list, tuple)
+        return list(get_args(self.kind)) if is_several else [self.kind]
 
     @property
     def word_count(self) -> int:
@@ -205,8 +199,8 @@ class RequestField:
         names, default = self.details.names, self.default
         if names and "{names}" in text:
             text = text.replace("{names}", " ".join(names()))
-        if any(default is none for none in (None, False, dataclasses.MISSING)):  # 0 == False
-            return text
+        if default is None or default is False or default is dataclasses.MISSING:
+            return text  # there is a default of 0
         value = f"{default:g}" if isinstance(default, float) else default
         return f"{text} Default: {self.label if self.is_flag else value}."
 
@@ -224,7 +218,7 @@ class RequestField:
 
     @property
     def example(self) -> str:
-        """Right value, for messages."""
+        """Valid value, for messages."""
         details, kind, metavar = self.details, self.kinds[0], self.metavar
         if details.example or self.choices:
             return details.example or self.choices[0]
@@ -278,7 +272,7 @@ class RequestField:
         if self.choices and word not in self.choices:
             raise self.error(word)
         if self.metavar == "FILE" and not self.is_argument and not Path(word).name:
-            raise self.error(word)  # nothing, . or /
+            raise self.error(word)  # a path without a name: empty, . or /
         try:
             value = word if self.choices else (self.details.parse or kind)(word)
         except ValueError:
@@ -301,8 +295,8 @@ class RequestField:
         return CommandLineError(f"{label}: expected {expected}")
 
 
-class OptionEntry(NamedTuple):
-    """Command of a request."""
+class CommandEntry(NamedTuple):
+    """Command with its request."""
 
     path: str  # name of the command, preceded by its group's
     # function in `omnisim.apps.cli` that takes the request, imported when the command runs; if it
@@ -311,7 +305,7 @@ class OptionEntry(NamedTuple):
     request: type  # the request's class
     first: tuple[str, ...]  # options that its help page shows; empty: all
     extra: str | None  # required extra of the package; None: no extra
-    elsewhere: Mapping[str, str]  # command that has options which a user may expect here, by option
+    elsewhere: Mapping[str, str]  # where to find options that a user may expect here, by flag
 
     @property
     def summary(self) -> str:
@@ -335,7 +329,7 @@ class OptionEntry(NamedTuple):
         return _make(self.request, {**values, **defaults})
 
 
-ENTRIES: dict[str, OptionEntry] = {}  # by path, of all requests that have been imported
+ENTRIES: dict[str, CommandEntry] = {}  # by path, of all requests that have been imported
 
 
 @dataclass_transform(frozen_default=True, kw_only_default=True)
@@ -353,11 +347,11 @@ def command(
     extra: str | None = None,
     elsewhere: Mapping[str, str] | None = None,
 ) -> Callable[[type[T]], type[T]]:
-    """Make a request of a class, and its command; see `OptionEntry`."""
+    """Make a request of a class, and its command; see `CommandEntry`."""
 
     def register(kind: type[T]) -> type[T]:
         request = options(kind)
-        ENTRIES[path] = OptionEntry(
+        ENTRIES[path] = CommandEntry(
             path, run, request, tuple(first.split()), extra, elsewhere or {}
         )
         return request
@@ -384,6 +378,8 @@ def request_fields(request: type) -> list[RequestField]:
             continue
         is_detailed = get_origin(hint) is Annotated
         kind, *details = get_args(hint) if is_detailed else (hint, Option())
+        if NoneType in (parts := get_args(kind)):
+            kind = next(part for part in parts if part is not NoneType)
         text = docs.get(field.name, "")
         fields.append(RequestField(field.name, kind, details[-1], text, field.default, panel))
     return fields
@@ -420,7 +416,7 @@ def refuse_given(
 
 
 def words_of(group: Any, *names: str) -> tuple[str, ...]:
-    """Words of a command line that set options as they are, without those at their defaults.
+    """Words of a command line that repeats a group's options, without those at their defaults.
 
     `names` selects fields of the group or request; by default all options, without arguments.
     """

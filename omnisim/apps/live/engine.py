@@ -18,7 +18,7 @@ import numpy as np
 from omnisim.apps.live import view_maker
 from omnisim.apps.live.camera_document import FILE_NAME, SCENE_FILE
 from omnisim.apps.live.controls import control_groups
-from omnisim.apps.live.live_messages import MessagePart, Probe, Save, Statistics, pack
+from omnisim.apps.live.live_messages import MessagePart, ProbePoint, RequestStatistics, Save, pack
 from omnisim.apps.live.live_source import LiveSource, RunSource
 from omnisim.apps.live.session import PageDraw, PageJob, Session
 from omnisim.core.arrays import Bytes
@@ -210,7 +210,7 @@ class Engine:
 
     def _answer(self, job: PageJob) -> None:
         source, draw = self.source, PageDraw(job.state, True)
-        if isinstance(job.message, Statistics):
+        if isinstance(job.message, RequestStatistics):
             counted = source.statistics(draw)
             job.reply(pack("statistics", {"change": job.state.change, **counted}))
             return
@@ -233,7 +233,7 @@ class Engine:
                 data = archive.getvalue()
             job.reply(pack("saved", {"name": name}, [MessagePart(name, media_type, data, {})]))
             return
-        assert isinstance(job.message, Probe)
+        assert isinstance(job.message, ProbePoint)
         # the fine state's image, with the needed channels; else the last image
         frame = self._last
         if self._truth is not None and self._truth[0] == job.state.change:

@@ -249,9 +249,9 @@ class LiveServer:
                 self._session.rest()
                 self._driver = page
                 self._tell_roles()
-            elif isinstance(message, messages.Save | messages.Statistics):
+            elif isinstance(message, messages.Save | messages.RequestStatistics):
                 self._session.look_up(message, reply)
-            elif isinstance(message, messages.Probe):
+            elif isinstance(message, messages.ProbePoint):
                 if page is not self._driver:
                     message = message.model_copy(update={"follow": False})
                 self._session.look_up(message, reply)

@@ -1,4 +1,4 @@
-"""Messages between page and server.
+"""Messages between the live page and its server.
 
 The page sends a JSON object whose `type` is a key of `MESSAGES`. The server's messages are binary:
 the length of a JSON text in four bytes, little endian, the text, and the parts listed in the text.
@@ -13,14 +13,13 @@ from typing import Annotated, Any, NamedTuple
 from pydantic import Field, JsonValue
 
 from omnisim.core.errors import OutputError
-from omnisim.core.files.parameters import Number, Table, parse_table
+from omnisim.core.files.parameters import Fraction, Number, Table, parse_table
 from omnisim.ground_truth import CHANNELS
 
 MAX_MESSAGE_BYTES = 1 << 18  # limit for the page's messages; a lens table has thousands of digits
-Share = Annotated[Number, Field(ge=-1.0, le=1.0)]
+Deflection = Annotated[Number, Field(ge=-1.0, le=1.0)]  # of a joystick's axis
 Angle = Annotated[Number, Field(ge=-3600.0, le=3600.0)]
 Meters = Annotated[Number, Field(ge=-1e5, le=1e5)]
-Within = Annotated[Number, Field(ge=0.0, le=1.0)]
 Name = Annotated[str, Field(max_length=200)]
 VIEWS = ("camera", "panorama", "perspective", "birdseye", "map", "profile", *CHANNELS)
 
@@ -33,14 +32,14 @@ class Ask(Message):
     """Request for the next image, sent when the page has displayed the last one."""
 
 
-class Drive(Message):
-    """Drive commands from the pressed keys."""
+class SetMotion(Message):
+    """Motion requested by the pressed keys, as shares of the top speeds; `fast` multiplies them."""
 
-    ahead: Share = 0.0
-    left: Share = 0.0
-    up: Share = 0.0
-    turn: Share = 0.0
-    tilt: Share = 0.0
+    ahead: Deflection = 0.0
+    left: Deflection = 0.0
+    up: Deflection = 0.0
+    turn: Deflection = 0.0
+    tilt: Deflection = 0.0
     fast: Annotated[Number, Field(ge=0.1, le=4.0)] = 1.0
 
 
@@ -105,7 +104,7 @@ class Reset(Message):
     """Restore the initial camera."""
 
 
-class Views(Message):
+class SetViews(Message):
     """Views to show beside the camera."""
 
     names: Annotated[tuple[Name, ...], Field(max_length=len(VIEWS))] = ()
@@ -119,15 +118,15 @@ class Gaze(Message):
     fov_deg: Annotated[Number, Field(ge=5.0, le=150.0)] = 75.0
 
 
-class Probe(Message):
+class ProbePoint(Message):
     """Point of a view under the mouse, as shares of the view's width and height.
 
     `follow` turns the perspective view to this point.
     """
 
     view: Name
-    u: Within
-    v: Within
+    u: Fraction
+    v: Fraction
     follow: bool = False
 
 
@@ -137,8 +136,8 @@ class Save(Message):
     what: Annotated[str, Field(pattern="^(toml|image)$")]
 
 
-class Statistics(Message):
-    """Request for the numbers of triangles behind the image."""
+class RequestStatistics(Message):
+    """Request for the numbers of triangles submitted, drawn and visible in the image."""
 
 
 class Replay(Message):
@@ -160,7 +159,7 @@ class RequestControl(Message):
 
 MESSAGES: dict[str, type[Message]] = {
     "ask": Ask,
-    "drive": Drive,
+    "drive": SetMotion,
     "go": Go,
     "turn": Turn,
     "place": SetPlace,
@@ -171,11 +170,11 @@ MESSAGES: dict[str, type[Message]] = {
     "undo": Undo,
     "redo": Redo,
     "reset": Reset,
-    "views": Views,
+    "views": SetViews,
     "look": Gaze,
-    "probe": Probe,
+    "probe": ProbePoint,
     "save": Save,
-    "statistics": Statistics,
+    "statistics": RequestStatistics,
     "replay": Replay,
     "clock": Clock,
     "wheel": RequestControl,

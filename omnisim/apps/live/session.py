@@ -139,7 +139,7 @@ class Session:
 
     def look_up(
         self,
-        message: messages.Probe | messages.Save | messages.Statistics,
+        message: messages.ProbePoint | messages.Save | messages.RequestStatistics,
         reply: Callable[[bytes], None],
     ) -> None:
         """Queue a question about the current state; any page may ask.
@@ -149,7 +149,7 @@ class Session:
         """
         with self._condition:
             job = PageJob(message, self._state, reply)
-            if isinstance(message, messages.Probe):
+            if isinstance(message, messages.ProbePoint):
                 self._probe = job  # replaces the previous one, as the mouse has moved
             elif len(self._jobs) >= MAX_JOBS:
                 raise OutputError("too many requests at once: others are still being answered")
@@ -242,7 +242,7 @@ class Session:
     def _apply(self, message: messages.Message) -> None:  # noqa: C901 - a list of cases
         pilot, state = self._pilot, self._state
         match message:
-            case messages.Drive():
+            case messages.SetMotion():
                 # a key that is pressed and released during a single image has an effect as well
                 self._advance(time.monotonic(), pilot.is_moving)
                 self._driven_s = time.monotonic()
@@ -279,7 +279,7 @@ class Session:
                 self._take_back(self._undo, self._redo)
             case messages.Redo():
                 self._take_back(self._redo, self._undo)
-            case messages.Views():
+            case messages.SetViews():
                 if unknown := set(message.names) - set(messages.VIEWS):
                     raise OutputError(f"views: unknown view {min(unknown)!r}")
                 self._change(views=tuple(dict.fromkeys(message.names)))

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.apps.live.live_messages import Gaze, Probe
+from omnisim.apps.live.live_messages import Gaze, ProbePoint
 from omnisim.apps.live.viewpoint_motion import Place
 from omnisim.cameras import CentralCamera, HyperbolicCamera, NonCentralCamera, PerspectiveCamera
 from omnisim.cameras.mirrors import HyperbolicMirror
@@ -157,7 +157,7 @@ def place_in(view: unwarping.View, direction: Floats) -> tuple[float, float] | N
 
 
 def probe(
-    message: Probe, frame: LiveFrame, views: ViewMaker, gaze: Gaze, height_m: float
+    message: ProbePoint, frame: LiveFrame, views: ViewMaker, gaze: Gaze, height_m: float
 ) -> dict[str, Any]:
     """Answer a probe with JSON-serializable values.
 

@@ -195,7 +195,7 @@ class OpticalSurfaceTable(AlignmentTable):
         table = SHAPE_TABLES.get(self.shape) or table_of(_PARAMETRIC[self.shape])
         for name in given:
             hint = did_you_mean(name, (*table.model_fields, *type(self).model_fields))
-            if name not in table.model_fields and hint.startswith("did"):
+            if name not in table.model_fields and hint.startswith("did"):  # misspelled
                 raise SensorFileError(f"{source}: {key}.{name}: unknown key; {hint}")
         shape = parse_table(given, table, SensorFileError, source, key)
         if isinstance(shape, PortShape | DomeShape):
@@ -204,8 +204,10 @@ class OpticalSurfaceTable(AlignmentTable):
                 raise SensorFileError(f"{source}: {key}.{message}")
             return self._window(shape, self.medium, f"{source}: {key}")
         surface_shape = self._shape(shape, source, key)
-        vertex_m = surface_shape.vertex_m if isinstance(surface_shape, shapes.Hyperbolic) else 0.0
-        if not self.is_placed and not isinstance(surface_shape, shapes.Hyperbolic):
+        vertex_m = 0.0
+        if isinstance(surface_shape, shapes.Hyperbolic):
+            vertex_m = surface_shape.vertex_m  # places the pinhole at the focus
+        elif not self.is_placed:
             raise SensorFileError(f"{source}: {key}.position_m: missing")
         pose = self.system_from_part((0.0, 0.0, vertex_m))
         return [self._surface(surface_shape, pose, self.medium)]
@@ -213,10 +215,9 @@ class OpticalSurfaceTable(AlignmentTable):
     def _shape(self, table: Table, source: str, key: str) -> Shape:
         if isinstance(table, TableShape):
             return table.make_profile(Path(source).parent, f"{source}: {key}")
-        values = dict(table)
         kind = shapes.Conic if isinstance(table, SphereShape) else _PARAMETRIC[self.shape]
         try:
-            shape = kind(**values)
+            shape = kind(**dict(table))
         except OpticsError as reason:
             message = str(reason).removeprefix("shape.")
             raise SensorFileError(f"{source}: {key}.{message}") from None
@@ -248,10 +249,6 @@ class OpticalSurfaceTable(AlignmentTable):
         return self.build(Surface, shape=shape, system_from_surface=pose, medium=medium, name=name)
 
 
-# Optics files: a camera and the surfaces in front of it, in TOML.
-
-
-_OF_SENSORS = ("mounting", "polygons")  # keys of [optics] in a sensor file
 _Direction = tuple[Number, Number, Number]
 _Looking = Annotated[
     Literal["up", "ahead", "down"] | tuple[_Direction, _Direction, _Direction],
@@ -283,12 +280,11 @@ class SystemCameraTable(AlignmentTable):
             keys = extra if self.model is None else {"model": self.model, **extra}
             return camera_from_calibration(self.calibration, self.camera, keys, source, key)
         parameters = {"model": self.model, **extra}
-        width, height = extra.get("width_px"), extra.get("height_px")
         model = CAMERA_MODELS.get(self.model or "")
-        has_center = model is not None and "principal_point_px" in model.__dataclass_fields__
-        if has_center:
-            sizes = [side if isinstance(side, int) else 1 for side in (width, height)]
-            middle = [0.5 * (size - 1) for size in sizes]
+        if model is not None and "principal_point_px" in model.__dataclass_fields__:
+            sizes = extra.get("width_px"), extra.get("height_px")
+            # a size that is missing or no number is reported with the other parameters
+            middle = [0.5 * (size - 1) if isinstance(size, int) else 0.0 for size in sizes]
             parameters.setdefault("principal_point_px", middle)
         return camera_from_table(parameters, source, key)
 
@@ -321,6 +317,9 @@ class OpticsFile(Table):
         return matrix
 
 
+_OF_SENSORS = ("mounting", "polygons")  # keys of a sensor file's [optics] beside the system's
+
+
 class OpticsTables(NamedTuple):
     """Table of an optical system in a file."""
 
@@ -341,6 +340,11 @@ def read_optics_tables(path: str | Path) -> OpticsTables:
             'shape = "table" that names it, as `omnisim optics design -o mirror.toml` writes'
         )
     table = extended(read_tables(Path(path), SensorFileError), str(path), SensorFileError)
+    return _system_in(table, path)
+
+
+def _system_in(table: dict[str, Any], path: str | Path) -> OpticsTables:
+    """Table of the system in an optics file, or that of a sensor file, maybe in a further file."""
     in_sensor = table.get("optics")
     if "surfaces" in table or not isinstance(in_sensor, dict):
         return OpticsTables(table, str(path), "")
@@ -401,16 +405,12 @@ def input_files(path: Path) -> dict[str, Path]:
         SensorFileError: the file cannot be read.
     """
     files = {"the optics file": path}
-    table = read_tables(path, SensorFileError)
-    in_sensor = table.get("optics")
-    if "surfaces" not in table and isinstance(in_sensor, dict):
-        table = in_sensor
-        if isinstance(in_sensor.get("file"), str):
-            path = path.parent / in_sensor["file"]
-            files["the sensor's optics file"] = path
-            table = read_tables(path, SensorFileError)
-    surfaces = table.get("surfaces")
+    system = _system_in(read_tables(path, SensorFileError), path)
+    file = Path(system.source)
+    if file != path:
+        files["the sensor's optics file"] = file
+    surfaces = system.table.get("surfaces")
     for number, surface in enumerate(surfaces if isinstance(surfaces, list) else []):
         if isinstance(surface, dict) and isinstance(surface.get("file"), str):
-            files[f"the profile of surfaces.{number}"] = path.parent / surface["file"]
+            files[f"the profile of surfaces.{number}"] = file.parent / surface["file"]
     return files

@@ -239,9 +239,7 @@ def in_degrees(angle_rad: float) -> float:
     """Angle in degrees with the fewest digits that `math.radians` turns into the same angle."""
     exact_deg = math.degrees(angle_rad)
     shortened = (float(f"{exact_deg:.{digits}g}") for digits in range(1, 18))
-    return next(
-        (angle_deg for angle_deg in shortened if math.radians(angle_deg) == angle_rad), exact_deg
-    )
+    return next((degrees for degrees in shortened if math.radians(degrees) == angle_rad), exact_deg)
 
 
 def mapped(convert: Callable[[float], float], value: Any) -> Any:
@@ -277,9 +275,9 @@ def _default(field: dataclasses.Field[Any]) -> Any:
     return field.default if made is dataclasses.MISSING else made()
 
 
-_TABLES: dict[type, type[Table]] = {}
-_CHECKS: dict[type, type[Table]] = {}
-_ADAPTERS: dict[type, pydantic.TypeAdapter[Any]] = {}
+_TABLES: dict[type, type[Table]] = {}  # schemas of tables in files
+_CHECKS: dict[type, type[Table]] = {}  # schemas of fields in Python
+_ADAPTERS: dict[type, pydantic.TypeAdapter[Any]] = {}  # readers of files' tables
 
 
 def table_of(kind: type) -> type[Table]:
@@ -302,9 +300,8 @@ def _make_table(kind: type, file_key: Callable[[str], str]) -> type[Table]:
         key: (hint, default) for key, hint, default in _file_fields(kind, file_key)
     }
     made = pydantic.create_model(kind.__name__, __base__=Table, __doc__=kind.__doc__, **fields)
-    names = {
-        setting.name: file_key(setting.name) for setting in _settings(kind)
-    }  # as they are in Python
+    # a field's name in Python hints at its key
+    names = {setting.name: file_key(setting.name) for setting in _settings(kind)}
     made.fields_of, made.synonyms = kind, names | dict(getattr(kind, "synonyms", {}))
     return made
 

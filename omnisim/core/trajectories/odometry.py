@@ -22,8 +22,8 @@ from omnisim.core.poses import MAX_M, wrap_angle, wrap_angles
 from omnisim.core.short_repr import counted, short_repr
 from omnisim.core.trajectories.formats.parsed_trajectory import (
     check_printed_times,
+    checked_times,
     read_text_table,
-    read_times,
 )
 from omnisim.core.trajectories.trajectory import Trajectory
 from omnisim.core.trajectories.trajectory_files import write_lines
@@ -235,7 +235,7 @@ def read_odometry(path: Path) -> Odometry:
         raise table.fault(table.lines[0], f"header {columns[:60]!r}: expected {','.join(COLUMNS)}")
     table = table.without_header()
     numbers = table.numbers(COLUMNS)
-    times_s = read_times(table, numbers[:, 0])
+    times_s = checked_times(table, numbers[:, 0])
     far = np.any(np.abs(numbers) >= MAX_M, axis=1)
     if np.any(far):
         raise table.fault(table.lines[int(np.argmax(far))], f"expected numbers below {MAX_M:g}")

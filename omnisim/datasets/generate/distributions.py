@@ -33,6 +33,8 @@ EXPECTED = (
     "{ choice = [...] }"
 )
 MAX_SEED = 2**63 - 1
+_KEY = 0x6F6D6E6973696D  # separates these streams from others with the same seed
+_STEP = 2.0**-53  # of the shares: keeps normal numbers finite
 
 
 @dataclass(frozen=True)
@@ -51,12 +53,9 @@ class Distribution:
     def draw(self, stream: Shares) -> float:
         """Draw a number; every distribution takes exactly one share from the stream."""
         share = stream.share()
-        first, *rest = self.numbers
-        if self.kind == "constant":
-            return first
-        if self.kind == "choice":
+        if self.kind in ("constant", "choice"):
             return self.numbers[min(int(share * len(self.numbers)), len(self.numbers) - 1)]
-        second = rest[0]
+        first, second = self.numbers
         if self.kind == "normal":
             return first + second * float(scipy.special.ndtri(min(max(share, _STEP), 1.0 - _STEP)))
         if self.kind == "log_uniform":
@@ -75,6 +74,7 @@ class Distribution:
 
     @property
     def _ends(self) -> tuple[float, ...]:
+        """Numbers that limits apply to; of a normal distribution, only its mean."""
         return self.numbers[:1] if self.kind == "normal" else self.numbers
 
 
@@ -122,10 +122,6 @@ class RandomStream:
         return items[min(row, len(items) - 1)]
 
 
-_KEY = 0x6F6D6E6973696D  # separates these streams from others with the same seed
-_STEP = 2.0**-53  # of the shares: keeps normal numbers finite
-
-
 def _parse(value: Any) -> Distribution:
     if isinstance(value, Distribution):
         return value
@@ -170,8 +166,7 @@ def within(low: float, high: float) -> AfterValidator:
     """Validator for limits of all numbers of a distribution; of a normal one, for its mean only."""
 
     def check(value: Distribution) -> Distribution:
-        numbers = value.numbers[:1] if value.kind == "normal" else value.numbers
-        if min(numbers) < low or max(numbers) > high:
+        if min(value._ends) < low or max(value._ends) > high:
             span = f"{low:g} to {high:g}" if high < MAX_NUMBER else f"numbers ≥ {low:g}"
             raise ValueError(f"expected {span}, got {value}")
         return value

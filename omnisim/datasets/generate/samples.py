@@ -21,6 +21,8 @@ from omnisim.datasets.generate.shard import ShardSummary, Statistics, file_sha25
 from omnisim.ground_truth.channel_files import StoredChannels
 
 MANIFEST = "manifest.json"
+IMAGES = (".png", ".jpg")
+_PREFIX = "omnisim-"  # of temporary folders
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,13 +120,6 @@ def check_hashes(folder: Path, manifest: SampleManifest) -> Iterator[ShardSummar
         yield shard
 
 
-# Samples of a data set by number, as a `torch` data set or NumPy arrays.
-
-
-IMAGES = (".png", ".jpg")
-_PREFIX = "omnisim-"  # of temporary folders
-
-
 class Shards:
     """Samples of a data set, in order: `len(shards)`, `shards[0]["rgb"]`.
 
@@ -154,7 +149,7 @@ class Shards:
             IndexError: beyond the last sample.
             PlanError: a faulty shard.
         """
-        with self.damage_named(row), self.files(row) as folder:
+        with self.naming_shard(row), self.files(row) as folder:
             content = _metadata(folder)
             parts = {}
             for path in self.images(folder):
@@ -168,7 +163,7 @@ class Shards:
 
     def image(self, row: int) -> Bytes:
         """Image (height, width, 3) of a sample's first camera."""
-        with self.damage_named(row), self.files(row) as folder:
+        with self.naming_shard(row), self.files(row) as folder:
             return read_image(self.images(folder)[0])[0]
 
     def metadata(self, row: int) -> dict[str, Any]:
@@ -178,11 +173,11 @@ class Shards:
             IndexError: beyond the last sample.
             PlanError: a faulty shard.
         """
-        with self.damage_named(row), tempfile.TemporaryDirectory(prefix=_PREFIX) as name:
+        with self.naming_shard(row), tempfile.TemporaryDirectory(prefix=_PREFIX) as name:
             return _metadata(self.extract(row, Path(name), only=".json"))
 
     @contextmanager
-    def damage_named(self, row: int) -> Iterator[None]:
+    def naming_shard(self, row: int) -> Iterator[None]:
         """Name the shard of a sample in errors about its files.
 
         Raises:
@@ -191,7 +186,7 @@ class Shards:
         try:
             yield
         except OutputError as reason:  # about a file in a temporary folder
-            raise PlanError(f"{self._shard_of(row)[1]}: {in_shard(str(reason))}") from None
+            raise PlanError(f"{self._shard_of(row)[1]}: {without_folder(str(reason))}") from None
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
             raise self._damaged(row, "a sample's files as they were written, got others") from None
 
@@ -240,15 +235,14 @@ class Shards:
         try:
             with tarfile.open(path) as tar:
                 if shard not in self._members:
-                    # by the number at the start of their names
-                    found = self._members[shard] = {}
+                    found = self._members[shard] = {}  # by number, the start of their names
                     for member in filter(tarfile.TarInfo.isfile, tar.getmembers()):
                         found.setdefault(member.name.partition(".")[0], []).append(member)
                 keys = list(self._members[shard])
                 count = self.manifest.shards[shard].statistics.samples
                 if len(keys) != count:
                     raise self._damaged(row, f"{count} samples, got {len(keys)}")
-                key = keys[row - self._ends[shard]]  # negative index
+                key = keys[row - self._ends[shard]]  # negative: from the shard's last sample
                 for member in self._members[shard][key]:
                     if only and member.name != key + only:
                         continue
@@ -261,8 +255,8 @@ class Shards:
         return folder
 
 
-def in_shard(message: str) -> str:
-    """Error message without the path of the temporary folder of a sample's files."""
+def without_folder(message: str) -> str:
+    """Error message that names a sample's file by its place in the shard."""
     return re.sub(rf"{re.escape(tempfile.gettempdir())}/{_PREFIX}\w+/(sample/)?", "", message)
 
 

@@ -1,4 +1,4 @@
-"""Localization by mapped colored landmarks: our extended Kalman filter on odometry and a camera.
+"""Localization by mapped colored landmarks: the Kalman filter of `omnisim localize`.
 
 Source: Schmits & Visser, "An omnidirectional camera simulation for the USARSim world", 2008.
 """
@@ -37,10 +37,7 @@ class LandmarkLocalization(Estimator):
         colors = train_on_run(data, Costs()).model
         detector = LandmarkDetector(colors, data.landmarks, data.mount)
         observations = [
-            [
-                observation_from_detection(detection, parameters.measurement)
-                for detection in detector(image)
-            ]
+            [observation_from_detection(found, parameters.measurement) for found in detector(image)]
             for image in data.images()
         ]
         known, camera_m = LandmarkMap.of_scene(data.landmarks), data.mount.position_m

@@ -67,11 +67,10 @@ class Corners:
     starts: Ints  # (images + 1,) index of the first corner of each image, then n
 
     @classmethod
-    def of(cls, views: Sequence[BoardView], nominal_m: Floats | None = None) -> Corners:
-        """Concatenate the corners of views; `nominal_m` None: the positions in the views."""
+    def of(cls, views: Sequence[BoardView]) -> Corners:
+        """Concatenate the corners of views."""
         points = np.concatenate([view.points_3d_m for view in views])
-        if nominal_m is None:
-            nominal_m = np.unique(points, axis=0)
+        nominal_m = np.unique(points, axis=0)
         label_of_point = {tuple(point): number for number, point in enumerate(nominal_m.tolist())}
         label = np.array([label_of_point[tuple(point)] for point in points.tolist()])
         pixels = np.concatenate([view.pixels_px for view in views])

@@ -1,4 +1,7 @@
-"""Measurement of a camera model from a board in images; faults raise `MeasurementError`."""
+"""Measurement of a lens, or of an optical system, from a board in images.
+
+Faults raise `MeasurementError`.
+"""
 
 from __future__ import annotations
 
@@ -37,6 +40,10 @@ from omnisim.measurement.geometry.model_choice import (
     model_quantities,
     unobservable_quantities,
 )
+
+OPTICS = "optics"  # name of the model of an optical system
+_FOLDS = 5  # of images, each held out once
+_UNITS = {"m": "m", "deg": "°", "px": "px"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,82 +99,24 @@ def measure_geometry(
     Source: Strobl & Hirzinger, "More accurate pinhole camera calibration with imperfect planar
         target" (ICCV Workshops 2011), for the shape of the board.
     """
-    used, rejected = remove_copies(views)
-    used, outlying, first = remove_outliers(used, lambda kept: fit_lens(kept, size_px))
+    used, rejected = _remove_copies(views)
+    used, outlying, initial = _remove_outliers(used, lambda kept: _fit_lens(kept, size_px))
     corners = Corners.of(used)
-    check_focal_length(first)
-    spacing_m = min_spacing_m(corners.nominal_m)
+    _check_focal_length(initial)
+    spacing_m = _min_spacing_m(corners.nominal_m)
     stiffness = None
     if not is_flat and len(used) >= MIN_SHAPE_IMAGES:
-        used, first, stiffness = fit_shape(used, first, spacing_m)
-        corners = Corners.of(used, corners.nominal_m)
-    choice = choose_model(models, corners, first, stiffness)
+        initial, stiffness = _fit_shape(corners, initial, spacing_m)
+    choice = choose_model(models, corners, initial, stiffness)
     chosen = choice.chosen
     fit = chosen.fit
-    check_shape(fit.shape_m, spacing_m, corners)
+    _check_shape(fit.shape_m, spacing_m, corners)
     return MeasuredGeometry(
         MirroredCamera(fit.camera) if mirrored else fit.camera, chosen.name, choice.models,
         tuple(used), fit.poses, corners.nominal_m + fit.shape_m, fit.errors_px,
         choice.held_out_rms_px, (*rejected, *outlying), model_quantities(chosen, corners),
         unobservable_quantities(fit, corners, math.isfinite(choice.held_out_rms_px)),
     )  # fmt: skip
-
-
-# Shape of a printed board, fitted together with the lens.
-
-
-MIN_SHAPE_IMAGES = 8  # images required to separate a board's shape from the lens
-SHAPE_SIGMA = 0.02  # assumed sigma of a board's corners, as a share of their spacing
-MAX_SHAPE_ERROR = 0.06  # largest error of a corner, as a share of the spacing
-
-
-def fit_shape(
-    views: list[BoardView], first: Adjustment, spacing_m: float
-) -> tuple[list[BoardView], Adjustment, float | None]:
-    """Fit the board's shape, if that predicts held-out images better than a flat board.
-
-    Returns views, fit of the lens, and stiffness of the board in px/m; None: the board is flat.
-    """
-    corners = Corners.of(views)
-    flat = preliminary_lens(first, corners)
-    stiffness = flat.fit.rms_px / (SHAPE_SIGMA * spacing_m)
-    try:
-        bent = fit_candidate(flat.name, corners, first, stiffness)
-        errors = [held_out_errors(flat, corners, None), held_out_errors(bent, corners, stiffness)]
-    except (CalibrationError, OpticsError):
-        return views, first, None
-    if rms_px(errors[1]) < rms_px(errors[0]):
-        shaped = first._replace(poses=bent.fit.poses, shape_m=bent.fit.shape_m)
-        return views, shaped, stiffness
-    return views, first, None
-
-
-def check_shape(shape_m: Floats, spacing_m: float, corners: Corners) -> None:
-    """Reject a board whose fitted shape is far from its nominal shape."""
-    offsets = np.linalg.norm(shape_m[:, :2], axis=1)
-    worst = int(np.argmax(offsets))
-    if offsets[worst] > MAX_SHAPE_ERROR * spacing_m:
-        x, y = 1e3 * corners.nominal_m[worst, :2]
-        raise MeasurementError(
-            f"the board's corner at ({x:.4g}, {y:.4g}) mm is {1e3 * offsets[worst]:.2g} mm off its "
-            f"place in all images ({100.0 * offsets[worst] / spacing_m:.0f} % of a square): "
-            f"{CHECK_BOARD}"
-        )
-
-
-def min_spacing_m(nominal_m: Floats) -> float:
-    """Smallest distance between two corners of a board, m."""
-    distances = np.linalg.norm(nominal_m[:, None] - nominal_m, axis=2)
-    np.fill_diagonal(distances, np.inf)
-    return float(distances.min())
-
-
-# Measurement of a non-central optical system from a board in images: misalignments of mirrors.
-
-
-OPTICS = "optics"  # name of the model of an optical system
-_FOLDS = 5
-_UNITS = {"m": "m", "deg": "°", "px": "px"}
 
 
 def measure_optics(
@@ -191,9 +140,9 @@ def measure_optics(
         fit = calibrate_system(table, free, _boards(kept), name)
         return FittedViews(fit.errors_px, fit)
 
-    used, copies = remove_copies(views)
+    used, copies = _remove_copies(views)
     try:
-        used, outlying, fit = remove_outliers(used, fit_system)
+        used, outlying, fit = _remove_outliers(used, fit_system)
     except OpticsError as reason:
         raise MeasurementError(str(reason)) from None
     held_out_px = _held_out_rms_px(fit, free, used, name)
@@ -270,20 +219,20 @@ class FittedViews(NamedTuple, Generic[Fit]):
     fit: Fit
 
 
-def remove_copies(views: Sequence[BoardView]) -> tuple[list[BoardView], list[RejectedImage]]:
+def _remove_copies(views: Sequence[BoardView]) -> tuple[list[BoardView], list[RejectedImage]]:
     """Views without duplicates (bit-identical corners), and the rejected images."""
     known: dict[bytes, str] = {}
     used, rejected = [], []
     for view in views:
-        first = known.setdefault(view.pixels_px.tobytes(), view.name)
-        if first == view.name:
+        earlier = known.setdefault(view.pixels_px.tobytes(), view.name)
+        if earlier == view.name:
             used.append(view)
         else:
-            rejected.append(RejectedImage(view.name, f"the same image as {first}"))
+            rejected.append(RejectedImage(view.name, f"the same image as {earlier}"))
     return used, rejected
 
 
-def remove_outliers(
+def _remove_outliers(
     views: list[BoardView], fit: Callable[[list[BoardView]], FittedViews[Fit]]
 ) -> tuple[list[BoardView], list[RejectedImage], Fit]:
     """Views that fit one camera, rejected images, and the fit to these views, made by `fit`."""
@@ -324,10 +273,10 @@ def remove_outliers(
         views = kept
 
 
-def fit_lens(views: list[BoardView], size_px: tuple[int, int]) -> FittedViews[Adjustment]:
+def _fit_lens(views: list[BoardView], size_px: tuple[int, int]) -> FittedViews[Adjustment]:
     """Preliminary lens of views in images of a size, with the errors that judge outliers."""
-    first = initial_adjustment(views, size_px)
-    return FittedViews(preliminary_lens(first, Corners.of(views)).fit.errors_px, first)
+    initial = initial_adjustment(views, size_px)
+    return FittedViews(_preliminary_lens(initial, Corners.of(views)).fit.errors_px, initial)
 
 
 def _check_board(is_outlier: Bools, corners: Corners) -> None:
@@ -343,11 +292,11 @@ def _check_board(is_outlier: Bools, corners: Corners) -> None:
         )
 
 
-def check_focal_length(first: Adjustment) -> None:
+def _check_focal_length(initial: Adjustment) -> None:
     """Reject boards that do not determine the focal length."""
-    sigma = float(first.unit_sigmas[0]) * first.rms_px
-    focal = float(first.camera.parameters()["focal_lengths_px"][0])  # type: ignore[arg-type, index]
-    normals = first.poses[:, :3, 2]
+    sigma = float(initial.unit_sigmas[0]) * initial.rms_px
+    focal = float(initial.camera.parameters()["focal_lengths_px"][0])  # type: ignore[arg-type, index]
+    normals = initial.poses[:, :3, 2]
     spread = float(np.degrees(np.arccos(np.clip((normals @ normals.T).min(), -1.0, 1.0))))
     if not sigma <= MAX_FOCAL_SIGMA * focal:
         raise MeasurementError(
@@ -356,16 +305,63 @@ def check_focal_length(first: Adjustment) -> None:
         )
 
 
-def preliminary_lens(first: Adjustment, corners: Corners) -> Candidate:
+def _preliminary_lens(initial: Adjustment, corners: Corners) -> Candidate:
     """Preliminary lens for the rejection of outliers and the choice of the board's shape.
 
     A Kannala-Brandt lens, unless the unified model with decentering (a misaligned mirror) fits
     better.
     """
-    radial = fit_candidate("kannala_brandt", corners, first, None)
+    radial = fit_candidate("kannala_brandt", corners, initial, None)
     try:
-        decentered = fit_candidate("unified", corners, first, None)
+        decentered = fit_candidate("unified", corners, initial, None)
     except (CalibrationError, OpticsError):
         return radial
     is_better = decentered.fit.rms_px < MIN_DECENTERED * radial.fit.rms_px
     return decentered if is_better else radial
+
+
+# Shape of a printed board, fitted together with the lens.
+
+
+MIN_SHAPE_IMAGES = 8  # images required to separate a board's shape from the lens
+SHAPE_SIGMA = 0.02  # assumed sigma of a board's corners, as a share of their spacing
+MAX_SHAPE_ERROR = 0.06  # largest error of a corner, as a share of the spacing
+
+
+def _fit_shape(
+    corners: Corners, initial: Adjustment, spacing_m: float
+) -> tuple[Adjustment, float | None]:
+    """Fit the board's shape, if that predicts held-out images better than a flat board.
+
+    Returns fit of the lens, and stiffness of the board in px/m; None: the board is flat.
+    """
+    flat = _preliminary_lens(initial, corners)
+    stiffness = flat.fit.rms_px / (SHAPE_SIGMA * spacing_m)
+    try:
+        bent = fit_candidate(flat.name, corners, initial, stiffness)
+        errors = [held_out_errors(flat, corners, None), held_out_errors(bent, corners, stiffness)]
+    except (CalibrationError, OpticsError):
+        return initial, None
+    if rms_px(errors[1]) < rms_px(errors[0]):
+        return initial._replace(poses=bent.fit.poses, shape_m=bent.fit.shape_m), stiffness
+    return initial, None
+
+
+def _check_shape(shape_m: Floats, spacing_m: float, corners: Corners) -> None:
+    """Reject a board whose fitted shape is far from its nominal shape."""
+    offsets = np.linalg.norm(shape_m[:, :2], axis=1)
+    worst = int(np.argmax(offsets))
+    if offsets[worst] > MAX_SHAPE_ERROR * spacing_m:
+        x, y = 1e3 * corners.nominal_m[worst, :2]
+        raise MeasurementError(
+            f"the board's corner at ({x:.4g}, {y:.4g}) mm is {1e3 * offsets[worst]:.2g} mm off its "
+            f"place in all images ({100.0 * offsets[worst] / spacing_m:.0f} % of a square): "
+            f"{CHECK_BOARD}"
+        )
+
+
+def _min_spacing_m(nominal_m: Floats) -> float:
+    """Smallest distance between two corners of a board, m."""
+    distances = np.linalg.norm(nominal_m[:, None] - nominal_m, axis=2)
+    np.fill_diagonal(distances, np.inf)
+    return float(distances.min())

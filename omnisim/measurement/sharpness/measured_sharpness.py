@@ -30,8 +30,8 @@ from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
 from omnisim.rendering.camera.degradations.point_spread import MAX_WIDTH_PX
 
 MAX_ASYMMETRY = 0.02  # mean over the edges; gamma-encoded values have 0.03 and more
-_SIGMAS = 4.0
-RINGS = 3
+_SIGMAS = 4.0  # of an asymmetry's noise that it must exceed
+RINGS = 3  # of the field, for means
 _REMEDY = "photograph slanted black and white edges, such as a turned chessboard"
 
 
@@ -160,7 +160,7 @@ def _mean(name: str, measured: list[tuple[float, float]], unit: str, basis: str)
 
 
 KNOTS = 7  # rows of the point spread
-SIGNIFICANT = 2.0  # standard deviations
+SIGNIFICANT = 2.0  # least width, in its standard deviations
 SYSTEMATIC, SYSTEMATIC_PX2 = 0.005, 0.0015  # of a variance: error of an edge without noise
 SYSTEMATIC_PX = 0.003  # of a shift, likewise
 MIN_RADIAL = 0.3  # cosine between normal and radius of an edge that shows lateral color
@@ -193,7 +193,7 @@ def field_curves(
     normals = np.array([edge.normal for edge in edges])
     outward = offsets / np.maximum(radii_px, 1e-9)[:, None]
     radial = (outward * normals).sum(axis=1)
-    curves = FieldCurves(radii_px, None, None, [], [])
+    curves = FieldCurves(radii_px, None, None, [], [])  # both fits append to its lists
     spread = _point_spread(edges, radii_px, radial**2, unit_px, curves)
     corners = np.array([(u, v) for u in (0, size_px[0] - 1) for v in (0, size_px[1] - 1)])
     farthest_px = float(np.hypot(*(corners - center_px).T).max())
@@ -241,7 +241,7 @@ def _point_spread(
         shares = np.full_like(at_px, share)
         fitted, errors = curve.at(spread_rows(at_px / unit_px, shares, curve.degree, isotropic))
         widths = np.sqrt(np.maximum(fitted, 0.0))
-        # of a root near zero
+        # by the root's derivative, bounded near zero
         errors = np.minimum(errors / (2.0 * np.maximum(widths, 1e-9)), np.sqrt(errors))
         rows.append((widths, errors))
     if all((widths < SIGNIFICANT * errors).all() for widths, errors in rows):
@@ -300,7 +300,7 @@ def _lateral_color(
     return ChromaticAberration(red_offsets_px=coefficients[0], blue_offsets_px=coefficients[1])
 
 
-# Curves over the image radius, fitted to many edges: point spread and lateral color.
+# One curve over the image radius, fitted to many edges without the outliers.
 
 
 MAX_SPREAD_DEGREE, MAX_COLOR_DEGREE = 4, 3

@@ -1,4 +1,9 @@
-"""Sharpness of one edge anywhere in an image; `UnusableEdge` names a flaw that prevents it."""
+"""Sharpness of slanted edges in an image; `UnusableEdge` names a flaw that prevents it.
+
+`board_edges` and `find_edges` locate edges roughly. `measure_edge` fits an edge near such a line,
+averages the pixels across it to an edge spread, and derives width and modulation transfer. Arrays
+(1 + GROUPS, ...) are of all pixels, and of those without each group: the jackknife's samples.
+"""
 
 from __future__ import annotations
 
@@ -110,11 +115,11 @@ def measure_edge(light: Floats, clipped: Bools, line: EdgeLine, image: int = 0) 
 
 
 BIN_PX = 0.25
-GROUPS = 8  # of pixels, each left out once: their spread is the standard deviation
+GROUPS = 8  # of pixels, for the jackknife
 FREQUENCIES = np.arange(0.0, 1.0001, 0.01)  # cycles per pixel
-_FLAT, _END = 1.0, 2.0  # rises to both sides where the window begins to fall, and ends
-_MIN_TREND_PX = 3.0
-_NEAR_PX = 2.0  # around the edge every bin needs a sample
+_FLAT, _END = 1.0, 2.0  # where the window begins to fall, and ends, in widths of the edge
+_MIN_TREND_PX = 3.0  # narrower sides show no trend
+_NEAR_PX = 2.0  # distance from the edge up to which every bin needs a sample
 _SHIFT_ITERATIONS = 4
 _SMOOTHING_PX = 1.0
 
@@ -237,8 +242,8 @@ def shifts(spread: EdgeSpread, other: EdgeSpread, rise_px: float) -> Floats:
     reach_px = rise_px + 2.0 * _SMOOTHING_PX
     near = np.abs(spread.distances_px) < reach_px
     expected, measured = (
-        gaussian_filter1d(profile.levels, _SMOOTHING_PX / BIN_PX, axis=1, mode="nearest")
-        for profile in (spread, other)
+        gaussian_filter1d(each.levels, _SMOOTHING_PX / BIN_PX, axis=1, mode="nearest")
+        for each in (spread, other)
     )
     result = np.zeros(len(expected))
     for row, levels in enumerate(measured):
@@ -262,7 +267,7 @@ def deviation(estimates: Floats) -> float:
     return float(np.sqrt((GROUPS - 1) * np.mean((left_out - left_out.mean()) ** 2)))
 
 
-# Edges in images: found roughly, then fitted between two even areas with sub-pixel accuracy.
+# Fit of an edge between two even areas, near a rough line, with sub-pixel accuracy.
 
 
 MIN_LENGTH_PX = 20.0

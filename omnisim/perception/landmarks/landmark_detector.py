@@ -154,34 +154,6 @@ def _stacked(regions: Sequence[LandmarkRegion]) -> list[tuple[LandmarkRegion, La
     return pairs
 
 
-# Detections as CSV: one per line, `step` first; angles in degrees.
-
-
-COLUMNS = (
-    "step,landmark,bearing_deg,range_m,range_eq2_m,bearing_sigma_deg,range_sigma_m,"
-    "left_px,right_px,top_px,bottom_px,area_px"
-)
-DETECTIONS_SUFFIX = ".csv"
-
-
-def write_detections(path: Path, detections: Iterable[tuple[int, Detection]]) -> None:
-    """Write detections with their steps; atomically.
-
-    Raises:
-        OutputError: the file cannot be written.
-    """
-    lines = [COLUMNS]
-    for step, detection in detections:
-        numbers = (
-            math.degrees(detection.bearing_rad), detection.range_m, detection.range_eq2_m,
-            math.degrees(detection.bearing_sigma_rad), detection.range_sigma_m,
-        )  # fmt: skip
-        box = (detection.left, detection.right, detection.top, detection.bottom, detection.area_px)
-        cells = (*(f"{number:.6f}" for number in numbers), *map(str, box))
-        lines.append(",".join((str(step), detection.landmark, *cells)))
-    write_text(path, "\n".join(lines) + "\n")
-
-
 # Range and bearing of landmarks from the edges of their colors in a panorama.
 #
 # An edge is located to a fraction of a pixel from the mixture of the two colors in the pixels
@@ -198,30 +170,6 @@ MASK_SIGMA_PX = 0.8  # for edges of masks, known to whole pixels
 COLUMN_SIGMA_PX = 0.3
 MAX_SIGMAS = 4.0  # maximum disagreement of the edges of one landmark
 MAX_M = 30.0  # maximum range: beyond, landmarks of these sizes are below a pixel
-
-
-def _detection(
-    panorama: Panorama,
-    landmark: Landmark,
-    column: float,
-    ranges_m: tuple[float, float, float],
-    box: tuple[int, int, int, int],
-    area_px: int,
-) -> Detection:
-    """Detection at a column, which may exceed the panorama's right edge, as may the box's.
-
-    Ranges are by the exact relation and by Eq. 2, and the standard deviation. The box is left,
-    right, top and bottom.
-    """
-    camera = panorama.camera
-    range_m, range_eq2_m, sigma_m = ranges_m
-    left, right, top, bottom = box
-    start = left // camera.width_px * camera.width_px  # boxes start within the panorama
-    return Detection(
-        landmark.name, wrap_angle(float(panorama.bearings_rad(column))), range_m, range_eq2_m,
-        COLUMN_SIGMA_PX / camera.focal_length_px, sigma_m,
-        left - start, right - start, top, bottom, area_px,
-    )  # fmt: skip
 
 
 def _measure_pillar(
@@ -279,14 +227,14 @@ def _inner(region: LandmarkRegion, first: int) -> slice:
     return slice(region.top + edge - first, region.bottom - edge - first)
 
 
-def _edge_between(profile: Floats, one: slice, other: slice) -> float:
+def _edge_between(profile: Floats, above: slice, below: slice) -> float:
     """Row, with a fraction, at which a profile (n, 3), linear, changes from one color to another.
 
-    The rows `one` have the first color, the lower rows `other` the second. NaN if the colors are
-    alike, or one of them has no rows.
+    The rows `above` have the first color, the rows `below` the second. NaN if the colors are alike,
+    or one of them has no rows.
     """
-    first, last = (one.start + one.stop - 1) // 2, (other.start + other.stop - 1 + 1) // 2
-    upper, lower = profile[one], profile[other]
+    first, last = (above.start + above.stop - 1) // 2, (below.start + below.stop) // 2
+    upper, lower = profile[above], profile[below]
     if not len(upper) or not len(lower) or last <= first:
         return math.nan
     start, end = upper.mean(axis=0), lower.mean(axis=0)
@@ -380,6 +328,30 @@ def _measure_wide(
     return _detection(panorama, landmark, column, ranges_m, box, region.area_px)
 
 
+def _detection(
+    panorama: Panorama,
+    landmark: Landmark,
+    column: float,
+    ranges_m: tuple[float, float, float],
+    box: tuple[int, int, int, int],
+    area_px: int,
+) -> Detection:
+    """Detection at a column, which may exceed the panorama's right edge, as may the box's.
+
+    Ranges are by the exact relation and by Eq. 2, and the standard deviation. The box is left,
+    right, top and bottom.
+    """
+    camera = panorama.camera
+    range_m, range_eq2_m, sigma_m = ranges_m
+    left, right, top, bottom = box
+    start = left // camera.width_px * camera.width_px  # boxes start within the panorama
+    return Detection(
+        landmark.name, wrap_angle(float(panorama.bearings_rad(column))), range_m, range_eq2_m,
+        COLUMN_SIGMA_PX / camera.focal_length_px, sigma_m,
+        left - start, right - start, top, bottom, area_px,
+    )  # fmt: skip
+
+
 def _lower_edges(pixels: Bytes, bottom: Indices, columns: Indices) -> Floats:
     """Rows (n,), with fractions, of a region's lower edge in columns (n,) of the panorama.
 
@@ -459,3 +431,31 @@ def find_regions(classes: Bytes, colors: int, min_area_px: int) -> list[Landmark
             mask = labels[slices] == index
             regions.append(LandmarkRegion(color, above + rows.start, columns.start, mask))
     return regions
+
+
+# Detections as CSV: one per line, `step` first; angles in degrees.
+
+
+COLUMNS = (
+    "step,landmark,bearing_deg,range_m,range_eq2_m,bearing_sigma_deg,range_sigma_m,"
+    "left_px,right_px,top_px,bottom_px,area_px"
+)
+DETECTIONS_SUFFIX = ".csv"
+
+
+def write_detections(path: Path, detections: Iterable[tuple[int, Detection]]) -> None:
+    """Write detections with their steps; atomically.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    lines = [COLUMNS]
+    for step, detection in detections:
+        numbers = (
+            math.degrees(detection.bearing_rad), detection.range_m, detection.range_eq2_m,
+            math.degrees(detection.bearing_sigma_rad), detection.range_sigma_m,
+        )  # fmt: skip
+        box = (detection.left, detection.right, detection.top, detection.bottom, detection.area_px)
+        cells = (*(f"{number:.6f}" for number in numbers), *map(str, box))
+        lines.append(",".join((str(step), detection.landmark, *cells)))
+    write_text(path, "\n".join(lines) + "\n")

@@ -29,12 +29,12 @@ from omnisim.perception.localization.filter import (
 )
 
 
-def observation_from_detection(detection: Detection, relation: MeasurementNoise) -> Observation:
+def observation_from_detection(detection: Detection, noise: MeasurementNoise) -> Observation:
     """Observation of a detection, with its range by the relation in the parameters."""
-    is_paper = relation.relation == "eq2" and math.isfinite(detection.range_eq2_m)
+    is_eq2 = noise.relation == "eq2" and math.isfinite(detection.range_eq2_m)
     return Observation(
         (detection.landmark,),
-        detection.range_eq2_m if is_paper else detection.range_m,
+        detection.range_eq2_m if is_eq2 else detection.range_m,
         detection.bearing_rad,
         detection.range_sigma_m,
         detection.bearing_sigma_rad,
@@ -62,11 +62,11 @@ def localize(
         landmarks, parameters, camera_m, float(times[0]), odometry.start, covariance
     )
     estimates = [robot.estimate]
-    for k in range(1, len(observations)):
-        time_s = float(times[k])
-        speed = float(odometry.distances_m[k - 1]) / (time_s - estimates[-1].time_s)
-        turn = float(odometry.turns_rad[k - 1])
-        estimates.append(robot.step(time_s, speed, turn, observations[k]))
+    for step in range(1, len(observations)):
+        time_s = float(times[step])
+        speed = float(odometry.distances_m[step - 1]) / (time_s - estimates[-1].time_s)
+        turn = float(odometry.turns_rad[step - 1])
+        estimates.append(robot.step(time_s, speed, turn, observations[step]))
     return Track(tuple(estimates), odometry.planar_poses[: len(observations)])
 
 
@@ -126,14 +126,14 @@ def notices(track: Track, parameters: FilterParameters) -> list[str]:
     """Notices of long rejection and of steps without observations."""
     texts, limit = [], parameters.measurement.report_after_steps
     first = None
-    for k, estimate in enumerate((*track.estimates, None)):
+    for step, estimate in enumerate((*track.estimates, None)):
         if estimate is not None and estimate.steps_rejected > 0:
-            first = k if first is None else first
+            first = step if first is None else first
             continue
-        if first is not None and k - first >= limit:
+        if first is not None and step - first >= limit:
             texts.append(
-                f"steps {first} to {k - 1}: none of the detected landmarks passed the gate; the "
-                "estimate followed the wheel odometry, and its uncertainty grew"
+                f"steps {first} to {step - 1}: no observed landmark passed the gate; the estimate "
+                "relied on the wheels, and its uncertainty grew"
             )
         first = None
     blind = [k for k, estimate in enumerate(track.estimates) if k and not estimate.associations]

@@ -224,7 +224,7 @@ def lamps_on(
     points_m, none = origins_m + transport.center_m, np.zeros((0, 3), np.float32)
     nowhere = RayHits(np.zeros(0, np.int32), np.zeros(0), none, none)
     no_shadows = Shadows(nowhere, lambda rays, triangles: np.ones((0, 1), np.float32))
-    lamps = lamps_at(lighting.without_shadows(), points_m, origins_m, no_shadows)
+    lamps = lamps_at(lighting.with_shadows(False), points_m, origins_m, no_shadows)
     return [
         _shadowed(light, lamp, transport, origins_m, at) if light.casts_shadow else lamp
         for light, lamp in zip(lighting.lights, lamps, strict=True)

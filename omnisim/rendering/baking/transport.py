@@ -16,7 +16,7 @@ from omnisim.rendering.rays.caster import NO_TRIANGLE, EmbreeHits, RayHits, put_
 from omnisim.rendering.rays.ray_scene import MAX_LAYERS, RayScene
 from omnisim.rendering.rays.shading.shading import RayView
 
-SKY, INSIDE = -1, -2
+SKY, INSIDE = -1, -2  # in place of a patch that is hit
 # Offset of rays from their surface: a constant, and a share of the scene's size.
 _START_M, _START_SHARE = 1e-4, 1e-6
 MAX_SPECULAR = 16  # specular surfaces along a ray; it ends at the next one
@@ -76,17 +76,17 @@ class Transport:
         traveled_m = np.zeros(len(active), dtype=np.float32)
         for number in range(MAX_SPECULAR):
             ways = self.specular.ways(hits, aims)
-            own = self._own(found.patches[active])
-            way, factors = chosen(ways, own, random_numbers(origins_m, aims, number))
+            diffuse = self._diffuse_shares(found.patches[active])
+            way, factors = chosen(ways, diffuse, random_numbers(origins_m, aims, number))
             found.shares[active] *= factors
-            on = np.flatnonzero(way != Way.END)
-            if len(on) == 0:
+            going = np.flatnonzero(way != Way.END)
+            if len(going) == 0:
                 break
-            mirrored = way[on] == Way.MIRRORED
-            traveled_m = traveled_m[on] + hits.ranges_m[on]
-            at_m = origins_m[on] + hits.ranges_m[on, None] * aims[on]
-            origins_m, aims = onward(at_m, aims[on], ways.take(on), mirrored, self.start_m)
-            active = active[on]
+            mirrored = way[going] == Way.MIRRORED
+            traveled_m = traveled_m[going] + hits.ranges_m[going]
+            at_m = origins_m[going] + hits.ranges_m[going, None] * aims[going]
+            origins_m, aims = onward(at_m, aims[going], ways.take(going), mirrored, self.start_m)
+            active = active[going]
             found.is_straight[active] &= ~mirrored
             hits = self._hits(origins_m, aims, None)
             following = self._on_patches(hits, aims)
@@ -98,28 +98,28 @@ class Transport:
                     is_straight=found.is_straight[active],
                 ),
             )
-            some = np.flatnonzero(self._continues(hits, following.patches))
-            active, hits, aims = active[some], hits.take(some), aims[some]
-            origins_m, traveled_m = origins_m[some], traveled_m[some]
+            going = np.flatnonzero(self._continues(hits, following.patches))
+            active, hits, aims = active[going], hits.take(going), aims[going]
+            origins_m, traveled_m = origins_m[going], traveled_m[going]
             if len(active) == 0:
                 break
         return found
 
     def _continues(self, hits: EmbreeHits, patches: Ints32) -> Bools:
-        """Mask (n,) of hits on patches (n,) where rays continue: not inside of opaque solids."""
+        """Mask (n,) of specular hits where rays continue: not inside of opaque solids."""
         if not self.specular.any:
             return np.zeros(len(hits.triangles), dtype=np.bool_)
-        on = (hits.triangles != NO_TRIANGLE) & self.specular.of_triangles[hits.triangles]
-        on &= (patches != INSIDE) | self.specular.see_through[hits.triangles]
-        return on
+        going = (hits.triangles != NO_TRIANGLE) & self.specular.of_triangles[hits.triangles]
+        going &= (patches != INSIDE) | self.specular.see_through[hits.triangles]
+        return going
 
-    def _own(self, patches: Ints32) -> Floats32:
+    def _diffuse_shares(self, patches: Ints32) -> Floats32:
         """Diffuse shares (n,) of patches, and more of emissive ones; 0: no patch."""
-        own: Floats32 = self._patches.albedo[patches].mean(axis=1)
+        shares: Floats32 = self._patches.albedo[patches].mean(axis=1)
         shining = self._patches.emission[patches].any(axis=1)
-        own = np.where(shining, np.maximum(own, np.float32(_EMISSIVE_SHARE)), own)
-        own[patches < 0] = 0.0
-        return own
+        shares = np.where(shining, np.maximum(shares, np.float32(_EMISSIVE_SHARE)), shares)
+        shares[patches < 0] = 0.0
+        return shares
 
     def _on_patches(self, hits: EmbreeHits, directions: Floats32) -> PatchHits:
         """Patches at hits of rays (n,)."""
@@ -177,9 +177,10 @@ class Transport:
             hits = self._hits(origins_m, aims, ends)
             is_free = hits.triangles == NO_TRIANGLE
             shares[active[is_free]] = passed[is_free]
-            on = np.flatnonzero(~is_free & specular.see_through[hits.triangles])
-            active, passed, hits, aims = active[on], passed[on], hits.take(on), aims[on]
-            origins_m, ends = origins_m[on], None if ends is None else ends[on]
+            going = np.flatnonzero(~is_free & specular.see_through[hits.triangles])
+            active, passed, hits = active[going], passed[going], hits.take(going)
+            origins_m, aims = origins_m[going], aims[going]
+            ends = None if ends is None else ends[going]
         return shares
 
     def _hits(self, origins_m: Floats32, directions: Floats32, far: Floats32 | None) -> EmbreeHits:
@@ -197,8 +198,7 @@ class Transport:
             traveled[active] = passed_m + np.float32(self.start_m)
             starts = origins_m[active] + traveled[active, None] * directions[active]
             ends = None if far is None else far[active] - traveled[active]
-            on = self._caster.static_hits(starts, directions[active], ends)
-            hits.put(active, on)
+            hits.put(active, self._caster.static_hits(starts, directions[active], ends))
             hits.ranges_m[active] += traveled[active]
             triangles = hits.triangles[active]
             active = active[(triangles != NO_TRIANGLE) & self._has_holes[triangles]]

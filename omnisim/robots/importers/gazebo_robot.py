@@ -64,7 +64,7 @@ def import_model(
         whole = tree if world is None and len(tree.models) == 1 else model
         omissions = Omissions()
         sensors = _sensors(whole, omissions)
-        about_drive: list[str] = []
+        about_drive: list[str] = []  # notices that follow all others
         elements = (placed.model.element for placed in placed_models(model))
         plugins = (plugin for element in elements for plugin in element.children("plugin"))
         plugin, kinematics = next(filter(is_wheel_drive, plugins), None), None
@@ -106,7 +106,7 @@ def _choose(tree: Model, name: str | None) -> Model:
         if name not in models:
             raise RobotFileError(f"no model {name!r}; {did_you_mean(name, models, 'it has')}")
         return models[name]
-    with_sensors = [model for model in models.values() if any(True for _ in _elements(model))]
+    with_sensors = [model for model in models.values() if next(_elements(model), None)]
     candidates = with_sensors or list(models.values())
     if len(candidates) != 1:
         names = ", ".join(candidate.name for candidate in candidates) or "no model"
@@ -154,15 +154,15 @@ def read_sensors(
         rate = {"rate_hz": rate_hz} if rate_hz > 0.0 else {}
         if kind in _CAMERAS or kind in _RGBD:
             for camera in sensor.children("camera"):
-                own = camera.name if kind == "multicamera" and camera.name else name
+                title = camera.name if kind == "multicamera" and camera.name else name
                 try:
-                    yield _camera(own, camera, base_from_sensor @ camera.pose(), rate)
+                    yield _camera(title, camera, base_from_sensor @ camera.pose(), rate)
                 except UnsupportedLensError as reason:
-                    omissions.add(f"camera {own}: left out: {reason}")
+                    omissions.add(f"camera {title}: left out: {reason}")
         if kind in _DEPTH or kind in _RGBD:
             for camera in sensor.children("camera"):
-                own = f"{name}_depth" if kind in _RGBD else name
-                yield _depth_camera(own, camera, base_from_sensor @ camera.pose(), rate)
+                title = f"{name}_depth" if kind in _RGBD else name
+                yield _depth_camera(title, camera, base_from_sensor @ camera.pose(), rate)
         if kind in _LIDARS:
             scan = sensor.find("lidar") or sensor.find("ray")
             if scan is not None:
@@ -205,7 +205,7 @@ def _depth_camera(
         "width_px": width,
         "height_px": height,
         "focal_length_px": 0.5 * width / math.tan(half_rad),
-        "baseline_m": 1e-4,
+        "baseline_m": 1e-4,  # hardly any shadows
         "range_min_m": camera.positive("clip/near", 0.1),
         "range_max_m": min(camera.positive("clip/far", 100.0), MAX_RANGE_M),
         "max_incidence_deg": 90.0,

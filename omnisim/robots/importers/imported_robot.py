@@ -154,7 +154,7 @@ def footprint(body: Scene, base_m: Floats) -> dict[str, float]:
     return {key: round(value, 6) for key, value in sizes.items()}  # bounds are float32
 
 
-# Mechanics of imported robots: wheels on joints, the drive that they form, and masses.
+# Robots of models that state wheels on joints and masses instead of a drive.
 
 
 CLEARANCE = 0.25  # ground clearance as a share of the wheel diameter
@@ -197,7 +197,7 @@ def imported_robot(
             clearance_m = round(CLEARANCE * drive.table["wheel_diameter_m"], 6)
             size["clearance_m"] = min(clearance_m, round(0.5 * size["height_m"], 6))
         speed = {"max_speed_mps": drive.speed_mps} if drive.speed_mps > 0.0 else {}
-        kinematics = drive.table | limits(speed | mechanics.limits, notices)
+        kinematics = drive.table | _all_limits(speed | mechanics.limits, notices)
     if mechanics.mass_kg > 0.0:
         physics = {"mass_kg": round(mechanics.mass_kg, 6)}
         height_m = round(float(mechanics.center_m[2] - base_m[2]), 6)
@@ -219,8 +219,6 @@ def imported_robot(
         physics=physics,
     )
 
-
-# Wheels on joints, and the drive that they form.
 
 ACROSS_COSINE = 0.9  # minimum cosine between a wheel's axis and y
 GROUND_SHARE = 0.25  # maximum height of a wheel's lowest point above the ground, in radii
@@ -286,8 +284,8 @@ def drive_of(wheels: Sequence[Wheel], notices: list[str]) -> WheelDrive | None:
 
 # Gazebo's drive plugins for wheeled robots, as tables of a robot file.
 
-_PLUGINS = ("diff-drive", "diff_drive", "DiffDrive", "skid_steer")
 _SKIDS = "skid_steer"
+_PLUGINS = ("diff-drive", "diff_drive", "DiffDrive", _SKIDS)
 # Key, element of the plugin, default in the plugin's unit, factor from its unit to the key's.
 _LIMITS = (
     ("max_speed_mps", "max_linear_velocity", 1.0, 1.0),
@@ -314,7 +312,7 @@ def drive_table(plugin: XmlElement, notices: list[str]) -> dict[str, Any]:
         "type": "skid_steer" if skids else "differential",
         "track_m": track_m if track_m > 0.0 else None,
         "wheel_diameter_m": wheel_m if wheel_m > 0.0 else None,
-        **limits(stated_limits(plugin), notices),
+        **_all_limits(stated_limits(plugin), notices),
     }
 
 
@@ -324,7 +322,7 @@ def stated_limits(plugin: XmlElement) -> dict[str, float]:
     return {key: value for key, value in stated.items() if value > 0.0}
 
 
-def limits(stated: Mapping[str, float], notices: list[str]) -> dict[str, float]:
+def _all_limits(stated: Mapping[str, float], notices: list[str]) -> dict[str, float]:
     """Complete the stated limits with assumed defaults, which a notice lists."""
     assumed = {key: default * scale for key, _, default, scale in _LIMITS if key not in stated}
     if assumed:

@@ -1,4 +1,8 @@
-"""Robots on wheels in physics: from the robot file, on their paths, and their simulated motion."""
+"""Robots on wheels in physics, for the engine in `simulation.py`.
+
+A `Rover` is made of a robot file, a `Driver` gives it a planned motion, a `PathFollower` steers it
+there, and a `SimulatedMotion` is what came of it.
+"""
 
 from __future__ import annotations
 
@@ -110,9 +114,6 @@ class Rover:
         return self.track_m * (1.0 + (wheelbase_m / self.track_m) ** 2)
 
 
-# Robots with the trajectories that they follow in physics.
-
-
 @dataclass(frozen=True, eq=False)
 class Driver:
     """Robot that follows a planned motion."""
@@ -127,16 +128,13 @@ class Driver:
         return short_repr(self, repr(self.rover), repr(self.where))
 
 
-# Path following: wheel speeds that keep a robot on its planned motion.
-
-
 AHEAD_PER_S, TURN_PER_S = 4.0, 6.0  # gains on the error along the path, and on the heading error
 TURN_PER_M2 = 16.0  # gain on the lateral error, per meter driven
 RESERVE = 1.25  # factor on the limits, which allows the robot to catch up
 
 
 class PathFollower:
-    """Tracking controller that knows the robot's true pose, for commands at times (n,).
+    """Tracking controller that knows the robot's true pose, for commands to wheels at times (n,).
 
     Source: Kanayama et al., "A stable tracking control method for an autonomous mobile robot", ICRA
     1990, with a correction of the heading that does not vanish at rest.
@@ -168,10 +166,10 @@ class PathFollower:
         cos, sin = math.cos(yaw), math.sin(yaw)
         ahead = cos * (x - x_m) + sin * (y - y_m)
         left = cos * (y - y_m) - sin * (x - x_m)
-        off = wrap_angle(wanted_yaw - yaw)
+        yaw_error = wrap_angle(wanted_yaw - yaw)
         limits = self._rover.kinematics
-        speed = _limited(speed * math.cos(off) + AHEAD_PER_S * ahead, limits.max_speed_mps)
-        turn_rate += TURN_PER_M2 * speed * left + TURN_PER_S * off
+        speed = _limited(speed * math.cos(yaw_error) + AHEAD_PER_S * ahead, limits.max_speed_mps)
+        turn_rate += TURN_PER_M2 * speed * left + TURN_PER_S * yaw_error
         turn_rate = _limited(turn_rate, limits.max_turn_rate_radps)
         difference = 0.5 * self._rover.effective_track_m * turn_rate
         radius = self._rover.wheel_radius_m
@@ -180,9 +178,6 @@ class PathFollower:
 
 def _limited(rate: float, limit: float) -> float:
     return max(-RESERVE * limit, min(RESERVE * limit, rate))
-
-
-# Motion of a robot and of the objects around it, simulated in physics.
 
 
 @dataclass(frozen=True)

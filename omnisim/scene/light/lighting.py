@@ -80,48 +80,6 @@ def expose(
     return parts.Lighting(FILL_AMBIENT, lights, exposure=(1.0 - max(FILL_AMBIENT)) / float(white))
 
 
-def is_even(lighting: parts.Lighting) -> bool:
-    """True for even light, the substitute for lamps in scenes without any, whatever its shadows."""
-    found, even = (
-        [(light.kind, light.color, light.intensity, *light.direction.tolist()) for light in lights]
-        for lights in (lighting.lights, DEFAULT_LIGHTING.lights)
-    )
-    return found == even
-
-
-def light_summary(lighting: parts.Lighting) -> str:
-    """Text that lists the lamps by type, or describes the light of a scene without lamps."""
-    kinds = [light.kind.value for light in lighting.lights]
-    if kinds and not is_even(lighting):
-        return ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
-    if lighting.baked is not None:
-        return "none: baked light of emissive surfaces"
-    if lighting.environment is not None:
-        return "none: lit by its sky"
-    if kinds:
-        return "none: even light, without shadows"
-    return "none: ambient light" if any(lighting.ambient) else "none: only emission"
-
-
-def background_light(color: tuple[float, float, float]) -> tuple[float, float, float]:
-    """Uniform light of a background, for baking scenes without lamps.
-
-    A background brighter than white is a luminous sky; any other is an image.
-    """
-    return color if max(color) > 1.0 else (0.0, 0.0, 0.0)
-
-
-def is_bright(material: parts.Material) -> bool:
-    """True for emission brighter than white: a lamp's tubes, but not a screen."""
-    return not material.unlit and max(material.emissive) > 1.0
-
-
-def with_environment(lighting: parts.Lighting, luminance: Floats32) -> parts.Lighting:
-    """Lighting with an environment map, cd/m², in place of its ambient light."""
-    radiance = (math.pi * lighting.exposure * luminance).astype(np.float32)
-    return replace(lighting, ambient=(0.0, 0.0, 0.0), environment=Environment(radiance))
-
-
 def _ambient_only(lux: Floats) -> parts.Lighting:
     """Lighting by ambient light only, whose brightest channel is white."""
     if not lux.any():
@@ -168,3 +126,45 @@ def illuminance(light: parts.Light, centers: Floats, normals: Floats) -> Floats:
         inner, outer = light.cone_cosines
         falloff *= np.clip((away @ light.direction - outer) / max(inner - outer, 1e-3), 0, 1) ** 2
     return level * falloff
+
+
+def is_even(lighting: parts.Lighting) -> bool:
+    """True for even light, the substitute for lamps in scenes without any, whatever its shadows."""
+    found, even = (
+        [(light.kind, light.color, light.intensity, *light.direction.tolist()) for light in lights]
+        for lights in (lighting.lights, DEFAULT_LIGHTING.lights)
+    )
+    return found == even
+
+
+def light_summary(lighting: parts.Lighting) -> str:
+    """Text that lists the lamps by type, or describes the light of a scene without lamps."""
+    kinds = [light.kind.value for light in lighting.lights]
+    if kinds and not is_even(lighting):
+        return ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
+    if lighting.baked is not None:
+        return "none: baked light of emissive surfaces"
+    if lighting.environment is not None:
+        return "none: lit by its sky"
+    if kinds:
+        return "none: even light, without shadows"
+    return "none: light from everywhere" if any(lighting.ambient) else "none: only emission"
+
+
+def background_light(color: tuple[float, float, float]) -> tuple[float, float, float]:
+    """Uniform light of a background, for baking scenes without lamps.
+
+    A background brighter than white is a luminous sky; any other is an image.
+    """
+    return color if max(color) > 1.0 else (0.0, 0.0, 0.0)
+
+
+def is_bright(material: parts.Material) -> bool:
+    """True for emission brighter than white: a lamp's tubes, but not a screen."""
+    return not material.unlit and max(material.emissive) > 1.0
+
+
+def with_environment(lighting: parts.Lighting, luminance: Floats32) -> parts.Lighting:
+    """Lighting with an environment map, cd/m², in place of its ambient light."""
+    radiance = (math.pi * lighting.exposure * luminance).astype(np.float32)
+    return replace(lighting, ambient=(0.0, 0.0, 0.0), environment=Environment(radiance))

@@ -1,4 +1,4 @@
-"""Heights of upward-facing surfaces: floors, and objects on them."""
+"""Heights of floors and of objects on them, and the hierarchy that finds a scene's triangles."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class HeightField:
 
     def __init__(self, scene: Scene, low_m: Floats, high_m: Floats):
         triangles = triangles_within(scene, low_m, high_m)
-        self._triangles: Triangles = triangles[triangles.seen_from_above]
+        self._triangles = triangles[triangles.seen_from_above]
         self._bvh = TriangleBvh(self._triangles.corners_m)
 
     def heights_m(self, points_m: Floats) -> Floats:

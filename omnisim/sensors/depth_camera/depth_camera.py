@@ -259,38 +259,6 @@ class _Views:
         self.second.refresh()
 
 
-def _depths(
-    view: CameraBackend, poses: ScenePoses, has_cosines: bool, through: bool
-) -> tuple[Floats32, Floats32 | None, Floats32 | None]:
-    """Depths of a view at the poses, of the first surfaces or through glass and by mirrors.
-
-    Returns:
-        Arrays (height, width): depths along the optical axis, +inf without a surface; if wanted,
-        cosines between normals and rays; and, with glass, shares of light that it leaves one way.
-    """
-    names = ("range", "z") if through else ("z",)
-    names = (*names, "normals_camera") if has_cosines else names
-    truth, model = ground_truth_of(view, names), view.setup.sensor.model
-    seen = None
-    if through:
-        channels, seen = truth.channels_through(names, poses)
-    else:
-        channels = truth.channels(names, poses)
-    z_m, cosines = channels["z"], None
-    if has_cosines:
-        u, v = np.meshgrid(np.arange(model.width_px), np.arange(model.height_px))
-        rays = model.ray_from_pixel(np.stack((u, v), axis=-1)).directions.astype(np.float32)
-        cosines = np.abs(np.einsum("hwc,hwc->hw", channels["normals_camera"], rays))
-    if seen is None:
-        return z_m, cosines, None
-    followed = np.isfinite(seen.cosines) | np.isinf(seen.ranges_m)
-    followed &= np.isfinite(channels["range"])
-    z_m[followed] *= seen.ranges_m[followed] / channels["range"][followed]
-    if cosines is not None:
-        cosines = np.where(np.isfinite(seen.cosines), seen.cosines, cosines)
-    return z_m, cosines, seen.shares
-
-
 @dataclass(frozen=True, eq=False)
 class DepthImage:
     """Image of a depth camera.
@@ -329,7 +297,7 @@ class DepthRenderer(Instrument[DepthCamera, _Views, DepthImage]):
             OmniCamera(camera.model, base_from_rig=mount).seeing(size_m),
             OmniCamera(camera.second_model, base_from_rig=beside).seeing(size_m),
         )
-        setups = (CameraSetup(camera, True, hidden, 0, vehicles) for camera in cameras)
+        setups = (CameraSetup(sensor, True, hidden, 0, vehicles) for sensor in cameras)
         return _Views(stage.backend.camera(setup) for setup in setups)
 
     def begin(self, moment: Moment) -> Pending[DepthImage]:
@@ -355,6 +323,39 @@ class DepthRenderer(Instrument[DepthCamera, _Views, DepthImage]):
         seed, number = self.mount.seed, moment.number
         depths_m = sensor.measure(z_m, second_z_m, cosines, seed, number)
         return Pending.done(DepthImage(depths_m, self._metadata(number=int(number))))
+
+
+def _depths(
+    view: CameraBackend, poses: ScenePoses, has_cosines: bool, through: bool
+) -> tuple[Floats32, Floats32 | None, Floats32 | None]:
+    """Depths of a view at the poses, of the first surfaces or through glass and by mirrors.
+
+    Returns:
+        Arrays (height, width): depths along the optical axis, +inf without a surface; if wanted,
+        cosines between normals and rays; and, if through glass, shares of light left one way.
+    """
+    names = ("range", "z") if through else ("z",)
+    names = (*names, "normals_camera") if has_cosines else names
+    truth, model = ground_truth_of(view, names), view.setup.sensor.model
+    seen = None
+    if through:
+        channels, seen = truth.channels_through(names, poses)
+    else:
+        channels = truth.channels(names, poses)
+    z_m, cosines = channels["z"], None
+    if has_cosines:
+        u, v = np.meshgrid(np.arange(model.width_px), np.arange(model.height_px))
+        rays = model.ray_from_pixel(np.stack((u, v), axis=-1)).directions.astype(np.float32)
+        cosines = np.abs(np.einsum("hwc,hwc->hw", channels["normals_camera"], rays))
+    if seen is None:
+        return z_m, cosines, None
+    # along the ray of a pixel, depth grows with the path behind glass and by mirrors
+    followed = np.isfinite(seen.cosines) | np.isinf(seen.ranges_m)
+    followed &= np.isfinite(channels["range"])
+    z_m[followed] *= seen.ranges_m[followed] / channels["range"][followed]
+    if cosines is not None:
+        cosines = np.where(np.isfinite(seen.cosines), seen.cosines, cosines)
+    return z_m, cosines, seen.shares
 
 
 DEVICES = {"kinect_v1": DepthCamera.kinect_v1, "d435": DepthCamera.d435}

@@ -65,7 +65,7 @@ class LaserScanner(parameters.Parameters, SensorSettings, name="scanner"):
     """True: beams pass panes and are reflected by mirrors, in scenes with such materials, and the
     strongest return counts; false: they end at the first surface."""
     min_intensity: parameters.Fraction = 0.1
-    """See `SpinningLidar`; an assumption."""
+    """Faintest return at the maximum range, as that of `SpinningLidar`; an assumption."""
 
     noun: ClassVar[str] = "scanner"
     suffixes: ClassVar[tuple[str, ...]] = (TABLE_SUFFIX,)

@@ -23,7 +23,7 @@ from omnisim.validation.fixture import BACKENDS, Fixture, linear_image
 from omnisim.validation.image_differences import converged_psnr_db, psnr_db, ssim
 from omnisim.validation.oracles.mitsuba_light import matte_on_both_sides
 from omnisim.validation.reflective_rooms import window_room
-from omnisim.validation.traced_light import beside, samples_of, views
+from omnisim.validation.traced_light import beside, ray_counts, views
 
 FOLDER = Path(__file__).parents[1] / "lit"
 SCENES, QUICK_SCENES = ("soccer", "courtyard"), ("soccer",)
@@ -42,12 +42,11 @@ LOW_LAMPS = {
 }
 EDGES_SIZE_PX, EDGES_SAMPLES = 200, 25
 EDGES_BOUND_PX = 1.0
-_HALF, _FINER = 0.5, 8
+_HALF, _FINER = 0.5, 8  # share of light at an edge; subdivisions of a pixel
 _MARGIN_PX = 2  # around the edges of objects, which are not edges of shadows
 _GRAY = (0.5, 0.5, 0.5, 1.0)
 _DARKEST = 0.02  # of white, in full light: noise hides darker shadows
 BAKED_SIZE_PX, QUICK_BAKED_SIZE_PX = 128, 96
-# Squares, as Mitsuba's sampler requires, by camera: a texel of the fisheye is 1/16 of a pixel.
 BAKED_SAMPLES = {"mirror": 400, "fisheye": 16}
 QUICK_BAKED_SAMPLES = {"mirror": 256, "fisheye": 16}
 SETTINGS = BakeSettings(samples=32, texels=FINE_TEXELS)
@@ -76,7 +75,7 @@ def check_shadows(fixture: Fixture, title: str) -> Section:
             )
             images |= beside(label, traced, ours, view.inside)
         measures.append(_edges(fixture, name))
-    measures += [Measure("size", size_px, "px"), *samples_of(samples)]
+    measures += [Measure("size", size_px, "px"), *ray_counts(samples)]
     return Section(
         title,
         "Direct light with hard shadows, against Mitsuba's path tracer. Mitsuba traces rays from a "
@@ -96,7 +95,7 @@ def _edges(fixture: Fixture, name: str) -> Measure:
     """Measure the mean distance in px between our edges of shadows and a path tracer's."""
     lit = matte_on_both_sides(load_scene(FOLDER / f"{name}.toml"))
     scene = gray_in_one_light(lit, LOW_LAMPS[name])
-    bare = dataclasses.replace(scene, lighting=scene.lighting.without_shadows())
+    bare = dataclasses.replace(scene, lighting=scene.lighting.with_shadows(False))
     (view,) = views(scene, EDGES_SIZE_PX, ["mirror"])
     with open_sensor(scene, view.sensor, device=fixture.device) as renderer:
         frame = renderer.render(view.pose, linear=True, also=("instance", "normals"))
@@ -208,7 +207,7 @@ def check_baked(fixture: Fixture, title: str) -> Section:
         images |= beside(label, mean, ours, view.inside)
     measures += [
         Measure("size", size_px, "px"),
-        *samples_of(samples),
+        *ray_counts(samples),
         Measure("rays from a texel", settings.samples),
     ]
     return Section(

@@ -31,7 +31,7 @@ _XYZ_FROM_RGB = np.array((
     (0.0193339, 0.1191920, 0.9503041),
 ))  # fmt: skip
 _WHITE = _XYZ_FROM_RGB.sum(axis=1)
-_FAR = 25.0**7
+_CHROMA7 = 25.0**7  # a constant of CIEDE2000
 
 
 def check(fixture: Fixture, title: str) -> Section:
@@ -40,7 +40,7 @@ def check(fixture: Fixture, title: str) -> Section:
     measures, rows = [], []
     samples = _QUICK_SAMPLES if fixture.is_quick else _SAMPLES
     for name, lighting in lightings().items():
-        ours, traced, spheres = both(lighting, samples, fixture.device)
+        ours, traced, spheres = charts(lighting, samples, fixture.device)
         difference = ciede2000(lab_from_linear(ours), lab_from_linear(traced))
         shown = spheres >= 0
         mean = float(difference[shown].mean())
@@ -87,7 +87,7 @@ def lightings() -> dict[str, Lighting]:
     }
 
 
-def both(lighting: Lighting, samples: int, device: int | None) -> tuple[Floats32, Floats32, Ints]:
+def charts(lighting: Lighting, samples: int, device: int | None) -> tuple[Floats32, Floats32, Ints]:
     """Linear charts (height, width, 3) by omnisim and Mitsuba, and each pixel's sphere index."""
     from omnisim.validation.oracles.mitsuba_materials import trace_sphere  # of an extra
 
@@ -129,7 +129,7 @@ def ciede2000(first: Floats, second: Floats) -> Floats:
     """CIEDE2000 color difference ΔE₀₀ (...) between two arrays of L*a*b* colors (..., 3)."""
     (l1, a1, b1), (l2, a2, b2) = np.moveaxis(first, -1, 0), np.moveaxis(second, -1, 0)
     chroma7 = (0.5 * (np.hypot(a1, b1) + np.hypot(a2, b2))) ** 7
-    stretch = 1.5 - 0.5 * np.sqrt(chroma7 / (chroma7 + _FAR))
+    stretch = 1.5 - 0.5 * np.sqrt(chroma7 / (chroma7 + _CHROMA7))
     c1, c2 = np.hypot(a1 * stretch, b1), np.hypot(a2 * stretch, b2)
     h1, h2 = (np.degrees(np.arctan2(b, a * stretch)) % 360.0 for a, b in ((a1, b1), (a2, b2)))
     is_gray = c1 * c2 == 0.0
@@ -149,6 +149,6 @@ def ciede2000(first: Floats, second: Floats) -> Floats:
     of_chroma = (c2 - c1) / (1.0 + 0.045 * chroma)
     of_hue = hue_step / (1.0 + 0.015 * chroma * weight)
     blue = np.radians(60.0 * np.exp(-(((hue - 275.0) / 25.0) ** 2)))
-    rotation = -2.0 * np.sqrt(chroma**7 / (chroma**7 + _FAR)) * np.sin(blue)
+    rotation = -2.0 * np.sqrt(chroma**7 / (chroma**7 + _CHROMA7)) * np.sin(blue)
     squared = of_light**2 + of_chroma**2 + of_hue**2 + rotation * of_chroma * of_hue
     return np.sqrt(np.maximum(squared, 0.0))

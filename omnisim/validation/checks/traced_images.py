@@ -40,7 +40,7 @@ from omnisim.validation.image_differences import (
 from omnisim.validation.oracles.mitsuba_optics import trace_mirror
 from omnisim.validation.oracles.surfaces import opaque_only
 from omnisim.validation.plain_scenes import Markers, world_from_looking_up
-from omnisim.validation.traced_light import CAMERAS, beside, inside_rim, samples_of, views
+from omnisim.validation.traced_light import CAMERAS, beside, inside_rim, ray_counts, views
 
 SIZE_PX, QUICK_SIZE_PX = 512, 256
 SAMPLES, QUICK_SAMPLES = 144, 64  # squares, as its sampler wants
@@ -228,7 +228,7 @@ def check_arcade(fixture: Fixture, title: str) -> Section:
         mean = (0.5 * (first + second)).astype(np.float32)
         images |= beside(f"{camera}, rays", mean, rays, inside)
         images |= beside(f"{camera}, cube", mean, cube, inside)
-    measures += [Measure("size", size_px, "px"), *samples_of(ARCADE_SAMPLES)]
+    measures += [Measure("size", size_px, "px"), *ray_counts(ARCADE_SAMPLES)]
     return Section(
         title,
         "The built-in scene `arcade` with its bake: panes, mirrors, a glossy floor, chrome "

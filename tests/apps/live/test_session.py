@@ -57,11 +57,11 @@ def test_nothing_is_drawn_until_somebody_asks(live):
 
 def test_images_are_coarse_while_a_key_is_held_and_fine_after(live):
     _next(live), _next(live)
-    live.apply(messages.Drive(ahead=1.0))
+    live.apply(messages.SetMotion(ahead=1.0))
     for _ in range(3):
         time.sleep(0.02)
         assert not _next(live).is_fine
-    live.apply(messages.Drive())
+    live.apply(messages.SetMotion())
     until = time.monotonic() + 120.0
     while not (draw := _next(live)).is_fine:
         assert time.monotonic() < until
@@ -70,15 +70,15 @@ def test_images_are_coarse_while_a_key_is_held_and_fine_after(live):
 
 def test_a_key_pressed_and_let_go_during_a_image_counts(live):
     _next(live), _next(live)
-    live.apply(messages.Drive(turn=1.0))
+    live.apply(messages.SetMotion(turn=1.0))
     time.sleep(0.05)
-    live.apply(messages.Drive())
+    live.apply(messages.SetMotion())
     assert _next(live).state.place.yaw_deg > 0.0
 
 
 def test_keys_are_let_go_when_the_page_is_silent(live, monkeypatch):
     monkeypatch.setattr(session, "HELD_S", 0.02)
-    live.apply(messages.Drive(ahead=1.0))
+    live.apply(messages.SetMotion(ahead=1.0))
     time.sleep(0.03)
     while not _next(live).is_fine:
         pass
@@ -147,7 +147,7 @@ def test_an_impossible_message_changes_nothing(live):
         messages.SetValue(path="sensor.lens.model"),
         messages.SetValue(path="sensor.optics.camera.model", value=["eucm"]),
         messages.Preset(kind="lens", name="none"),
-        messages.Views(names=("nothing",)),
+        messages.SetViews(names=("nothing",)),
         messages.Replay(step=3),
     ):
         with pytest.raises(OmnisimError):

@@ -312,8 +312,8 @@ def test_notices_of_long_rejection_and_blindness():
     limit = parameters.measurement.report_after_steps
     closed = _track((0, 0), *[(0, 2)] * limit, (2, 0))
     assert tracks.notices(closed, parameters) == [
-        f"steps 1 to {limit}: none of the detected landmarks passed the gate; the estimate "
-        "followed the wheel odometry, and its uncertainty grew"
+        f"steps 1 to {limit}: no observed landmark passed the gate; the estimate relied on the "
+        "wheels, and its uncertainty grew"
     ]
     assert tracks.notices(_track((0, 0), *[(0, 2)] * (limit - 1), (2, 0)), parameters) == []
     # also where the run ends like that

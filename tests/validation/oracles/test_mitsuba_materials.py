@@ -19,7 +19,7 @@ pytestmark = pytest.mark.usefixtures("needs_opengl")
     ],
 )
 def test_the_chart_looks_as_traced(name, samples):
-    ours, traced, spheres = materials.both(materials.lightings()[name], samples, None)
+    ours, traced, spheres = materials.charts(materials.lightings()[name], samples, None)
     difference = ciede2000(lab_from_linear(ours), lab_from_linear(traced))
     assert difference[spheres >= 0].mean() < materials.BOUND
     # metals differ by the shadowing of facets alone, which is seen where they are rough

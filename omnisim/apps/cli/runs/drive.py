@@ -38,29 +38,34 @@ MAX_CONTACTS = 5  # maximum number of printed contacts; the manifest has all
 
 def drive(request: DriveRequest) -> None:
     """Record a run of each robot, or resume an unfinished one, and print a summary."""
+    way, truth = request.way, request.truth
+    if way.physics is not None:
+        require_extra("mujoco", "--physics", RunError)
+    if (count := len(request.paths)) != len(request.robots):
+        expected = f"expected one for each --robot, {len(request.robots)}"
+        raise RunError(f"--path: {expected}, got {count}")
     robots, vehicles = _load_robots(request)
-    option = "--also" if request.truth.also else "--boxes-3d" if request.truth.boxes_3d else None
+    option = "--also" if truth.also else "--boxes-3d" if truth.boxes_3d else None
     if option is None and request.image.exposure_ev is not None:
         option = "--exposure-ev"
     sensors = (mount.sensor for vehicle in vehicles.values() for mount in vehicle.sensors)
     if option and not any(sensor.has_ground_truth for sensor in sensors):
         raise RunError(f"{option}: expected a robot with a camera, got {', '.join(vehicles)}")
-    way = request.way
     steps = way.step_m, way.turn_step_deg, way.rate_hz, way.ignore_limits, way.ground_m, way.axes
     routes = [Route(path, *steps) for path in request.paths]
     first = _drive_of(request, next(iter(vehicles.values())), routes[0])
-    drives = {
+    drives = {  # the scene is loaded once, by the first
         name: dataclasses.replace(
             first,
             vehicle=_as_requested(vehicle, request.image),
             route=route,
-            physics=None if request.way.physics is None else robots[name].chassis,
+            physics=None if way.physics is None else robots[name].chassis,
         )
         for (name, vehicle), route in zip(vehicles.items(), routes, strict=True)
     }
     plans = plan_together(drives, print_note)
     for name, plan in plans.items():
-        _report(plan, f"{name}: " if len(plans) > 1 else "", request.way.no_contact)
+        _print_notes(plan, f"{name}: " if len(plans) > 1 else "", way.no_contact)
     if len(plans) == 1:
         _record(next(iter(plans.values())), request.output, request.force)
         return
@@ -73,12 +78,10 @@ def drive(request: DriveRequest) -> None:
 
 
 def _load_robots(request: DriveRequest) -> tuple[dict[str, Robot], dict[str, Vehicle]]:
-    """Robots and their vehicles by name, which is also the name of their folder."""
-    if request.way.physics is not None:
-        require_extra("mujoco", "--physics", RunError)
-    if (count := len(request.paths)) != len(request.robots):
-        expected = f"expected {len(request.robots)}, one for each --robot"
-        raise RunError(f"--path: {expected}, got {count}")
+    """Robot files, and the robots with body and sensors made of them, by the name of their folder.
+
+    Each --robot is NAME=SOURCE, or a source, which has a name itself.
+    """
     robots: dict[str, Robot] = {}
     vehicles: dict[str, Vehicle] = {}
     for text in request.robots:
@@ -102,7 +105,8 @@ def _load_robots(request: DriveRequest) -> tuple[dict[str, Robot], dict[str, Veh
     return robots, vehicles
 
 
-def _report(plan: PlannedDrive, whose: str, no_contact: bool) -> None:
+def _print_notes(plan: PlannedDrive, whose: str, no_contact: bool) -> None:
+    """Print notes about a plan; if contacts are forbidden, reject them."""
     if not plan.drive.vehicle.sensors:
         print_note(f"{plan.drive.vehicle.name} {NO_SENSORS}")
     if no_contact:
@@ -126,24 +130,24 @@ def record(request: RecordRequest) -> None:
         raise OutputError(f"{request.output}: expected a folder, got an image")
     with recorded_sources() as sources:
         rig, vehicle = _rig(request.camera, path)
-    if vehicle.given is None:
-        own = request.camera.camera_name, request.camera.mirrored
-        vehicle = vehicle.identified(source_digest(sources.digest(path.parent), own))
+    if vehicle.given is None:  # not a robot's, which its own files identify
+        choice = request.camera.camera_name, request.camera.mirrored
+        vehicle = vehicle.identified(source_digest(sources.digest(path.parent), choice))
     world_from_file = pose(
         poses.at or (0.0, 0.0, 0.0),
         roll_deg=poses.roll_deg, pitch_deg=poses.pitch_deg, yaw_deg=poses.yaw_deg or 0.0,
     )  # fmt: skip
     route = RigRoute(path, poses.trajectory_frame, poses.axes, poses.rate_hz, world_from_file)
     truth, is_timed = route.read(rig, print_note)
-    whole = _drive_of(request, vehicle, Route(str(path)))
-    for camera in () if is_timed else whole.vehicle.cameras:
+    run = _drive_of(request, vehicle, Route(str(path)))
+    for camera in () if is_timed else run.vehicle.cameras:
         degradation, shutter = camera.sensor.degradation, camera.sensor.degradation.shutter
         if (shutter is not None and shutter.duration_s) or degradation.is_metered:
             raise RunError(
                 f"{path}: has no times, and the exposure of {camera.name} depends on them: "
                 "pass --rate HZ"
             )
-    low, high = whole.scene.bounds_m()
+    low, high = run.scene.bounds_m()
     outside = ((truth.positions_m < low) | (truth.positions_m > high)).any(axis=1)
     if outside.any():  # often by a misplaced origin
         corners = (point_text(corner, 4) for corner in (low, high))
@@ -154,7 +158,7 @@ def record(request: RecordRequest) -> None:
         )
     placing = poses.at, poses.roll_deg, poses.pitch_deg, poses.yaw_deg
     options = placing, poses.trajectory_frame, poses.axes, poses.rate_hz
-    plan = whole.along(truth, source_digest(route_digest(whole.route), options)[:16])
+    plan = run.along(truth, source_digest(route_digest(run.route), options)[:16])
     for note in plan.notes:
         print_note(note)
     _record(plan, request.output, request.force)
@@ -173,15 +177,15 @@ def _rig(camera: RigOptions, path: Path) -> tuple[Rig, Vehicle]:
         refuse_given(camera, reason, *others)
         vehicle = Vehicle.load(camera.robot)
         cameras = (
-            RigCamera(each.name, each.sensor.model, each.sensor.base_from_optical)
-            for each in vehicle.cameras
-            if not isinstance(each.sensor.model, NonCentralCamera)
+            RigCamera(mount.name, mount.sensor.model, mount.sensor.base_from_optical)
+            for mount in vehicle.cameras
+            if not isinstance(mount.sensor.model, NonCentralCamera)
         )
         return Rig("base", tuple(cameras)), vehicle
     source = camera.calibration_file
     own_camera = camera.sensor or camera.optics
     if source is None and own_camera is None and path.suffix.lower() == ".json":
-        source = path
+        source = path  # nerfstudio's files have poses and calibration
     if source is None or camera.optics is not None:
         sensor = inputs.read_camera(camera, source)
         rig = Rig("base", (RigCamera("camera", sensor.model, sensor.base_from_optical),))
@@ -198,10 +202,8 @@ def _drive_of(request: DriveRequest | RecordRequest, vehicle: Vehicle, route: Ro
     """Drive of a vehicle, with the scene and the settings of a request."""
     world, light, truth = request.world, request.light, request.truth
     channels = () if truth.also is None else parse_channels(truth.also)
-    scene, backend = (
-        inputs.load_labeled_scene(world, light, truth, channels),
-        inputs.checked_backend(request.gpu),
-    )
+    scene = inputs.load_labeled_scene(world, light, truth, channels)
+    backend = inputs.checked_backend(request.gpu)
     if vehicle.cameras and not light.unlit:
         sensors = [camera.sensor for camera in vehicle.cameras]
         inputs.note_lighting(world.scene, scene, backend, sensors)
@@ -242,7 +244,7 @@ def _record(plan: PlannedDrive, folder: Path, force: bool) -> None:
 
     with progress(title, total, "steps") as show, resumable(state):
         steps = plan.record(folder, force)
-        before = done = next(steps)
+        before = done = next(steps)  # by an interrupted run
         show(done, "")
         for done in steps:
             show(done, "")

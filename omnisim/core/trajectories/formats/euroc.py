@@ -22,7 +22,7 @@ from omnisim.core.trajectories.formats.parsed_trajectory import (
     is_number,
     parsed_trajectory,
     quote,
-    read_quaternions,
+    rotations_from_quaternions,
 )
 from omnisim.core.trajectories.trajectory import Trajectory
 
@@ -48,7 +48,7 @@ def read(table: TextTable) -> ParsedTrajectory:
     stamps = [int(line.cells[0]) for line in table.lines]
     times_s = np.array([stamp / 1_000_000_000 for stamp in stamps])
     table.check_times(times_s, [f"{stamp} ns" for stamp in stamps])
-    rotations = read_quaternions(table, numbers[:, (5, 6, 7, 4)])
+    rotations = rotations_from_quaternions(table, numbers[:, (5, 6, 7, 4)])
     return parsed_trajectory(table, times_s, numbers[:, 1:4], rotations)
 
 

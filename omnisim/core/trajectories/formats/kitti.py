@@ -13,7 +13,7 @@ from omnisim.core.trajectories.formats.parsed_trajectory import (
     ParsedTrajectory,
     TextTable,
     parsed_trajectory,
-    read_rotations,
+    rotations_from_matrices,
 )
 from omnisim.core.trajectories.trajectory import Trajectory
 
@@ -24,7 +24,7 @@ def read(table: TextTable) -> ParsedTrajectory:
     """Read a table of 12 columns."""
     matrices = table.numbers(COLUMNS).reshape(-1, 3, 4)
     return parsed_trajectory(
-        table, None, matrices[:, :, 3], read_rotations(table, matrices[:, :, :3])
+        table, None, matrices[:, :, 3], rotations_from_matrices(table, matrices[:, :, :3])
     )
 
 

@@ -1,4 +1,4 @@
-"""Tables of numbers in text files, and the poses parsed from a trajectory file.
+"""Tables of numbers in text files, and the trajectories that format modules parse from them.
 
 Errors name file, line, the actual and the expected value.
 """
@@ -28,7 +28,7 @@ from omnisim.core.trajectories.trajectory import MAX_S, Trajectory
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 NOT_FINITE = re.compile(r"[+-]?(nan|inf|infinity)", re.IGNORECASE)
 MAX_NUMBER = 1e20  # above any timestamp in nanoseconds; squares do not overflow
-MAX_QUOTE = 40
+MAX_QUOTE = 40  # characters
 _FILE_NAME = re.compile(r".+\.[A-Za-z]\w*")
 
 
@@ -164,7 +164,7 @@ def check_printed_times(times_s: Floats) -> None:
         )
 
 
-# Poses parsed from a trajectory file, with times if the file has them.
+# Poses parsed from a trajectory file, and checks of its times and rotations for format modules.
 
 # A quaternion or matrix printed with a few digits, or rounded to float32, is well within this.
 ROUNDING = 1e-3
@@ -214,7 +214,7 @@ def parsed_trajectory(
 
     They are times (n,) or None, positions (n, 3) and rotations (n, 3, 3).
     """
-    _refuse(
+    _check_lines(
         table,
         np.all(np.abs(positions_m) < MAX_M, axis=1),
         lambda k: f"position {positions_m[k].tolist()}: expected less than {MAX_M:g} m",
@@ -225,7 +225,7 @@ def parsed_trajectory(
     )
 
 
-def read_times(table: TextTable, times_s: Floats) -> Floats:
+def checked_times(table: TextTable, times_s: Floats) -> Floats:
     """Validated times (n,) from a table's first column."""
     for line, time in zip(table.lines, times_s, strict=True):
         if abs(time) >= MAX_S:
@@ -234,10 +234,10 @@ def read_times(table: TextTable, times_s: Floats) -> Floats:
     return times_s
 
 
-def read_quaternions(table: TextTable, xyzw: Floats) -> Floats:
+def rotations_from_quaternions(table: TextTable, xyzw: Floats) -> Floats:
     """Rotations (n, 3, 3) from a table's quaternions (n, 4)."""
     lengths = np.linalg.norm(xyzw, axis=-1)
-    _refuse(
+    _check_lines(
         table,
         np.abs(lengths - 1.0) <= ROUNDING,
         lambda k: f"quaternion of length {lengths[k]:.6g}: expected 1 (within {ROUNDING:g})",
@@ -245,9 +245,9 @@ def read_quaternions(table: TextTable, xyzw: Floats) -> Floats:
     return rotation_from_quaternion(xyzw)
 
 
-def read_rotations(table: TextTable, matrices: Floats) -> Floats:
+def rotations_from_matrices(table: TextTable, matrices: Floats) -> Floats:
     """Rotations (n, 3, 3) from a table's matrices, with rounding errors removed."""
-    _refuse(
+    _check_lines(
         table,
         is_rotation(matrices, ROUNDING),
         lambda k: (
@@ -257,7 +257,7 @@ def read_rotations(table: TextTable, matrices: Floats) -> Floats:
     return nearest_rotation(matrices)
 
 
-def _refuse(table: TextTable, good: Bools, message: Callable[[int], str]) -> None:
-    if not np.all(good):
-        k = int(np.argmin(good))
+def _check_lines(table: TextTable, is_valid: Bools, message: Callable[[int], str]) -> None:
+    if not np.all(is_valid):
+        k = int(np.argmin(is_valid))
         raise table.fault(table.lines[k], message(k))

@@ -20,9 +20,9 @@ from omnisim.core.trajectories.formats.parsed_trajectory import (
     ParsedTrajectory,
     TextTable,
     check_printed_times,
+    checked_times,
     parsed_trajectory,
     quote,
-    read_times,
 )
 from omnisim.core.trajectories.trajectory import Trajectory
 
@@ -46,7 +46,7 @@ def read(table: TextTable) -> ParsedTrajectory:
     rotations = np.array(
         [rotation_from_roll_pitch_yaw(*angles) for angles in zip(roll, pitch, yaw, strict=True)]
     )
-    times_s = read_times(table, values["t_s"]) if "t_s" in values else None
+    times_s = checked_times(table, values["t_s"]) if "t_s" in values else None
     parsed = parsed_trajectory(table, times_s, positions, rotations)
     has_heights = any(name in values for name in ("z_m", "roll_deg", "pitch_deg"))
     return dataclasses.replace(parsed, has_heights=has_heights, names=images)

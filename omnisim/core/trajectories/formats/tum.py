@@ -17,10 +17,10 @@ from omnisim.core.trajectories.formats.parsed_trajectory import (
     ParsedTrajectory,
     TextTable,
     check_printed_times,
+    checked_times,
     is_file_name,
     parsed_trajectory,
-    read_quaternions,
-    read_times,
+    rotations_from_quaternions,
 )
 from omnisim.core.trajectories.trajectory import Trajectory
 
@@ -32,13 +32,13 @@ def read(table: TextTable) -> ParsedTrajectory:
     if is_file_name(table.lines[0].cells[0]):
         table, names = table.without_column(0)
         numbers = table.numbers(COLUMNS[1:])
-        rotations = read_quaternions(table, numbers[:, 3:])
+        rotations = rotations_from_quaternions(table, numbers[:, 3:])
         parsed = parsed_trajectory(table, None, numbers[:, :3], rotations)
         return dataclasses.replace(parsed, names=names)
     numbers = table.numbers(COLUMNS)
-    times_s = read_times(table, numbers[:, 0])
+    times_s = checked_times(table, numbers[:, 0])
     return parsed_trajectory(
-        table, times_s, numbers[:, 1:4], read_quaternions(table, numbers[:, 4:])
+        table, times_s, numbers[:, 1:4], rotations_from_quaternions(table, numbers[:, 4:])
     )
 
 

@@ -9,7 +9,7 @@ The world is omnisim's: meters, z up. A point's track has the images whose range
 point, at the point's exact projections. COLMAP projects nothing at or past 90° from a lens's axis:
 masks and tracks leave out these directions.
 
-Source: COLMAP's documentation, "Output Format" and "Camera Models"; its reconstruction_io.cc.
+Source: COLMAP's documentation (Output Format, Camera Models, Rigs); its reconstruction_io.cc.
 """
 
 from __future__ import annotations
@@ -75,7 +75,9 @@ class _Colmap(ExportFormat):
         points = sample_points(recording, cameras)
         model = folder / "sparse" / "0"
         model.mkdir(parents=True)
-        write = _write_text if self.suffix == ".txt" else _write_binary
+        write, write_rig = _write_binary, _write_rig_binary
+        if self.suffix == ".txt":
+            write, write_rig = _write_text, _write_rig_text
         seen = observations(recording, cameras, points, front_only=True)
         shots = product(enumerate(recording.truth.world_from_base), enumerate(cameras, start=1))
         images = (
@@ -88,7 +90,6 @@ class _Colmap(ExportFormat):
         lens_from_rig = [
             inverse(camera.base_from_lens) @ cameras[0].base_from_lens for camera in cameras
         ]
-        write_rig = write_rig_text if self.suffix == ".txt" else write_rig_binary
         write_rig(model, lens_from_rig, rig_from_world)
         yield from write_images(recording, cameras, folder, front_only=True)
 
@@ -123,7 +124,7 @@ def _write_text(
         )
         for image in images:
             _extend(tracks, image)
-            numbers = " ".join(map(repr, rigid(image.lens_from_world)))
+            numbers = " ".join(map(repr, _pose_numbers(image.lens_from_world)))
             file.write(f"{image.id} {numbers} {image.camera_id} {image.name}\n")
             rows = zip((image.seen.pixels + CENTER_PX).tolist(), image.seen.points, strict=True)
             file.write(" ".join(f"{u:.6f} {v:.6f} {point + 1}" for (u, v), point in rows) + "\n")
@@ -151,7 +152,7 @@ def _write_binary(
         count = 0
         for count, image in enumerate(images, start=1):  # noqa: B007
             _extend(tracks, image)
-            pose = rigid(image.lens_from_world)
+            pose = _pose_numbers(image.lens_from_world)
             file.write(struct.pack("<I7dI", image.id, *pose, image.camera_id))
             file.write(image.name.encode("utf-8") + b"\0")
             records = np.empty(len(image.seen.points), dtype=[("uv", "<f8", 2), ("point", "<u8")])
@@ -182,51 +183,48 @@ def _extend(tracks: list[Track], image: Image) -> None:
         tracks[point].append((image.id, index))
 
 
-# Rig of a COLMAP reconstruction: `rigs` and `frames`, as text and in binary files.
-#
-# All cameras are on one rig, whose frame is the first camera's. A frame is a step of the run; its
-# images are numbered as in `images`: step by step, camera by camera.
-#
-# Source: COLMAP's documentation, "Rigs" and "Output Format"; its reconstruction_io.cc.
-
-
-RIG_ID, REFERENCE_ID, CAMERA_SENSOR = 1, 1, 0
-
-
-def rigid(pose: Floats) -> list[float]:
+def _pose_numbers(pose: Floats) -> list[float]:
     """Quaternion, w first, and translation of a pose (4, 4)."""
     x, y, z, w = quaternion_from_rotation(pose[None, :3, :3])[0].tolist()
     return [w, x, y, z, *pose[:3, 3].tolist()]
 
 
-def write_rig_text(folder: Path, lens_from_rig: list[Floats], rig_from_world: Floats) -> None:
+# `rigs` and `frames`: all cameras are on one rig, whose frame is the first camera's. A frame is a
+# step of the run; its images are numbered as in `images`, step by step, camera by camera.
+
+
+RIG_ID, REFERENCE_ID, CAMERA_SENSOR = 1, 1, 0
+
+
+def _write_rig_text(folder: Path, lens_from_rig: list[Floats], rig_from_world: Floats) -> None:
     """Write rigs.txt and frames.txt: poses (4, 4) of cameras, and (steps, 4, 4) of the world."""
     sensors = f"{RIG_ID} {len(lens_from_rig)} CAMERA {REFERENCE_ID}"
     for camera_id, pose in enumerate(lens_from_rig[1:], start=2):
-        sensors += f" CAMERA {camera_id} 1 {' '.join(map(repr, rigid(pose)))}"
+        sensors += f" CAMERA {camera_id} 1 {' '.join(map(repr, _pose_numbers(pose)))}"
     with (folder / "rigs.txt").open("w", encoding="utf-8") as file:
         file.write(f"# RIG_ID NUM_SENSORS REF_SENSOR SENSORS[]\n{sensors}\n")
     with (folder / "frames.txt").open("w", encoding="utf-8") as file:
         file.write("# FRAME_ID RIG_ID RIG_FROM_WORLD NUM_DATA_IDS DATA_IDS[]\n")
         for step, pose in enumerate(rig_from_world):
-            numbers = " ".join(map(repr, rigid(pose)))
+            numbers = " ".join(map(repr, _pose_numbers(pose)))
             data = " ".join(
                 f"CAMERA {camera} {image}" for camera, image in _rig_images(step, lens_from_rig)
             )
             file.write(f"{step + 1} {RIG_ID} {numbers} {len(lens_from_rig)} {data}\n")
 
 
-def write_rig_binary(folder: Path, lens_from_rig: list[Floats], rig_from_world: Floats) -> None:
-    """Write rigs.bin and frames.bin; see `write_rig_text`."""
+def _write_rig_binary(folder: Path, lens_from_rig: list[Floats], rig_from_world: Floats) -> None:
+    """Write rigs.bin and frames.bin; see `_write_rig_text`."""
     with (folder / "rigs.bin").open("wb") as file:
         file.write(struct.pack("<QII", 1, RIG_ID, len(lens_from_rig)))
         file.write(struct.pack("<iI", CAMERA_SENSOR, REFERENCE_ID))
         for camera_id, pose in enumerate(lens_from_rig[1:], start=2):
-            file.write(struct.pack("<iIB7d", CAMERA_SENSOR, camera_id, 1, *rigid(pose)))
+            file.write(struct.pack("<iIB7d", CAMERA_SENSOR, camera_id, 1, *_pose_numbers(pose)))
     with (folder / "frames.bin").open("wb") as file:
         file.write(struct.pack("<Q", len(rig_from_world)))
         for step, pose in enumerate(rig_from_world):
-            file.write(struct.pack("<II7dI", step + 1, RIG_ID, *rigid(pose), len(lens_from_rig)))
+            numbers = _pose_numbers(pose)
+            file.write(struct.pack("<II7dI", step + 1, RIG_ID, *numbers, len(lens_from_rig)))
             for camera, image in _rig_images(step, lens_from_rig):
                 file.write(struct.pack("<iIQ", CAMERA_SENSOR, camera, image))
 

@@ -1,8 +1,8 @@
-"""Images that effects change: their geometry and light meter, and steps on the GPU, as data.
+"""What degradations need of an image: a metered luminance, its geometry, and steps for the GPU.
 
 Of the meter's statistics, a percentile is robust. The median ignores a bright window or lamp that
 fills less than half of the image, so the room around it does not turn black. The mean follows the
-brightest parts. Describing a step opens no OpenGL.
+brightest parts. Steps are only described here, for back ends to run: this opens no OpenGL.
 """
 
 from __future__ import annotations
@@ -17,6 +17,8 @@ from omnisim.cameras import CentralCamera
 from omnisim.core.arrays import AnyFloats, Floats32
 
 LUMINANCE = (0.2126, 0.7152, 0.0722)  # weights of linear red, green and blue, Rec. 709
+LinearImage = Floats32  # (height, width, 4): linear RGB, and 1 if valid, else 0
+UniformValue = float | tuple[float, ...]
 
 
 @dataclass(frozen=True)
@@ -40,9 +42,6 @@ class Metering:
         if self.percentile is None:
             return float(np.mean(luminances))
         return float(np.percentile(luminances, self.percentile))
-
-
-LinearImage = Floats32  # (height, width, 4): linear RGB, and 1 if valid, else 0
 
 
 @dataclass(frozen=True)
@@ -78,9 +77,6 @@ class ImageGeometry:
     def uniforms(self) -> dict[str, Any]:
         """Values of the uniforms of `shaders/degradation/squared_radius.glsl`."""
         return {"u_center_px": self.center_px, "u_inverse_radius_unit": 1.0 / self.radius_unit_px}
-
-
-UniformValue = float | tuple[float, ...]
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,8 @@
 
 A fragment knows only its triangle's position within the draw call. All triangles are therefore
 numbered in drawing order, first those of single items, then those of clusters. The atlas holds
-these IDs; the table maps each to draw item and triangle.
+these IDs; the table maps each to draw item and triangle. `RayHitPass` then intersects the rays of
+pixels with the triangles that the texels around them show.
 Source: Burns & Hunt, "The visibility buffer", 2013.
 """
 
@@ -65,12 +66,11 @@ class VisibilityPass:
         plan: tiles of the atlas.
         cameras: virtual cameras; only depth range, sides and hidden instances matter here.
         details: details that can be drawn as well, if textures change them.
-        layers: maximum number of cameras that are drawn together, each into a layer of all
-            atlases; None: one camera, and atlases without layers.
+        layers: maximum number of cameras, of a batch, that are drawn together, each into a layer of
+            all atlases; None: one camera, and atlases without layers.
         like: pass of the same scene, whose programs and IDs are used, too.
 
     Attributes:
-        buffers, plan, cameras: see the arguments.
         id_atlas: integer texture, 1 + ID of the triangle; 0: nothing visible.
         triangle_ids: table of the IDs.
         depth: depth of the last rendered atlas.
@@ -117,7 +117,7 @@ class VisibilityPass:
         else:
             self._compiled, self.triangle_ids = like._compiled, like.triangle_ids
         self._drawn: dict[HitDetails, _Drawing] = {}
-        self._drawing(details.of_texels if layers else NO_DETAILS)
+        self._drawing(details.of_texels if layers else NO_DETAILS)  # before the first frame
 
     def refresh(self) -> None:
         """Update after the buffers changed."""
@@ -129,8 +129,8 @@ class VisibilityPass:
         """Draw other tiles, at most as many as at first, in an atlas of the same size."""
         if plan is not self.plan:
             self.plan = plan
-            for drawn in self._drawn.values():
-                drawn.tiles.use_plan(plan)
+            for drawing in self._drawn.values():
+                drawing.tiles.use_plan(plan)
 
     def _drawing(self, details: HitDetails) -> _Drawing:
         """Targets and drawers of IDs and details, created on first use."""

@@ -55,7 +55,7 @@ def _lighting(*lights):
 
 
 def _unshadowed(scene):
-    return replace(scene, lighting=scene.lighting.without_shadows())
+    return replace(scene, lighting=scene.lighting.with_shadows(False))
 
 
 def _table(material=0):
