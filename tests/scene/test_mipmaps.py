@@ -30,6 +30,11 @@ def test_coverage_is_kept_as_long_as_a_level_can_show_it(width):
     assert [level.shape[0] for level in levels] == [18, 9, 4, 2, 1]
 
 
+def test_a_texel_at_the_cutoff_is_covered():
+    for level in masked_mipmaps(np.full((4, 4, 4), 255, dtype=np.uint8), 1.0):
+        assert np.all(level[..., 3] == 255)
+
+
 def test_color_of_holes_does_not_bleed():
     pixels = np.zeros((4, 4, 4), dtype=np.uint8)
     pixels[:, ::2] = (200, 40, 20, 255)

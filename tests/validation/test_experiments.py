@@ -187,6 +187,12 @@ def test_defocus_is_the_cameras(image):
     np.testing.assert_allclose(quick[inside], wanted[inside], atol=2e-5)
 
 
+def test_white_balance_that_is_too_warm():
+    light = np.full((SIZE, SIZE, 4), 0.4, np.float32)
+    warm = BY_NAME["white balance"].apply(light, GEOMETRY, 0.25, 0)
+    np.testing.assert_allclose(warm[SIZE // 2, SIZE // 2, :3], (0.5, 0.4, 0.32), rtol=1e-6)
+
+
 def test_a_turn_blurs_along_circles_only():
     light = np.ones((SIZE, SIZE, 4), np.float32)
     light[..., :3] = 0.5 + 0.4 * np.sin(RADIUS / 5.0)[..., None]

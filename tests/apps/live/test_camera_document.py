@@ -1,4 +1,4 @@
-"""Camera documents: the text that is saved is the camera that is shown."""
+"""Camera documents: the text that is saved is the camera that is shown, and drawn."""
 
 import importlib
 import json
@@ -14,10 +14,12 @@ from omnisim.apps.live.camera_document import (
     preset_lists,
     with_preset,
 )
+from omnisim.apps.live.view_maker import profile
 from omnisim.cameras import pixel_grid
 from omnisim.core.errors import OutputError, SensorFileError
 from omnisim.core.files.toml_file import toml_text
 from omnisim.rendering.camera.omnicamera import OmniCamera
+from tests.cameras.optics.examples import SYSTEMS
 
 ROOT = Path(__file__).resolve().parents[3]
 PRESETS = [(kind, name) for kind, names in preset_lists().items() for name in names]
@@ -132,3 +134,13 @@ def test_an_exposure_is_written_into_the_document():
     assert not document.camera().degradation.is_metered
     assert document.with_exposure("auto").camera().degradation.is_metered
     assert CameraDocument().with_exposure("auto").camera().degradation.is_metered
+
+
+def test_a_port_without_a_rim_is_drawn_as_wide_as_its_rays():
+    section = profile(SYSTEMS["port"])
+    points_mm = np.array(section["rays"])  # (rays, 4, 2): the pinhole, both sides, and an end
+    for side, curve in enumerate(section["curves"], start=1):
+        low_mm, high_mm = np.array(curve["points"])[[0, -1]]
+        seen_mm = points_mm[:, side]
+        assert low_mm[0] < seen_mm[:, 0].min() < seen_mm[:, 0].max() < high_mm[0]
+        np.testing.assert_allclose(seen_mm[:, 1], low_mm[1])

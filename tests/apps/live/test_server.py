@@ -97,6 +97,12 @@ def test_a_token_is_asked_for_where_others_listen(page, monkeypatch):
     assert token in page.server.url
 
 
+def test_a_page_too_many_is_refused(page, monkeypatch):
+    monkeypatch.setattr(server, "MAX_PAGES", 1)
+    with Client(page), pytest.raises(InvalidStatus, match="503"):
+        Client(page)
+
+
 def test_the_image_at_rest_is_that_of_the_command_that_is_shown(page, tmp_path, monkeypatch):
     from omnisim.apps.cli.app import app
 

@@ -36,6 +36,12 @@ def test_equal_rings_have_the_known_error_and_ours_a_smaller_one(polygons, monke
     assert ours.max_px < 0.93 * equal.max_px
 
 
+def test_samples_of_a_triangle_have_its_center_as_mean():
+    points, shares = tessellation._lattice(4)
+    assert len(points) == 15
+    np.testing.assert_allclose(shares @ points, 1.0 / 3.0)
+
+
 MIRRORS = {
     "paper": HyperbolicMirror(),
     "plane": HyperbolicMirror(k=2.0, theta_max_rad=math.radians(40.0)),

@@ -10,7 +10,7 @@ from scipy.ndimage import gaussian_filter, shift
 from omnisim.cameras import KannalaBrandtCamera
 from omnisim.core.errors import MeasurementError
 from omnisim.measurement.comparison import compare_scene_images, pose_indices
-from omnisim.measurement.comparison.comparison import even_blocks, noise_by_level
+from omnisim.measurement.comparison.comparison import BIN_LEVELS, even_blocks, noise_by_level
 from omnisim.measurement.comparison.scene_comparison import (
     brighter_ev,
     check_size,
@@ -78,6 +78,7 @@ def test_noise_of_even_blocks_by_gray_level():
     twin = gray(stripes + 2.0 * random.normal(size=lit.shape))
     noise = noise_by_level([even_blocks(image, twin, field(image))])
     assert len(noise) >= 5
+    assert {one.level % BIN_LEVELS for one in noise} == {0.5 * BIN_LEVELS}
     for one in noise:
         assert one.noise == pytest.approx(1.0 + one.level / 80.0, rel=0.12)
         assert one.twin_noise == pytest.approx(2.0, rel=0.12)

@@ -8,6 +8,7 @@ import pytest
 
 import omnisim
 from omnisim.core.errors import LocalizationError
+from omnisim.perception.landmarks import landmark_detector
 from omnisim.perception.landmarks.color_model import BINS, ColorModel, bin_of
 from omnisim.perception.landmarks.landmark_detector import LandmarkDetector, find_regions
 from omnisim.perception.localization.filter import LandmarkMap, predict_measurement
@@ -145,6 +146,15 @@ def test_rows_are_ranges(field):
         sigmas = panorama.range_sigmas_m(ranges, height_m, 1.0)
         np.testing.assert_allclose(sigmas, (here - ahead) / step, rtol=1e-4)
     assert np.isinf(panorama.ranges_m(panorama.camera.principal_point_px[1] - 3.0))
+
+
+def test_two_edges_that_agree_give_a_range(field):
+    """The third one is hidden by what stands in front of the pillar."""
+    panorama = Panorama(field[1])
+    seen = ((0.4, 2.0), (0.2, 2.0), (0.0, 3.0))
+    edges = [(height_m, float(panorama.rows(at_m, height_m)), 0.1, 0.0) for height_m, at_m in seen]
+    assert landmark_detector._fit_range(panorama, edges)[0] == pytest.approx(2.0)
+    assert landmark_detector._fit_range(panorama, edges[1:]) is None
 
 
 def test_a_region_across_the_edge_is_one():

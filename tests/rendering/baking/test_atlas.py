@@ -20,6 +20,7 @@ from omnisim.rendering.baking.lightmap_atlas import (
 from omnisim.rendering.baking.patches import GRID, rasterize
 from omnisim.scene import Scene, load_scene
 from tests.rendering.baking.bakes import box, lit_by
+from tests.scenes import scene_of
 
 pytest.importorskip("xatlas")
 
@@ -106,6 +107,13 @@ def test_many_needles_fit():
     scene = lit_by(Scene.from_arrays("fan", [*near, (1e9, 0, 0)], fan))
     _, atlas = automatic_atlas(scene, NO_BACKS, 1 << 14)
     assert np.prod(atlas.size_px) <= 1 << 14
+
+
+def test_texels_are_so_fine_that_they_fill_the_atlas():
+    (mesh,) = box("crate", (1.0, 1.0, 1.0)).meshes
+    crates = lit_by(scene_of([mesh] * 30))
+    _, atlas = automatic_atlas(crates, np.zeros(30, dtype=np.bool_), 1 << 13)
+    assert 0.9 * (1 << 13) < np.prod(atlas.size_px) <= 1 << 13
 
 
 def _double_sided(scene):

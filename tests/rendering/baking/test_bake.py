@@ -14,6 +14,7 @@ from tests.rendering.baking.bakes import (
     baked,
     black_room,
     box,
+    lit,
     lit_by,
     share_of_corner,
     shining,
@@ -73,6 +74,19 @@ def test_lamp_and_its_shadow(tmp_path):
     np.testing.assert_allclose(at(bake, found.lamps, 0, (0, -1, -1.5)), slanted, rtol=0.02)
     assert not at(bake, found.lamps, 0, (1.8, 0.0, -1.5)).any()
     assert probes["valid"].mean() > 0.9
+
+
+def test_a_mirrored_room_is_lit_where_it_is(tmp_path):
+    """Second and third corners of its triangles change places."""
+    lamp = Light(LightKind.POINT, (1.0, 1.0, 1.0), 8.0, position_m=np.array([1.0, 0.0, 0.5]))
+    room = black_room(Lighting((0.0, 0.0, 0.0), (lamp,), exposure=0.5))
+    (instance,) = room.instances
+    mirrored = dataclasses.replace(instance, world_from_mesh=np.diag([-1.0, 1.0, 1.0, 1.0]))
+    room = dataclasses.replace(room, instances=(mirrored,))
+    bake, found = lit(tmp_path, room, texel_m=0.1, samples=2, bounces=0)
+    for x_m, distance_m in ((1.0, 2.0), (0.0, 5.0**0.5)):
+        expected = 4.0 * 2.0 / distance_m**3
+        np.testing.assert_allclose(at(bake, found.lamps, 0, (x_m, 0, -1.5)), expected, rtol=0.02)
 
 
 def test_sky_over_a_plain(tmp_path):

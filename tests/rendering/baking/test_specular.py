@@ -10,6 +10,7 @@ pytest.importorskip("xatlas")
 
 from omnisim.rendering.baking.bake import Bake
 from omnisim.rendering.baking.settings import BakeSettings
+from omnisim.rendering.baking.specular import Way, Ways, chosen
 from omnisim.scene import Scene
 from omnisim.scene.model import Light, Lighting, LightKind, Material
 from tests.rendering.baking.bakes import (
@@ -76,6 +77,15 @@ def test_furnace(tmp_path, material):
     light = found.gathered[found.is_valid]
     np.testing.assert_allclose(light.mean(axis=0), 1.4, rtol=0.02)
     np.testing.assert_allclose(np.median(light, axis=0), 1.4, rtol=0.04)
+
+
+def test_a_black_pane_ends_all_rays():
+    """Its back, which is invisible, passes no light."""
+    black, up = np.zeros((3, 3), np.float32), np.full((3, 3), (0.0, 0.0, 1.0), np.float32)
+    ways = Ways(black, black, np.ones(3, np.bool_), up, up)
+    way, factors = chosen(ways, np.ones(3, np.float32), np.array([0.1, 0.5, 0.9], np.float32))
+    assert np.all(way == Way.END)
+    assert np.all(np.isfinite(factors))
 
 
 @pytest.mark.parametrize("double_sided", [False, True])
