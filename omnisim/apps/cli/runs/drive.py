@@ -42,7 +42,7 @@ def drive(request: DriveRequest) -> None:
     if way.physics is not None:
         require_extra("mujoco", "--physics", RunError)
     if (count := len(request.paths)) != len(request.robots):
-        expected = f"expected one for each --robot, {len(request.robots)}"
+        expected = f"expected {len(request.robots)}, one for each --robot"
         raise RunError(f"--path: {expected}, got {count}")
     robots, vehicles = _load_robots(request)
     option = "--also" if truth.also else "--boxes-3d" if truth.boxes_3d else None
