@@ -180,7 +180,7 @@ def test_flow_follows_the_skin(backend, walker):
 
 @each_backend
 def test_an_image_is_of_its_time_and_repeats(backend, walker):
-    with opened(walker, CAMERA.resized(240), backend) as renderer:
+    with opened(walker, CAMERA.resized(160), backend) as renderer:
         first, later, again = (
             renderer.render(_at(HERE, time_s)).rgb for time_s in (0.25, 0.625, 2.25)
         )
