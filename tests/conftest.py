@@ -1,5 +1,6 @@
 """Fixtures for all tests; every floating-point error in NumPy is a failure."""
 
+import gc
 import os
 from functools import cache
 
@@ -18,6 +19,16 @@ from omnisim.rendering.opengl.gl import debug
 from omnisim.rendering.opengl.gl.context import open_context, release_context
 from omnisim.rendering.opengl.shadows import shadow_plan
 from tests.read_once import cluster_triangles_once, make_mipmaps_once, read_built_in_scenes_once
+
+
+def pytest_collection_finish():
+    """Leave all that is imported by now out of each later collection of garbage."""
+    gc.collect()
+    gc.freeze()
+
+
+def pytest_sessionfinish():
+    gc.unfreeze()
 
 
 @pytest.fixture(scope="session", autouse=True)

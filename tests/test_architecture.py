@@ -4,13 +4,12 @@ import ast
 from collections import Counter, defaultdict
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
-from pathlib import Path
 
 import pytest
 
 import omnisim
+from tests.syntax import PACKAGE, syntax_nodes
 
-PACKAGE = Path(omnisim.__file__).parent
 # Top-down; a module imports from lower rooms and from its own.
 ROOMS = (
     {"__main__"},
@@ -86,14 +85,9 @@ MODULES = {
 
 
 @cache
-def _tree(module):
-    return ast.parse(MODULES[module].read_text(encoding="utf-8"))
-
-
-@cache
 def _import_nodes(module):
     """Import statements of a module, for type checking too."""
-    nodes = ast.walk(_tree(module))
+    nodes = syntax_nodes()[MODULES[module]]
     return [node for node in nodes if isinstance(node, ast.Import | ast.ImportFrom)]
 
 
@@ -113,7 +107,7 @@ def _imports(module):
 
 def _imported_at_start(module):
     """Names of what a module imports when it is imported, with their packages."""
-    for node in _tree(module).body:
+    for node in syntax_nodes()[MODULES[module]][0].body:
         names = []
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]

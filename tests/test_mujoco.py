@@ -14,7 +14,8 @@ from tests.scene.formats.mjcf.models import SHAPES
 mujoco = pytest.importorskip("mujoco")
 pytestmark = pytest.mark.usefixtures("needs_opengl")
 STANDING = pose((0.0, 0.0, 0.8))
-FISHEYE = OmniCamera(EquidistantCamera(160, 160, 48.0, (79.5, 79.5), np.radians(95.0)))
+LENS = EquidistantCamera(160, 160, 48.0, (79.5, 79.5), np.radians(95.0))
+FISHEYE = OmniCamera(LENS, supersampling=1)
 
 
 @pytest.fixture

@@ -2,35 +2,30 @@
 
 import ast
 import re
-from functools import cache
-from pathlib import Path
 
-import omnisim
+from tests.syntax import PACKAGE, syntax_nodes
 
-ROOT = Path(omnisim.__file__).parent.parent
+ROOT = PACKAGE.parent
 # Quantities with a dimension: the name of a number ends in its unit.
 QUANTITY = re.compile(
     r"(?:^|_)(yaw|pitch|roll|azimuth|elevation|distance|diameter|thickness|speed|velocity|duration|"
     r"period|time|mass)$"
 )
+NUMBER = re.compile(r"\b(float|Number|Positive|NotNegative)\b")
 WITHOUT_UNIT = {
     ("omnisim/runs/physics", "distance"),  # of slip: meters per meter
     ("omnisim/apps/cli/images", "yaw"),  # of a private function
 }
 
 
-@cache
 def _modules():
     """(path below the root, nodes of its syntax tree) of each file."""
-    return [
-        (path.relative_to(ROOT), list(ast.walk(ast.parse(path.read_text(encoding="utf-8")))))
-        for folder in ("omnisim", "benchmarks")
-        for path in sorted((ROOT / folder).rglob("*.py"))
-    ]
+    files = syntax_nodes() | syntax_nodes(ROOT / "benchmarks")
+    return [(path.relative_to(ROOT), nodes) for path, nodes in files.items()]
 
 
 def _numbers():
-    """(path, line, name) of the parameters and fields that are numbers or arrays of them."""
+    """(path, line, name) of the quantities that are numbers or arrays of them."""
     for path, nodes in _modules():
         for node in nodes:
             if isinstance(node, ast.arg):
@@ -39,8 +34,7 @@ def _numbers():
                 name, kind = node.target.id, node.annotation
             else:
                 continue
-            is_number = re.compile(r"\b(float|Number|Positive|NotNegative)\b").search
-            if kind is not None and is_number(ast.unparse(kind)):
+            if kind is not None and QUANTITY.search(name) and NUMBER.search(ast.unparse(kind)):
                 yield path, node.lineno, name
 
 
@@ -48,7 +42,7 @@ def test_names_of_quantities_end_in_their_units():
     offenders = [
         f"{path}:{line}: {name}"
         for path, line, name in _numbers()
-        if QUANTITY.search(name) and (path.parent.as_posix(), name) not in WITHOUT_UNIT
+        if (path.parent.as_posix(), name) not in WITHOUT_UNIT
     ]
     assert not offenders, "\n".join(("expected a unit at the end:", *offenders))
 

@@ -469,9 +469,9 @@ def bounds_m(meshes: tuple[Mesh, ...], instances: tuple[Instance, ...]) -> Float
 
 def instance_bounds_m(meshes: tuple[Mesh, ...], instances: tuple[Instance, ...]) -> Floats:
     """Smallest and largest corner (n, 2, 3) of each instance's bounding box, world frame, m."""
-    boxes = np.array([bounds_of(mesh.positions) for mesh in meshes], np.float64)[
-        [instance.mesh for instance in instances]
-    ]
+    numbers = [instance.mesh for instance in instances]
+    box_of = {number: bounds_of(meshes[number].positions) for number in set(numbers)}
+    boxes = np.array([box_of[number] for number in numbers], np.float64)
     corners = boxes[:, np.indices((2, 2, 2)).reshape(3, 8).T, [0, 1, 2]]  # (instances, 8, 3)
     world_from_mesh = np.array([instance.world_from_mesh for instance in instances])
     world = corners @ world_from_mesh[:, :3, :3].swapaxes(1, 2) + world_from_mesh[:, None, :3, 3]

@@ -27,7 +27,7 @@ def _check_round_trip(camera, pixels):
 
 @examples
 def test_pixel_to_ray_to_pixel(camera):
-    pixels = pixel_grid(camera.width_px, camera.height_px)[::3, ::3]
+    pixels = pixel_grid(camera.width_px, camera.height_px)[::5, ::5]
     rays = _check_round_trip(camera, pixels)
     assert rays.directions.shape == (*pixels.shape[:-1], 3)
     assert rays.valid.any()
@@ -36,7 +36,7 @@ def test_pixel_to_ray_to_pixel(camera):
 @examples
 def test_edges_of_the_domain_round_trip(camera):
     """The last valid pixels, to the last bit, on lines out of the domain's middle."""
-    grid = pixel_grid(camera.width_px, camera.height_px).reshape(-1, 2)
+    grid = pixel_grid(camera.width_px, camera.height_px)[::8, ::8].reshape(-1, 2)
     inside = grid[camera.ray_from_pixel(grid).valid]
     start = inside[np.argmin(np.linalg.norm(inside - inside.mean(axis=0), axis=1))]
     turn = np.linspace(0.0, 2.0 * np.pi, 33)

@@ -134,12 +134,12 @@ def test_floors_have_a_probe_where_they_are():
 
 @pytest.mark.parametrize("moves", [False, True])
 def test_images_do_not_depend_on_the_order_of_poses(moves):
-    """Forward, backward and shuffled; and batches."""
+    """Forward and shuffled; and batches."""
     objects = {"cube": scene_of([box("cube", 0)], [Material(base_color=(0.9, 0.1, 0.1, 1.0))])}
     sensor = furnished.camera(48, 1)
     room_ = furnished.furnished_room()
     with Stage(room_, dynamic_objects=objects if moves else {}) as stage:
-        orders, images = ([0, 1, 2, 3], [3, 2, 1, 0], [2, 0, 3, 1]), []
+        orders, images = ([0, 1, 2, 3], [2, 0, 3, 1]), []
         for order in orders:
             with stage.open(sensor) as renderer:
                 states = [

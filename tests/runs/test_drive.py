@@ -27,7 +27,7 @@ from omnisim.runs.run_folder import RunFolder
 from omnisim.scene import load_scene
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")
-ROUTE = Route("lap", step_m=1.2, step_deg=45.0)
+ROUTE = Route("lap", step_m=2.0, step_deg=90.0)
 ARGUMENTS = ["drive", "soccer", "--robot", "p2at", "--path", "lap", "--size", "48"]
 ARGUMENTS += ["--step", "1.2", "--turn-step", "45"]
 
@@ -106,7 +106,7 @@ def test_the_robot_sees_itself_and_its_laser_does_not(whole):
 
 
 def test_another_seed_is_another_odometry_and_the_same_images(scene, vehicle, whole, tmp_path):
-    drive = Drive(scene, vehicle, Route("lap", step_m=1.2, step_deg=45.0), seed=8)
+    drive = Drive(scene, vehicle, ROUTE, seed=8)
     steps = drive.plan().record(tmp_path / "run")
     for _ in range(3):
         next(steps)
@@ -131,7 +131,7 @@ def test_another_run_is_refused_and_nothing_lost(scene, vehicle, whole):
     before = _bytes(whole)
     others = {
         "seed was 7, is 8": Drive(scene, vehicle, ROUTE, seed=8),
-        r"path\.route was": Drive(scene, vehicle, Route("lap", step_m=0.9, step_deg=45.0), seed=7),
+        r"path\.route was": Drive(scene, vehicle, Route("lap", step_m=0.9, step_deg=90.0), seed=7),
         r"robot\.contents was": Drive(scene, vehicle.with_cameras(size_px=64), ROUTE, seed=7),
         r"sensors\.omnicam\.quality\.supersampling was 3, is 2": Drive(
             scene, vehicle.with_cameras(quality="fast"), ROUTE, seed=7

@@ -1,5 +1,6 @@
 """Drives with moving objects and several robots: what each sees, and what is on disk."""
 
+import dataclasses
 import json
 
 import numpy as np
@@ -12,6 +13,7 @@ from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.drive import Drive, drive_together
 from omnisim.runs.route import Route
 from omnisim.scene import load_scene
+from omnisim.scene.model import ScenePath
 from tests.runs.test_drive import _bytes
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")
@@ -37,12 +39,16 @@ def scene(tmp_path_factory):
 def plans(scene):
     """Two robots that meet in the middle of the field."""
 
-    def plan(robot, waypoints):
+    def plan(robot, sign):
+        way = ScenePath("way", ((-2.0 * sign, -0.8 * sign), (1.0 * sign, -0.8 * sign)), None)
         vehicle = Vehicle.load(robot).with_cameras(size_px=48, quality="fast")
-        route = Route(waypoints, step_m=2.0, step_deg=90.0)
-        return Drive(scene, vehicle, route, channels=("instance",)).plan()
+        route = Route("way", step_m=0.6, step_deg=90.0)
+        drive = Drive(
+            dataclasses.replace(scene, paths=(way,)), vehicle, route, channels=("instance",)
+        )
+        return drive.plan()
 
-    return drive_together({"a": plan("p2at", "lap"), "b": plan("superscout", "lap_clockwise")})
+    return drive_together({"a": plan("p2at", 1.0), "b": plan("superscout", -1.0)})
 
 
 def _seen(folder, step):

@@ -1,7 +1,5 @@
 """One motion: what a noise-free IMU measures along every built-in path integrates to the truth."""
 
-import itertools
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -55,12 +53,13 @@ def check(motion, mount, turn_deg=0.01):
 @pytest.mark.parametrize(("scene", "path"), PATHS)
 def test_readings_integrate_to_the_pose_over_every_lap(scene, path):
     vehicle = Vehicle.load("p2at")
-    for steps, mount in itertools.product(STEPS, MOUNTS):
+    for steps in STEPS:
         plan = Drive(load_scene(scene), vehicle, Route(path, **steps)).plan()
         # the motion goes through the poses that are recorded
         poses = plan.motion.at(plan.truth.times_s).world_from_base
         np.testing.assert_allclose(poses, plan.truth.world_from_base, atol=1e-12)
-        check(plan.motion, mount)
+        for mount in MOUNTS:
+            check(plan.motion, mount)
 
 
 def test_no_built_in_path_is_left_out():

@@ -12,7 +12,7 @@ from omnisim.core import coordinate_frames as frames
 from omnisim.core import poses
 from omnisim.rendering.opengl.gl import shader_files
 from omnisim.validation.check_registry import CHECKS
-from omnisim.validation.checks import optics
+from omnisim.validation.checks import calibration, optics
 from omnisim.validation.fixture import Fixture
 from omnisim.validation.oracles import omnidir
 from omnisim.validation.plain_scenes import board_corners_m
@@ -29,6 +29,14 @@ BY_KEY = {check.key: check for check in CHECKS}
 @pytest.fixture(scope="module")
 def fixture():
     return Fixture(is_quick=True)
+
+
+@pytest.fixture(autouse=True)
+def _small(monkeypatch):
+    """Fewer markers at half the size, and fewer round trips; the bounds are the same."""
+    monkeypatch.setattr(calibration, "SIZE_PX", 512)
+    monkeypatch.setattr(calibration, "MARKERS", 100)
+    monkeypatch.setattr(optics, "QUICK_STEP_PX", 36)
 
 
 def _missed(key, fixture):
@@ -120,7 +128,6 @@ def test_rays_that_look_aside_are_found_out(fixture, monkeypatch):
 def test_a_wrong_calibration_file_is_found_out(fixture, monkeypatch):
     """The file's focal length is half a percent off the image's."""
     from omnisim.cameras.calibration import calibration_of
-    from omnisim.validation.checks import calibration
 
     pinhole = calibration.board_cameras()[0]
     focal_px = 1.005 * pinhole.camera.focal_length_px

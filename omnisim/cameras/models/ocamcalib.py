@@ -70,10 +70,16 @@ class OcamcalibCamera(RadialCamera):
             raise self._error("affine", "c, d, e with c > d e")
 
     @cached_property
+    def _rises(self) -> Floats:
+        """Coefficients of the polynomial's derivative."""
+        rises: Floats = polynomial.polyder(self.polynomial)
+        return rises
+
+    @cached_property
     def radius_max_px(self) -> float:
         """Largest ρ of the domain."""
         heights = np.array(self.polynomial)
-        rises = polynomial.polysub(polynomial.polymulx(polynomial.polyder(heights)), heights)
+        rises = polynomial.polysub(polynomial.polymulx(self._rises), heights)
         squares = polynomial.polyadd([0.0, 0.0, 1.0], polynomial.polymul(heights, heights))
         least = MIN_SLOPE / -heights[0]
         end = first_root(polynomial.polysub(rises, least * squares), MAX_RADIUS_PX)
@@ -92,7 +98,7 @@ class OcamcalibCamera(RadialCamera):
 
     def _slope(self, radius: Floats) -> Floats:
         height = polyval(self.polynomial, radius)
-        rise = polyval(polynomial.polyder(self.polynomial), radius)
+        rise = polyval(self._rises, radius)
         return (radius * rise - height) / (radius * radius + height * height)
 
     def _theta_from_radius(self, radius: Floats) -> Floats:

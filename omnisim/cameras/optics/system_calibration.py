@@ -387,7 +387,7 @@ def pose_from_directions(directions: Floats, points_m: Floats) -> Floats:
     # d × (H p) = 0
     crosses = np.cross(np.eye(3), directions[:, None, :]).transpose(0, 2, 1)
     rows = np.einsum("nij,nk->nijk", crosses, plane).reshape(-1, 9)
-    homography = np.linalg.svd(rows)[2][-1].reshape(3, 3)
+    homography = np.linalg.svd(rows, full_matrices=False)[2][-1].reshape(3, 3)
     if np.einsum("nj,jk,nk->", directions, homography, plane) < 0.0:
         homography = -homography
     homography /= 0.5 * np.linalg.norm(homography[:, :2], axis=0).sum()

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.stats import chi2
+from scipy.special import gammaincinv
 
 from omnisim.core.arrays import Floats, Indices
 from omnisim.core.files.atomic_file import write_text
@@ -162,7 +162,9 @@ def mean_interval(degrees: int, count: int, share: float = 0.95) -> Interval:
     The mean is that of `count` independent values, each with `degrees` degrees of freedom.
     """
     tail = 0.5 * (1.0 - share)
-    low, high = (float(chi2.ppf(share, degrees * count)) for share in (tail, 1.0 - tail))
+    # quantiles of chi-square: those of a gamma distribution; `scipy.stats` is slow to import
+    halves = 0.5 * degrees * count
+    low, high = (2.0 * float(gammaincinv(halves, share)) for share in (tail, 1.0 - tail))
     return Interval(low / count, high / count)
 
 

@@ -29,7 +29,7 @@ from tests.cameras.optics.samples import all_samples
 from tests.scenes import room, scene_of
 
 SEEN = [path for path in EXAMPLES if has_mesh(read_optics_file(path))]
-QUICK = {"sphere", "tilted-mirror"}
+QUICK = {"tilted-mirror"}
 every_mirror = pytest.mark.parametrize(
     "path",
     [

@@ -20,7 +20,7 @@ PROFILES = {
 SAMPLES = 20_001
 
 
-def _rays(count=400):
+def _rays(count=150):
     """Rays from all around to points near the profile."""
     generator = np.random.default_rng(3)
     origins_m = generator.normal(size=(count, 3))
@@ -56,4 +56,4 @@ def test_first_crossing(name):
         )
         assert length == pytest.approx(expected, abs=1e-12)
         compared += 1
-    assert compared > 100
+    assert compared > 40

@@ -45,7 +45,7 @@ def test_panel(tmp_path, half_m):
     """An emissive panel gives all of the floor below it what its form factor says."""
     panel = box("panel", (2.0 * half_m, 2.0 * half_m, 0.002), (0.0, 0.0, 1.001))
     room = black_room().added("panel", shining(panel, 5.0))
-    bake, found, _ = baked(tmp_path, room, texel_m=0.2, samples=64, bounces=0)
+    bake, found = lit(tmp_path, room, texel_m=0.2, samples=64, bounces=0)
     surfaces = bake.surfaces(found.is_valid)
     places = surfaces.positions_m + bake.transport.center_m
     floor = found.is_valid & (surfaces.normals[:, 2] > 0.99) & (bake.patches.surfaces == 0)
@@ -104,7 +104,7 @@ def test_foot_of_a_wall_is_not_darker(tmp_path):
     lighting = Lighting((0.0, 0.0, 0.0), (Light(LightKind.DIRECTIONAL, (1.0, 1.0, 1.0), 1.0),))
     floor = lit_by(box("floor", (4.0, 4.0, 0.1)), lighting, (1.0, 0.0, 1.0))
     scene = floor.added("wall", box("wall", (0.37, 3.1, 1.0), (0.01, 0.0, 0.55)))
-    bake, found, _ = baked(tmp_path, scene, texel_m=0.2, samples=8, bounces=0)
+    bake, found = lit(tmp_path, scene, texel_m=0.2, samples=8, bounces=0)
     places = bake.patches.places[found.is_valid & (bake.patches.surfaces == 0)]
     assert len(places) < (bake.patches.surfaces == 0).sum()  # those below the wall are none
     pixels = lightmap(bake.patches, bake.light(found), found.is_valid)
@@ -113,15 +113,15 @@ def test_foot_of_a_wall_is_not_darker(tmp_path):
     np.testing.assert_allclose(
         found.lamps[found.is_valid & (bake.patches.surfaces == 0)][upper], 1.0, rtol=1e-5
     )
-    lit = pixels[top : top + high, left : left + wide]
-    assert lit.max() == pytest.approx(1.0, rel=1e-3)
+    shown = pixels[top : top + high, left : left + wide]
+    assert shown.max() == pytest.approx(1.0, rel=1e-3)
 
 
 def test_both_sides_of_a_sheet_have_their_own_light(tmp_path):
     corners = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
     sheet = Scene.from_arrays("sheet", corners, [(0, 1, 2), (0, 2, 3)], base_color=(0.5, 0.5, 0.5))
     lighting = Lighting((0.0, 0.0, 0.0), (Light(LightKind.DIRECTIONAL, (1.0, 1.0, 1.0), 1.0),))
-    bake, found, _ = baked(
+    bake, found = lit(
         tmp_path, lit_by(sheet, lighting, (0, 0, 1)), texel_m=0.25, samples=4, bounces=0
     )
     assert list(bake.atlas.shares(bake.atlas.back_rects_px)) == [0]
@@ -138,7 +138,7 @@ def test_red_wall_colors_its_neighbor(tmp_path):
     red = box("red", (0.02, 1.9, 1.9), (-0.98, 0.0, 0.0), color=(0.7, 0.05, 0.05))
     panel = shining(box("panel", (0.5, 0.5, 0.02), (0.0, 0.0, 0.98)), 10.0)
     scene = room.added("red", red).added("panel", panel)
-    bake, found, _ = baked(tmp_path, scene, texel_m=0.1, samples=32, bounces=8)
+    bake, found = lit(tmp_path, scene, texel_m=0.1, samples=32, bounces=8)
     near, far = (at(bake, found.gathered, 0, (x, 0.0, -1.0), within_m=0.2) for x in (-0.7, 0.7))
     assert near[0] / near[1] > 1.15 * far[0] / far[1]
     assert bake.light(found)[found.is_valid].min() > 0.0
@@ -154,7 +154,7 @@ def test_few_rays_are_enough_for_small_lamps(tmp_path):
     outside = shining(box("outside", (20.0, 20.0, 20.0), inwards=True), 1.0)
     scene = room.added("lamp", lamp).added("shade", shade).added("tray", tray)
     scene = scene.added("outside", outside)
-    bake, found, _ = baked(tmp_path, scene, texel_m=0.2, samples=64, bounces=2)
+    bake, found = lit(tmp_path, scene, texel_m=0.2, samples=64, bounces=2)
     surfaces = bake.surfaces(found.is_valid)
     floor = found.is_valid & (surfaces.normals[:, 2] > 0.99) & (bake.patches.surfaces == 0)
     light = found.gathered[floor, 0]

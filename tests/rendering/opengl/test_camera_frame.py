@@ -35,7 +35,7 @@ def _render(context, camera):
 
 @camera_examples
 def test_room_has_the_right_color_everywhere(context, camera):
-    camera = camera.scaled(0.5) if camera.width_px > 400 else camera
+    camera = camera.scaled(min(1.0, 260 / camera.width_px))
     rgba = _render(context, camera)
     pixels = pixel_grid(camera.width_px, camera.height_px)
     rays = camera.ray_from_pixel(pixels)

@@ -27,7 +27,7 @@ def _write_corners(folder, count, sigma_px):
 
 
 def test_corners_become_a_sensor_file(ran, tmp_path):
-    _write_corners(tmp_path, 10, 0.05)
+    _write_corners(tmp_path, 7, 0.05)
     output = tmp_path / "camera.toml"
     out, err = ran(*CORNERS, "--model", "kannala_brandt", "-o", output)
     assert "RMS is more than" not in err
@@ -36,7 +36,7 @@ def test_corners_become_a_sensor_file(ran, tmp_path):
     assert isinstance(camera, KannalaBrandtCamera)
     assert camera.focal_lengths_px == pytest.approx(LENS.focal_lengths_px, rel=0.01)
     report = json.loads(output.with_suffix(".json").read_text())["geometry"]
-    assert len(report["images"]) == 10
+    assert len(report["images"]) == 7
     names = {quantity["name"] for quantity in report["quantities"]}
     assert names > {"focal_lengths_px.0", "coefficients.3"}
     assert (tmp_path / "camera-corners.csv").exists()

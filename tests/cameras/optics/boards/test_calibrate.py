@@ -86,7 +86,7 @@ def boards_of(system, count=6, seed=5):
 def test_misalignment_is_found(name):
     table, changes, keys = SYSTEMS[name]
     truth = _changed(table, changes)
-    found = calibrate_system(table, keys.split(","), boards_of(parse_optics(truth)))
+    found = calibrate_system(table, keys.split(","), boards_of(parse_optics(truth), 4))
     assert np.abs(found.before_px).max() > 0.1
     assert np.abs(found.errors_px).max() < 1e-6
     expected = FreeParameters(truth, keys.split(","), "truth").values

@@ -57,9 +57,14 @@ def _pass(buffers, details=NO_DETAILS):
     return VisibilityPass(buffers, plan, VirtualCameras(0.05, np.inf), details)
 
 
-@pytest.mark.parametrize("min_triangles", [0, 10**9], ids=["occlusion passes", "one pass"])
 @pytest.mark.parametrize(
-    "details", [NO_DETAILS, HitDetails(albedos=True), HitDetails(materials=True)]
+    ("min_triangles", "details"),  # by occlusion passes, and by one
+    [
+        (0, NO_DETAILS),
+        (0, HitDetails(materials=True)),
+        (10**9, NO_DETAILS),
+        (10**9, HitDetails(albedos=True)),
+    ],
 )
 def test_ids_are_those_of_instances_drawn_one_by_one(context, monkeypatch, min_triangles, details):
     monkeypatch.setattr(scene_view, "MIN_TRIANGLES_OF_PASSES", (min_triangles,) * 4)

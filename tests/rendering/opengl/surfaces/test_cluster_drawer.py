@@ -74,7 +74,7 @@ def assert_same(one, other):
 
 
 @pytest.mark.usefixtures("needs_opengl")
-@with_warehouse("soccer", "mapping")
+@with_warehouse("soccer", pytest.param("mapping", marks=pytest.mark.slow))
 def test_scenes_look_as_if_drawn_one_by_one(source, monkeypatch):
     scene = load_scene(source)
     with Stage(scene) as stage, reference_stage(monkeypatch, scene) as reference:

@@ -67,10 +67,15 @@ def _everything(stage):
 @pytest.mark.parametrize(
     ("scenes", "passes"),
     [
-        pytest.param(scenes, passes, id=f"{name} in {passes}", marks=marks)
-        for name, scenes, marks in (
-            ("mixed", lambda: (mixed_scene(SHADOWED), dynamic_object()), pytest.mark.slow),
-            ("soccer", lambda: (load_scene("soccer"),), ()),
+        pytest.param(
+            scenes,
+            passes,
+            id=f"{name} in {passes}",
+            marks=pytest.mark.slow if passes in slow else (),
+        )
+        for name, scenes, slow in (
+            ("mixed", lambda: (mixed_scene(SHADOWED), dynamic_object()), (1, 4)),
+            ("soccer", lambda: (load_scene("soccer"),), (1,)),
         )
         for passes in (1, 4)
     ],

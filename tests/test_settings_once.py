@@ -3,9 +3,9 @@
 import ast
 import re
 from collections import defaultdict
-from pathlib import Path
+from functools import cache
 
-import omnisim
+from tests.syntax import syntax_nodes
 
 # Fields that stand in both, although a function passes them on by hand, and why.
 REASONS = {
@@ -34,13 +34,18 @@ REASONS = {
 }
 
 
+@cache
+def _bases(node):
+    return [ast.unparse(base).partition("[")[0] for base in node.bases]
+
+
 class _Classes:
     """Classes of the package by name: fields with their annotations, bases, and kind."""
 
-    def __init__(self, trees):
+    def __init__(self):
         self.nodes = defaultdict(list)
-        for tree in trees:
-            for node in ast.walk(tree):
+        for nodes in syntax_nodes().values():
+            for node in nodes:
                 if isinstance(node, ast.ClassDef):
                     self.nodes[node.name].append(node)
         self.tables = self._below("Table") - self._below("ForeignTable")  # of other programs
@@ -52,43 +57,47 @@ class _Classes:
             more = {
                 name
                 for name, nodes in self.nodes.items()
-                if any(found & set(self.bases(node)) for node in nodes)
+                if any(found & set(_bases(node)) for node in nodes)
             }
             grows, found = not more <= found, found | more
         return found
-
-    def bases(self, node):
-        return [ast.unparse(base).partition("[")[0] for base in node.bases]
 
     def fields(self, name):
         """Annotations by name, those of the bases first."""
         fields = {}
         for node in self.nodes.get(name, ()):
-            for base in self.bases(node):
+            for base in _bases(node):
                 fields |= self.fields(base) if base != name else {}
-            fields |= {
-                line.target.id: ast.unparse(line.annotation)
-                for line in node.body
-                if isinstance(line, ast.AnnAssign)
-                and "ClassVar" not in ast.unparse(line.annotation)
-            }
+            for line in node.body:
+                if isinstance(line, ast.AnnAssign):
+                    annotation = ast.unparse(line.annotation)
+                    if "ClassVar" not in annotation:
+                        fields[line.target.id] = annotation
         return fields
 
     def is_data(self, name):
         return any(
-            "NamedTuple" in self.bases(node)
+            "NamedTuple" in _bases(node)
             or any("dataclass" in ast.unparse(one) for one in node.decorator_list)
             for node in self.nodes.get(name, ())
         )
 
 
 def _words(node):
-    return set() if node is None else set(re.findall(r"\w+", ast.unparse(node)))
+    return (
+        {
+            part.id if isinstance(part, ast.Name) else part.attr
+            for part in ast.walk(node)
+            if isinstance(part, ast.Name | ast.Attribute)
+        }
+        if node
+        else set()
+    )
 
 
-def _functions(tree):
+def _functions(nodes):
     """Functions, each with the words of its signature and the name of its class."""
-    for node in ast.walk(tree):
+    for node in nodes:
         body = node.body if isinstance(node, ast.ClassDef | ast.Module) else ()
         owner = {node.name} if isinstance(node, ast.ClassDef) else set()
         for function in body:
@@ -111,17 +120,17 @@ def _passed_on(call, fields):
 
 
 def _stated_twice():
-    paths = Path(omnisim.__file__).parent.rglob("*.py")
-    trees = [ast.parse(path.read_text(encoding="utf-8")) for path in paths]
-    classes = _Classes(trees)
-    for tree in trees:
-        for function, seen in _functions(tree):
-            for call in (one for one in ast.walk(function) if isinstance(one, ast.Call)):
+    classes = _Classes()
+    for nodes in syntax_nodes().values():
+        for function, seen in _functions(nodes):
+            tables = seen & classes.tables
+            calls = (node for node in ast.walk(function) if isinstance(node, ast.Call))
+            for call in calls if tables else ():
                 made = ast.unparse(call.func).rpartition(".")[2]
                 if not classes.is_data(made):
                     continue
                 fields = classes.fields(made)
-                for table in seen & classes.tables:
+                for table in tables - {made}:
                     own = classes.fields(table)
                     for name in _passed_on(call, fields):
                         key = next((k for k in (name, name.replace("rad", "deg")) if k in own), "")
