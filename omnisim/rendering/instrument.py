@@ -19,7 +19,6 @@ from omnisim.rendering.contract import Passes
 from omnisim.rendering.sensor import Moment, Mount, Reading, SensorSettings
 from omnisim.rendering.shared_scene import Closeable, EditableScene, SharedScene
 from omnisim.scene import Scene
-from omnisim.scene.labels import BODY
 
 SensorT_co = TypeVar("SensorT_co", bound=SensorSettings, covariant=True)
 PassesT_co = TypeVar("PassesT_co", bound=Passes, covariant=True)
@@ -52,7 +51,7 @@ class Instrument(Closeable, EditableScene, Generic[SensorT_co, PassesT_co, Readi
     def __init__(self, stage: SharedScene, sensor: SensorT_co, mount: Mount[object]):
         self._stage, self.sensor, self.mount, self.owns_stage = stage, sensor, mount, False
         self.hidden = frozenset(mount.hides)
-        self.vehicle = mount.vehicle or next(iter(stage.vehicles), BODY)
+        self.vehicle = stage.carrier(mount.vehicle)
         parts = self._hidden_parts()
         with stage.current():
             self._passes: PassesT_co | None = self._open_passes(parts)
@@ -102,7 +101,7 @@ class Instrument(Closeable, EditableScene, Generic[SensorT_co, PassesT_co, Readi
     @property
     def body(self) -> Scene | None:
         """Body of its vehicle; None: invisible."""
-        return self._stage.vehicles.get(self.vehicle)
+        return self._stage.objects.get(self.vehicle)
 
     def _hidden_parts(self) -> frozenset[ObjectPart]:
         names = (
