@@ -58,6 +58,14 @@ class WorldState:
         checked = {name: check_pose(pose) for name, pose in self.world_from_object.items()}
         object.__setattr__(self, "world_from_object", checked)
 
+    @classmethod
+    def of_checked(cls, world_from_object: Mapping[str, Pose], time_s: float) -> Self:
+        """State of poses and a time that are known to be valid."""
+        state = cls.__new__(cls)
+        object.__setattr__(state, "world_from_object", world_from_object)
+        object.__setattr__(state, "time_s", time_s)
+        return state
+
     def __repr__(self) -> str:
         return short_repr(self, f"{self.time_s:g} s", *self.world_from_object)
 

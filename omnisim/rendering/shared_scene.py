@@ -243,6 +243,10 @@ class SharedScene(Closeable, EditableScene):
             raise SceneError(f"state: expected a pose of {', '.join(missing)}, got {actual}")
         return ObjectPoses((poses[name] for name in self.objects), state.time_s)
 
+    def carrier(self, name: str | None) -> str:
+        """Object that carries a sensor, by its name; without one, the first vehicle."""
+        return name or next(iter(self.vehicles), BODY)
+
     @property
     def graphics(self) -> CubeBackend:
         """The OpenGL back end.

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from omnisim.core.arrays import Floats
-from omnisim.core.files.sources import fingerprint
+from omnisim.core.files.sources import NOT_IDENTITY, fingerprint
 from omnisim.core.poses import proper_rotation
 from omnisim.core.short_repr import counted, short_repr
 from omnisim.ground_truth.boxes import OrientedBox
@@ -36,6 +36,7 @@ from omnisim.scene.parts import (
     Light,
     Lighting,
     LightKind,
+    Link,
     Material,
     Mesh,
     NamedStart,
@@ -50,8 +51,8 @@ from omnisim.scene.space.start_pose import find_start
 
 __all__ = [
     "LAMP_NEAR_M", "MAX_LIGHTS", "SLIM_M", "AlphaMode", "CameraPose", "ColorBand", "Fog",
-    "Instance", "LabelRule", "Landmark", "Light", "LightKind", "Lighting", "Material", "Mesh",
-    "NamedStart", "Scene", "ScenePath", "StartPose", "Texture", "Wrap", "bounds_m",
+    "Instance", "LabelRule", "Landmark", "Light", "LightKind", "Lighting", "Link", "Material",
+    "Mesh", "NamedStart", "Scene", "ScenePath", "StartPose", "Texture", "Wrap", "bounds_m",
 ]  # fmt: skip
 
 
@@ -87,6 +88,7 @@ class Scene:
         landmarks: landmarks, with unique names.
         labels: class rules, of which the first match decides; empty: classes from instance names.
         objects: dynamic objects, with unique names.
+        links: rigid parts of the file's robots and models; a simulator may move them.
         given: digests of the sources of a loaded scene and of its edits; see `identity`.
     """
 
@@ -104,6 +106,7 @@ class Scene:
     labels: tuple[LabelRule, ...] = ()
     objects: tuple[DynamicObject, ...] = ()
     cameras: tuple[CameraPose, ...] = ()
+    links: tuple[Link, ...] = field(default=(), metadata=NOT_IDENTITY)
     given: SourceDigests | None = field(default=None, init=False)
 
     @property

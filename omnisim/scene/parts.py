@@ -246,6 +246,19 @@ class Instance:
         return short_repr(self, repr(self.name), f"mesh {self.mesh}")
 
 
+@dataclass(frozen=True, eq=False)
+class Link:
+    """Rigid part of a file's robots or models, whose instances are named after it: `name/…`."""
+
+    name: str
+    world_from_link: Floats  # (4, 4) pose at rest; its axes are those of the file's link
+    # link that it is rigidly fixed to; itself: it moves; empty: fixed to the world
+    fixed_to: str
+
+    def __repr__(self) -> str:
+        return short_repr(self, repr(self.name))
+
+
 class LightKind(Enum):
     """Light types of KHR_lights_punctual."""
 

@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 
+NOT_IDENTITY = {"identity": False}  # metadata of a dataclass field that fingerprints leave out
 VERSION = 1  # version of the record; a new one gives new digests
 
 
@@ -149,6 +150,8 @@ def _feed(digest: Any, value: Any, seen: dict[int, bytes]) -> None:
         if id(value) not in seen:
             inner = hashlib.sha256(type(value).__name__.encode())
             for field in dataclasses.fields(value):
+                if field.metadata == NOT_IDENTITY:
+                    continue
                 inner.update(field.name.encode())
                 _feed(inner, getattr(value, field.name), seen)
             seen[id(value)] = inner.digest()

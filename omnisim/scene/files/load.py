@@ -22,7 +22,7 @@ from omnisim.scene.files import extension
 from omnisim.scene.files.readers import check_format, read_file
 from omnisim.scene.files.scene_file import SceneFile
 from omnisim.scene.formats.gltf.nodes import NO_ANIMATION, AnimationChoice
-from omnisim.scene.formats.imported_scene import FileAxes, ImportedScene, place
+from omnisim.scene.formats.imported_scene import FileAxes, ImportedScene, place, place_links
 from omnisim.scene.identity import SourceDigests
 from omnisim.scene.labels import label_rules
 from omnisim.scene.light.baked import with_baked_light
@@ -327,6 +327,7 @@ def _scene(
         notices=tuple(printable(f"{path.name}: {notice}", MAX_NOTICE) for notice in read.notices),
         labels=read.labels,
         cameras=read.cameras,
+        links=place_links(read, matrix),
     )
     return _with_settings(scene, settings)
 

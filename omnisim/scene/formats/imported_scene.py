@@ -6,6 +6,7 @@ import math
 import re
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +16,11 @@ from omnisim.cameras import CentralCamera
 from omnisim.cameras.camera import without_prefix
 from omnisim.core.arrays import Floats, Floats32, bounds_of
 from omnisim.core.errors import OmnisimError, SceneError
-from omnisim.core.poses import roll_pitch_yaw_from_rotation
+from omnisim.core.poses import (
+    pose_from_rotation,
+    proper_rotation,
+    roll_pitch_yaw_from_rotation,
+)
 from omnisim.core.short_repr import counted
 from omnisim.core.srgb import linear_from_srgb
 from omnisim.scene import parts
@@ -59,6 +64,7 @@ class ImportedScene(NamedTuple):
     cameras: tuple[parts.CameraPose, ...] = ()  # camera poses in the world frame
     labels: tuple[parts.LabelRule, ...] = ()  # class rules from the file
     objects: tuple[ImportedObject, ...] = ()  # groups of instances that move over time
+    links: tuple[parts.Link, ...] = ()  # posed in the file's axes and unit
 
 
 def material_notices(read: ImportedScene) -> list[str]:
@@ -168,6 +174,21 @@ def place(read: ImportedScene, world_from_file: Floats) -> tuple[parts.Instance,
         if not np.isfinite((*material.base_color, material.alpha_cutoff)).all():
             raise SceneError(f"material {material.name!r}: expected finite colors")
     return tuple(placed)
+
+
+def place_links(read: ImportedScene, world_from_file: Floats) -> tuple[parts.Link, ...]:
+    """Links of a file, posed in the world."""
+    turn = proper_rotation(world_from_file[:3, :3])
+    return tuple(
+        replace(
+            link,
+            world_from_link=pose_from_rotation(
+                turn @ proper_rotation(link.world_from_link[:3, :3]),
+                (world_from_file @ link.world_from_link)[:3, 3],
+            ),
+        )
+        for link in read.links
+    )
 
 
 def colors_rgba(colors: NDArray[np.generic], scale: float) -> Floats32:

@@ -29,7 +29,7 @@ from omnisim.scene.formats.imported_scene import (
 from omnisim.scene.formats.resources import ResourcePath
 from omnisim.scene.formats.sdf.geometry import MeshLibrary
 from omnisim.scene.formats.xml.element import XmlElement, parse_xml
-from omnisim.scene.parts import AlphaMode, Instance, Material, Mesh, Texture
+from omnisim.scene.parts import AlphaMode, Instance, Link, Material, Mesh, Texture
 from omnisim.scene.primitives import PrimitiveSurface
 from omnisim.scene.textures import TextureStore, alpha_mode_of
 
@@ -105,8 +105,9 @@ class _Reader:
                 raise SceneError(f"has nothing to draw: {count} not found: {hint}")
             notices.append(f"{count} not found, and not drawn: {hint}")
         return ImportedScene(
-            tuple(self._meshes), tuple(self._materials), tuple(self._instances), notices
-        )
+            tuple(self._meshes), tuple(self._materials), tuple(self._instances), notices,
+            links=_links(robot, poses),
+        )  # fmt: skip
 
     def _read_visual(self, link: XmlElement, visual: XmlElement, pose: Floats) -> None:
         geometry = visual.find("geometry")
@@ -255,6 +256,16 @@ def link_poses(robot: XmlElement) -> dict[str, Floats]:
     if rest := sorted(set(links) - poses.keys()):
         raise SceneError(f"{robot.place}: link[{rest[0]}]: expected a tree of links, got a cycle")
     return poses
+
+
+def _links(robot: XmlElement, poses: dict[str, Floats]) -> tuple[Link, ...]:
+    """Links at rest; those of fixed joints know to which link they are fixed."""
+    parents = {}
+    for joint in robot.children("joint"):
+        if joint.attribute("type") == "fixed":
+            parent, child = _end(joint, "parent", list(poses)), _end(joint, "child", list(poses))
+            parents[child.attribute("link")] = parent.attribute("link")
+    return tuple(Link(name, pose, parents.get(name, name)) for name, pose in poses.items())
 
 
 def _end(joint: XmlElement, tag: str, links: list[str]) -> XmlElement:
