@@ -119,11 +119,14 @@ BAD = [
      "with --fisheye-fix-skew; a 0 in its place moves pixels by up to 0.65 px"),
     ("ros_fisheye.yaml", "camera_model: fisheye\n",
      "camera_model: fisheye\ndistortion_model: plumb_bob\n", "a fisheye's, as camera_model"),
+    ("gyroflow.json", '"w": 2704', '"w": 0', "calib_dimension.w: expected"),
+    ("gyroflow.json", '"distortion_coeffs": [', '"distortion_coeffs": [0.1,',
+     "distortion_coeffs: expected 4 numbers"),
+    ("gyroflow.json", '"distortion_model": null', '"distortion_model": "gopro_superview"',
+     "distortion_model = 'gopro_superview': another lens model: calibrate with OpenCV's"),
 ]  # fmt: skip
 # Texts that are no calibration, and a part of the message: many are other tools' files.
 OTHERS = {
-    '{"name": "a", "calib_dimension": {"w": 4, "h": 3}, "distortion_model": "opencv_fisheye"}':
-        "this is Gyroflow's lens profile: write its numbers as an opencv_fisheye",
     '{"v2 a 4 3 brown": {"projection_type": "brown", "width": 4, "focal_x": 0.8}}':
         "this is OpenSfM's camera_models.json: write its numbers",
     '{"sfm_data_version": "0.3", "intrinsics": []}': "this is OpenMVG's sfm_data.json: write",

@@ -52,6 +52,7 @@ EXACT = {
     "foxglove": CAMERA_INFO | {"thin_prism_fisheye"},
     "basalt": UNIFIED | FISHEYES | {"unified", "eucm", "double_sphere"},
     "woodscape": FISHEYES,
+    "gyroflow": FISHEYES,
     "nerfstudio": {"perspective", "planar", "unified", "hyperbolic", "equirectangular"} | FISHEYES,
     "ocamcalib": {"perspective", "planar", "hyperbolic", "stereographic", "parabolic", "ocamcalib"},
     "colmap": UNIFIED | FISHEYES | {"unified", "eucm", "equirectangular", "rational_polynomial"}
