@@ -48,12 +48,11 @@ class _File(
         ),
         "use_opencv_standard": Unread("its lens is that of calib_params", (), True),
     },
-    harmless="note calibrated_by orig_dimension output_dimension gyro_lpf num_images fps official "
-    "asymmetrical use_opencv_fisheye calib_params identifier calibrator_version date "
+    harmless="name note calibrated_by orig_dimension output_dimension gyro_lpf num_images fps "
+    "official asymmetrical use_opencv_fisheye calib_params identifier calibrator_version date "
     "compatible_settings sync_settings frame_readout_direction focal_length crop_factor "
     "global_shutter",
 ):
-    name: str = ""
     camera_brand: str = ""
     camera_model: str = ""
     lens_model: str = ""
@@ -86,7 +85,7 @@ class Gyroflow(Format[KannalaBrandtCamera]):
         )
         base.check_no_skew(skew_px, f"{place}: camera_matrix")
         stated = file.camera_brand, file.camera_model, file.lens_model, file.camera_setting
-        name = " ".join(filter(None, stated)) or file.name or "camera"
+        name = " ".join(filter(None, stated)) or "camera"
         with error_context(place):
             coefficients = lens.distortion_coeffs
             fisheye = base.fisheye(intrinsics, coefficients, f"{place}: distortion_coeffs")
