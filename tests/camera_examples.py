@@ -8,6 +8,7 @@ import pytest
 
 from omnisim.cameras import (
     CylindricalCamera,
+    DivisionCamera,
     DoubleSphereCamera,
     EllipticCamera,
     EquidistantCamera,
@@ -27,6 +28,7 @@ from omnisim.cameras import (
     RadialTableCamera,
     RationalPolynomialCamera,
     StereographicCamera,
+    ThinPrismFisheyeCamera,
     UnifiedCamera,
 )
 from omnisim.cameras.mirrors import HyperbolicMirror
@@ -163,6 +165,24 @@ CAMERA_EXAMPLES = {
         300, 260, (150.0, 140.0), (149.5, 128.5),
         (-0.3, 0.02, 2e-3, -1e-3, 0.0, 0.05, 0.01, 0.0, 2e-3, 0.0, -1e-3, 0.0, 0.06, -0.04),
     ),
+    # coefficients of the size that Project Aria's cameras have
+    "thin-prism-fisheye-aria": ThinPrismFisheyeCamera(
+        352, 352, (152.5, 152.5), (179.2, 175.4), (-0.0263, 0.098, -0.0655, 0.0117, 2.2e-3, -6e-4),
+        (5.6e-4, -2.7e-4), (-8.9e-4, -1.3e-4, 6.7e-4, 9.1e-5),
+    ),
+    "thin-prism-fisheye-to-its-fold": ThinPrismFisheyeCamera(
+        320, 240, (95.0, 90.0), (150.25, 125.5), (-0.05, -0.02, 0.0, 0.0, 0.0, 0.0),
+        (4e-3, -2e-3), (2e-3, 1e-3, -3e-3, 5e-4),
+    ),
+    "thin-prism-fisheye-without-either": ThinPrismFisheyeCamera(
+        300, 300, (60.0, 61.0), (149.5, 148.25), (0.01, 0.0, 1e-3, 0.0, 0.0, 0.0),
+        theta_max_rad=math.radians(130.0),
+    ),
+    "division": DivisionCamera(320, 240, (120.0, 121.0), (158.25, 121.5), -0.35),
+    "division-past-90": DivisionCamera(
+        300, 300, (60.0, 60.0), (149.5, 149.5), -0.4, theta_max_rad=math.radians(140.0)
+    ),
+    "division-to-its-fold": DivisionCamera(300, 260, (150.0, 140.0), (149.5, 128.5), 0.9),
 }  # fmt: skip
 
 _FIRST_OF_MODEL = {type(camera): name for name, camera in reversed(CAMERA_EXAMPLES.items())}

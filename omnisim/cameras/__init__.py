@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from omnisim.cameras.mirrors.parabolic import ParabolicCamera
     from omnisim.cameras.mirrors.planar import PlanarCamera
     from omnisim.cameras.models.cylindrical import CylindricalCamera, period_px
+    from omnisim.cameras.models.division import DivisionCamera
     from omnisim.cameras.models.double_sphere import DoubleSphereCamera
     from omnisim.cameras.models.equidistant import EquidistantCamera
     from omnisim.cameras.models.equirectangular import EquirectangularCamera
@@ -51,6 +52,7 @@ if TYPE_CHECKING:
     from omnisim.cameras.models.radial_table import RadialTableCamera
     from omnisim.cameras.models.rational_polynomial import RationalPolynomialCamera
     from omnisim.cameras.models.stereographic import StereographicCamera
+    from omnisim.cameras.models.thin_prism_fisheye import ThinPrismFisheyeCamera
     from omnisim.cameras.models.unified import UnifiedCamera
 
 # Modules by exported name, imported at first use: most images need only one camera model.
@@ -65,6 +67,7 @@ _MODULES = {
     "ParabolicCamera": "mirrors.parabolic",
     "PlanarCamera": "mirrors.planar",
     "CylindricalCamera": "models.cylindrical",
+    "DivisionCamera": "models.division",
     "DoubleSphereCamera": "models.double_sphere",
     "EquidistantCamera": "models.equidistant",
     "EquirectangularCamera": "models.equirectangular",
@@ -79,17 +82,19 @@ _MODULES = {
     "RadialTableCamera": "models.radial_table",
     "RationalPolynomialCamera": "models.rational_polynomial",
     "StereographicCamera": "models.stereographic",
+    "ThinPrismFisheyeCamera": "models.thin_prism_fisheye",
     "UnifiedCamera": "models.unified",
 }
 __all__ = [
-    "CAMERA_MODELS", "CameraSensor", "CentralCamera", "CylindricalCamera", "DoubleSphereCamera",
-    "EllipticCamera", "EquidistantCamera", "EquirectangularCamera", "EquisolidCamera",
-    "EucmCamera", "FThetaCamera", "FThetaInverseCamera", "GazeboCamera", "HyperbolicCamera",
-    "KannalaBrandtCamera", "MirroredCamera", "NonCentralCamera", "OcamcalibCamera",
-    "OrthographicCamera", "ParabolicCamera", "ParametricCamera", "PerspectiveCamera", "Pixels",
-    "PlanarCamera", "RadialTableCamera", "RationalPolynomialCamera", "Rays",
-    "StereographicCamera", "UnifiedCamera", "camera_from_parameters", "check_central",
-    "period_px", "pixel_grid", "pixels_of_points", "summary",
+    "CAMERA_MODELS", "CameraSensor", "CentralCamera", "CylindricalCamera", "DivisionCamera",
+    "DoubleSphereCamera", "EllipticCamera", "EquidistantCamera", "EquirectangularCamera",
+    "EquisolidCamera", "EucmCamera", "FThetaCamera", "FThetaInverseCamera", "GazeboCamera",
+    "HyperbolicCamera", "KannalaBrandtCamera", "MirroredCamera", "NonCentralCamera",
+    "OcamcalibCamera", "OrthographicCamera", "ParabolicCamera", "ParametricCamera",
+    "PerspectiveCamera", "Pixels", "PlanarCamera", "RadialTableCamera",
+    "RationalPolynomialCamera", "Rays", "StereographicCamera", "ThinPrismFisheyeCamera",
+    "UnifiedCamera", "camera_from_parameters", "check_central", "period_px", "pixel_grid",
+    "pixels_of_points", "summary",
 ]  # fmt: skip
 
 __getattr__ = lazy_names(__name__, _MODULES)

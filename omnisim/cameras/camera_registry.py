@@ -13,6 +13,7 @@ from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
 from omnisim.cameras.mirrors.parabolic import ParabolicCamera
 from omnisim.cameras.mirrors.planar import PlanarCamera
 from omnisim.cameras.models.cylindrical import CylindricalCamera
+from omnisim.cameras.models.division import DivisionCamera
 from omnisim.cameras.models.double_sphere import DoubleSphereCamera
 from omnisim.cameras.models.equidistant import EquidistantCamera
 from omnisim.cameras.models.equirectangular import EquirectangularCamera
@@ -27,6 +28,7 @@ from omnisim.cameras.models.perspective import PerspectiveCamera
 from omnisim.cameras.models.radial_table import RadialTableCamera
 from omnisim.cameras.models.rational_polynomial import RationalPolynomialCamera
 from omnisim.cameras.models.stereographic import StereographicCamera
+from omnisim.cameras.models.thin_prism_fisheye import ThinPrismFisheyeCamera
 from omnisim.cameras.models.unified import UnifiedCamera
 from omnisim.cameras.parametric_camera import ParametricCamera
 from omnisim.core.errors import OpticsError, did_you_mean
@@ -38,7 +40,8 @@ CAMERA_MODELS: dict[str, type[ParametricCamera]] = {
         StereographicCamera, EquisolidCamera, OrthographicCamera, KannalaBrandtCamera,
         EucmCamera, DoubleSphereCamera, UnifiedCamera, EquirectangularCamera, FThetaCamera,
         FThetaInverseCamera, ParabolicCamera, OcamcalibCamera, RadialTableCamera, GazeboCamera,
-        PlanarCamera, EllipticCamera, RationalPolynomialCamera,
+        PlanarCamera, EllipticCamera, RationalPolynomialCamera, ThinPrismFisheyeCamera,
+        DivisionCamera,
     )
 }  # fmt: skip
 

@@ -115,6 +115,8 @@ def read_camera(files: groups.CameraFileOptions, calibration: Path | None = None
     # only commands with a calibration pay the import time of formats and fits
     from omnisim.apps.cli.cameras.calibration import read_calibration, select_camera
 
+    if str(calibration).startswith("catalog:"):
+        return OmniCamera.of_catalog(str(calibration))
     read = read_calibration(calibration, files.camera_name, None, files.mirrored)
     return OmniCamera(select_camera(read, files.camera_name).cameras[0].camera, polygons=None)
 

@@ -32,6 +32,7 @@ from omnisim.cameras.calibration.fit import Fit, fit_camera
 from omnisim.cameras.calibration.formats import format as base
 from omnisim.cameras.calibration.formats.format import error_context
 from omnisim.cameras.calibration.metadata import CameraMetadata, camera_from_lens, read_metadata
+from omnisim.cameras.catalog.lens_catalog import PREFIX, find
 from omnisim.cameras.models.field_of_view import field_notes
 from omnisim.core.arrays import Floats
 from omnisim.core.errors import CalibrationError, NoticeWarning, OutputError, did_you_mean
@@ -140,7 +141,8 @@ def load_calibration(
     """Read a calibration file; its notes are also issued as `NoticeWarning`.
 
     Args:
-        path: calibration file, or the folder of KITTI-360's calibrations.
+        path: calibration file, the folder of KITTI-360's calibrations, or `catalog:` and the name
+            of an entry of `omnisim.cameras.catalog`.
         format: name of the format, one of `FORMATS`; by default detected from the content.
         camera: name of the only camera to keep; by default all are kept.
         mirrored: True if the cameras look into mirrors; by default taken from omnisim's metadata in
@@ -161,7 +163,12 @@ def load_calibration(
         is_folder = path.is_dir()
     except OSError as reason:  # the name is too long
         raise CalibrationError(f"{path}: cannot be read: {reason.strerror}") from None
-    if is_folder:
+    if str(path).startswith(PREFIX):
+        entry = find(str(path))
+        notes = (*entry.notes, *field_notes(entry.lens))
+        camera_of_entry = CalibratedCamera(entry.title, entry.lens, notes=notes)
+        calibration = Calibration((camera_of_entry,), "catalog", f"{PREFIX}{entry.name}")
+    elif is_folder:
         cameras = read_kitti360_folder(path, mirrored, limit_rad)
         calibration = Calibration(cameras, FORMAT, str(path))
     else:

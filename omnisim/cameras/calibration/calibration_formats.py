@@ -12,6 +12,7 @@ from omnisim.cameras.calibration.formats.colmap import Colmap
 from omnisim.cameras.calibration.formats.format import Format
 from omnisim.cameras.calibration.formats.foxglove import Foxglove
 from omnisim.cameras.calibration.formats.gazebo import Gazebo
+from omnisim.cameras.calibration.formats.gyroflow import Gyroflow
 from omnisim.cameras.calibration.formats.kalibr import Kalibr
 from omnisim.cameras.calibration.formats.nerfstudio import Nerfstudio
 from omnisim.cameras.calibration.formats.ocamcalib import Ocamcalib
@@ -26,7 +27,8 @@ FORMATS: dict[str, Format[Any]] = {
     form.name: form
     for form in (
         OmnisimJson(), Kalibr(), Camodocal(), OpencvOmnidir(), OpencvFisheye(), OpencvPinhole(),
-        Ros(), Basalt(), Woodscape(), Nerfstudio(), Foxglove(), Ocamcalib(), Colmap(), Gazebo(),
+        Ros(), Basalt(), Woodscape(), Nerfstudio(), Gyroflow(), Foxglove(), Ocamcalib(), Colmap(),
+        Gazebo(),
     )
 }  # fmt: skip
 
@@ -35,7 +37,6 @@ _AS_OPENCV = "write its numbers as an opencv_fisheye or opencv_pinhole file, in 
 _AS_SCENE = "pass it as the scene"
 # Files of other tools that are recognized, but not read: name, signature, and the remedy.
 FOREIGN_FILES = (
-    ("Gyroflow's lens profile", r'"(calib_dimension|fisheye_params)"\s*:', _AS_OPENCV),
     ("OpenSfM's camera_models.json", r'"projection_type"\s*:', _AS_OPENCV),
     ("OpenMVG's sfm_data.json", r'"sfm_data_version"\s*:', _AS_OPENCV),
     (
@@ -74,8 +75,7 @@ def detect_format(text: str, source: str, name: str | None = None) -> Format[Any
         CalibrationError: the name is unknown, no signature matches, or another format's does.
     """
     candidates = [form for form in FORMATS.values() if form.looks_like(text)]
-    # Foxglove's signature is a key that Gyroflow has, too
-    if name is None and all(form.name == Foxglove.name for form in candidates):
+    if name is None and not candidates:
         for tool, signature, remedy in FOREIGN_FILES:
             if re.search(signature, text, re.M):
                 raise CalibrationError(f"{source}: this is {tool}: {remedy}")

@@ -20,6 +20,7 @@ import numpy as np
 
 from omnisim.cameras import (
     CentralCamera,
+    DivisionCamera,
     DoubleSphereCamera,
     EquidistantCamera,
     EquisolidCamera,
@@ -34,6 +35,7 @@ from omnisim.cameras import (
     RadialTableCamera,
     RationalPolynomialCamera,
     StereographicCamera,
+    ThinPrismFisheyeCamera,
     UnifiedCamera,
 )
 from omnisim.cameras.calibration.equivalents import IDEAL_FISHEYES
@@ -205,6 +207,22 @@ def _kannala_brandt(profile: Profile) -> KannalaBrandtCamera:
     return KannalaBrandtCamera(*profile.intrinsics(float(first)), coefficients)
 
 
+def _thin_prism_fisheye(profile: Profile) -> ThinPrismFisheyeCamera:
+    first, *others = _solve(
+        [profile.theta_rad**power for power in range(1, 14, 2)], profile.radii_px
+    )
+    coefficients = tuple(float(coefficient / first) for coefficient in others)
+    return ThinPrismFisheyeCamera(*profile.intrinsics(float(first)), coefficients)
+
+
+def _division(profile: Profile) -> DivisionCamera:
+    # r cos θ = f sin θ + (k/f) r² sin θ
+    sine, radius = np.sin(profile.theta_rad), profile.radii_px
+    focal, bend = _solve([sine, radius * radius * sine], radius * np.cos(profile.theta_rad))
+    focal = max(float(focal), 1e-6)
+    return DivisionCamera(*profile.intrinsics(focal), float(bend) * focal)
+
+
 def _f_theta(profile: Profile) -> FThetaCamera:
     powers = [profile.theta_rad**power for power in (1, 2, 3, 4)]
     coefficients_px = tuple(_solve(powers, profile.radii_px).tolist())
@@ -292,6 +310,10 @@ class FittedModel(NamedTuple):
 FITTED: Mapping[type[ParametricCamera], FittedModel] = {
     PerspectiveCamera: FittedModel(_perspective, _FOCAL),
     KannalaBrandtCamera: FittedModel(_kannala_brandt, {**_FOCALS, "coefficients": FREE}),
+    ThinPrismFisheyeCamera: FittedModel(
+        _thin_prism_fisheye, {**_FOCALS, "coefficients": FREE, "tangential": FREE, "prism": FREE}
+    ),
+    DivisionCamera: FittedModel(_division, {**_FOCALS, "k": FREE}),
     UnifiedCamera: FittedModel(_unified, {**_FOCALS, "xi": (0.0, math.inf), "distortion": FREE}),
     RationalPolynomialCamera: FittedModel(_rational, {**_FOCALS, "distortion": FREE}),
     EucmCamera: FittedModel(_eucm, {**_FOCALS, "alpha": (0.0, 1.0), "beta": POSITIVE}),

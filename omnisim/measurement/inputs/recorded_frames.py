@@ -127,7 +127,8 @@ def _bag_files(bag: Path, topic: str, folder: Path) -> list[Path]:
         if not topic and len(names) > 1:
             example = f"{bag}{_TOPIC}{names[0]}"
             raise MeasurementError(
-                f"{bag}: images of several topics, {', '.join(names)}: select one, such as {example}"
+                f"{bag}: images of several topics, {', '.join(names)}: select one, such as "
+                f"{example}"
             )
         name = topic or names[0]
         used = [image for image in images if image.topic == name]

@@ -151,7 +151,8 @@ class OmniCamera(Capture, SensorSettings):
 
         Args:
             camera: a sensor; a camera model; path of a sensor, optics or single-camera calibration
-                file; a single-camera calibration, or one of its cameras; None: the paper's.
+                file; `catalog:` and a name, see `omnisim.cameras.catalog`; a single-camera
+                calibration, or one of its cameras; None: the paper's.
 
         Raises:
             SensorFileError: names file, key, value and the expected value.
@@ -164,6 +165,8 @@ class OmniCamera(Capture, SensorSettings):
             return cls()
         if isinstance(camera, CentralCamera):
             return cls(camera)
+        if isinstance(camera, str | Path) and str(camera).startswith("catalog:"):
+            return cls.of_catalog(str(camera))
         if isinstance(camera, str | Path) and Path(camera).suffix.lower() in ("", ".toml"):
             return cls.from_file(camera)
         # imported late: only users of calibrations need formats and fits
@@ -175,6 +178,21 @@ class OmniCamera(Capture, SensorSettings):
         if isinstance(source, CalibratedCamera):
             return cls(source.camera, polygons=None)
         return cls(source)
+
+    @classmethod
+    def of_catalog(cls, name: str) -> OmniCamera:
+        """Camera of the catalog by its name, with its measured rolling shutter.
+
+        Raises:
+            CalibrationError: no such camera, or several.
+        """
+        from omnisim.cameras.catalog.lens_catalog import find  # reads all of them
+        from omnisim.rendering.camera.degradations import Degradation
+        from omnisim.rendering.camera.degradations.shutter import Shutter
+
+        entry = find(name)
+        shutter = Shutter(readout_s=entry.readout_s) if entry.readout_s else None
+        return cls(entry.lens, degradation=Degradation(shutter=shutter), polygons=None)
 
     @classmethod
     def from_file(cls, path: str | Path) -> OmniCamera:

@@ -108,21 +108,25 @@ BAD = [
      "distortion_model: expected one of plumb_bob, rational_polynomial, .* got 'thin_prism'"),
     ("camera_info.yaml", "distortion_model: plumb_bob\n", "", "distortion_model: missing"),
     ("camera_info.yaml", "image_width", "width", "image_width: missing"),
-    ("foxglove.json", '"kannala_brandt"', '"fisheye62"',
-     "distortion_model: expected one of plumb_bob, .* got 'fisheye62'.* with four coefficients"),
+    ("foxglove.json", '"kannala_brandt"', '"fisheye62"', "D: expected 8 numbers: k0, k1"),
+    ("ros_echo.yaml", "equidistant", "fisheye62", "got 'fisheye62': Foxglove's alone"),
     ("foxglove.json", "-0.0003]", "-0.0003, 1.0]", "D: expected 4 numbers: k1, k2, k3, k4, got"),
-    ("colmap_cameras.txt", "SIMPLE_RADIAL ", "SIMPLE_DIVISION ", "let COLMAP estimate OPENCV"),
+    ("colmap_cameras.txt", "6 EQUIRECTANGULAR 2048", "6 DIVISION 2048",
+     "DIVISION: expected 5 numbers: fx, fy, cx, cy, k"),
     ("colmap_cameras.txt", "SIMPLE_RADIAL ", "SIMPLE_RADAIL ", "did you mean 'SIMPLE_RADIAL'"),
     ("basalt_tum_vi_ds.json", '"ds"', '"pinhole-radtan8"', "pass them as an opencv_pinhole"),
     ("ros_fisheye.yaml", "[330.5, 0.,", "[330.5, -0.9,",
      "with --fisheye-fix-skew; a 0 in its place moves pixels by up to 0.65 px"),
     ("ros_fisheye.yaml", "camera_model: fisheye\n",
      "camera_model: fisheye\ndistortion_model: plumb_bob\n", "a fisheye's, as camera_model"),
+    ("gyroflow.json", '"w": 2704', '"w": 0', "calib_dimension.w: expected"),
+    ("gyroflow.json", '"distortion_coeffs": [', '"distortion_coeffs": [0.1,',
+     "distortion_coeffs: expected 4 numbers"),
+    ("gyroflow.json", '"distortion_model": null', '"distortion_model": "gopro_superview"',
+     "distortion_model = 'gopro_superview': another lens model: calibrate with OpenCV's"),
 ]  # fmt: skip
 # Texts that are no calibration, and a part of the message: many are other tools' files.
 OTHERS = {
-    '{"name": "a", "calib_dimension": {"w": 4, "h": 3}, "distortion_model": "opencv_fisheye"}':
-        "this is Gyroflow's lens profile: write its numbers as an opencv_fisheye",
     '{"v2 a 4 3 brown": {"projection_type": "brown", "width": 4, "focal_x": 0.8}}':
         "this is OpenSfM's camera_models.json: write its numbers",
     '{"sfm_data_version": "0.3", "intrinsics": []}': "this is OpenMVG's sfm_data.json: write",

@@ -123,7 +123,8 @@ def _colmaps_cameras(folder):
     ("name", "widest_deg"),
     [("perspective-off-center", 70.0), ("kannala-brandt-tum-vi", 89.0), ("eucm", 89.0),
      ("equirectangular-odd", 179.0), ("unified-pinhole-with-k3", 40.0),
-     ("rational-polynomial-kinect", 60.0)],
+     ("rational-polynomial-kinect", 60.0), ("thin-prism-fisheye-aria", 89.0),
+     ("division", 89.0), ("division-to-its-fold", 80.0)],
 )  # fmt: skip
 def test_colmap_reads_our_cameras_and_projects_the_same(name, widest_deg, tmp_path):
     camera = CAMERA_EXAMPLES[name]

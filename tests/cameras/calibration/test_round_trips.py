@@ -3,7 +3,12 @@
 import numpy as np
 import pytest
 
-from omnisim.cameras import CAMERA_MODELS, KannalaBrandtCamera, MirroredCamera
+from omnisim.cameras import (
+    CAMERA_MODELS,
+    KannalaBrandtCamera,
+    MirroredCamera,
+    ThinPrismFisheyeCamera,
+)
 from omnisim.cameras.calibration import (
     FORMATS,
     calibration_of,
@@ -26,6 +31,14 @@ EXAMPLES = {
     "kannala-brandt-below-90°": KannalaBrandtCamera(
         320, 240, (150.0, 151.0), (160.25, 118.5), (-0.012, 0.021, -0.015, 0.0035)
     ),
+    "thin-prism-fisheye-below-90°-without-prism": ThinPrismFisheyeCamera(
+        320,
+        240,
+        (150.0, 151.0),
+        (160.25, 118.5),
+        (-0.012, 0.021, -0.015, 0.0035, 1e-3, -2e-4),
+        (1e-3, -5e-4),
+    ),
 }
 # Models of which some example is exact, by format.
 EXACT = {
@@ -36,12 +49,14 @@ EXACT = {
     "opencv_fisheye": FISHEYES,
     "opencv_pinhole": {"perspective", "planar", "unified", "hyperbolic", "rational_polynomial"},
     "ros": CAMERA_INFO,
-    "foxglove": CAMERA_INFO,
+    "foxglove": CAMERA_INFO | {"thin_prism_fisheye"},
     "basalt": UNIFIED | FISHEYES | {"unified", "eucm", "double_sphere"},
     "woodscape": FISHEYES,
+    "gyroflow": FISHEYES,
     "nerfstudio": {"perspective", "planar", "unified", "hyperbolic", "equirectangular"} | FISHEYES,
     "ocamcalib": {"perspective", "planar", "hyperbolic", "stereographic", "parabolic", "ocamcalib"},
-    "colmap": UNIFIED | FISHEYES | {"unified", "eucm", "equirectangular", "rational_polynomial"},
+    "colmap": UNIFIED | FISHEYES | {"unified", "eucm", "equirectangular", "rational_polynomial"}
+    | {"thin_prism_fisheye", "division"},
     "gazebo": {
         "perspective", "planar", "hyperbolic", "stereographic", "parabolic", "equidistant",
         "equisolid", "orthographic", "gazebo",

@@ -24,6 +24,8 @@ VALUES = {
     "T_cam_imu": POSE, "timeshift_cam_imu": 0.01, "camera_name": "other", "frame_id": "other",
     "header": {"frame_id": "other"}, "P": STEREO, "projection_matrix": {"data": STEREO},
     "omnisim_poses_not_known": True, "distortion_coeffs": [0.1] * 4, "lens/cutoff_angle": "0.3",
+    "fisheye_params": {"camera_matrix": [[9, 0, 3], [0, 9, 3], [0, 0, 1]],
+                       "distortion_coeffs": [0.1] * 4},
     "lens/type": "equisolid_angle", "lens/scale_to_hfov": "false", "image_size": [7, 7],
 }  # fmt: skip
 REPLACED = {"lens/custom_function/f", "lens/scale_to_hfov"}  # by field of view or intrinsics

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from rich.table import Table
 
-from omnisim.apps.cli.cameras.requests import ConvertRequest, ShowRequest
+from omnisim.apps.cli.cameras.requests import ConvertRequest, SearchRequest, ShowRequest
 from omnisim.apps.cli.console import out, pluralize, print_note, table
 from omnisim.apps.cli.options import refuse_given
 from omnisim.cameras import CAMERA_MODELS, CentralCamera, NonCentralCamera
@@ -39,6 +39,30 @@ def list_formats() -> None:
         shown.add_row(form.name, form.title, f"*{form.suffix}", several, models)
     out.print(shown)
     out.print("All are read and written. Other models are fitted, and the file states the error.")
+
+
+def search(request: SearchRequest) -> None:
+    """Print the entries of the catalog that have all words."""
+    from omnisim.cameras.catalog import lens_catalog  # reads the catalog
+
+    words = " ".join(request.words)
+    found = lens_catalog.search(words)
+    if not found:
+        raise CalibrationError(f"WORD: no camera of the catalog has all of: {words}")
+    shown = table("camera", "field of view", ">readout", ">error")
+    shown.columns[0].overflow = "fold"  # a name that is cut off is of no use
+    count = request.limit or len(found)
+    for entry in found[:count]:
+        seen = field_of_view(entry.lens)
+        sides = (math.degrees(side) for side in (seen.horizontal_rad, seen.vertical_rad))
+        readout = "–" if entry.readout_s is None else f"{1e3 * entry.readout_s:.3g} ms"
+        view = " × ".join(f"{side:.0f}°" for side in sides)
+        folds = f", {100.0 * seen.covered:.0f} % valid" if seen.covered < 1.0 else ""
+        error = f"{number_text(entry.error_px, 2)} px"
+        shown.add_row(f"catalog:{entry.name}", view + folds, readout, error)
+    out.print(shown)
+    if len(found) > count:
+        out.print(f"{len(found) - count} more; --limit 0 lists all")
 
 
 def convert(request: ConvertRequest) -> None:

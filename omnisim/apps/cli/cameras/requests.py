@@ -103,6 +103,20 @@ class ShowRequest:
     mirrored: Mirrored = None
 
 
+@command("calibration search", "cameras.calibration.search")
+class SearchRequest:
+    """Search the catalog of measured cameras; --camera catalog:NAME takes one.
+
+    omnisim calibration search "hero 11 wide"
+    omnisim calibration search dji action 4k --limit 0
+    """
+
+    words: Annotated[list[str], Argument(metavar="WORD")]
+    """Maker, model, lens, mode or image size, such as 4k; each may be a beginning."""
+    limit: Annotated[int, Option(metavar="COUNT")] = 20
+    """Number of cameras to list; 0: all."""
+
+
 @command("optics check", "cameras.optics.check")
 class OpticsCheckRequest:
     """Check an optical system, and measure the errors of its central approximation by distance.

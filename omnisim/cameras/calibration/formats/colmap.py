@@ -7,6 +7,8 @@
 | FULL_OPENCV | rational_polynomial, unified with ξ = 0 |
 | FOV | fitted |
 | SIMPLE_FISHEYE, FISHEYE, SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE, OPENCV_FISHEYE | kannala_brandt |
+| RAD_TAN_THIN_PRISM_FISHEYE | thin_prism_fisheye |
+| SIMPLE_DIVISION, DIVISION | division |
 | THIN_PRISM_FISHEYE without prism and tangential part | kannala_brandt |
 | EUCM | eucm |
 | EQUIRECTANGULAR | equirectangular |
@@ -24,10 +26,12 @@ from collections.abc import Sequence
 
 from omnisim.cameras import (
     CentralCamera,
+    DivisionCamera,
     EquirectangularCamera,
     EucmCamera,
     KannalaBrandtCamera,
     RationalPolynomialCamera,
+    ThinPrismFisheyeCamera,
     UnifiedCamera,
 )
 from omnisim.cameras.calibration import documents
@@ -43,13 +47,21 @@ MODELS = {
     "SIMPLE_FISHEYE": "f cx cy", "FISHEYE": "fx fy cx cy", "SIMPLE_RADIAL_FISHEYE": "f cx cy k",
     "RADIAL_FISHEYE": "f cx cy k1 k2", "OPENCV_FISHEYE": "fx fy cx cy k1 k2 k3 k4",
     "THIN_PRISM_FISHEYE": "fx fy cx cy k1 k2 p1 p2 k3 k4 sx1 sy1",
+    "RAD_TAN_THIN_PRISM_FISHEYE": "fx fy cx cy k0 k1 k2 k3 k4 k5 p0 p1 s0 s1 s2 s3",
+    "SIMPLE_DIVISION": "f cx cy k", "DIVISION": "fx fy cx cy k",
     "EUCM": "fx fy cx cy alpha beta", "EQUIRECTANGULAR": "w h",
 }  # fmt: skip
-OTHERS = ("SIMPLE_DIVISION", "DIVISION", "RAD_TAN_THIN_PRISM_FISHEYE")  # not omnisim's models
 LINE = "CAMERA_ID MODEL WIDTH HEIGHT PARAMS…"
 CENTER_PX = 0.5  # center of the first pixel
 _Pinhole = UnifiedCamera | RationalPolynomialCamera
-ColmapLens = _Pinhole | KannalaBrandtCamera | EucmCamera | EquirectangularCamera
+ColmapLens = (
+    _Pinhole
+    | KannalaBrandtCamera
+    | ThinPrismFisheyeCamera
+    | DivisionCamera
+    | EucmCamera
+    | EquirectangularCamera
+)
 
 
 class Colmap(Format[ColmapLens]):
@@ -59,8 +71,8 @@ class Colmap(Format[ColmapLens]):
     title = "COLMAP: cameras.txt"
     suffix = ".txt"
     models = (
-        UnifiedCamera, RationalPolynomialCamera, KannalaBrandtCamera, EucmCamera,
-        EquirectangularCamera,
+        UnifiedCamera, RationalPolynomialCamera, KannalaBrandtCamera, ThinPrismFisheyeCamera,
+        DivisionCamera, EucmCamera, EquirectangularCamera,
     )  # fmt: skip
     fits = ((KannalaBrandtCamera, ANY), (EucmCamera, ANY), (UnifiedCamera, base.PINHOLE))
     signature = re.compile(
@@ -82,8 +94,7 @@ class Colmap(Format[ColmapLens]):
             if len(cells) < 5:
                 raise unexpected(place, LINE, line)
             name, model, *numbers = cells
-            others = dict.fromkeys(OTHERS, "let COLMAP estimate OPENCV_FISHEYE or FULL_OPENCV")
-            documents.check_choice(model, MODELS, f"{place}: MODEL", others)
+            documents.check_choice(model, MODELS, f"{place}: MODEL")
             width, height = (documents.parse_size(word, place) for word in numbers[:2])
             values = [documents.parse_number(word, place) for word in numbers[2:]]
             values = documents.counted(values, MODELS[model], f"{place}: {model}")
@@ -132,6 +143,12 @@ def _lens(model: str, size: tuple[int, int], values: list[float], place: str) ->
             if p1 or p2 or sx or sy:
                 raise CalibrationError(f"{place}: {model}: expected p1, p2, sx1, sy1 = 0")
             four = k1, k2, k3, k4
+        if model == "RAD_TAN_THIN_PRISM_FISHEYE":
+            return ThinPrismFisheyeCamera(
+                *intrinsics, tuple(shape[:6]), tuple(shape[6:8]), tuple(shape[8:])
+            )
+        if model.endswith("DIVISION"):
+            return DivisionCamera(*intrinsics, *shape)
         if model.endswith("FISHEYE"):
             return KannalaBrandtCamera(*intrinsics, four)
         return base.pinhole(intrinsics, four)
@@ -147,6 +164,11 @@ def parameters(lens: ColmapLens) -> tuple[str, tuple[float, ...]]:
         return "EUCM", (*start, lens.alpha, lens.beta)
     if isinstance(lens, KannalaBrandtCamera):
         return "OPENCV_FISHEYE", (*start, *lens.coefficients)
+    if isinstance(lens, ThinPrismFisheyeCamera):
+        shape = (*lens.coefficients, *lens.tangential, *lens.prism)
+        return "RAD_TAN_THIN_PRISM_FISHEYE", (*start, *shape)
+    if isinstance(lens, DivisionCamera):
+        return "DIVISION", (*start, lens.k)
     if isinstance(lens, RationalPolynomialCamera):
         return "FULL_OPENCV", (*start, *lens.distortion[:8])
     if lens.k3:

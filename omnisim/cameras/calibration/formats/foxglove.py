@@ -1,6 +1,7 @@
 """Foxglove's CameraCalibration as JSON: ROS's CameraInfo with other names; see `ros.py`.
 
-`kannala_brandt` is ROS's `equidistant`; omnisim has no model for `fisheye62`.
+`kannala_brandt` is ROS's `equidistant`; `fisheye62`, with k0 … k5, p0, p1, is thin_prism_fisheye
+without a prism.
 
 Source: Foxglove's schemas, foxglove.CameraCalibration.
 """
@@ -12,7 +13,7 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
-from omnisim.cameras import CentralCamera
+from omnisim.cameras import CentralCamera, ThinPrismFisheyeCamera
 from omnisim.cameras.calibration.formats import format as base
 from omnisim.cameras.calibration.formats import ros
 from omnisim.cameras.calibration.formats.format import ParsedCamera
@@ -27,8 +28,15 @@ class Foxglove(ros.CameraInfo):
     signature = re.compile(r'\A\s*\{.*"distortion_model"\s*:', re.S)
     metadata_place = base.MetadataPlace.KEY
     distortion_models = ("plumb_bob", "rational_polynomial")
-    fisheye_models = ("kannala_brandt",)
+    fisheye_models = ("kannala_brandt", ros.FISHEYE62)
+    models = (*ros.CameraInfo.models, ThinPrismFisheyeCamera)
     tables = (ros.CameraInfoMessage,)
+
+    def unsupported(self, lens: ros.CameraInfoLens) -> str | None:
+        """Reason why the format cannot represent a lens of one of its models, or None."""
+        if isinstance(lens, ThinPrismFisheyeCamera) and any(lens.prism):
+            return "it has no thin prism"
+        return super().unsupported(lens)
 
     def read(self, document: Any, source: str) -> list[ParsedCamera[CentralCamera]]:
         """Parse the camera."""

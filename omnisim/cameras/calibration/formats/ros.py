@@ -28,6 +28,7 @@ from omnisim.cameras import (
     CentralCamera,
     KannalaBrandtCamera,
     RationalPolynomialCamera,
+    ThinPrismFisheyeCamera,
     UnifiedCamera,
 )
 from omnisim.cameras.calibration import documents
@@ -37,9 +38,12 @@ from omnisim.cameras.calibration.formats.format import ANY, Format, ParsedCamera
 from omnisim.core.errors import CalibrationError
 from omnisim.core.files.parameters import Number
 
-OTHERS = {"fisheye62": "no model of omnisim: calibrate with four coefficients, kannala_brandt"}
+OTHERS = {"fisheye62": "Foxglove's alone: ROS has equidistant"}
+FISHEYE62 = "fisheye62"
 IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
-CameraInfoLens = UnifiedCamera | RationalPolynomialCamera | KannalaBrandtCamera
+CameraInfoLens = (
+    UnifiedCamera | RationalPolynomialCamera | KannalaBrandtCamera | ThinPrismFisheyeCamera
+)
 
 
 class CameraInfoMessage(
@@ -103,6 +107,11 @@ class CameraInfo(Format[CameraInfoLens]):
         expected = (*self.distortion_models, *self.fisheye_models)
         documents.check_choice(model, expected, f"{source}: distortion_model", OTHERS)
         with error_context(source):
+            if model == FISHEYE62:
+                shape = documents.counted(
+                    coefficients, "k0 k1 k2 k3 k4 k5 p0 p1", f"{source}: {keys[1]}"
+                )
+                return ThinPrismFisheyeCamera(*intrinsics, tuple(shape[:6]), tuple(shape[6:]))
             if model in self.fisheye_models:
                 return base.fisheye(intrinsics, coefficients, f"{source}: {keys[1]}")
             return base.brown_pinhole(intrinsics, coefficients, f"{source}: {keys[1]}")
@@ -122,6 +131,8 @@ def camera_info(lens: CameraInfoLens) -> tuple[str, list[float], list[float], li
     p = [fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0]
     if isinstance(lens, KannalaBrandtCamera):
         return "equidistant", list(lens.coefficients), k, p
+    if isinstance(lens, ThinPrismFisheyeCamera):
+        return FISHEYE62, [*lens.coefficients, *lens.tangential], k, p
     if isinstance(lens, RationalPolynomialCamera):
         return "rational_polynomial", list(lens.distortion[:8]), k, p
     return "plumb_bob", [*lens.distortion[:4], lens.k3], k, p

@@ -1,0 +1,1 @@
+"""Catalog of measured cameras: `lenses.tsv.xz`, and its search."""
