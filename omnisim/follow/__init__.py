@@ -17,11 +17,13 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from omnisim.follow.body_shapes import Shape, shape_scene
     from omnisim.follow.body_stage import BodyStage
+    from omnisim.follow.mujoco_stage import MujocoStage
 
 _MODULES = {
     "BodyStage": "body_stage",
+    "MujocoStage": "mujoco_stage",
     "Shape": "body_shapes",
     "shape_scene": "body_shapes",
 }
-__all__ = ["BodyStage", "Shape", "shape_scene"]
+__all__ = ["BodyStage", "MujocoStage", "Shape", "shape_scene"]
 __getattr__ = lazy_names(__name__, _MODULES)
