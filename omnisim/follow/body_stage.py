@@ -225,7 +225,7 @@ class BodyStage(Stage):
         times = np.broadcast_to(time_s, len(poses)) if np.ndim(time_s) == 0 else time_s
         times = _host_array(times, "time_s", (len(poses),))
         if not np.isfinite(times).all():
-            raise OmnisimError(f"time_s: expected a finite number of seconds, got {time_s}")
+            raise OmnisimError(f"time_s: expected a finite number of seconds, got {time_s!r}")
         still = {BODY: np.eye(4)}
         return [
             WorldState.of_checked({**still, **dict(zip(self.names, of_world, strict=True))}, at_s)

@@ -187,15 +187,18 @@ class MujocoStage(BodyStage):
         return values[0]
 
     def _states(self, poses: Floats, time_s: ArrayLike) -> list[WorldState]:
-        states = super()._states(poses, time_s)
+        states, carried = super()._states(poses, time_s), {}
         for name, mount in self._mounts.items():
-            carried = poses[:, mount.body] @ mount.body_from_mount
+            carried[name] = list(poses[:, mount.body] @ mount.body_from_mount)
             if mount.is_tracking:
                 from omnisim.scene.formats.mjcf.reader import tracked_pose
 
                 axes = zip(self._read("cam_xpos"), self._read("cam_xmat"), strict=True)
-                tracked = [tracked_pose(at[mount.number], by[mount.number]) for at, by in axes]
-                carried = np.array(tracked)
-            for state, pose in zip(states, carried, strict=False):
-                state.world_from_object[name] = pose
-        return states
+                carried[name] = [tracked_pose(at[mount.number], by[mount.number]) for at, by in axes]
+        return [
+            WorldState.of_checked(
+                {**state.world_from_object, **{name: of[world] for name, of in carried.items()}},
+                state.time_s,
+            )
+            for world, state in enumerate(states)
+        ]
