@@ -74,7 +74,7 @@ HOMES = {
     "mujoco": {"follow", "scene.formats.mjcf", "robots.importers", "runs"},
     "websockets": {"apps.live"},
     "pxr": {"scene.formats.usd"},
-    "rosbags": {"datasets.export", "measurement"},
+    "rosbags": {"core.files", "datasets.export"},
     "rawpy": {"measurement"},
 }
 # Outside of rendering.opengl, what draws by OpenGL: imported by functions that are asked to.

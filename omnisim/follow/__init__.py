@@ -15,15 +15,19 @@ from omnisim.core.lazy_names import lazy_names
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
+    from omnisim.follow.bag_stage import BagStage
     from omnisim.follow.body_shapes import Shape, shape_scene
     from omnisim.follow.body_stage import BodyStage
     from omnisim.follow.mujoco_stage import MujocoStage
+    from omnisim.follow.newton_stage import NewtonStage
 
 _MODULES = {
+    "BagStage": "bag_stage",
     "BodyStage": "body_stage",
     "MujocoStage": "mujoco_stage",
+    "NewtonStage": "newton_stage",
     "Shape": "body_shapes",
     "shape_scene": "body_shapes",
 }
-__all__ = ["BodyStage", "MujocoStage", "Shape", "shape_scene"]
+__all__ = ["BagStage", "BodyStage", "MujocoStage", "NewtonStage", "Shape", "shape_scene"]
 __getattr__ = lazy_names(__name__, _MODULES)

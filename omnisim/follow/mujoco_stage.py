@@ -194,7 +194,9 @@ class MujocoStage(BodyStage):
                 from omnisim.scene.formats.mjcf.reader import tracked_pose
 
                 axes = zip(self._read("cam_xpos"), self._read("cam_xmat"), strict=True)
-                carried[name] = [tracked_pose(at[mount.number], by[mount.number]) for at, by in axes]
+                carried[name] = [
+                    tracked_pose(at[mount.number], by[mount.number]) for at, by in axes
+                ]
         return [
             WorldState.of_checked(
                 {**state.world_from_object, **{name: of[world] for name, of in carried.items()}},

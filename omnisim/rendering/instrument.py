@@ -104,17 +104,24 @@ class Instrument(Closeable, EditableScene, Generic[SensorT_co, PassesT_co, Readi
         return self._stage.objects.get(self.vehicle)
 
     def _hidden_parts(self) -> frozenset[ObjectPart]:
-        names = (
-            {} if self.body is None else {instance.name: None for instance in self.body.instances}
-        )
+        """Hidden instances of the carrier's body, or of any other object that moves."""
+        objects = list(self._stage.objects.items())
+        of_body = () if self.body is None else self.body.instance_names
+        parts: set[ObjectPart] = set()
         for name in sorted(self.hidden):
-            if name not in names:
-                available = f"it has {', '.join(sorted(names))}" if names else "there is no body"
+            owners = [
+                index
+                for index, (owner, shape) in enumerate(objects)
+                if (owner == self.vehicle or name not in of_body) and name in shape.instance_names
+            ]
+            if not owners:
+                known = sorted(set(of_body)) or [
+                    part for _, shape in objects for part in shape.instance_names
+                ]
+                available = f"it has {', '.join(known)}" if known else "there is no body"
                 raise SceneError(f"hidden: {name!r}: no part of the body: {available}")
-        if not names:
-            return frozenset()
-        index = list(self._stage.objects).index(self.vehicle)
-        return frozenset((index, name) for name in self.hidden)
+            parts |= {(index, name) for index in owners}
+        return frozenset(parts)
 
     def _state(
         self,

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from omnisim.core.errors import MeasurementError, OutputError
 from omnisim.core.extras import require_extra
 from omnisim.core.files.image_files import read_image
+from omnisim.core.files.ros_bag import open_bag
 
 MAX_FRAMES = 100  # of a recording
 VIDEO_SUFFIXES = (".mp4", ".mkv", ".mov", ".avi", ".m4v", ".webm")
@@ -116,45 +117,27 @@ def _video_files(path: Path, folder: Path) -> list[Path]:
 
 def _bag_files(bag: Path, topic: str, folder: Path) -> list[Path]:
     """Write images of a bag's topic to a folder, and return their files."""
-    require_extra("ros", str(bag), MeasurementError)
-    from rosbags.highlevel import AnyReader, AnyReaderError
-    from rosbags.rosbag1 import ReaderError as OldReaderError
-    from rosbags.rosbag2 import ReaderError
-    from rosbags.serde import SerdeError
-    from rosbags.typesys import Stores, get_typestore
-
-    if not bag.exists():
-        raise MeasurementError(f"{bag}: no such file or folder")
-    is_part = bag.suffix.lower() in (".mcap", ".db3") and (bag.parent / "metadata.yaml").is_file()
-    whole = bag.parent if is_part else bag
-    try:
-        store = get_typestore(Stores.ROS2_HUMBLE)
-        with AnyReader([whole], default_typestore=store) as reader:
-            images = [
-                one for one in reader.connections if one.msgtype in (_RAW_TYPE, _COMPRESSED_TYPE)
-            ]
-            names = sorted({image.topic for image in images})
-            if not names:
-                raise MeasurementError(f"{bag}: expected a topic of images, got none")
-            if topic and topic not in names:
-                raise MeasurementError(f"{bag}: topic {topic}: expected one of {', '.join(names)}")
-            if not topic and len(names) > 1:
-                example = f"{bag}{_TOPIC}{names[0]}"
-                raise MeasurementError(
-                    f"{bag}: images of several topics, {', '.join(names)}: give one, such as "
-                    f"{example}"
-                )
-            name = topic or names[0]
-            used = [image for image in images if image.topic == name]
-            chosen = _chosen(sum(one.msgcount for one in used))
-            messages = (
-                (index, reader.deserialize(data, connection.msgtype))
-                for index, (connection, _, data) in enumerate(reader.messages(used))
-                if index in chosen
+    with open_bag(bag, MeasurementError) as reader:
+        images = [one for one in reader.connections if one.msgtype in (_RAW_TYPE, _COMPRESSED_TYPE)]
+        names = sorted({image.topic for image in images})
+        if not names:
+            raise MeasurementError(f"{bag}: expected a topic of images, got none")
+        if topic and topic not in names:
+            raise MeasurementError(f"{bag}: topic {topic}: expected one of {', '.join(names)}")
+        if not topic and len(names) > 1:
+            example = f"{bag}{_TOPIC}{names[0]}"
+            raise MeasurementError(
+                f"{bag}: images of several topics, {', '.join(names)}: give one, such as {example}"
             )
-            return _message_files(bag, messages, folder)
-    except (AnyReaderError, OldReaderError, ReaderError, SerdeError, OSError, ValueError) as reason:
-        raise MeasurementError(f"{bag}: cannot be read as a bag: {reason}") from None
+        name = topic or names[0]
+        used = [image for image in images if image.topic == name]
+        chosen = _chosen(sum(one.msgcount for one in used))
+        messages = (
+            (index, reader.deserialize(data, connection.msgtype))
+            for index, (connection, _, data) in enumerate(reader.messages(used))
+            if index in chosen
+        )
+        return _message_files(bag, messages, folder)
 
 
 def _message_files(bag: Path, messages: Iterable[tuple[int, Any]], folder: Path) -> list[Path]:

@@ -128,6 +128,7 @@ class Model:
     # lights and actors, including those of included files
     others: list[XmlElement] = field(default_factory=list)
     is_merged: bool = False  # its links belong to the including model
+    is_static: bool = False  # its links, and those of the models in it, never move
 
 
 class ModelLibrary:
@@ -185,7 +186,7 @@ class ModelLibrary:
         self._count += 1
         if depth > _MAX_DEPTH or self._count > _MAX_MODELS:
             raise element.error(f"at most {_MAX_DEPTH} models in each other", "more, or a circle")
-        model = Model(name, element)
+        model = Model(name, element, is_static=element.flag("static"))
         used_names: set[str] = set()
         for child in element.children("model", "include"):
             if child.element.tag == "include":
@@ -221,6 +222,7 @@ class ModelLibrary:
         name = unique_name(include.text("name") or entity.name or "model", used_names)
         inner = self.tree(entity, name, depth + 1)
         inner.is_merged = is_merged
+        inner.is_static = include.flag("static", inner.is_static)
         model.models.append(inner)
         placement = include.text("placement_frame") or entity.attribute("placement_frame")
         first, _, rest = placement.partition("::")
@@ -294,6 +296,7 @@ class PlacedModel(NamedTuple):
     path: str  # names of the enclosing models, each followed by a slash; merged models are omitted
     model: Model  # placed model
     outer_from_model: Floats  # (4, 4) pose
+    is_static: bool  # it, or a model around it, never moves
 
     def pose_of(self, element: XmlElement, default: str = "") -> Floats:
         """Pose (4, 4) outer_from_element, relative to the frame `default` if it names none."""
@@ -301,14 +304,16 @@ class PlacedModel(NamedTuple):
 
 
 def placed_models(
-    model: Model, outer_from_model: Floats | None = None, path: str = ""
+    model: Model, outer_from_model: Floats | None = None, path: str = "", is_static: bool = False
 ) -> Iterator[PlacedModel]:
     """World or model with all models in it; the default outer frame is its own."""
     own = np.eye(4) if outer_from_model is None else outer_from_model
-    yield PlacedModel(path, model, own)
+    is_static |= model.is_static
+    yield PlacedModel(path, model, own, is_static)
     for inner in model.models:
         pose = own @ model.scope.model_pose(inner.name)
-        yield from placed_models(inner, pose, path if inner.is_merged else f"{path}{inner.name}/")
+        name = path if inner.is_merged else f"{path}{inner.name}/"
+        yield from placed_models(inner, pose, name, is_static)
 
 
 def read_root(path: Path, data: bytes | None = None) -> XmlElement:

@@ -57,7 +57,16 @@ from omnisim.scene.formats.sdf.models import (
 )
 from omnisim.scene.formats.xml.element import XmlElement
 from omnisim.scene.light.lighting import DEFAULT_BACKGROUND
-from omnisim.scene.parts import AlphaMode, Instance, Light, LightKind, Material, Mesh, Texture
+from omnisim.scene.parts import (
+    AlphaMode,
+    Instance,
+    Light,
+    LightKind,
+    Link,
+    Material,
+    Mesh,
+    Texture,
+)
 from omnisim.scene.textures import NO_IMAGE, TextureStore, alpha_mode_of, unreadable_image
 
 _FARTHEST_M = 1e9
@@ -100,6 +109,7 @@ class _Reader:
         self._instances: list[Instance] = []
         self._lights: list[Light] = []
         self._cameras = Cameras()
+        self._links: list[Link] = []
 
     def read(self, root: XmlElement) -> ImportedScene:
         """Read the first world of a file, or all of its models and lights."""
@@ -135,16 +145,28 @@ class _Reader:
             tuple(self._lights),
             background=background,
             cameras=self._cameras.poses,
+            links=tuple(self._links),
         )
 
     def _read_model(self, placed: PlacedModel) -> None:
         for other in placed.model.others:
             if other.element.tag == "light":
                 self._read_light(other, self._pose_of(placed, other))
+        fixed_to = {
+            joint.text("child").replace("::", "/"): joint.text("parent").replace("::", "/")
+            for joint in placed.model.element.children("joint")
+            if joint.attribute("type") == "fixed"
+        }
         for link in placed.model.element.children("link"):
+            pose, name = self._pose_of(placed, link), f"{placed.path}{link.name or 'link'}"
+            if pose is not None:
+                parent = fixed_to.get(link.name, link.name or "link")
+                is_still = placed.is_static or parent == "world"
+                owner = "" if is_still else f"{placed.path}{parent}"
+                self._links.append(Link(name, pose, owner))
             for visual in link.children("visual"):
-                name = f"{placed.path}{link.name or 'link'}/{visual.name or 'visual'}"
-                self._read_visual(visual, self._pose_of(placed, visual, link.name), name)
+                place = self._pose_of(placed, visual, link.name)
+                self._read_visual(visual, place, f"{name}/{visual.name or 'visual'}")
             for light in link.children("light"):
                 self._read_light(light, self._pose_of(placed, light, link.name))
             for sensor in link.children("sensor"):

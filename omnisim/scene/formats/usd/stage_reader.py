@@ -6,12 +6,13 @@ import math
 import re
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from pxr import Ar, Kind, Tf, Usd, UsdGeom, UsdShade
+from pxr import Ar, Kind, Tf, Usd, UsdGeom, UsdPhysics, UsdShade
 
 from omnisim.cameras import (
     CentralCamera,
@@ -38,7 +39,7 @@ from omnisim.scene.formats.resources import AssetResolver
 from omnisim.scene.formats.usd.gprims import Gprims, integers, is_shape, texts
 from omnisim.scene.formats.usd.lights import Lights, is_light
 from omnisim.scene.formats.usd.surfaces import Surfaces, TextureFiles
-from omnisim.scene.parts import Instance, LabelRule, StartPose
+from omnisim.scene.parts import Instance, LabelRule, Link, StartPose
 from omnisim.scene.textures import TextureStore, large_textures
 
 MAX_INSTANCES = 1_000_000
@@ -93,6 +94,7 @@ class _Reader:
         self._whole = self._stage.GetDefaultPrim() or alone  # contains the whole stage
         self._start: StartPose | None = None
         self._cameras = Cameras()
+        self._links: dict[str, Link] = {}  # by path
         self._copies_of: dict[str, list[_PlacedMesh]] = {}
         self._names: Counter[str] = Counter()
 
@@ -111,6 +113,7 @@ class _Reader:
             environment=self._lights.environment,
             start=self._start,
             cameras=self._cameras.poses,
+            links=self._fixed_links(),
             labels=tuple(
                 LabelRule(
                     number,
@@ -135,6 +138,10 @@ class _Reader:
         owners: dict[str, str] = {}  # object names by path
         for site in self._sites(root, frame_from_parent):
             prim = site.prim
+            if not nested and is_rigid_body(prim):
+                has_frame = site.owner is not None and site.owner.path == str(prim.GetPath())
+                name = self._object(site, owners)[0] if has_frame else self._path_name(prim)
+                self._links[str(prim.GetPath())] = Link(name, site.stage_from_prim, name)
             if is_light(prim):
                 if not nested:
                     self._lights.add(prim, site.stage_from_prim)
@@ -162,6 +169,22 @@ class _Reader:
             if len(placed) > MAX_INSTANCES:
                 raise SceneError(f"expected at most {MAX_INSTANCES:,} meshes in the scene")
         return placed
+
+    def _fixed_links(self) -> tuple[Link, ...]:
+        """Rigid bodies; those of fixed joints know to which one they are fixed."""
+        fixed_to = {}
+        for prim in self._stage.Traverse():
+            if prim.IsA(UsdPhysics.FixedJoint):
+                joint = UsdPhysics.Joint(prim)
+                first, second = joint.GetBody0Rel().GetTargets(), joint.GetBody1Rel().GetTargets()
+                bodies = [self._links.get(str(path)) for path in (*first[:1], *second[:1])]
+                known = [link for link in bodies if link is not None]
+                if known:
+                    fixed_to[known[-1].name] = known[0].name if len(known) == 2 else ""
+        return tuple(
+            replace(link, fixed_to=fixed_to.get(link.name, link.name))
+            for link in self._links.values()
+        )
 
     def _object(self, site: Site, owners: dict[str, str]) -> tuple[str, Floats, str]:
         """Name, frame (4, 4) and class of the object that contains a prim.
@@ -249,6 +272,11 @@ class _Reader:
         is_component = bool(kind) and Kind.Registry.IsA(kind, Kind.Tokens.component)
         if class_name or (owner is None and prim != self._whole and is_component):
             owner = ObjectFrame(prim.GetName(), str(prim.GetPath()), matrix, class_name or "")
+        elif owner is not None and is_rigid_body(prim):  # a part that moves on its own
+            inner = prim.GetPath().MakeRelativePath(owner.path)
+            owner = ObjectFrame(
+                f"{owner.name}/{inner}", str(prim.GetPath()), matrix, owner.class_name
+            )
         return Site(
             prim,
             matrix,
@@ -283,6 +311,11 @@ class ObjectFrame(NamedTuple):
     path: str
     stage_from_object: Floats  # (4, 4) transform
     class_name: str = ""  # semantic class; empty: none
+
+
+def is_rigid_body(prim: Usd.Prim) -> bool:
+    """True for a prim that a physics engine moves."""
+    return bool(prim.HasAPI(UsdPhysics.RigidBodyAPI))
 
 
 class Site(NamedTuple):
