@@ -38,6 +38,7 @@ EXTRAS = {
     "orb-slam3": {"pyorbslam3": "pyorbslam3"},  # GPL: on demand only
     "mujoco": {"mujoco-core": "mujoco"},
     "newton": {"newton": "newton"},
+    "gymnasium": {"gymnasium": "gymnasium"},
     "usd": {"usd-core": "pxr"},
     "ray": {"ray": "ray"},
     "ros": {"rosbags": "rosbags"},

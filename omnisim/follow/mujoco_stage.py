@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -66,15 +67,13 @@ class MujocoStage(BodyStage):
         require_extra("mujoco", "MujocoStage")
         import mujoco
 
-        from omnisim.scene.formats.mjcf.reader import ModelReader, body_names
+        from omnisim.scene.formats.mjcf.reader import ModelReader, body_names, compute_poses
 
         self._model, self._groups = model, tuple(groups)
         self._data: Any = [data] if isinstance(data, mujoco.MjData) else data
-        if isinstance(self._data, Sequence):
-            first = self._data[0]
-        else:
-            first = mujoco.MjData(model)
-            mujoco.mj_forward(model, first)
+        is_read = isinstance(self._data, Sequence)
+        first = copy.copy(self._data[0]) if is_read else mujoco.MjData(model)
+        compute_poses(model, first)  # also before the first step
         reader = ModelReader(model, first, groups, hidden)
         read = reader.read()
         scene = Scene(

@@ -85,15 +85,18 @@ def load_model(path: Path) -> tuple[mujoco.MjModel, mujoco.MjData, list[str]]:
         data = mujoco.MjData(model)
         if model.nkey:
             mujoco.mj_resetDataKeyframe(model, data, 0)
-        # poses from the joints, like the first part of mj_forward; lights and cameras in tracking
-        # modes need the centers of mass
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        mujoco.mj_camlight(model, data)
-        mujoco.mj_flex(model, data)
+        compute_poses(model, data)
     finally:
         mujoco.set_mju_user_warning(before)
     return model, data, warnings
+
+
+def compute_poses(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """Compute all poses from the joints, like the first part of mj_forward."""
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)  # for lights and cameras in tracking modes
+    mujoco.mj_camlight(model, data)
+    mujoco.mj_flex(model, data)
 
 
 class ModelReader:
