@@ -12,6 +12,7 @@ from omnisim.core.errors import OmnisimError, SceneError
 from omnisim.follow import BodyStage, MujocoStage
 from omnisim.follow.body_stage import NO_BODY
 from omnisim.follow.mujoco_stage import NO_GEOM
+from tests.follow.pixel_masks import is_inside
 from tests.scene.formats.mjcf.models import SHAPES
 
 mujoco = pytest.importorskip("mujoco")
@@ -79,6 +80,29 @@ def test_frames_follow_the_bodies_of_the_simulation(simulation):
             assert (bodies == np.where(owners > 0, owners, NO_BODY)).all()
             seen.append(frame.rgb)
         assert (seen[0] != seen[2]).any()
+
+
+@pytest.mark.slow
+def test_ranges_and_bodies_are_those_of_mujocos_rays(simulation):
+    model, data = simulation
+    lens, seen = EquidistantCamera(96, 96, 40.0, (47.5, 47.5), 1.2), []
+    with MujocoStage(model, data) as stage:
+        camera = stage.open(lens)
+        for number in range(10):
+            mujoco.mj_step(model, data, 10)
+            there = pose((0.0, 0.1, 0.9), yaw_deg=37.0 * number, pitch_deg=20.0)
+            frame = camera.render(stage.now().moved({"body": there}), also=("range", "instance"))
+            ranges_m, geoms = _rays_m(model, data, lens, frame)
+            ids, owners = stage.geom_ids(frame), np.where(geoms < 0, 0, model.geom_bodyid[geoms])
+            inside = is_inside(ids) & is_inside(geoms) & frame.valid
+            hit = inside & (ranges_m < 100.0)
+            errors_m = np.abs(frame.channels["range"][hit] - ranges_m[hit])
+            is_right = stage.body_ids(frame) == np.where(owners > 0, owners, NO_BODY)
+            seen.append((errors_m < 1e-3, is_right[inside], geoms[hit]))
+    is_near, is_right, geoms = (np.concatenate(each) for each in zip(*seen, strict=True))
+    assert is_near.mean() > 0.999
+    assert is_right.mean() > 0.999
+    assert len(np.unique(geoms)) == 9  # all that are visible
 
 
 def test_geoms_have_their_numbers_and_nothing_has_none(simulation):
@@ -187,6 +211,26 @@ def test_many_worlds_have_their_own_poses_and_times():
         assert (frames[0] != frames[2]).any()
         with pytest.raises(OmnisimError, match="data: expected one world, got 3: see worlds_now"):
             stage.now()
+
+
+@pytest.mark.slow
+def test_worlds_of_mujoco_warp_are_those_of_mujoco():
+    warp = pytest.importorskip("mujoco_warp", reason="MuJoCo Warp is not installed")
+    model, data = _simulation(ARM)
+    worlds = warp.put_data(model, data, nworld=3)
+    angles = worlds.qpos.numpy()
+    angles[:, -1] = (0.0, 0.5, 1.0)
+    worlds.qpos.assign(angles)
+    warp.kinematics(warp.put_model(model), worlds)
+    with MujocoStage(model, worlds) as stage:
+        states = stage.worlds_now()
+    for angle, state in zip(angles[:, -1], states, strict=True):
+        data.joint("elbow").qpos = angle
+        mujoco.mj_forward(model, data)
+        for name in stage.names:
+            there = state.world_from_object[name]
+            assert there[:3, 3] == pytest.approx(data.body(name).xpos, abs=1e-6)
+            assert there[:3, :3] == pytest.approx(data.body(name).xmat.reshape(3, 3), abs=1e-6)
 
 
 def test_bodies_of_a_file_follow_poses_without_a_simulation(tmp_path):

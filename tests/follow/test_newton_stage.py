@@ -9,6 +9,7 @@ from omnisim.cameras.camera import pixel_grid
 from omnisim.core.errors import OmnisimError
 from omnisim.follow import NewtonStage
 from omnisim.follow.body_stage import NO_BODY
+from tests.follow.pixel_masks import is_inside
 
 newton = pytest.importorskip("newton", reason="Newton is not installed")
 wp = pytest.importorskip("warp")
@@ -75,15 +76,6 @@ def _theirs(model, state, origin, directions):
     return ranges.numpy().ravel(), np.where(found < model.shape_count, found, -1), packed[:, :3]
 
 
-def _is_inside(ids):
-    """True where a pixel and its four neighbors have the same ID."""
-    inside = np.zeros(ids.shape, bool)
-    middle = ids[1:-1, 1:-1]
-    near = (ids[:-2, 1:-1], ids[2:, 1:-1], ids[1:-1, :-2], ids[1:-1, 2:])
-    inside[1:-1, 1:-1] = np.all([one == middle for one in near], axis=0)
-    return inside
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("axis", ["z", "y"])
 def test_ranges_bodies_and_colors_are_those_of_newtons_rays(axis):
@@ -112,7 +104,7 @@ def test_ranges_bodies_and_colors_are_those_of_newtons_rays(axis):
             ranges, shapes, albedo = (np.full((96, 96, *one.shape[1:]), -1.0) for one in found)
             ranges[frame.valid], shapes[frame.valid], albedo[frame.valid] = found
             ours = frame.channels["instance"]
-            inside = _is_inside(shapes) & _is_inside(ours) & frame.valid & (ranges < 100.0)
+            inside = is_inside(shapes) & is_inside(ours) & frame.valid & (ranges < 100.0)
             owners = np.where(shapes < 0.0, NO_BODY, bodies[shapes.astype(int)])
             is_right = stage.body_ids(frame) == owners
             hit = inside & (ranges > 0.0)
