@@ -9,7 +9,7 @@ from pathlib import Path
 import mujoco
 
 from omnisim.cameras import EquidistantCamera
-from omnisim.runs.mujoco_camera import Camera
+from omnisim.follow import MujocoStage
 
 MODEL = Path(__file__).with_name("mujoco_room.xml")
 
@@ -19,13 +19,14 @@ def main(folder: Path) -> None:
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     lens = EquidistantCamera(240, 240, 70.0, (119.5, 119.5), 1.66)
-    with Camera(model, data, lens, site="head") as camera:
+    with MujocoStage(model, data) as stage:
+        camera = stage.open(lens, vehicle="site/head")
         for number in range(4):
             data.ctrl[0] = 0.5
             mujoco.mj_step(model, data, 100)
-            frame = camera.render(also=("range", "instance"))
+            frame = camera.render(stage.now(), also=("range", "instance"))
             frame.save(folder / f"{number}.png")
-            pixels = int((camera.geom_ids(frame) == camera.geoms["ball/sphere"]).sum())
+            pixels = int((stage.geom_ids(frame) == stage.geoms["ball/sphere"]).sum())
             print(f"{data.time:.1f} s: the ball has {pixels} pixels")
 
 

@@ -13,7 +13,7 @@ Time and motion: `WorldState`, `Motion`, `Twist`.
 Robots and laser scanners: `Vehicle`, `LaserScanner`, `LaserRenderer`, `Scan`.
 Depth cameras: `DepthCamera` and `DepthRenderer` of `omnisim.sensors`.
 Spinning lidars: `SpinningLidar`, `LidarRenderer` and `PointCloud` of `omnisim.sensors`.
-Cameras inside a MuJoCo simulation: `omnisim.runs.mujoco_camera.Camera`.
+Cameras in a simulator that you run, such as MuJoCo: `omnisim.follow`.
 The camera in a browser, or in a notebook's cell: `live`.
 Errors: `OmnisimError`; notices about files are warnings, `NoticeWarning`.
 

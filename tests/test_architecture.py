@@ -70,7 +70,7 @@ HOMES = {
     "yaml": {"cameras.calibration"},
     "embreex": {"rendering.rays"},
     "xatlas": {"rendering.baking"},
-    "mujoco": {"scene.formats.mjcf", "robots.importers", "runs"},
+    "mujoco": {"follow", "scene.formats.mjcf", "robots.importers", "runs"},
     "websockets": {"apps.live"},
     "pxr": {"scene.formats.usd"},
     "rosbags": {"core.files", "datasets.export"},

@@ -18,12 +18,20 @@ if TYPE_CHECKING:
     from omnisim.follow.bag_stage import BagStage
     from omnisim.follow.body_shapes import Shape, shape_scene
     from omnisim.follow.body_stage import BodyStage
+    from omnisim.follow.camera_wrapper import CameraWrapper
+    from omnisim.follow.mujoco_stage import MujocoStage
+    from omnisim.follow.newton_stage import NewtonStage
 
 _MODULES = {
     "BagStage": "bag_stage",
     "BodyStage": "body_stage",
+    "CameraWrapper": "camera_wrapper",
+    "MujocoStage": "mujoco_stage",
+    "NewtonStage": "newton_stage",
     "Shape": "body_shapes",
     "shape_scene": "body_shapes",
 }
-__all__ = ["BagStage", "BodyStage", "Shape", "shape_scene"]
+__all__ = [
+    "BagStage", "BodyStage", "CameraWrapper", "MujocoStage", "NewtonStage", "Shape", "shape_scene",
+]  # fmt: skip
 __getattr__ = lazy_names(__name__, _MODULES)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
@@ -16,7 +16,7 @@ from omnisim.core.errors import NoticeWarning, OmnisimError, SceneError, did_you
 from omnisim.core.poses import MAX_M, inverse, pose_from_rotation, rotation_type
 from omnisim.core.short_repr import counted
 from omnisim.core.world import Motion, WorldState
-from omnisim.ground_truth import Labels
+from omnisim.ground_truth import InstanceLabel, Labels
 from omnisim.ground_truth.frame import Frame
 from omnisim.rendering.shared_scene import BackendName
 from omnisim.rendering.stage import Stage
@@ -87,8 +87,10 @@ class BodyStage(Stage):
         }
         links: dict[str, Link] = {}
         for robot, part in parts.items():
-            own = part.links or ((Link("", np.eye(4), ""),) if robot else ())
-            links |= {f"{robot}/{link.name}".strip("/"): link for link in own}
+            if robot and not part.links:
+                links[robot] = Link(robot, np.eye(4), robot)
+            prefix = f"{robot}/" if robot else ""
+            links |= {f"{prefix}{link.name}": link for link in part.links}
         body_of = match_names(list(links), self.names)
         still, objects, lost = split_links(world, "", body_of)
         for robot, part in parts.items():
@@ -113,11 +115,10 @@ class BodyStage(Stage):
             if name in body_of and link.name
         }
         self._worlds: int | None = None
-        self._labels: Labels | None = None
-        self._body_of_instance = np.array([NO_BODY], dtype=np.int32)
+        self._id_tables: dict[str, tuple[Labels, NDArray[np.int32]]] = {}
         super().__init__(still, dynamic_objects=objects, device=device, backend=backend)
         for notice in self.notices:
-            warnings.warn(notice, NoticeWarning, stacklevel=2)
+            warnings.warn(notice, NoticeWarning, stacklevel=2 + (type(self) is not BodyStage))
 
     def carrier(self, name: str | None) -> str:
         """Body that carries a sensor; without one, the world.
@@ -152,9 +153,11 @@ class BodyStage(Stage):
         return self._states(poses[None], time_s)[0]
 
     def states(
-        self, positions: ArrayLike, quaternions: ArrayLike | None = None, time_s: float = 0.0
+        self, positions: ArrayLike, quaternions: ArrayLike | None = None, time_s: ArrayLike = 0.0
     ) -> list[WorldState]:
         """States of many worlds, for `render_batch`; arrays as for `state`, with (worlds, bodies).
+
+        `time_s` is one time for all worlds, or (worlds,).
 
         Raises:
             OmnisimError: as for `state`; or another number of worlds than before.
@@ -207,23 +210,32 @@ class BodyStage(Stage):
         Raises:
             OmnisimError: the frame was rendered without the channel instance.
         """
-        if "instance" not in frame.channels or frame.labels is None:
-            raise OmnisimError("body_ids: expected a frame with also=('instance',), got without")
-        if frame.labels is not self._labels:
-            index = {name: number for number, name in enumerate(self.names)}
-            owners = (instance.object_name for instance in frame.labels.instances)
-            ids = [NO_BODY if name is None else index.get(name, NO_BODY) for name in owners]
-            self._labels = frame.labels
-            self._body_of_instance = np.array([NO_BODY, *ids], dtype=np.int32)
-        return self._body_of_instance[frame.channels["instance"]]
+        index = {name: number for number, name in enumerate(self.names)}
+        return self._ids(
+            frame, "body_ids", lambda instance: index.get(instance.object_name or "", NO_BODY)
+        )
 
-    def _states(self, poses: Floats, time_s: float) -> list[WorldState]:
-        if not np.isfinite(time_s):
-            raise OmnisimError(f"time_s: expected a finite number of seconds, got {time_s}")
+    def _ids(
+        self, frame: Frame, method: str, id_of: Callable[[InstanceLabel], int]
+    ) -> NDArray[np.int32]:
+        """ID (height, width) of each pixel's instance; −1 for the sky."""
+        if "instance" not in frame.channels or frame.labels is None:
+            raise OmnisimError(f"{method}: expected a frame with also=('instance',), got without")
+        labels, ids = self._id_tables.get(method, (None, None))
+        if labels is not frame.labels or ids is None:
+            ids = np.array([NO_BODY, *map(id_of, frame.labels.instances)], dtype=np.int32)
+            self._id_tables[method] = frame.labels, ids
+        return ids[frame.channels["instance"]]
+
+    def _states(self, poses: Floats, time_s: ArrayLike) -> list[WorldState]:
+        times = np.broadcast_to(time_s, len(poses)) if np.ndim(time_s) == 0 else time_s
+        times = _host_array(times, "time_s", (len(poses),))
+        if not np.isfinite(times).all():
+            raise OmnisimError(f"time_s: expected a finite number of seconds, got {time_s!r}")
         still = {BODY: np.eye(4)}
         return [
-            WorldState.of_checked({**still, **dict(zip(self.names, of_world, strict=True))}, time_s)
-            for of_world in poses
+            WorldState.of_checked({**still, **dict(zip(self.names, of_world, strict=True))}, at_s)
+            for of_world, at_s in zip(poses, times.tolist(), strict=True)
         ]
 
     def _poses(
@@ -323,9 +335,10 @@ def split_links(
     for name, root in sorted(roots.items(), key=lambda item: item[0] != item[1]):
         if prefix + name in body_of:
             carriers.setdefault(root, links[name])
+    owners = {name: link.name for link in scene.links for name in link.instances}
     groups: dict[str, list[int]] = {"": []}
     for index, instance in enumerate(scene.instances):
-        owner = instance.name
+        owner = owners.get(instance.name, instance.name)
         while owner and owner not in links:
             owner = owner.rpartition("/")[0]
         groups.setdefault(roots[owner], []).append(index)

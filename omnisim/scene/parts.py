@@ -248,12 +248,13 @@ class Instance:
 
 @dataclass(frozen=True, eq=False)
 class Link:
-    """Rigid part of a file's robots or models, whose instances are named after it: `name/…`."""
+    """Rigid part of a file's robots or models."""
 
     name: str
     world_from_link: Floats  # (4, 4) pose at rest; its axes are those of the file's link
     # link that it is rigidly fixed to; itself: it moves; empty: fixed to the world
     fixed_to: str
+    instances: frozenset[str] = frozenset()  # by name, besides those named after it: `name/…`
 
     def __repr__(self) -> str:
         return short_repr(self, repr(self.name))

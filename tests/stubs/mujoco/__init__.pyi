@@ -183,7 +183,11 @@ class MjModel:
     geom_size: Floats
     geom_rgba: Singles
     site_bodyid: Ints
+    site_pos: Floats
+    site_quat: Floats
     cam_bodyid: Ints
+    cam_pos: Floats
+    cam_quat: Floats
     cam_mode: Ints
     cam_projection: Ints
     cam_fovy: Floats

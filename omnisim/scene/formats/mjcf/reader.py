@@ -17,11 +17,11 @@ import mujoco
 import numpy as np
 
 from omnisim.cameras import PerspectiveCamera, UnifiedCamera
-from omnisim.core.arrays import Floats, Ints
+from omnisim.core.arrays import Floats
 from omnisim.core.coordinate_frames import BASE_FROM_OPTICAL_LOOKING_AHEAD
-from omnisim.core.errors import SceneError, did_you_mean, printable
+from omnisim.core.errors import SceneError, did_you_mean
 from omnisim.core.files.sources import SourceReader
-from omnisim.core.poses import inverse, pose_from_rotation
+from omnisim.core.poses import pose_from_rotation, rotation_from_quaternion
 from omnisim.core.short_repr import counted
 from omnisim.scene.formats import features
 from omnisim.scene.formats.features import part_notices, xml_parts
@@ -31,12 +31,13 @@ from omnisim.scene.formats.imported_scene import (
     make_mesh,
     read_lens,
     translate,
+    unique_name,
 )
 from omnisim.scene.formats.mjcf.materials import read_lighting, transformed
 from omnisim.scene.formats.mjcf.meshes import Geom, Meshes, Parts, visible_deformables
-from omnisim.scene.light.lighting import DEFAULT_BACKGROUND, DEFAULT_LIGHTING
+from omnisim.scene.light.lighting import DEFAULT_BACKGROUND
 from omnisim.scene.model import Scene
-from omnisim.scene.parts import Instance, StartPose
+from omnisim.scene.parts import Instance, Link, StartPose
 
 # Geom groups shown by MuJoCo's own viewer; the others usually are collision shapes.
 VISIBLE_GROUPS = (0, 1, 2)
@@ -84,35 +85,51 @@ def load_model(path: Path) -> tuple[mujoco.MjModel, mujoco.MjData, list[str]]:
         data = mujoco.MjData(model)
         if model.nkey:
             mujoco.mj_resetDataKeyframe(model, data, 0)
-        # poses from the joints, like the first part of mj_forward; lights and cameras in tracking
-        # modes need the centers of mass
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        mujoco.mj_camlight(model, data)
-        mujoco.mj_flex(model, data)
+        compute_poses(model, data)
     finally:
         mujoco.set_mju_user_warning(before)
     return model, data, warnings
 
 
-class ModelReader:
-    """Importer of a model in the state of its data, with computed poses, and of visible groups."""
+def compute_poses(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """Compute all poses from the joints, like the first part of mj_forward."""
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)  # for lights and cameras in tracking modes
+    mujoco.mj_camlight(model, data)
+    mujoco.mj_flex(model, data)
 
-    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, groups: Collection[int]):
+
+class ModelReader:
+    """Importer of a model in the state of its data, with computed poses, and of visible groups.
+
+    Raises:
+        SceneError: an unknown name in `hidden`, the instance names of hidden geoms.
+    """
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        data: mujoco.MjData,
+        groups: Collection[int],
+        hidden: Collection[str] = (),
+    ):
         self._model, self._data, self._groups = model, data, groups
         self.meshes, self.names = Meshes(model), geom_names(model)
+        for name in hidden:
+            if name not in self.names:
+                raise SceneError(f"hidden: {name!r}: {did_you_mean(name, self.names, 'geoms:')}")
         self.geoms = [
             geom
             for geom in range(model.ngeom)
-            if int(model.geom_group[geom]) in groups and self.meshes.rgba(geom)[3] > 0.0
+            if int(model.geom_group[geom]) in groups
+            and self.meshes.rgba(geom)[3] > 0.0
+            and self.names[geom] not in hidden
         ]
 
     def read(self) -> ImportedScene:
-        """Import all visible elements."""
-        return self.content([*self.instances(self.geoms, np.eye(4)), *self.deformables()])
-
-    def content(self, instances: Iterable[Instance]) -> ImportedScene:
-        """Import instances created by this reader."""
+        """Import all visible elements; skins and flexible bodies are the last instances."""
+        soft = self._deformables()
+        instances = [*self._instances(), *soft]
         lighting, lights = read_lighting(self._model, self._data)
         boxes = np.flatnonzero(self._model.tex_type == int(mujoco.mjtTexture.mjTEXTURE_SKYBOX))
         sky = ["the sky box is drawn in its mean color"] if len(boxes) else []
@@ -136,19 +153,40 @@ class ModelReader:
             [*notices, *self.meshes.materials.notices, *lights, *sky],
             lighting=lighting,
             background=textures.mean_color(int(boxes[0])) if len(boxes) else DEFAULT_BACKGROUND,
+            links=self._links([one.name for one in soft]),
         )
 
-    def instances(self, geoms: Iterable[int], frame_from_world: Floats) -> list[Instance]:
-        """Instances of geoms in a frame, by frame_from_world (4, 4) in the state of the data."""
+    def _links(self, soft: Iterable[str]) -> tuple[Link, ...]:
+        """Bodies with their geoms; the world has the skins and flexible bodies, too."""
+        model, data, names = self._model, self._data, body_names(self._model)
+        trees = model.body_rootid
+        is_mocap = (model.body_weldid == _WORLD) & (model.body_mocapid[trees] >= 0)
+        roots = np.where(is_mocap, trees, model.body_weldid)
+        parts: list[set[str]] = [set() for _ in names]
+        parts[_WORLD].update(soft)
+        for name, body in zip(self.names, model.geom_bodyid, strict=True):
+            parts[body].add(name)
+        return tuple(
+            Link(
+                name,
+                pose_from_rotation(data.xmat[body].reshape(3, 3), data.xpos[body]),
+                names[roots[body]] if roots[body] != _WORLD else "",
+                frozenset(parts[body]),
+            )
+            for body, name in enumerate(names)
+        )
+
+    def _instances(self) -> list[Instance]:
+        """Instances of the geoms, in the world."""
         instances = []
-        for geom in geoms:
+        for geom in self.geoms:
             rotation = self._data.geom_xmat[geom].reshape(3, 3)
-            pose = frame_from_world @ pose_from_rotation(rotation, self._data.geom_xpos[geom])
+            pose = pose_from_rotation(rotation, self._data.geom_xpos[geom])
             parts = self.meshes.of_geom(geom, self.names[geom])
             instances += _place(self.names[geom], parts, pose)
         return instances
 
-    def deformables(self) -> list[Instance]:
+    def _deformables(self) -> list[Instance]:
         """Instances of the skins and flexible bodies, in the world."""
         instances = []
         for deformable in visible_deformables(self._model, self._data, self._groups):
@@ -187,6 +225,12 @@ _WORLD = 0
 def body_name(model: mujoco.MjModel, body: int) -> str:
     """Name of a body; an unnamed one is named by index, such as body_7."""
     return mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_BODY, body) or f"body_{body}"
+
+
+def body_names(model: mujoco.MjModel) -> tuple[str, ...]:
+    """Unique names of all bodies, the world's first."""
+    used: set[str] = set()
+    return tuple(unique_name(body_name(model, body), used, 2) for body in range(model.nbody))
 
 
 def geom_names(model: mujoco.MjModel) -> tuple[str, ...]:
@@ -283,9 +327,7 @@ def lens_of(
     """
     index = camera
     if isinstance(index, str):
-        mount = find_mount(model, camera=index)
-        assert mount is not None
-        index = mount.number
+        index = find_mount(model, "camera", index).number
     if int(model.cam_projection[index]) != mujoco.mjtProjection.mjPROJ_PERSPECTIVE:
         raise SceneError(f"camera = {camera!r}: expected a perspective camera, got an orthographic")
     stated = (int(model.cam_resolution[index][0]), int(model.cam_resolution[index][1]))
@@ -303,7 +345,7 @@ def lens_of(
     return UnifiedCamera(width, height, (focal_x * per_x, focal_y * per_y), axis, xi=0.0)
 
 
-# Elements of a MuJoCo model that carry cameras, and their poses.
+# Sites and cameras of a MuJoCo model, which carry sensors, and their poses.
 
 # MuJoCo's cameras look along −z with y up, as in OpenGL.
 _OPTICAL_FROM_OPENGL = np.diag([1.0, -1.0, -1.0])
@@ -311,46 +353,39 @@ _OPENGL_FROM_BASE = (BASE_FROM_OPTICAL_LOOKING_AHEAD @ _OPTICAL_FROM_OPENGL).T
 
 
 class ModelMount(NamedTuple):
-    """Body, site or camera of a model."""
+    """Site or camera of a model, x forward, z up."""
 
-    kind: str  # "body", "site" or "camera"
     number: int  # index in the model
-
-    def pose(self, data: mujoco.MjData) -> Floats:
-        """Pose (4, 4) world_from_mount, x forward, z up."""
-        rotations, positions = {
-            "body": (data.xmat, data.xpos),
-            "site": (data.site_xmat, data.site_xpos),
-            "camera": (data.cam_xmat, data.cam_xpos),
-        }[self.kind]
-        rotation = rotations[self.number].reshape(3, 3)
-        if self.kind == "camera":
-            rotation = rotation @ _OPENGL_FROM_BASE
-        return pose_from_rotation(rotation, positions[self.number])
+    body: int  # index of its body
+    body_from_mount: Floats  # (4, 4)
+    is_tracking: bool  # a camera that turns to a body or follows one: `tracked_pose`
 
 
-def find_mount(model: mujoco.MjModel, **names: str | None) -> ModelMount | None:
-    """Element of a model by its kind and name; None: no name is given.
+def find_mount(model: mujoco.MjModel, kind: str, name: str) -> ModelMount:
+    """Site or camera, by its kind and name.
 
     Raises:
-        SceneError: an unknown element, or several names.
+        SceneError: an unknown element.
     """
-    given = {kind: name for kind, name in names.items() if name is not None}
-    if len(given) > 1:
-        raise SceneError(f"expected one mount, got {' and '.join(given)}")
-    kinds = mujoco.mjtObj
-    types = {
-        "body": (kinds.mjOBJ_BODY, model.nbody),
-        "site": (kinds.mjOBJ_SITE, model.nsite),
-        "camera": (kinds.mjOBJ_CAMERA, model.ncam),
-    }
-    for kind, name in given.items():
-        number, count = types[kind]
-        known = [mujoco.mj_id2name(model, number, index) or "" for index in range(count)]
-        if name not in known:
-            raise SceneError(f"{kind} = {name!r}: {did_you_mean(name, known, 'the model has')}")
-        return ModelMount(kind, known.index(name))
-    return None
+    objects, bodies, positions, turns = {
+        "site": (mujoco.mjtObj.mjOBJ_SITE, model.site_bodyid, model.site_pos, model.site_quat),
+        "camera": (mujoco.mjtObj.mjOBJ_CAMERA, model.cam_bodyid, model.cam_pos, model.cam_quat),
+    }[kind]
+    known = [mujoco.mj_id2name(model, objects, index) or "" for index in range(len(bodies))]
+    if name not in known:
+        raise SceneError(f"{kind} = {name!r}: {did_you_mean(name, known, 'the model has')}")
+    number, is_camera = known.index(name), kind == "camera"
+    (rotation,) = rotation_from_quaternion([np.roll(turns[number], -1)])
+    if is_camera:
+        rotation = rotation @ _OPENGL_FROM_BASE
+    is_tracking = is_camera and int(model.cam_mode[number]) != mujoco.mjtCamLight.mjCAMLIGHT_FIXED
+    pose = pose_from_rotation(rotation, positions[number])
+    return ModelMount(number, int(bodies[number]), pose, is_tracking)
+
+
+def tracked_pose(position: Floats, axes: Floats) -> Floats:
+    """Pose (4, 4) of a camera, x forward, z up, from its position and axes in MuJoCo's data."""
+    return pose_from_rotation(axes.reshape(3, 3) @ _OPENGL_FROM_BASE, position)
 
 
 # Start pose for a MuJoCo model: its first fixed camera, or an overview of its center.
@@ -377,24 +412,7 @@ def find_viewpoint(
     return StartPose((x, y, z), math.degrees(math.atan2(forward[1], forward[0])))
 
 
-# MuJoCo models in motion: a static scene, and moving bodies as objects.
-
-_ORIGIN = StartPose((0.0, 0.0, 0.0))
-
-
-class MovingModel(NamedTuple):
-    """Model split into static geometry and moving bodies."""
-
-    static: Scene  # static geometry in the world, with lights and background
-    # moving bodies by name, each with everything fixed to it, in the body's frame
-    objects: dict[str, Scene]
-    bodies: Ints  # (n,) body indices in the model, in the order of `objects`
-    geom_of_instance: dict[str, int]  # geom indices by instance name
-
-    def poses(self, data: mujoco.MjData) -> Floats:
-        """Poses (n, 4, 4) world_from_object of the bodies."""
-        rotations = data.xmat[self.bodies].reshape(-1, 3, 3)
-        return pose_from_rotation(rotations, data.xpos[self.bodies])
+# Skins and flexible bodies in motion.
 
 
 def deformed(
@@ -402,7 +420,7 @@ def deformed(
 ) -> Scene:
     """Static scene of a model with its skins and flexible bodies in their current state.
 
-    They remain the last instances, in the order of `split_model`.
+    They remain the last instances, in the order of `ModelReader.read`.
     """
     soft = visible_deformables(model, data, groups)
     if not soft:
@@ -415,63 +433,3 @@ def deformed(
         meshes[number] = mesh
         instances[index] = Instance(body.name, number, translate(np.eye(4), center), np.eye(4))
     return replace(static, meshes=tuple(meshes), instances=tuple(instances))
-
-
-def split_model(
-    model: mujoco.MjModel, data: mujoco.MjData, groups: Collection[int], hidden: Collection[str]
-) -> MovingModel:
-    """Split a model, with computed poses, into its static geometry and its moving bodies.
-
-    Raises:
-        SceneError: an unknown name in `hidden`, the instance names of hidden geoms.
-    """
-    reader = ModelReader(model, data, groups)
-    for name in hidden:
-        if name not in reader.names:
-            raise SceneError(f"hidden: {name!r}: {did_you_mean(name, reader.names, 'geoms:')}")
-    # the body to which each body is rigidly attached; 0: it never moves
-    trees = model.body_rootid
-    is_mocap = (model.body_weldid == _WORLD) & (model.body_mocapid[trees] >= 0)
-    roots = np.where(is_mocap, trees, model.body_weldid)
-    by_root: dict[int, list[int]] = {_WORLD: []}
-    for geom in reader.geoms:
-        if reader.names[geom] not in hidden:
-            by_root.setdefault(int(roots[model.geom_bodyid[geom]]), []).append(geom)
-    still = [*reader.instances(by_root.pop(_WORLD), np.eye(4)), *reader.deformables()]
-    moving: dict[str, list[Instance]] = {}
-    for root, geoms in by_root.items():
-        pose = pose_from_rotation(data.xmat[root].reshape(3, 3), data.xpos[root])
-        moving[body_name(model, root)] = reader.instances(geoms, inverse(pose))
-    read = reader.content(still)
-    return MovingModel(
-        _scene("mujoco", read, still),
-        {name: _scene(name, read, instances) for name, instances in moving.items()},
-        np.array(list(by_root), dtype=np.int64),
-        {name: geom for geom, name in enumerate(reader.names)},
-    )
-
-
-def _scene(name: str, read: ImportedScene, instances: Iterable[Instance]) -> Scene:
-    chosen = tuple(instances)
-    index_of = {
-        mesh: index
-        for index, mesh in enumerate(dict.fromkeys(instance.mesh for instance in chosen))
-    }
-    return Scene(
-        name=name,
-        meshes=tuple(read.meshes[mesh] for mesh in index_of),
-        materials=read.materials,
-        instances=tuple(
-            Instance(
-                instance.name,
-                index_of[instance.mesh],
-                instance.world_from_mesh,
-                instance.world_from_node,
-            )
-            for instance in chosen
-        ),
-        lighting=read.lighting or DEFAULT_LIGHTING,
-        background=read.background or DEFAULT_BACKGROUND,
-        start=_ORIGIN,
-        notices=tuple(map(printable, read.notices)),
-    )

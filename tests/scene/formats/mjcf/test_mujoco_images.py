@@ -6,7 +6,7 @@ from scipy.ndimage import maximum_filter, minimum_filter
 
 from omnisim import OmniCamera
 from omnisim.cameras import PerspectiveCamera
-from omnisim.runs.mujoco_camera import Camera
+from omnisim.follow import MujocoStage
 from tests.scene.formats.mjcf.models import SHAPES
 
 mujoco = pytest.importorskip("mujoco")
@@ -46,9 +46,10 @@ def images():
     model, data = _lit_from_everywhere(SHAPES)
     theirs = _theirs(model, data, "view")
     camera = OmniCamera(_lens(WIDTH_PX, HEIGHT_PX), supersampling=2)
-    with Camera(model, data, camera, camera="view", unlit=True) as opened:
-        frame = opened.render(also=("instance",))
-        return theirs, (frame.rgb, opened.geom_ids(frame)), opened.geoms
+    with MujocoStage(model, data) as stage:
+        opened = stage.open(camera, vehicle="camera/view", unlit=True)
+        frame = opened.render(stage.now(), also=("instance",))
+        return theirs, (frame.rgb, stage.geom_ids(frame)), stage.geoms
 
 
 @pytest.mark.usefixtures("needs_opengl")
@@ -74,8 +75,9 @@ def test_lenses_of_the_model_see_what_they_see_in_mujoco(lens):
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     _, theirs = _theirs(model, data, "own")
-    with Camera(model, data, camera="own") as own:
-        ours = own.geom_ids(own.render(also=("instance",)))
+    with MujocoStage(model, data) as stage:
+        own = stage.open(stage.lens_of("own"), vehicle="camera/own")
+        ours = stage.geom_ids(own.render(stage.now(), also=("instance",)))
     assert (theirs == ours).mean() > 0.999
 
 
@@ -105,9 +107,10 @@ def test_planes_mirror_what_mujoco_mirrors():
     theirs, ids = _theirs(model, data, "view", size_px, mirrors=True)
     plain, _ = _theirs(model, data, "view", size_px)
     camera = OmniCamera(_lens(*size_px), supersampling=1)
-    with Camera(model, data, camera, camera="view") as opened:
-        frame = opened.render(also=("instance", "semantic_through"))
-        floor = (ids == opened.geoms["floor"]) & (opened.geom_ids(frame) == ids)
+    with MujocoStage(model, data) as stage:
+        opened = stage.open(camera, vehicle="camera/view")
+        frame = opened.render(stage.now(), also=("instance", "semantic_through"))
+        floor = (ids == stage.geoms["floor"]) & (stage.geom_ids(frame) == ids)
     black = floor & (maximum_filter(plain, (3, 3, 1)).max(axis=-1) < 10)
     mirrored = theirs.max(axis=-1) > 40
     ours = frame.channels["semantic_through"] > 0
