@@ -99,7 +99,10 @@ class BodyStage(Stage):
             elif robot:
                 lost.append(robot)
         notices = [notice for part in parts.values() for notice in part.notices]
-        self.notices = tuple(dict.fromkeys(notices + _unmatched(lost, body_of, self.names)))
+        # bodies whose shapes are given one by one are invisible on purpose without
+        expected = self.names if any(part.links for part in parts.values()) else ()
+        notices += _unmatched(lost, body_of, self.names, expected)
+        self.notices = tuple(dict.fromkeys(notices))
         self._quaternions = quaternions
         self._world_from_host = world_from_axes(up_axis, meters_per_unit)
         self._turn = self._world_from_host[:3, :3] / meters_per_unit
@@ -388,15 +391,17 @@ def _ends_alike(parts: tuple[str, ...], tail: tuple[str, ...]) -> bool:
     return parts[-len(tail) :] == tail or (len(parts) < len(tail) and tail[-len(parts) :] == parts)
 
 
-def _unmatched(lost: Sequence[str], body_of: Mapping[str, str], names: Sequence[str]) -> list[str]:
-    """Notices for links that no body moves, and for bodies that no file has."""
+def _unmatched(
+    lost: Sequence[str], body_of: Mapping[str, str], names: Sequence[str], expected: Sequence[str]
+) -> list[str]:
+    """Notices for links that no body moves, and for expected bodies that no file has."""
     notices = []
     if lost:
         shown = ", ".join(f"{link!r} ({did_you_mean(link, names, 'bodies:')})" for link in lost[:2])
         more = f" and {len(lost) - 2} more" if len(lost) > 2 else ""
         notices.append(f"not drawn: no body moves {counted(len(lost), 'link')}: {shown}{more}")
     known = set(body_of.values())
-    bare = [name for name in names if name not in known]
+    bare = [name for name in expected if name not in known]
     if bare:
         shown = ", ".join(bare[:LISTED]) + (", …" if len(bare) > LISTED else "")
         notices.append(f"invisible: {counted(len(bare), 'body', 'bodies')} in no file: {shown}")

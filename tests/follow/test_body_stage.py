@@ -217,3 +217,7 @@ def test_a_height_field_has_its_heights_over_a_rectangle():
     positions, triangles, _ = height_field([[0.0, 0.0, 0.0], [0.0, 0.0, 2.0]], 3.0, 1.0)
     np.testing.assert_allclose(positions[-1], (3.0, 1.0, 2.0))
     assert triangles.shape == (4, 3)
+
+
+def test_a_body_without_a_shape_is_no_notice_where_shapes_are_given_one_by_one(ball_stage):
+    assert ball_stage.notices == ()
