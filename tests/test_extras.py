@@ -57,8 +57,8 @@ def test_packages_are_those_of_the_project():
             expected -= {"pyrender"}
         assert set(packages) == expected, extra
     (everything,) = extras["all"]
-    # Needs a compiler; for tests; GPL; for clusters.
-    left_out = {"meshopt", "oracles", "orb-slam3", "ray"}
+    # Needs a compiler; for tests; GPL; simulators; for clusters.
+    left_out = {"meshopt", "oracles", "orb-slam3", "pybullet", "ray", "sapien"}
     (named,) = re.findall(r"\[(.*)\]", everything)
     assert everything == f"{DISTRIBUTION}[{named}]"
     assert set(named.split(",")) == EXTRAS.keys() - left_out

@@ -37,6 +37,8 @@ EXTRAS = {
     "estimators": {"kiss-icp": "kiss_icp", "pycolmap": "pycolmap", "small-gicp": "small_gicp"},
     "orb-slam3": {"pyorbslam3": "pyorbslam3"},  # GPL: on demand only
     "mujoco": {"mujoco-core": "mujoco"},
+    "pybullet": {"pybullet": "pybullet"},
+    "sapien": {"sapien": "sapien"},
     "usd": {"usd-core": "pxr"},
     "ray": {"ray": "ray"},
     "ros": {"rosbags": "rosbags"},

@@ -17,11 +17,13 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from omnisim.follow.body_shapes import Shape, shape_scene
     from omnisim.follow.body_stage import BodyStage
+    from omnisim.follow.pybullet_stage import PyBulletStage
 
 _MODULES = {
     "BodyStage": "body_stage",
+    "PyBulletStage": "pybullet_stage",
     "Shape": "body_shapes",
     "shape_scene": "body_shapes",
 }
-__all__ = ["BodyStage", "Shape", "shape_scene"]
+__all__ = ["BodyStage", "PyBulletStage", "Shape", "shape_scene"]
 __getattr__ = lazy_names(__name__, _MODULES)
