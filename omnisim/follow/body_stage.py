@@ -61,6 +61,8 @@ class BodyStage(Stage):
         OmnisimError: as for `omnisim.Stage`.
     """
 
+    _added = 0  # bodies that a warning has named
+
     def __init__(
         self,
         scene: Scene | str | Path,
@@ -213,6 +215,17 @@ class BodyStage(Stage):
             self._labels = frame.labels
             self._body_of_instance = np.array([NO_BODY, *ids], dtype=np.int32)
         return self._body_of_instance[frame.channels["instance"]]
+
+    def _warn_of_added(self, count: int) -> None:
+        """Warn of bodies, by their count, that the simulator got after the stage was opened."""
+        if count > self._added:
+            self._added = count
+            warnings.warn(
+                f"not drawn: {counted(count, 'body', 'bodies')} added after the stage was opened: "
+                "open another stage",
+                NoticeWarning,
+                stacklevel=4,
+            )
 
     def _states(self, poses: Floats, time_s: float) -> list[WorldState]:
         if not np.isfinite(time_s):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -13,11 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from omnisim.core.arrays import Floats
-from omnisim.core.errors import NoticeWarning, OmnisimError, SceneError
+from omnisim.core.errors import OmnisimError, SceneError
 from omnisim.core.extras import require_extra
 from omnisim.core.files.sources import SourceReader
 from omnisim.core.poses import pose_from_rotation, rotation_type
-from omnisim.core.short_repr import counted
 from omnisim.core.srgb import linear_from_srgb
 from omnisim.core.world import Motion, WorldState
 from omnisim.follow.body_shapes import Shape, shape_scene
@@ -55,7 +53,7 @@ class PyBulletStage(BodyStage):
 
     Args:
         client: number of a client that has loaded its bodies, or a `BulletClient`.
-        scene: what else stands still, and the lights; None: the light of `getCameraImage`.
+        surroundings: what else stands still, and the lights; None: the light of `getCameraImage`.
         files: files, or scenes as of `shape_scene`, by PyBullet's ID of the body that they show.
         device, backend: as for `omnisim.Stage`.
 
@@ -71,7 +69,7 @@ class PyBulletStage(BodyStage):
         self,
         client: Any = 0,
         *,
-        scene: Scene | str | Path | None = None,
+        surroundings: Scene | str | Path | None = None,
         files: Mapping[int, Scene | str | Path] | None = None,
         device: int | str | None = None,
         backend: BackendName = "cube",
@@ -79,7 +77,6 @@ class PyBulletStage(BodyStage):
         require_extra("pybullet", "omnisim.follow.PyBulletStage")
         self._bullet = importlib.import_module("pybullet")
         self._client, given = self._number(client), files or {}
-        self._unseen = 0
         names, robot_of = self._list_links()
         if unknown := [body for body in given if body not in robot_of]:
             raise SceneError(f"files: expected IDs of {[*robot_of]}, got {unknown[0]}")
@@ -97,12 +94,15 @@ class PyBulletStage(BodyStage):
         if not robots:
             reasons = "".join(f"; {notice}" for notice in told.notices)
             raise SceneError(f"client {self._client}: expected bodies to draw, got none{reasons}")
-        world = scene if isinstance(scene, Scene) else read_scene(scene) if scene else _EMPTY
-        if told.notices:
-            world = replace(world, notices=(*world.notices, *told.notices))
+        if surroundings is None:
+            world = _EMPTY
+        else:
+            world = surroundings if isinstance(surroundings, Scene) else read_scene(surroundings)
         super().__init__(
-            world, robots, names=names, quaternions="xyzw", device=device, backend=backend
-        )
+            replace(world, notices=(*world.notices, *told.notices)) if told.notices else world,
+            robots, names=names, quaternions="xyzw", device=device, backend=backend,
+        )  # fmt: skip
+        self._rest.clear()  # the order of quaternions is known
 
     def name_of(self, body: int, link: int = _BASE) -> str:
         """Name of a link by PyBullet's numbers, for `open(…, vehicle=name)`.
@@ -194,20 +194,9 @@ class PyBulletStage(BodyStage):
         turned = rotation_type().from_quat(read[self._bases, 3:7]) * self._mass_from_base
         read[self._bases, :3] -= turned.apply(self._mass_m)
         read[self._bases, 3:7] = turned.as_quat()
-        self._warn_of_bodies(bullet.getNumBodies(physicsClientId=client) - len(self._joints))
+        self._warn_of_added(bullet.getNumBodies(physicsClientId=client) - len(self._joints))
         arms = read[:, :3] - read[:, 7:10]
         return read[:, :7], read[:, 10:13] + np.cross(read[:, 13:], arms), read[:, 13:]
-
-    def _warn_of_bodies(self, unseen: int) -> None:
-        """Warn, once, of bodies that were added after the stage was opened."""
-        if unseen > self._unseen:
-            self._unseen = unseen
-            warnings.warn(
-                f"not drawn: {counted(unseen, 'body', 'bodies')} added to PyBullet after the stage "
-                "was opened: open another stage",
-                NoticeWarning,
-                stacklevel=4,
-            )
 
 
 class _VisualShapes:

@@ -251,7 +251,7 @@ def test_bodies_that_come_and_go_are_one_line(client):
     bullet.createMultiBody(0.0, -1, ball, **at)
     with PyBulletStage(client) as stage:
         added = bullet.createMultiBody(0.0, -1, ball, **at)
-        with pytest.warns(NoticeWarning, match="not drawn: 1 body added to PyBullet after"):
+        with pytest.warns(NoticeWarning, match="not drawn: 1 body added after the stage"):
             stage.now()
         with warnings.catch_warnings(action="error"):
             stage.now()
