@@ -22,12 +22,13 @@ from omnisim.rendering.shared_scene import BackendName
 from omnisim.scene import primitives
 from omnisim.scene.files.load import read_scene
 from omnisim.scene.formats.imported_scene import unique_name
-from omnisim.scene.light.lighting import DEFAULT_LIGHTING
+from omnisim.scene.light.lighting import DEFAULT_BACKGROUND, DEFAULT_LIGHTING
 from omnisim.scene.model import MAX_LIGHTS, Light, Lighting, LightKind, Scene, StartPose
 from omnisim.scene.primitives import PrimitiveSurface
 
 _PLANE_M = 500.0  # half the side of an infinite plane
 _X_FROM_Z = np.array([(0.0, 0.0, 1.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.0)])  # SAPIEN's shapes lie
+_COLORS = ((0.75, 0.15, 0.1), (0.1, 0.35, 0.7), (0.8, 0.55, 0.1), (0.15, 0.5, 0.2), (0.4, 0.2, 0.6))
 _LIGHTS = {
     "RenderDirectionalLightComponent": LightKind.DIRECTIONAL,
     "RenderPointLightComponent": LightKind.POINT,
@@ -71,15 +72,15 @@ class SapienStage(BodyStage):
             notices = ("no render bodies in the scene: collision shapes are drawn",)
         robots: dict[str, Scene | str | Path] = {
             name: shape_scene(name, shapes)
-            for name, components in zip(names, looks, strict=True)
-            if (shapes := [shape for component in components for shape in _shapes(component)])
+            for index, (name, components) in enumerate(zip(names, looks, strict=True))
+            if (shapes := [one for each in components for one in _shapes(each, index)])
         }
         if not robots:
             raise SceneError("scene: expected entities with shapes to draw, got none")
         if surroundings is None:
-            world = Scene(
-                "sapien", (), (), (), _lighting(scene), (0.0, 0.0, 0.0), StartPose((0.0, 0.0, 0.0))
-            )
+            lighting = _lighting(scene)
+            sky = DEFAULT_BACKGROUND if lighting is DEFAULT_LIGHTING else (0.0, 0.0, 0.0)
+            world = Scene("sapien", (), (), (), lighting, sky, StartPose((0.0, 0.0, 0.0)))
         else:
             world = surroundings if isinstance(surroundings, Scene) else read_scene(surroundings)
         super().__init__(
@@ -151,9 +152,10 @@ def _name(entity: Any) -> str:
     return entity.name or "entity"
 
 
-def _shapes(component: Any) -> Iterator[Shape]:
-    """Shapes of a render body, or those of a rigid body that collide."""
+def _shapes(component: Any, index: int) -> Iterator[Shape]:
+    """Shapes of a render body; or those of a rigid body that collide, in colors by its index."""
     is_look = hasattr(component, "render_shapes")
+    plain = _COLORS[index % len(_COLORS)]
     if getattr(component, "visibility", 1.0) == 0.0:
         return
     for shape in component.render_shapes if is_look else component.collision_shapes:
@@ -162,14 +164,17 @@ def _shapes(component: Any) -> Iterator[Shape]:
         name = (is_look and shape.name) or kind.lower()
         if kind in ("TriangleMesh", "ConvexMesh"):
             for part in shape.parts if is_look else [shape]:
-                yield _mesh(part, shape.scale, pose, name)
+                mesh = _mesh(part, shape.scale, pose, name)
+                yield mesh if is_look else replace(mesh, color=plain)
             continue
         scale, surface = _primitive(shape, kind)
         material = shape.material if is_look else None
         if material is not None and material.base_color_texture is not None:
             yield _mesh(shape, scale, pose, name)
         else:
-            color = None if material is None else np.clip(material.base_color, 0.0, 1.0)
+            color = None if kind == "Plane" else plain
+            if material is not None:
+                color = np.clip(material.base_color, 0.0, 1.0)
             yield Shape(surface, pose, color, double_sided=kind == "Plane", name=name)
 
 
@@ -181,13 +186,13 @@ def _primitive(shape: Any, kind: str) -> tuple[ArrayLike, PrimitiveSurface]:
         case "Sphere":
             return (shape.radius,) * 3, primitives.ellipsoid((shape.radius,) * 3)
         case "Plane":
-            scale = np.asarray(getattr(shape, "scale", (1.0, _PLANE_M, _PLANE_M)), np.float64)
-            return scale, _along_x(primitives.rectangle(scale[2], scale[1]))
+            scale = getattr(shape, "scale", (1.0, _PLANE_M, _PLANE_M))
+            return scale, _along_x(primitives.rectangle(float(scale[2]), float(scale[1])))
         case "Capsule":
             return (1.0,) * 3, _along_x(primitives.capsule(shape.radius, shape.half_length))
         case "Cylinder":
-            scale = (shape.half_length, shape.radius, shape.radius)
-            return scale, _along_x(primitives.cylinder(shape.radius, shape.half_length))
+            sizes = (shape.half_length, shape.radius, shape.radius)
+            return sizes, _along_x(primitives.cylinder(shape.radius, shape.half_length))
     raise SceneError(f"shape {kind!r}: expected one of SAPIEN 3")
 
 
