@@ -58,7 +58,16 @@ def test_packages_are_those_of_the_project():
         assert set(packages) == expected, extra
     (everything,) = extras["all"]
     # Needs a compiler; simulators; for tests; GPL; for clusters.
-    left_out = {"gymnasium", "meshopt", "newton", "oracles", "orb-slam3", "ray"}
+    left_out = {
+        "gymnasium",
+        "meshopt",
+        "newton",
+        "oracles",
+        "orb-slam3",
+        "pybullet",
+        "ray",
+        "sapien",
+    }
     (named,) = re.findall(r"\[(.*)\]", everything)
     assert everything == f"{DISTRIBUTION}[{named}]"
     assert set(named.split(",")) == EXTRAS.keys() - left_out

@@ -39,6 +39,8 @@ EXTRAS = {
     "mujoco": {"mujoco-core": "mujoco"},
     "newton": {"newton": "newton"},
     "gymnasium": {"gymnasium": "gymnasium"},
+    "pybullet": {"pybullet": "pybullet"},
+    "sapien": {"sapien": "sapien"},
     "usd": {"usd-core": "pxr"},
     "ray": {"ray": "ray"},
     "ros": {"rosbags": "rosbags"},

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from omnisim.follow.camera_wrapper import CameraWrapper
     from omnisim.follow.mujoco_stage import MujocoStage
     from omnisim.follow.newton_stage import NewtonStage
+    from omnisim.follow.pybullet_stage import PyBulletStage
+    from omnisim.follow.sapien_stage import SapienStage
 
 _MODULES = {
     "BagStage": "bag_stage",
@@ -28,10 +30,13 @@ _MODULES = {
     "CameraWrapper": "camera_wrapper",
     "MujocoStage": "mujoco_stage",
     "NewtonStage": "newton_stage",
+    "PyBulletStage": "pybullet_stage",
+    "SapienStage": "sapien_stage",
     "Shape": "body_shapes",
     "shape_scene": "body_shapes",
 }
 __all__ = [
-    "BagStage", "BodyStage", "CameraWrapper", "MujocoStage", "NewtonStage", "Shape", "shape_scene",
+    "BagStage", "BodyStage", "CameraWrapper", "MujocoStage", "NewtonStage", "PyBulletStage",
+    "SapienStage", "Shape", "shape_scene",
 ]  # fmt: skip
 __getattr__ = lazy_names(__name__, _MODULES)

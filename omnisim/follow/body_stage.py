@@ -62,6 +62,7 @@ class BodyStage(Stage):
     """
 
     shows_all = True  # a body that no file has is worth a notice
+    _added = 0  # bodies that a warning has named
 
     def __init__(
         self,
@@ -104,7 +105,9 @@ class BodyStage(Stage):
             elif robot:
                 lost.append(robot)
         notices = [notice for part in parts.values() for notice in part.notices]
-        notices += _unmatched(lost, body_of, self.names, self.shows_all)
+        # bodies whose shapes are given one by one are invisible on purpose without
+        expects_all = self.shows_all and any(part.links for part in parts.values())
+        notices += _unmatched(lost, body_of, self.names, self.names if expects_all else ())
         self.notices = tuple(dict.fromkeys(notices))
         self._quaternions = quaternions
         self._world_from_host = world_from_axes(up_axis, meters_per_unit)
@@ -226,6 +229,17 @@ class BodyStage(Stage):
             ids = np.array([NO_BODY, *map(id_of, frame.labels.instances)], dtype=np.int32)
             self._id_tables[method] = frame.labels, ids
         return ids[frame.channels["instance"]]
+
+    def _warn_of_added(self, count: int) -> None:
+        """Warn of bodies, by their count, that the simulator got after the stage was opened."""
+        if count > self._added:
+            self._added = count
+            warnings.warn(
+                f"not drawn: {counted(count, 'body', 'bodies')} added after the stage was opened: "
+                "open another stage",
+                NoticeWarning,
+                stacklevel=4,
+            )
 
     def _states(self, poses: Floats, time_s: ArrayLike) -> list[WorldState]:
         times = np.broadcast_to(time_s, len(poses)) if np.ndim(time_s) == 0 else time_s
@@ -408,17 +422,17 @@ def _ends_alike(parts: tuple[str, ...], tail: tuple[str, ...]) -> bool:
 
 
 def _unmatched(
-    lost: Sequence[str], body_of: Mapping[str, str], names: Sequence[str], shows_all: bool
+    lost: Sequence[str], body_of: Mapping[str, str], names: Sequence[str], expected: Sequence[str]
 ) -> list[str]:
-    """Notices for links that no body moves, and for bodies that no file has."""
+    """Notices for links that no body moves, and for expected bodies that no file has."""
     notices = []
     if lost:
         shown = ", ".join(f"{link!r} ({did_you_mean(link, names, 'bodies:')})" for link in lost[:2])
         more = f" and {len(lost) - 2} more" if len(lost) > 2 else ""
         notices.append(f"not drawn: no body moves {counted(len(lost), 'link')}: {shown}{more}")
     known = set(body_of.values())
-    bare = [name for name in names if name not in known]
-    if bare and shows_all:
+    bare = [name for name in expected if name not in known]
+    if bare:
         shown = ", ".join(bare[:LISTED]) + (", …" if len(bare) > LISTED else "")
         notices.append(f"invisible: {counted(len(bare), 'body', 'bodies')} in no file: {shown}")
     return notices

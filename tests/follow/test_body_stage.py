@@ -231,3 +231,7 @@ def test_what_a_robots_file_fixes_to_the_world_stands_still(tmp_path):
         assert stage.scene.instance_names == ("floor", "robot")
         assert list(stage.objects) == ["moves"]
     assert stage.notices == ()
+
+
+def test_a_body_without_a_shape_is_no_notice_where_shapes_are_given_one_by_one(ball_stage):
+    assert ball_stage.notices == ()
