@@ -341,9 +341,10 @@ def split_links(
     links = {link.name: link for link in scene.links}
     roots: dict[str, str] = {"": ""}
     for name in links:
-        root = name
-        while root and links[root].fixed_to != root:
-            root = links[root].fixed_to
+        root, passed = name, {name}
+        while root and (onto := links[root].fixed_to) not in passed and (not onto or onto in links):
+            root = onto
+            passed.add(root)
         roots[name] = root
     carriers: dict[str, Link] = {}
     for name, root in sorted(roots.items(), key=lambda item: item[0] != item[1]):

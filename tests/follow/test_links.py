@@ -80,6 +80,20 @@ def test_what_is_fixed_follows_the_first_link_that_is_a_body(tmp_path):
     assert lost == ["cart/wheel"]
 
 
+def test_links_that_are_fixed_to_each_other_or_to_none_move(tmp_path):
+    path = tmp_path / "w.sdf"
+    path.write_text(
+        WORLD.replace(
+            "<joint name='b' type='fixed'><parent>world</parent><child>post</child></joint>",
+            "<joint name='b' type='fixed'><parent>lid</parent><child>chassis</child></joint>"
+            "<joint name='c' type='fixed'><parent>nothing</parent><child>post</child></joint>",
+        )
+    )
+    _, shapes, lost = split_links(load_scene(path), "", {"cart/post": "post"})
+    assert list(shapes) == ["post"]
+    assert "cart/wheel" in lost
+
+
 def test_rigid_bodies_of_a_stage_are_links_and_instances(tmp_path):
     pytest.importorskip("pxr", reason="usd-core, which reads stages, is missing")
     path = tmp_path / "w.usda"

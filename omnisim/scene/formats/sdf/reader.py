@@ -57,16 +57,7 @@ from omnisim.scene.formats.sdf.models import (
 )
 from omnisim.scene.formats.xml.element import XmlElement
 from omnisim.scene.light.lighting import DEFAULT_BACKGROUND
-from omnisim.scene.parts import (
-    AlphaMode,
-    Instance,
-    Light,
-    LightKind,
-    Link,
-    Material,
-    Mesh,
-    Texture,
-)
+from omnisim.scene.parts import AlphaMode, Instance, Light, LightKind, Link, Material, Mesh, Texture
 from omnisim.scene.textures import NO_IMAGE, TextureStore, alpha_mode_of, unreadable_image
 
 _FARTHEST_M = 1e9
