@@ -67,7 +67,7 @@ def camera_from_calibration(
     mirrored, theta_max_deg = keys.get("mirrored"), keys.get("theta_max_deg")
     if mirrored is not None and type(mirrored) is not bool:
         raise SensorFileError(f"{source}: {key}.mirrored: expected true or false, got {mirrored!r}")
-    path = Path(source).parent / file
+    path = Path(file) if file.startswith("catalog:") else Path(source).parent / file
     try:
         (found, *_) = load_calibration(path, None, camera, mirrored, theta_max_deg).cameras
     except CalibrationError as reason:
