@@ -59,6 +59,7 @@ def test_packages_are_those_of_the_project():
     (everything,) = extras["all"]
     # Needs a compiler; simulators; for tests; GPL; for clusters.
     left_out = {
+        "genesis",
         "gymnasium",
         "meshopt",
         "newton",

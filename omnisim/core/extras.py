@@ -38,6 +38,7 @@ EXTRAS = {
     "orb-slam3": {"pyorbslam3": "pyorbslam3"},  # GPL: on demand only
     "mujoco": {"mujoco-core": "mujoco"},
     "newton": {"newton": "newton"},
+    "genesis": {"genesis-world": "genesis"},
     "gymnasium": {"gymnasium": "gymnasium"},
     "pybullet": {"pybullet": "pybullet"},
     "sapien": {"sapien": "sapien"},

@@ -7,8 +7,8 @@ with omnisim.follow.MujocoStage(model, data) as stage:
         frame = camera.render(stage.now(), also=("range", "instance"))
 
 Of any simulator: `BodyStage` follows arrays of positions and quaternions. Of a known one:
-`MujocoStage`, `NewtonStage`, `SapienStage`, `PyBulletStage`, `GenesisStage`; of a recording:
-`GazeboStage`. `CameraWrapper` adds a camera to a Gymnasium environment.
+`MujocoStage`, `NewtonStage`, `SapienStage`, `PyBulletStage`, `GenesisStage`; of a recording, such
+as Gazebo's: `BagStage`. `CameraWrapper` adds a camera to a Gymnasium environment.
 """
 
 from omnisim.core.lazy_names import lazy_names
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from omnisim.follow.body_shapes import Shape, shape_scene
     from omnisim.follow.body_stage import BodyStage
     from omnisim.follow.camera_wrapper import CameraWrapper
+    from omnisim.follow.genesis_stage import GenesisStage
     from omnisim.follow.mujoco_stage import MujocoStage
     from omnisim.follow.newton_stage import NewtonStage
     from omnisim.follow.pybullet_stage import PyBulletStage
@@ -28,6 +29,7 @@ _MODULES = {
     "BagStage": "bag_stage",
     "BodyStage": "body_stage",
     "CameraWrapper": "camera_wrapper",
+    "GenesisStage": "genesis_stage",
     "MujocoStage": "mujoco_stage",
     "NewtonStage": "newton_stage",
     "PyBulletStage": "pybullet_stage",
@@ -36,7 +38,7 @@ _MODULES = {
     "shape_scene": "body_shapes",
 }
 __all__ = [
-    "BagStage", "BodyStage", "CameraWrapper", "MujocoStage", "NewtonStage", "PyBulletStage",
-    "SapienStage", "Shape", "shape_scene",
+    "BagStage", "BodyStage", "CameraWrapper", "GenesisStage", "MujocoStage", "NewtonStage",
+    "PyBulletStage", "SapienStage", "Shape", "shape_scene",
 ]  # fmt: skip
 __getattr__ = lazy_names(__name__, _MODULES)
