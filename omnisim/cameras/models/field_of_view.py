@@ -126,7 +126,7 @@ def _last_seen(camera: CentralCamera, start: Floats, ends: Floats) -> tuple[Floa
     """
     share = np.linspace(0.0, 1.0, SAMPLES)[:, None, None]
     valid = camera.ray_from_pixel(start + share * (ends - start)).valid
-    meets = valid.any(axis=0)
+    meets: Bools = np.any(valid, axis=0)
     ends, valid = ends[meets], valid[:, meets]
     last = SAMPLES - 1 - np.argmax(valid[::-1], axis=0)
     shares = last / (SAMPLES - 1.0)
