@@ -27,12 +27,12 @@ from tests.slow import slow_but
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")
 
-FISHEYE = EquidistantCamera(160, 160, 48.0, (79.5, 79.5), theta_max_rad=1.66)
+FISHEYE = EquidistantCamera(128, 128, 38.4, (63.5, 63.5), theta_max_rad=1.66)
 CAMERAS = {
-    "exact mirror": OmniCamera(polygons=None).resized(160),
-    "mesh": OmniCamera(polygons=64).resized(160),
+    "exact mirror": OmniCamera(polygons=None).resized(128),
+    "mesh": OmniCamera(polygons=64).resized(128),
     "fisheye": OmniCamera(FISHEYE),
-    "equirectangular": OmniCamera(EquirectangularCamera(200, 100)),
+    "equirectangular": OmniCamera(EquirectangularCamera(160, 80)),
     "one sample, mip levels": OmniCamera(FISHEYE, supersampling=1, texels_per_pixel=3.0),
     "four samples per texel": OmniCamera(FISHEYE, samples=4, texels_per_pixel=2.0),
 }
@@ -166,7 +166,7 @@ def test_parts_without_kept_textures_are_drawn_alike(stage, monkeypatch):
 
 
 def test_virtual_cameras_of_any_size(whole_and_parts):
-    camera = dataclasses.replace(CAMERAS["mesh"], face_size_px=600)
+    camera = dataclasses.replace(CAMERAS["mesh"].resized(160), face_size_px=600)
 
     def take():
         with open_sensor(scene_of([room()]), camera) as renderer:

@@ -62,10 +62,10 @@ MATERIALS = {
     "chart": {},
     "coat": {"clearcoat": 0.8, "clearcoat_roughness": 0.2},
     "tinted gloss": {"specular": 0.7, "specular_color": (0.2, 0.9, 3.0), "ior": 1.8},
-    "emission": {"emissive": (0.1, 0.3, 0.05), "emissive_map": _texture(5)},
     "metal map": {"metallic_roughness_map": _texture(1, is_linear=True), "roughness": 0.8},
-    "occlusion map": {
-        "occlusion_map": _texture(2, is_linear=True), "occlusion_strength": 0.7, "metallic": 0.5
+    "occlusion map and emission": {
+        "occlusion_map": _texture(2, is_linear=True), "occlusion_strength": 0.7, "metallic": 0.5,
+        "emissive": (0.1, 0.3, 0.05), "emissive_map": _texture(5),
     },
     "specular map": {"specular": 0.9, "specular_color": (1.0, 2.0, 4.0), "specular_map": Texture(
         np.dstack((_texture(11).pixels[..., :3], _texture(12).pixels[..., 0]))

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from omnisim.cameras.camera import CentralCamera
-from omnisim.core.arrays import Floats
+from omnisim.core.arrays import Bools, Floats
 
 SAMPLES = 129  # per line from the image center
 HALVINGS = 60  # from the distance between samples to the last bit of a pixel
@@ -116,14 +116,17 @@ def edge_pixels(camera: CentralCamera, count: int, phase: float = 0.0) -> Floats
     with np.errstate(divide="ignore", invalid="ignore"):  # 0/0: a line along a border it starts on
         to_border = np.where(outwards > 0.0, _last(camera) - start, -0.5 - start) / outwards
     length = np.where(outwards == 0.0, np.inf, to_border).min(axis=-1)
-    return _last_seen(camera, start, start + outwards * length[:, None])
+    return _last_seen(camera, start, start + outwards * length[:, None])[0]
 
 
-def _last_seen(camera: CentralCamera, start: Floats, ends: Floats) -> Floats:
-    """Last valid positions (m, 2) on lines from `start` (2,) to `ends` (n, 2)."""
+def _last_seen(camera: CentralCamera, start: Floats, ends: Floats) -> tuple[Floats, Bools]:
+    """Last valid positions (m, 2) on lines from `start` (2,) to `ends` (n, 2).
+
+    Also returns the mask (n,) of the lines with a valid position.
+    """
     share = np.linspace(0.0, 1.0, SAMPLES)[:, None, None]
     valid = camera.ray_from_pixel(start + share * (ends - start)).valid
-    meets = valid.any(axis=0)
+    meets: Bools = np.any(valid, axis=0)
     ends, valid = ends[meets], valid[:, meets]
     last = SAMPLES - 1 - np.argmax(valid[::-1], axis=0)
     shares = last / (SAMPLES - 1.0)
@@ -136,7 +139,7 @@ def _last_seen(camera: CentralCamera, start: Floats, ends: Floats) -> Floats:
             inside = camera.ray_from_pixel(start + middle[:, None] * ways).valid
             seen, unseen = np.where(inside, middle, seen), np.where(inside, unseen, middle)
         shares[before_end] = seen
-    return start + shares[:, None] * (ends - start)
+    return start + shares[:, None] * (ends - start), meets
 
 
 def _start(camera: CentralCamera) -> Floats:
@@ -159,18 +162,15 @@ def _sweeps(camera: CentralCamera) -> list[float]:
     start = _start(camera)
     (u, v), (last_u, last_v) = start, _last(camera)
     ends = np.array([[-0.5, v], [last_u, v], [u, -0.5], [u, last_v], *corner_pixels(camera)])
-    swept = []
-    for end in ends:
-        seen = _last_seen(camera, start, end[None])
-        if len(seen) == 0:
-            swept.append(0.0)
-            continue
-        line = start + np.linspace(0.0, 1.0, SAMPLES)[:, None] * (seen[0] - start)
-        rays = camera.ray_from_pixel(line)
-        chords = np.linalg.norm(np.diff(rays.directions, axis=0), axis=-1)
-        both = rays.valid[1:] & rays.valid[:-1]
-        swept.append(float(2.0 * np.arcsin(np.minimum(0.5 * chords[both], 1.0)).sum()))
-    return swept
+    seen, meets = _last_seen(camera, start, ends)
+    lines = start + np.linspace(0.0, 1.0, SAMPLES)[:, None, None] * (seen - start)
+    rays = camera.ray_from_pixel(lines)
+    chords = np.linalg.norm(np.diff(rays.directions, axis=0), axis=-1).T
+    both = (rays.valid[1:] & rays.valid[:-1]).T
+    angles = 2.0 * np.arcsin(np.minimum(0.5 * chords, 1.0))
+    swept = np.zeros(len(ends))
+    swept[meets] = [angle[known].sum() for angle, known in zip(angles, both, strict=True)]
+    return swept.tolist()
 
 
 def _model_limit_rad(camera: CentralCamera, axis: float) -> float:

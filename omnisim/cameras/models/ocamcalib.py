@@ -72,8 +72,7 @@ class OcamcalibCamera(RadialCamera):
     @cached_property
     def _rises(self) -> Floats:
         """Coefficients of the polynomial's derivative."""
-        rises: Floats = polynomial.polyder(self.polynomial)
-        return rises
+        return np.asarray(polynomial.polyder(self.polynomial), dtype=np.float64)
 
     @cached_property
     def radius_max_px(self) -> float:
