@@ -178,6 +178,20 @@ def test_rays_as_traced():
     assert np.abs(errors_px.mean(axis=0)).max() < 0.0002  # nor is the image displaced
 
 
+def test_facets_cover_the_mirror_and_are_fine_enough():
+    mirror, sectors = HyperbolicMirror(), mitsuba_scene.SECTORS
+    vertices_m, triangles = mitsuba_optics.mirror_mesh(mirror)
+    corners_m = vertices_m[triangles]
+    areas_m2 = 0.5 * np.linalg.det(np.diff(corners_m[..., :2], axis=1))  # along the axis
+    assert areas_m2.min() > 0.0
+    polygon = 0.5 * sectors * math.sin(2.0 * math.pi / sectors)
+    assert areas_m2.sum() == pytest.approx(polygon * mirror.rim_radius_m**2)
+    x_m, y_m, z_m = corners_m.mean(axis=1).T
+    below_m = mirror.height_from_radius_m(np.hypot(x_m, y_m)) - z_m
+    # 0.003 px where the rim has a radius of 256 px
+    assert np.abs(below_m).max() < 1e-5 * mirror.rim_radius_m
+
+
 @pytest.mark.slow
 def test_other_mirrors():
     """A wide rim, and the plane mirror, which Eq. 1 has as its limit."""
