@@ -49,6 +49,8 @@ class BagStage(BodyStage):
         OmnisimError: as for `BodyStage`.
     """
 
+    shows_all = False  # many frames have no shape
+
     def __init__(
         self,
         bag: str | Path,

@@ -61,6 +61,8 @@ class BodyStage(Stage):
         OmnisimError: as for `omnisim.Stage`.
     """
 
+    shows_all = True  # a body that no file has is worth a notice
+
     def __init__(
         self,
         scene: Scene | str | Path,
@@ -95,18 +97,22 @@ class BodyStage(Stage):
             if robot and part.links:
                 fixed, shapes, undrawn = split_links(part, f"{robot}/", body_of)
                 objects |= shapes
-                lost += undrawn + [robot] * bool(fixed.instances)
+                lost += undrawn
+                still = still.added(robot, fixed) if fixed.instances else still
             elif robot in body_of:
                 objects[body_of[robot]] = part
             elif robot:
                 lost.append(robot)
         notices = [notice for part in parts.values() for notice in part.notices]
-        self.notices = tuple(dict.fromkeys(notices + _unmatched(lost, body_of, self.names)))
+        notices += _unmatched(lost, body_of, self.names, self.shows_all)
+        self.notices = tuple(dict.fromkeys(notices))
         self._quaternions = quaternions
         self._world_from_host = world_from_axes(up_axis, meters_per_unit)
         self._turn = self._world_from_host[:3, :3] / meters_per_unit
         self._rest = {
-            body_of[name]: link.world_from_link for name, link in links.items() if name in body_of
+            body_of[name]: link.world_from_link
+            for name, link in links.items()
+            if name in body_of and link.name
         }
         self._worlds: int | None = None
         self._id_tables: dict[str, tuple[Labels, NDArray[np.int32]]] = {}
@@ -401,7 +407,9 @@ def _ends_alike(parts: tuple[str, ...], tail: tuple[str, ...]) -> bool:
     return parts[-len(tail) :] == tail or (len(parts) < len(tail) and tail[-len(parts) :] == parts)
 
 
-def _unmatched(lost: Sequence[str], body_of: Mapping[str, str], names: Sequence[str]) -> list[str]:
+def _unmatched(
+    lost: Sequence[str], body_of: Mapping[str, str], names: Sequence[str], shows_all: bool
+) -> list[str]:
     """Notices for links that no body moves, and for bodies that no file has."""
     notices = []
     if lost:
@@ -410,7 +418,7 @@ def _unmatched(lost: Sequence[str], body_of: Mapping[str, str], names: Sequence[
         notices.append(f"not drawn: no body moves {counted(len(lost), 'link')}: {shown}{more}")
     known = set(body_of.values())
     bare = [name for name in names if name not in known]
-    if bare:
+    if bare and shows_all:
         shown = ", ".join(bare[:LISTED]) + (", …" if len(bare) > LISTED else "")
         notices.append(f"invisible: {counted(len(bare), 'body', 'bodies')} in no file: {shown}")
     return notices

@@ -217,3 +217,17 @@ def test_a_height_field_has_its_heights_over_a_rectangle():
     positions, triangles, _ = height_field([[0.0, 0.0, 0.0], [0.0, 0.0, 2.0]], 3.0, 1.0)
     np.testing.assert_allclose(positions[-1], (3.0, 1.0, 2.0))
     assert triangles.shape == (4, 3)
+
+
+def test_what_a_robots_file_fixes_to_the_world_stands_still(tmp_path):
+    path = tmp_path / "robot.sdf"
+    visual = "<visual name='v'><geometry><box><size>1 1 1</size></box></geometry></visual>"
+    path.write_text(
+        f"<sdf version='1.9'><model name='m'><link name='moves'>{visual}</link>"
+        f"<link name='post'>{visual}</link><joint name='j' type='fixed'>"
+        "<parent>world</parent><child>post</child></joint></model></sdf>"
+    )
+    with BodyStage(STILL, {"robot": path}, names=["moves"]) as stage:
+        assert stage.scene.instance_names == ("floor", "robot")
+        assert list(stage.objects) == ["moves"]
+    assert stage.notices == ()
