@@ -89,7 +89,7 @@ class BodyStage(Stage):
         links: dict[str, Link] = {}
         for robot, part in parts.items():
             if robot and not part.links:
-                links[robot] = Link(robot, np.eye(4), robot)
+                links[robot] = Link("", np.eye(4), "")
             prefix = f"{robot}/" if robot else ""
             links |= {f"{prefix}{link.name}": link for link in part.links}
         body_of = match_names(list(links), self.names)

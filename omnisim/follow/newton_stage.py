@@ -46,6 +46,8 @@ class NewtonStage(BodyStage):
         OmnisimError: Newton is not installed, worlds that differ, or as for `BodyStage`.
     """
 
+    shows_all = False  # bodies without visible shapes are usual
+
     def __init__(
         self,
         model: Any,
@@ -91,7 +93,6 @@ class NewtonStage(BodyStage):
             replace(still, name="newton", notices=notices), robots, names=names,
             quaternions="xyzw", up_axis=axis, device=device, backend=backend,
         )  # fmt: skip
-        self._rest.clear()  # the order of quaternions is known
 
     def now(self, state: Any = None, time_s: float = 0.0) -> WorldState:
         """State of the only world, copied.
