@@ -52,7 +52,8 @@ class PyBulletStage(BodyStage):
     capsules: bodies with these are drawn from `files`.
 
     Args:
-        client: number of a client that has loaded its bodies, or a `BulletClient`.
+        client: number of a client that has loaded its bodies, or a `BulletClient`; or several,
+            which are worlds with the same bodies loaded in the same order.
         surroundings: what else stands still, and the lights; None: the light of `getCameraImage`.
         files: files, or scenes as of `shape_scene`, by PyBullet's ID of the body that they show.
         device, backend: as for `omnisim.Stage`.
@@ -76,7 +77,9 @@ class PyBulletStage(BodyStage):
     ):
         require_extra("pybullet", "omnisim.follow.PyBulletStage")
         self._bullet = importlib.import_module("pybullet")
-        self._client, given = self._number(client), files or {}
+        clients = client if isinstance(client, Sequence) else [client]
+        self._clients, given = [self._number(one) for one in clients], files or {}
+        self._client = self._clients[0]
         names, robot_of = self._list_links()
         if unknown := [body for body in given if body not in robot_of]:
             raise SceneError(f"files: expected IDs of {[*robot_of]}, got {unknown[0]}")
@@ -115,24 +118,24 @@ class PyBulletStage(BodyStage):
         return self.names[self.links.index((body, link))]
 
     def now(self, time_s: float = 0.0) -> WorldState:
-        """State of the world; PyBullet does not tell its time.
+        """State of the world, or of the first one; PyBullet does not tell its time.
 
         Raises:
             OmnisimError: a body was removed, or has a pose that is not finite.
         """
         return self.state(self._read(self._client)[0], time_s=time_s)
 
-    def worlds_now(self, clients: Sequence[Any], time_s: float = 0.0) -> list[WorldState]:
-        """States of the worlds of several clients, which have loaded the same bodies in one order.
+    def worlds_now(self, time_s: float = 0.0) -> list[WorldState]:
+        """States of the worlds of all clients.
 
         Raises:
-            OmnisimError: as for `now`; or another number of clients than before.
+            OmnisimError: as for `now`.
         """
-        worlds = [self._read(self._number(client))[0] for client in clients]
+        worlds = [self._read(client)[0] for client in self._clients]
         return self.states(np.array(worlds), time_s=time_s)
 
     def motion_now(self, time_s: float = 0.0) -> Motion:
-        """Motion of the world by its current velocities.
+        """Motion of the world, or of the first one, by its current velocities.
 
         Raises:
             OmnisimError: as for `now`.
