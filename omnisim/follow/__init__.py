@@ -17,15 +17,17 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from omnisim.follow.body_shapes import Shape, shape_scene
     from omnisim.follow.body_stage import BodyStage
+    from omnisim.follow.maniskill_wrapper import ManiSkillWrapper
     from omnisim.follow.pybullet_stage import PyBulletStage
     from omnisim.follow.sapien_stage import SapienStage
 
 _MODULES = {
     "BodyStage": "body_stage",
+    "ManiSkillWrapper": "maniskill_wrapper",
     "PyBulletStage": "pybullet_stage",
     "SapienStage": "sapien_stage",
     "Shape": "body_shapes",
     "shape_scene": "body_shapes",
 }
-__all__ = ["BodyStage", "PyBulletStage", "SapienStage", "Shape", "shape_scene"]
+__all__ = ["BodyStage", "ManiSkillWrapper", "PyBulletStage", "SapienStage", "Shape", "shape_scene"]
 __getattr__ = lazy_names(__name__, _MODULES)

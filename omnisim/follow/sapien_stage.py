@@ -67,10 +67,10 @@ class SapienStage(BodyStage):
         self._scenes = tuple(scenes) if isinstance(scenes, Sequence) else (scenes,)
         self._entities = [list(one.entities) for one in self._scenes]
         first, entities = self._scenes[0], self._entities[0]
-        for world in self._entities:
-            if len(world) != len(entities):
+        for others in self._entities:
+            if len(others) != len(entities):
                 raise SceneError(
-                    f"scenes: expected {len(entities)} entities in each, got {len(world)}"
+                    f"scenes: expected {len(entities)} entities in each, got {len(others)}"
                 )
         used = set[str]()
         names = [unique_name(_name(entity), used, first=2) for entity in entities]
