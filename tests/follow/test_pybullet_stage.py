@@ -1,5 +1,6 @@
 """PyBullet: what its rays hit, how its links move, and what it does not tell."""
 
+import gc
 import importlib
 import re
 import warnings
@@ -260,6 +261,28 @@ def test_bodies_that_come_and_go_are_one_line(client):
         bullet.removeBody(0, **at)
         with pytest.raises(OmnisimError, match="body 0 was removed: open another stage"):
             stage.now()
+
+
+def test_a_simulation_may_start_anew_and_nothing_grows(client):
+    at = {"physicsClientId": client}
+
+    def load(height_m):
+        bullet.loadURDF(str(DATA / "r2d2.urdf"), (0.0, 0.0, height_m), **at)
+
+    load(1.0)
+    with PyBulletStage(client) as stage:
+        first = stage.now().world_from_object["physics/head"]
+        bullet.resetSimulation(**at)
+        load(1.5)
+        second = stage.now().world_from_object["physics/head"]
+        np.testing.assert_allclose(second - first, omnisim.pose((0, 0, 0.5)) - np.eye(4), atol=1e-9)
+        gc.collect()
+        before = len(gc.get_objects())
+        for step in range(500):
+            bullet.stepSimulation(**at)
+            stage.motion_now(stage.now(step).time_s)
+        gc.collect()
+        assert len(gc.get_objects()) - before < 50
 
 
 def test_bad_clients_are_one_line(client, monkeypatch):

@@ -1,5 +1,7 @@
 """SAPIEN: what its rays hit, how its links move, and its shapes, lights and textures."""
 
+import gc
+
 import numpy as np
 import pytest
 
@@ -176,6 +178,20 @@ def test_scenes_are_worlds_of_a_batch():
     add_arm(scenes[1])
     with pytest.raises(SceneError, match="scenes: expected 1 entities in each, got 4"):
         SapienStage(scenes)
+
+
+def test_nothing_grows():
+    scene = new_scene()
+    add_arm(scene)
+    with SapienStage(scene) as stage:
+        stage.motion_now(stage.now().time_s)
+        gc.collect()
+        before = len(gc.get_objects())
+        for step in range(500):
+            scene.step()
+            stage.motion_now(stage.now(step).time_s)
+        gc.collect()
+        assert len(gc.get_objects()) - before < 50
 
 
 def test_what_is_missing_is_one_line(monkeypatch):
