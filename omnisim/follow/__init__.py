@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from omnisim.follow.body_stage import BodyStage
     from omnisim.follow.camera_wrapper import CameraWrapper
     from omnisim.follow.genesis_stage import GenesisStage
+    from omnisim.follow.maniskill_wrapper import ManiSkillWrapper
     from omnisim.follow.mujoco_stage import MujocoStage
     from omnisim.follow.newton_stage import NewtonStage
     from omnisim.follow.pybullet_stage import PyBulletStage
@@ -32,13 +33,14 @@ _MODULES = {
     "GenesisStage": "genesis_stage",
     "MujocoStage": "mujoco_stage",
     "NewtonStage": "newton_stage",
+    "ManiSkillWrapper": "maniskill_wrapper",
     "PyBulletStage": "pybullet_stage",
     "SapienStage": "sapien_stage",
     "Shape": "body_shapes",
     "shape_scene": "body_shapes",
 }
 __all__ = [
-    "BagStage", "BodyStage", "CameraWrapper", "GenesisStage", "MujocoStage", "NewtonStage",
-    "PyBulletStage", "SapienStage", "Shape", "shape_scene",
+    "BagStage", "BodyStage", "CameraWrapper", "GenesisStage", "ManiSkillWrapper", "MujocoStage",
+    "NewtonStage", "PyBulletStage", "SapienStage", "Shape", "shape_scene",
 ]  # fmt: skip
 __getattr__ = lazy_names(__name__, _MODULES)

@@ -52,7 +52,8 @@ class PyBulletStage(BodyStage):
     capsules: bodies with these are drawn from `files`.
 
     Args:
-        client: number of a client that has loaded its bodies, or a `BulletClient`.
+        client: number of a client that has loaded its bodies, or a `BulletClient`; or several,
+            which are worlds with the same bodies loaded in the same order.
         surroundings: what else stands still, and the lights; None: the light of `getCameraImage`.
         files: files, or scenes as of `shape_scene`, by PyBullet's ID of the body that they show.
         device, backend: as for `omnisim.Stage`.
@@ -76,12 +77,14 @@ class PyBulletStage(BodyStage):
     ):
         require_extra("pybullet", "omnisim.follow.PyBulletStage")
         self._bullet = importlib.import_module("pybullet")
-        self._client, given = self._number(client), files or {}
+        clients = client if isinstance(client, Sequence) else [client]
+        self._clients, given = [self._number(one) for one in clients], files or {}
+        self._client = self._clients[0]
         names, robot_of = self._list_links()
         if unknown := [body for body in given if body not in robot_of]:
             raise SceneError(f"files: expected IDs of {[*robot_of]}, got {unknown[0]}")
         told = _VisualShapes(self._bullet, self._client)
-        poses = self._read(self._client)[0] if names else np.zeros((0, 7))
+        poses = self._read(self._client)
         robots: dict[str, Scene | str | Path] = {}
         for name, (body, link), pose in zip(names, self.links, poses, strict=True):
             if body not in given:
@@ -115,29 +118,31 @@ class PyBulletStage(BodyStage):
         return self.names[self.links.index((body, link))]
 
     def now(self, time_s: float = 0.0) -> WorldState:
-        """State of the world; PyBullet does not tell its time.
+        """State of the world, or of the first one; PyBullet does not tell its time.
 
         Raises:
             OmnisimError: a body was removed, or has a pose that is not finite.
         """
-        return self.state(self._read(self._client)[0], time_s=time_s)
+        return self.state(self._read(self._client), time_s=time_s)
 
-    def worlds_now(self, clients: Sequence[Any], time_s: float = 0.0) -> list[WorldState]:
-        """States of the worlds of several clients, which have loaded the same bodies in one order.
-
-        Raises:
-            OmnisimError: as for `now`; or another number of clients than before.
-        """
-        worlds = [self._read(self._number(client))[0] for client in clients]
-        return self.states(np.array(worlds), time_s=time_s)
-
-    def motion_now(self, time_s: float = 0.0) -> Motion:
-        """Motion of the world by its current velocities.
+    def worlds_now(self, time_s: float = 0.0) -> list[WorldState]:
+        """States of the worlds of all clients.
 
         Raises:
             OmnisimError: as for `now`.
         """
-        poses, linear, angular = self._read(self._client)
+        worlds = [self._read(client) for client in self._clients]
+        return self.states(np.array(worlds), time_s=time_s)
+
+    def motion_now(self, time_s: float = 0.0) -> Motion:
+        """Motion of the world, or of the first one, by its current velocities.
+
+        Raises:
+            OmnisimError: as for `now`.
+        """
+        read = self._read(self._client, with_velocities=True)
+        poses, mass_m, linear, angular = np.split(read, (7, 10, 13), axis=1)
+        linear = linear + np.cross(angular, poses[:, :3] - mass_m)
         return self.motion(poses, linear=linear, angular=angular, time_s=time_s)
 
     def _number(self, client: Any) -> int:
@@ -153,7 +158,7 @@ class PyBulletStage(BodyStage):
         links: list[tuple[int, int]] = []
         robot_of: dict[int, str] = {}
         self._joints: dict[int, range] = {}
-        frames = []
+        self._mass_from_base: dict[int, Any] = {}
         for number in range(bullet.getNumBodies(**at)):
             body = bullet.getBodyUniqueId(number, **at)
             self._joints[body] = range(bullet.getNumJoints(body, **at))
@@ -166,37 +171,35 @@ class PyBulletStage(BodyStage):
                 f"{robot_of[body]}/{unique_name(link, used, first=2)}" for link in (base, *inner)
             ]
             links += [(body, _BASE), *((body, joint) for joint in self._joints[body])]
-            mass = bullet.getDynamicsInfo(body, _BASE, **at)
-            frames.append((*mass[3], *mass[4]))
+            base_from_mass = bullet.getDynamicsInfo(body, _BASE, **at)[3:5]
+            self._mass_from_base[body] = bullet.invertTransform(*base_from_mass)
         self.links = tuple(links)
-        self._bases = np.array([link == _BASE for _, link in links], dtype=bool)
-        base_from_mass = np.array(frames).reshape(-1, 7)
-        self._mass_m = base_from_mass[:, :3]
-        self._mass_from_base = rotation_type().from_quat(base_from_mass[:, 3:]).inv()
         return names, robot_of
 
-    def _read(self, client: int) -> tuple[Floats, Floats, Floats]:
-        """Poses (links, 7), xyzw, and velocities (links, 3), linear and angular."""
-        bullet, rows = self._bullet, []  # pose of the link, center of mass, its velocities
+    def _read(self, client: int, with_velocities: bool = False) -> Floats:
+        """Pose of each link (7,), xyzw; then its center of mass and velocities, linear, angular."""
+        bullet, at, rows = self._bullet, {"physicsClientId": client}, []
         try:
             for body, joints in self._joints.items():
-                place, turn = bullet.getBasePositionAndOrientation(body, physicsClientId=client)
-                speeds = bullet.getBaseVelocity(body, physicsClientId=client)
-                rows.append((*place, *turn, *place, *speeds[0], *speeds[1]))
+                mass = bullet.getBasePositionAndOrientation(body, **at)
+                base = bullet.multiplyTransforms(*mass, *self._mass_from_base[body])
+                row = (*base[0], *base[1])
+                if with_velocities:
+                    linear, angular = bullet.getBaseVelocity(body, **at)
+                    row = (*row, *mass[0], *linear, *angular)
+                rows.append(row)
                 if joints:  # without forward kinematics, they are as before the last step
-                    states = bullet.getLinkStates(body, joints, 1, 1, physicsClientId=client)
-                    rows += [(*one[4], *one[5], *one[0], *one[6], *one[7]) for one in states]
+                    states = bullet.getLinkStates(body, joints, with_velocities, True, **at)
+                    if with_velocities:
+                        rows += [(*one[4], *one[5], *one[0], *one[6], *one[7]) for one in states]
+                    else:
+                        rows += [(*one[4], *one[5]) for one in states]
         except bullet.error:
             raise OmnisimError(
                 f"client {client}: body {body} was removed: open another stage"
             ) from None
-        read = np.array(rows)
-        turned = rotation_type().from_quat(read[self._bases, 3:7]) * self._mass_from_base
-        read[self._bases, :3] -= turned.apply(self._mass_m)
-        read[self._bases, 3:7] = turned.as_quat()
-        self._warn_of_added(bullet.getNumBodies(physicsClientId=client) - len(self._joints))
-        arms = read[:, :3] - read[:, 7:10]
-        return read[:, :7], read[:, 10:13] + np.cross(read[:, 13:], arms), read[:, 13:]
+        self._warn_of_added(bullet.getNumBodies(**at) - len(self._joints))
+        return np.array(rows)
 
 
 class _VisualShapes:

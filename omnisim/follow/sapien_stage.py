@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from omnisim.core.arrays import Floats
-from omnisim.core.errors import OmnisimError, SceneError
+from omnisim.core.errors import SceneError
 from omnisim.core.extras import require_extra
 from omnisim.core.poses import pose_from_rotation, rotation_type
 from omnisim.core.world import Motion, WorldState
@@ -43,7 +43,8 @@ class SapienStage(BodyStage):
     shapes. Materials are matte.
 
     Args:
-        scene: `sapien.Scene`, with its entities; of ManiSkill, one of `env.scene.sub_scenes`.
+        scene: `sapien.Scene` with its entities; a sequence of them, which are worlds with the same
+            entities in the same order; or `env.unwrapped.scene` of ManiSkill, which has several.
         surroundings: what else stands still, and the lights; None: the lights of the scene, or
             those of files without lights.
         device, backend: as for `omnisim.Stage`.
@@ -62,13 +63,21 @@ class SapienStage(BodyStage):
         backend: BackendName = "cube",
     ):
         require_extra("sapien", "omnisim.follow.SapienStage")
-        self._host_scene, self._entities = scene, list(scene.entities)
+        scenes = getattr(scene, "sub_scenes", scene)
+        self._scenes = tuple(scenes) if isinstance(scenes, Sequence) else (scenes,)
+        self._entities = [list(one.entities) for one in self._scenes]
+        first, entities = self._scenes[0], self._entities[0]
+        for others in self._entities:
+            if len(others) != len(entities):
+                raise SceneError(
+                    f"scenes: expected {len(entities)} entities in each, got {len(others)}"
+                )
         used = set[str]()
-        names = [unique_name(_name(entity), used, first=2) for entity in self._entities]
-        looks = [_components(entity, "RenderBodyComponent") for entity in self._entities]
+        names = [unique_name(_name(entity), used, first=2) for entity in entities]
+        looks = [_components(entity, "RenderBodyComponent") for entity in entities]
         notices: tuple[str, ...] = ()
         if not any(looks):
-            looks = [_components(entity, "PhysxRigidBaseComponent") for entity in self._entities]
+            looks = [_components(entity, "PhysxRigidBaseComponent") for entity in entities]
             notices = ("no render bodies in the scene: collision shapes are drawn",)
         robots: dict[str, Scene | str | Path] = {
             name: shape_scene(name, shapes)
@@ -78,7 +87,7 @@ class SapienStage(BodyStage):
         if not robots:
             raise SceneError("scene: expected entities with shapes to draw, got none")
         if surroundings is None:
-            lighting = _lighting(scene)
+            lighting = _lighting(first)
             sky = DEFAULT_BACKGROUND if lighting is DEFAULT_LIGHTING else (0.0, 0.0, 0.0)
             world = Scene("sapien", (), (), (), lighting, sky, StartPose((0.0, 0.0, 0.0)))
         else:
@@ -90,36 +99,34 @@ class SapienStage(BodyStage):
         self._rest.clear()  # the order of quaternions is known
 
     def now(self, time_s: float = 0.0) -> WorldState:
-        """State of the scene; SAPIEN does not tell its time.
+        """State of the scene, or of the first one; SAPIEN does not tell its time.
 
         Raises:
-            OmnisimError: an entity was removed, or has a pose that is not finite.
+            OmnisimError: an entity has a pose that is not finite.
         """
-        return self.state(self._read(self._host_scene, self._entities), time_s=time_s)
+        self._sync()
+        return self.state(self._poses_of(0), time_s=time_s)
 
-    def worlds_now(self, scenes: Sequence[Any], time_s: float = 0.0) -> list[WorldState]:
-        """States of several scenes, whose entities are the same in the same order.
-
-        Raises:
-            OmnisimError: as for `now`; or another number of scenes than before.
-        """
-        worlds = [self._read(scene, scene.entities) for scene in scenes]
-        for world in worlds:
-            if len(world) != len(self.names):
-                raise OmnisimError(
-                    f"scenes: expected {len(self.names)} entities in each, got {len(world)}"
-                )
-        return self.states(np.array(worlds), time_s=time_s)
-
-    def motion_now(self, time_s: float = 0.0) -> Motion:
-        """Motion of the scene by its current velocities.
+    def worlds_now(self, time_s: float = 0.0) -> list[WorldState]:
+        """States of all scenes.
 
         Raises:
             OmnisimError: as for `now`.
         """
-        poses = self._read(self._host_scene, self._entities)
+        self._sync()
+        worlds = [self._poses_of(world) for world in range(len(self._scenes))]
+        return self.states(np.array(worlds), time_s=time_s)
+
+    def motion_now(self, time_s: float = 0.0) -> Motion:
+        """Motion of the scene, or of the first one, by its current velocities.
+
+        Raises:
+            OmnisimError: as for `now`.
+        """
+        self._sync()
+        poses = self._poses_of(0)
         linear, angular, arms = np.zeros((3, len(poses), 3))
-        for index, entity in enumerate(self._entities):
+        for index, entity in enumerate(self._entities[0]):
             for body in _components(entity, "PhysxRigidBodyComponent"):
                 linear[index], angular[index] = body.linear_velocity, body.angular_velocity
                 arms[index] = body.cmass_local_pose.p
@@ -127,13 +134,16 @@ class SapienStage(BodyStage):
         linear -= np.cross(angular, turns.apply(arms))  # those of the centers of mass
         return self.motion(poses, linear=linear, angular=angular, time_s=time_s)
 
-    def _read(self, scene: Any, entities: Sequence[Any]) -> Floats:
-        """Poses (entities, 7), wxyz."""
-        sync = getattr(scene.physx_system, "sync_poses_gpu_to_cpu", None)
-        if sync is not None:
-            sync()
-        poses = [entity.pose for entity in entities]
-        self._warn_of_added(len(scene.entities) - len(self.names))
+    def _sync(self) -> None:
+        """Take the poses of a simulation on a GPU, which all scenes share."""
+        system = self._scenes[0].physx_system
+        if hasattr(system, "sync_poses_gpu_to_cpu"):
+            system.sync_poses_gpu_to_cpu()
+        self._warn_of_added(len(self._scenes[0].entities) - len(self.names))
+
+    def _poses_of(self, world: int) -> Floats:
+        """Poses (entities, 7), wxyz, of a scene."""
+        poses = [entity.pose for entity in self._entities[world]]
         return np.array([(*pose.p, *pose.q) for pose in poses], dtype=np.float64)
 
 

@@ -1,5 +1,7 @@
 """SAPIEN: what its rays hit, how its links move, and its shapes, lights and textures."""
 
+import gc
+
 import numpy as np
 import pytest
 
@@ -163,20 +165,33 @@ def test_velocities_are_those_of_the_links_origins():
 
 
 def test_scenes_are_worlds_of_a_batch():
-    scenes = [new_scene(), new_scene(), new_scene()]
-    for number, scene in enumerate(scenes):
-        scene.add_ground(-0.5 * number, render=False)
-    add_arm(scenes[2])
-    with SapienStage(scenes[0]) as stage:
+    scenes = [new_scene(), new_scene()]
+    for scene in scenes:
+        scene.add_ground(0.0, render=False)
+    with SapienStage(scenes) as stage:
         camera = stage.open(LENS, omnisim.pose((0.0, 0.0, 1.0), pitch_deg=90.0))
         scenes[1].entities[0].pose = sapien.Pose((0.0, 0.0, -0.5))
-        states = stage.worlds_now(scenes[:2], 0.5)
+        states = stage.worlds_now(0.5)
         ranges_m = camera.render_batch(states, channels=("range",))["range"]
         np.testing.assert_allclose(ranges_m[:, SIZE // 2, SIZE // 2], (1.0, 1.5), atol=1e-3)
-        with pytest.raises(OmnisimError, match="expected 2 worlds as before, got 1"):
-            stage.worlds_now(scenes[:1])
-        with pytest.raises(OmnisimError, match="scenes: expected 1 entities in each, got 4"):
-            stage.worlds_now(scenes[::2])
+        assert states[1].time_s == stage.now(0.5).time_s == 0.5
+    add_arm(scenes[1])
+    with pytest.raises(SceneError, match="scenes: expected 1 entities in each, got 4"):
+        SapienStage(scenes)
+
+
+def test_nothing_grows():
+    scene = new_scene()
+    add_arm(scene)
+    with SapienStage(scene) as stage:
+        stage.motion_now(stage.now().time_s)
+        gc.collect()
+        before = len(gc.get_objects())
+        for step in range(500):
+            scene.step()
+            stage.motion_now(stage.now(step).time_s)
+        gc.collect()
+        assert len(gc.get_objects()) - before < 50
 
 
 def test_what_is_missing_is_one_line(monkeypatch):
