@@ -136,8 +136,8 @@ def _views(
     views = [each.found for each in results if isinstance(each.found, BoardView)]
     rejected = [each.found for each in results if isinstance(each.found, RejectedImage)]
     if not views:
-        found = f"the board was found in no image; {rejected[0].name}: {rejected[0].reason}"
-        raise MeasurementError(f"{request.images}: {found}")
+        fault = f"the board was found in no image; {rejected[0].name}: {rejected[0].reason}"
+        raise MeasurementError(f"{request.images}: {fault}")
     return views, rejected, results[0].size_px
 
 

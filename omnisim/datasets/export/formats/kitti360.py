@@ -233,8 +233,8 @@ class LabelImages:
         numbers = {}
         for kind in kinds:
             if every[kind].max(initial=0) > MAX_ID[kind]:
-                numbers_text = f"{len(every[kind]) - 1} numbers do not fit into their pixels"
-                print_note(f"no images of {kind}: {numbers_text}")
+                reason = f"{len(every[kind]) - 1} numbers do not fit into their pixels"
+                print_note(f"no images of {kind}: {reason}")
             else:
                 numbers[kind] = every[kind]
         for name in cameras if numbers else ():
