@@ -272,6 +272,9 @@ def test_mocap_bodies_move_and_hidden_geoms_are_not_drawn():
         assert "hand/palm" not in stage.objects["hand"].instance_names
     with pytest.raises(SceneError, match="hidden: 'palm': did you mean"):
         MujocoStage(model, data, hidden=["palm"])
+    for wrong in (model, []):
+        with pytest.raises(OmnisimError, match="expected an MjModel and its MjData, got MjModel"):
+            MujocoStage(model, wrong)
 
 
 def test_lenses_of_the_model_have_their_sizes():
