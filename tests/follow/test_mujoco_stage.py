@@ -1,6 +1,8 @@
 """Cameras in simulations of MuJoCo: bodies move, geoms are told apart, ranges are MuJoCo's."""
 
 import copy
+import gc
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -211,6 +213,25 @@ def test_many_worlds_have_their_own_poses_and_times():
         assert (frames[0] != frames[2]).any()
         with pytest.raises(OmnisimError, match="data: expected one world, got 3: see worlds_now"):
             stage.now()
+
+
+def test_nothing_grows_with_the_steps():
+    model, data = _simulation(ARM)
+    worlds = [data, copy.copy(data)]
+    with MujocoStage(model, data) as one, MujocoStage(model, worlds) as many:
+
+        def step(times):
+            for _ in range(times):
+                one.now(), one.motion_now()(0.1), many.worlds_now()
+            gc.collect()
+            return tracemalloc.get_traced_memory()[0]
+
+        tracemalloc.start()
+        try:
+            first, last = step(20), step(200)
+        finally:
+            tracemalloc.stop()
+    assert last - first < 200 * 16  # not even two pointers for each step
 
 
 @pytest.mark.slow
