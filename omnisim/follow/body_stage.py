@@ -21,7 +21,7 @@ from omnisim.ground_truth.frame import Frame
 from omnisim.rendering.shared_scene import BackendName
 from omnisim.rendering.stage import Stage
 from omnisim.scene.files.load import read_scene
-from omnisim.scene.formats.imported_scene import world_from_axes
+from omnisim.scene.formats.imported_scene import unique_name, world_from_axes
 from omnisim.scene.labels import BODY
 from omnisim.scene.light.lighting import DEFAULT_BACKGROUND, DEFAULT_LIGHTING
 from omnisim.scene.model import Link, Scene
@@ -77,6 +77,7 @@ class BodyStage(Stage):
         backend: BackendName = "cube",
     ):
         self.names = tuple(names)
+        self.fixed = unique_name(BODY, set(self.names), 2)  # robots may have a body of this name
         if twice := sorted({name for name in self.names if self.names.count(name) > 1}):
             raise SceneError(f"names: {twice[0]!r}: expected each body once")
         if quaternions not in ("wxyz", "xyzw"):
@@ -129,8 +130,8 @@ class BodyStage(Stage):
         Raises:
             SceneError: no body of this name.
         """
-        if name is None or name == BODY or name in self.names:
-            return name or BODY
+        if name is None or name in (self.fixed, *self.names):
+            return name or self.fixed
         found = match_names([name], self.names)
         if not found:
             raise SceneError(f"vehicle = {name!r}: {did_you_mean(name, self.names, 'bodies:')}")
@@ -246,7 +247,7 @@ class BodyStage(Stage):
         times = _host_array(times, "time_s", (len(poses),))
         if not np.isfinite(times).all():
             raise OmnisimError(f"time_s: expected a finite number of seconds, got {time_s!r}")
-        still = {BODY: np.eye(4)}
+        still = {self.fixed: np.eye(4)}
         return [
             WorldState.of_checked({**still, **dict(zip(self.names, of_world, strict=True))}, at_s)
             for of_world, at_s in zip(poses, times.tolist(), strict=True)

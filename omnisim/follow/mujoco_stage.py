@@ -72,6 +72,11 @@ class MujocoStage(BodyStage):
         self._model, self._groups = model, tuple(groups)
         self._data: Any = [data] if isinstance(data, mujoco.MjData) else data
         is_read = isinstance(self._data, Sequence)
+        if not isinstance(model, mujoco.MjModel) or not (
+            data if is_read else hasattr(data, "xpos")
+        ):
+            given = f"{type(model).__name__} and {type(data).__name__}"
+            raise OmnisimError(f"expected an MjModel and its MjData, got {given}")
         first = copy.copy(self._data[0]) if is_read else mujoco.MjData(model)
         compute_poses(model, first)  # also before the first step
         reader = ModelReader(model, first, groups, hidden)
@@ -124,12 +129,12 @@ class MujocoStage(BodyStage):
         Raises:
             OmnisimError: several worlds, or as for `state`.
         """
-        if self._model.nskin or self._model.nflex:
+        state = self.state(self._one("xpos"), self._one("xquat"), float(self._one("time")))
+        if (self._model.nskin or self._model.nflex) and isinstance(self._data, Sequence):
             from omnisim.scene.formats.mjcf.reader import deformed
 
             self.scene = deformed(self.scene, self._model, self._data[0], self._groups)
-        positions, quaternions = self._one("xpos"), self._one("xquat")
-        return self.state(positions, quaternions, float(self._one("time")))
+        return state
 
     def worlds_now(self) -> list[WorldState]:
         """States of all worlds; skins and flexible bodies keep their shape.

@@ -170,6 +170,8 @@ class SharedScene(Closeable, EditableScene):
         backend: the back end's scene.
     """
 
+    fixed = BODY  # carrier of a sensor on no vehicle; no dynamic object has this name
+
     def __init__(
         self,
         scene: Scene | str | Path,
@@ -187,7 +189,7 @@ class SharedScene(Closeable, EditableScene):
         self.objects = dict(self.vehicles)
         moving = [(moving.name, moving.shape) for moving in self.scene.objects]
         for name, shape in (*moving, *(dynamic_objects or {}).items()):
-            if name in self.objects or name == BODY:
+            if name in self.objects or name == self.fixed:
                 raise SceneError(f"dynamic object {name!r}: expected each name once")
             self.objects[name] = shape
         self.edits = 0
@@ -245,7 +247,7 @@ class SharedScene(Closeable, EditableScene):
 
     def carrier(self, name: str | None) -> str:
         """Object that carries a sensor, by its name; without one, the first vehicle."""
-        return name or next(iter(self.vehicles), BODY)
+        return name or next(iter(self.vehicles), self.fixed)
 
     @property
     def graphics(self) -> CubeBackend:

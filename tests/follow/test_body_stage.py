@@ -235,3 +235,11 @@ def test_what_a_robots_file_fixes_to_the_world_stands_still(tmp_path):
 
 def test_a_body_without_a_shape_is_no_notice_where_shapes_are_given_one_by_one(ball_stage):
     assert ball_stage.notices == ()
+
+
+def test_a_sensor_without_a_carrier_stands_still_where_a_body_is_named_body():
+    with BodyStage(STILL, {"body": BALL}, names=["body"]) as stage:
+        state = stage.state([(1.0, 2.0, 3.0)], [(1.0, 0.0, 0.0, 0.0)])
+        for vehicle, place in ((None, 0.0), ("body", 2.0)):
+            frame = stage.open(LENS, vehicle=vehicle).render(state)
+            assert frame.metadata["world_from_base"][1][3] == place

@@ -1,6 +1,8 @@
 """Cameras in simulations of MuJoCo: bodies move, geoms are told apart, ranges are MuJoCo's."""
 
 import copy
+import gc
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -213,6 +215,25 @@ def test_many_worlds_have_their_own_poses_and_times():
             stage.now()
 
 
+def test_nothing_grows_with_the_steps():
+    model, data = _simulation(ARM)
+    worlds = [data, copy.copy(data)]
+    with MujocoStage(model, data) as one, MujocoStage(model, worlds) as many:
+
+        def step(times):
+            for _ in range(times):
+                one.now(), one.motion_now()(0.1), many.worlds_now()
+            gc.collect()
+            return tracemalloc.get_traced_memory()[0]
+
+        tracemalloc.start()
+        try:
+            first, last = step(20), step(200)
+        finally:
+            tracemalloc.stop()
+    assert last - first < 200 * 16  # not even two pointers for each step
+
+
 @pytest.mark.slow
 def test_worlds_of_mujoco_warp_are_those_of_mujoco():
     warp = pytest.importorskip("mujoco_warp", reason="MuJoCo Warp is not installed")
@@ -272,6 +293,9 @@ def test_mocap_bodies_move_and_hidden_geoms_are_not_drawn():
         assert "hand/palm" not in stage.objects["hand"].instance_names
     with pytest.raises(SceneError, match="hidden: 'palm': did you mean"):
         MujocoStage(model, data, hidden=["palm"])
+    for wrong in (model, []):
+        with pytest.raises(OmnisimError, match="expected an MjModel and its MjData, got MjModel"):
+            MujocoStage(model, wrong)
 
 
 def test_lenses_of_the_model_have_their_sizes():

@@ -10,6 +10,7 @@ import numpy as np
 
 from omnisim.core.arrays import Floats
 from omnisim.core.errors import OmnisimError, RobotFileError
+from omnisim.core.poses import pose_from_rotation
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.robots.importers.imported_robot import (
     ImportedRobot,
@@ -142,7 +143,7 @@ def _cameras(
         except OmnisimError as reason:
             notices.append(f"left out: {reason}")
             continue
-        pose = reader.ModelMount("camera", number).pose(data)
+        pose = reader.tracked_pose(data.cam_xpos[number], data.cam_xmat[number])
         unique = unique_name(folder_name(name), used_names)
         yield ImportedSensor.at(unique, "omnicamera", pose, {}, camera)
 
@@ -155,5 +156,5 @@ def _imus(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[ImportedSensor
     }
     for number, site in enumerate(sorted(sites)):
         name = folder_name(_name(model, _OBJECTS.mjOBJ_SITE, site) or f"imu_{number}")
-        pose = reader.ModelMount("site", site).pose(data)
+        pose = pose_from_rotation(data.site_xmat[site].reshape(3, 3), data.site_xpos[site])
         yield ImportedSensor.at(name, "imu", pose, {"device": "ideal"})
