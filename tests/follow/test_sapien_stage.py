@@ -1,6 +1,8 @@
 """SAPIEN: what its rays hit, how its links move, and its shapes, lights and textures."""
 
 import gc
+import importlib
+import sys
 
 import numpy as np
 import pytest
@@ -205,7 +207,11 @@ def test_what_is_missing_is_one_line(monkeypatch):
         add_arm(scene)
         with pytest.warns(NoticeWarning, match="not drawn: 3 bodies added after the stage"):
             stage.now()
-    monkeypatch.setitem(__import__("sys").modules, "sapien", None)
+    monkeypatch.setitem(sys.modules, "mani_skill", None)
+    monkeypatch.delitem(sys.modules, "omnisim.follow.maniskill_wrapper", raising=False)
+    with pytest.raises(OmnisimError, match="ManiSkillWrapper needs ManiSkill: pip install"):
+        importlib.import_module("omnisim.follow.maniskill_wrapper")
+    monkeypatch.setitem(sys.modules, "sapien", None)
     with pytest.raises(OmnisimError, match="SapienStage needs sapien: pip install"):
         SapienStage(scene)
 
