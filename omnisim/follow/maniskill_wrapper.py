@@ -10,13 +10,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from omnisim.core.errors import OmnisimError
-from omnisim.core.extras import require_extra
+from omnisim.core.extras import is_installed
 from omnisim.follow.sapien_stage import SapienStage
 from omnisim.rendering.camera.omnicamera import CameraLike, OmniCamera
 from omnisim.rendering.shared_scene import BackendName
 
-require_extra("sapien", "ManiSkillWrapper")
-import gymnasium  # noqa: E402  # after the message of what is missing
+if not is_installed("mani_skill"):  # which brings gymnasium, SAPIEN and torch
+    raise OmnisimError("ManiSkillWrapper needs ManiSkill: pip install mani_skill")
+import gymnasium  # after the message of what is missing
 
 
 class ManiSkillWrapper(gymnasium.ObservationWrapper[dict[str, Any], Any, Any]):
@@ -41,8 +42,8 @@ class ManiSkillWrapper(gymnasium.ObservationWrapper[dict[str, Any], Any, Any]):
         stage: the stage; a new one where the environment is reconfigured.
 
     Raises:
-        OmnisimError: no environment of ManiSkill, a key that is in use, or as for `SapienStage`
-            and `Stage.open`.
+        OmnisimError: no ManiSkill, no environment of it, a key that is in use, or as for
+            `SapienStage` and `Stage.open`.
     """
 
     def __init__(

@@ -244,8 +244,9 @@ class _VisualShapes:
                 surface = primitives.capsule(sizes[1], 0.5 * sizes[0])
                 yield Shape(surface, pose, color, name="capsule")
             case bullet.GEOM_PLANE:
-                for shape in bullet.getCollisionShapeData(body, link, **self._at)[:1]:
-                    turned, _ = rotation_type().align_vectors([shape[3]], [(0.0, 0.0, 1.0)])
+                planes = bullet.getCollisionShapeData(body, link, **self._at)
+                for normal in [plane[3] for plane in planes if plane[2] == kind][:1]:
+                    turned, _ = rotation_type().align_vectors([normal], [(0.0, 0.0, 1.0)])
                     pose = pose @ pose_from_rotation(turned.as_matrix(), np.zeros(3))
                 yield Shape(primitives.rectangle(_PLANE_M, _PLANE_M), pose, color, name="plane")
             case _:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -216,15 +216,29 @@ def _mesh(part: Any, scale: ArrayLike, pose: Floats, name: str) -> Shape:
     """Triangles of SAPIEN at a scale, with their material if they have one."""
     scale = np.asarray(scale, np.float64)
     triangles = part.triangles if np.prod(scale) > 0.0 else part.triangles[:, ::-1]
-    material, normals, uv, texture = getattr(part, "material", None), None, None, None
-    if material is not None:
-        normals = part.get_vertex_normal() / scale
+    material = getattr(part, "material", None)
+    if material is None:
+        return Shape((part.vertices * scale, triangles, None), pose, None, None, None, True, name)
+    normals, uv = _attribute(part.get_vertex_normal), _attribute(part.get_vertex_uv)
+    if normals is not None:
+        normals = normals / scale
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
-        texture = material.base_color_texture
-    if texture is not None:
-        uv, texture = part.get_vertex_uv(), np.asarray(texture.download())
-    color = None if material is None else np.clip(material.base_color, 0.0, 1.0)
-    return Shape((part.vertices * scale, triangles, normals), pose, color, uv, texture, True, name)
+    image, pixels = material.base_color_texture, None
+    if image is not None and uv is not None:
+        pixels = np.asarray(image.download())
+        if pixels.dtype != np.uint8 or pixels.ndim != 3 or pixels.shape[2] < 3:
+            pixels = None  # of numbers, or gray
+    surface = part.vertices * scale, triangles, normals
+    color = np.clip(material.base_color, 0.0, 1.0)
+    return Shape(surface, pose, color, uv, pixels, True, name)
+
+
+def _attribute(read: Callable[[], Any]) -> Any:
+    """Numbers of each vertex, or None where a mesh has none."""
+    try:
+        return read()
+    except RuntimeError:
+        return None
 
 
 def _matrix(pose: Any) -> Floats:

@@ -246,6 +246,16 @@ def test_colors_and_textures_are_pybullets(client):
     assert {tuple(color) for color in floor.tolist()} > {(255, 255, 255)}  # and blue
 
 
+def test_planes_are_perpendicular_to_their_normals(client):
+    at = {"physicsClientId": client}
+    wall = bullet.createCollisionShape(bullet.GEOM_PLANE, planeNormal=(-1.0, 0.0, 0.0), **at)
+    bullet.createMultiBody(0.0, wall, -1, (2.0, 0.0, 0.0), **at)
+    with PyBulletStage(client) as stage:
+        camera = stage.open(LENS, omnisim.pose((0.0, 0.0, 1.0)))
+        frame = camera.render(stage.now(), also=("range",))
+    assert frame.channels["range"][SIZE // 2, SIZE // 2] == pytest.approx(2.0, abs=2e-3)
+
+
 def test_bodies_that_come_and_go_are_one_line(client):
     at = {"physicsClientId": client}
     ball = bullet.createVisualShape(bullet.GEOM_SPHERE, radius=0.1, **at)

@@ -1,6 +1,8 @@
 """SAPIEN: what its rays hit, how its links move, and its shapes, lights and textures."""
 
 import gc
+import importlib
+import sys
 
 import numpy as np
 import pytest
@@ -205,7 +207,11 @@ def test_what_is_missing_is_one_line(monkeypatch):
         add_arm(scene)
         with pytest.warns(NoticeWarning, match="not drawn: 3 bodies added after the stage"):
             stage.now()
-    monkeypatch.setitem(__import__("sys").modules, "sapien", None)
+    monkeypatch.setitem(sys.modules, "mani_skill", None)
+    monkeypatch.delitem(sys.modules, "omnisim.follow.maniskill_wrapper", raising=False)
+    with pytest.raises(OmnisimError, match="ManiSkillWrapper needs ManiSkill: pip install"):
+        importlib.import_module("omnisim.follow.maniskill_wrapper")
+    monkeypatch.setitem(sys.modules, "sapien", None)
     with pytest.raises(OmnisimError, match="SapienStage needs sapien: pip install"):
         SapienStage(scene)
 
@@ -220,6 +226,17 @@ def test_render_shapes_lights_and_textures_are_sapiens(rendered):
     builder.add_box_visual(sapien.Pose((2.0, 0.0, 1.0)), (0.1, 0.5, 0.5), orange)
     builder.add_plane_visual(scale=(1.0, 5.0, 5.0), material=checked)
     builder.build_static("wall")
+    # a mesh of arrays, without normals and texture coordinates
+    bare = sapien.render.RenderShapeTriangleMesh(
+        KNOT.positions.astype(np.float32), KNOT.triangles.astype(np.uint32),
+        np.zeros((0, 3), np.float32), np.zeros((0, 2), np.float32), checked,
+    )  # fmt: skip
+    body = sapien.render.RenderBodyComponent()
+    body.attach(bare)
+    entity = sapien.Entity()
+    entity.add_component(body)
+    entity.name = "bare"
+    rendered.add_entity(entity)
     rendered.set_ambient_light((0.5, 0.4, 0.3))
     rendered.add_directional_light((1.0, 0.0, -1.0), (2.0, 1.0, 1.0))
     with SapienStage(rendered) as stage:
@@ -229,6 +246,8 @@ def test_render_shapes_lights_and_textures_are_sapiens(rendered):
         assert light.intensity == pytest.approx(2.0 / np.pi)
         assert light.direction == pytest.approx(np.array((1.0, 0.0, -1.0)) / np.sqrt(2.0))
         assert stage.scene.lighting.ambient == pytest.approx((0.5, 0.4, 0.3))
+        assert stage.objects["bare"].meshes[0].normals is None
+        assert stage.objects["bare"].materials[0].texture is None
         camera = stage.open(LENS, omnisim.pose((0.0, 0.0, 1.0)), unlit=True)
         frame = camera.render(stage.now())
     expected = np.array((0.8, 0.4, 0.2)) ** (1 / 2.2) * 255
