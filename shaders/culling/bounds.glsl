@@ -6,12 +6,13 @@ uniform usampler2D u_bounds;
 
 const float BOTH_SIDES = 2.5;
 const uint ROW_BITS = 12u;  // entries per row
-const uint GROUP_ENTRIES = 2u, CLUSTER_ENTRIES = 3u, BLOCK_ENTRIES = 2u;
+const uint GROUP_ENTRIES = 3u, CLUSTER_ENTRIES = 3u, BLOCK_ENTRIES = 2u;
 
 struct Group {
     vec3 aabb_min, aabb_max;
     uint first_cluster;
     uint object;
+    float width;  // largest of its clusters' widths
 };
 
 struct Cluster {
@@ -34,8 +35,10 @@ uvec4 entry_at(uint at) {
 }
 
 Group group_at(uint index) {
-    uvec4 low = entry_at(GROUP_ENTRIES * index), high = entry_at(GROUP_ENTRIES * index + 1u);
-    return Group(uintBitsToFloat(low.xyz), uintBitsToFloat(high.xyz), low.w, high.w);
+    uint first = GROUP_ENTRIES * index;
+    uvec4 low = entry_at(first), high = entry_at(first + 1u);
+    float width = uintBitsToFloat(entry_at(first + 2u).x);
+    return Group(uintBitsToFloat(low.xyz), uintBitsToFloat(high.xyz), low.w, high.w, width);
 }
 
 Cluster cluster_at(uint index) {

@@ -34,7 +34,8 @@ bool is_inside(ClipBox box) {
 
 // Index of a candidate in a list.
 uint candidate_place(uint list, uint at) {
-    return (list & 1u) * u_cameras * u_tiles * u_groups + at;
+    uint part = list < TESTED ? 2u - (list & 1u) : 0u;
+    return part * u_cameras * u_tiles * u_groups + at;
 }
 
 // Place of one more entry in a list.

@@ -1,8 +1,7 @@
 // Culling of the clusters of a candidate (a group in a view) that are outside the frustum,
 // back-facing, or too small to cover a sample.
-// PASS 0: the only pass; 1: draw large occluders, defer the rest; 2: draw the deferred clusters
-// that pass the depth test against earlier passes. Bounds are conservative: culling never changes
-// the image.
+// PASS 0: the only pass; 1: draw large occluders, defer the rest; 2: also test against the depth of
+// earlier passes. Bounds are conservative: culling never changes the image.
 #version 450 core
 
 layout(local_size_x = 64) in;
@@ -33,8 +32,8 @@ void show(uint view, uint group, uint child, uint cluster, float far_m) {
 
 void main() {
     uint index = gl_GlobalInvocationID.x;
-    if (index >= lists[u_pass].candidates) return;
-    Candidate self = candidates[candidate_place(u_pass, index)];
+    if (index >= lists[TESTED + u_pass].candidates) return;
+    Candidate self = candidates[candidate_place(TESTED + u_pass, index)];
     uint left = 0u, view = self.view;
     Group group = group_at(self.group);
     Instance instance = instances[group.object * u_cameras * u_tiles + view];
@@ -42,14 +41,7 @@ void main() {
     vec3 viewpoint = instance.viewpoint.xyz;
     float margin = instance.viewpoint.w;
     vec4 rectangle_px = rectangles_px[view];
-    uint children = self.clusters;
-#if PASS == 2
-    vec3 middle = 0.5 * (group.aabb_min + group.aabb_max);
-    Bounds around = bounds_of(
-        clip_box(rows, middle, group.aabb_max - middle, margin), rectangle_px.zw);
-    if (is_occluded(around, rectangle_px.xy, view / u_tiles)) children = 0u;
-#endif
-    for (; children != 0u; children &= children - 1u) {
+    for (uint children = self.clusters; children != 0u; children &= children - 1u) {
         uint child = uint(findLSB(children)), index = group.first_cluster + child;
         Cluster cluster = cluster_at(index);
         vec3 center = 0.5 * (cluster.aabb_min + cluster.aabb_max);
@@ -57,13 +49,12 @@ void main() {
         vec3 away = center - viewpoint;
         float distance_m = length(away), radius_m = length(extent);
         ClipBox box = clip_box(rows, center, extent, margin);
-#if PASS == 2
-        if (is_occluded(bounds_of(box, rectangle_px.zw), rectangle_px.xy, view / u_tiles)) continue;
-#else
         bool faces_away = !u_both_sides && dot(cluster.cone_axis, away)
             > (cluster.cone_sine + CONE_TOLERANCE) * distance_m + radius_m;
-        if (faces_away || !is_inside(box)) continue;
-        if (!covers_texel(bounds_of(box, rectangle_px.zw))) continue;
+        Bounds bounds = bounds_of(box, rectangle_px.zw);
+        if (faces_away || !is_inside(box) || !covers_texel(bounds)) continue;
+#if PASS == 2
+        if (is_occluded(bounds, rectangle_px.xy, view / u_tiles)) continue;
 #endif
 #if PASS > 0
         if (cluster.width <= u_occluder_rad * max(distance_m - radius_m, 1e-3)) {

@@ -1,5 +1,7 @@
-// Culling of cluster groups: those in the frustum of a view become candidates of the first pass.
-// One invocation per block of groups: in a large scene, most blocks are outside as a whole.
+// Culling of cluster groups: the clusters of those that remain are tested next, unless all of them
+// are so narrow that they are drawn in a later pass.
+// PASS 0: the groups in the frustum of a view, one invocation per block of groups: in a large scene,
+// most blocks are outside as a whole; 2: those that earlier passes left and do not occlude.
 #version 450 core
 
 layout(local_size_x = 64) in;
@@ -7,6 +9,18 @@ layout(local_size_x = 64) in;
 #include "culling/views.glsl"
 #include "culling/bounds.glsl"
 #include "culling/boxes.glsl"
+#include "culling/screen_bounds.glsl"
+
+void leave(Candidate self, Group group, vec3 viewpoint) {
+    // no cluster of the group is nearer, by its distance in cull.comp: the radii of a box and of one
+    // beside it in the group's box are together at most as long as that of the sides of a square
+    float radius_m = sqrt(2.0) * 0.5 * length(group.aabb_max - group.aabb_min);
+    float nearest_m = distance(0.5 * (group.aabb_min + group.aabb_max), viewpoint) - radius_m;
+    bool is_later = group.width < 0.9999 * u_occluder_rad * nearest_m;
+    append(is_later ? u_pass + 1u : TESTED + u_pass, self);
+}
+
+#if PASS == 0
 layout(std430, binding = 10) readonly buffer Shown { uint shown[]; };  // drawn clusters: [group]
 
 bool is_in_view(mat4 rows, float margin, vec3 aabb_min, vec3 aabb_max) {
@@ -27,7 +41,24 @@ void main() {
         Group group = group_at(at);
         uint clusters = shown[at];
         if (clusters != 0u && is_in_view(rows, margin, group.aabb_min, group.aabb_max)) {
-            append(0u, Candidate(at, view, clusters));
+            leave(Candidate(at, view, clusters), group, instance.viewpoint.xyz);
         }
     }
 }
+#else
+void main() {
+    uint index = gl_GlobalInvocationID.x;
+    if (index >= lists[u_pass].candidates) return;
+    Candidate self = candidates[candidate_place(u_pass, index)];
+    Group group = group_at(self.group);
+    Instance instance = instances[group.object * u_cameras * u_tiles + self.view];
+    vec3 center = 0.5 * (group.aabb_min + group.aabb_max);
+    ClipBox box = clip_box(
+        transpose(instance.clip_from_object), center, group.aabb_max - center,
+        instance.viewpoint.w);
+    vec4 rectangle_px = rectangles_px[self.view];
+    Bounds bounds = bounds_of(box, rectangle_px.zw);
+    if (is_occluded(bounds, rectangle_px.xy, self.view / u_tiles)) return;
+    leave(self, group, instance.viewpoint.xyz);
+}
+#endif

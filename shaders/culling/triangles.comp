@@ -19,6 +19,7 @@ layout(std430, binding = 1) buffer Indices { uint indices[]; };  // triangles, t
 uniform usampler2D u_corners;  // see omnisim/rendering/opengl/culling/triangle_culling.py
 
 const float STEPS = 16383.0;
+const float ROUNDED = 1e-6;  // share of a triangle's size by which floats round its edges
 const float ROUNDED_PX = 0.0625;  // by which a GPU rounds a corner at worst
 
 struct View {
@@ -61,6 +62,16 @@ bool is_left(View view, uvec4 words) {
     bounds.first_px = clamp(ceil(low - 0.5 - reach_px), vec2(0.0), view.rectangle_px.zw);
     bounds.last_px = clamp(floor(high - 0.5 + reach_px), vec2(-1.0), view.rectangle_px.zw - 1.0);
     if (!covers_texel(bounds)) return false;
+    // nor does it cover one if all of the covered texels' centers are beyond one of its edges
+    vec2 first_px = bounds.first_px + 0.5, last_px = bounds.last_px + 0.5;
+    vec2 middle_px = 0.5 * (first_px + last_px), half_px = 0.5 * (last_px - first_px) + reach_px;
+    half_px += ROUNDED * (dot(abs(one) + abs(other), vec2(1.0)));
+    float side = sign(area) * view.front;
+    for (int corner = 0; corner < 3; ++corner) {
+        vec2 edge = at_px[(corner + 1) % 3] - at_px[corner], off = middle_px - at_px[corner];
+        float inside = side * (edge.x * off.y - edge.y * off.x);
+        if (inside < -dot(abs(edge.yx), half_px)) return false;
+    }
 #if PASS == 2
     if (is_small_occluded(bounds, view.rectangle_px.xy, view.camera)) return false;
 #endif

@@ -4,10 +4,11 @@
 // The layouts are those of omnisim/rendering/opengl/culling/.
 
 #define MAX_PASSES 8u
-// Lists of candidates, one per possible pass, and one more; then of the shown pairs of each pass,
-// and the number of kept triangles.
+// Lists of groups in views, one per possible pass, and one more; then of the shown pairs of each
+// pass; then of the groups whose clusters are tested in it; and the number of kept triangles.
 #define PAIRS (MAX_PASSES + 1u)
-#define LISTS (2u * PAIRS)
+#define TESTED (2u * PAIRS)
+#define LISTS (3u * PAIRS)
 
 struct Instance {
     mat4 clip_from_object;         // clip space of the tile alone
@@ -40,15 +41,15 @@ struct Candidate {
     uint clusters;  // bits of the group's clusters
 };
 
-// Each pass reads the list that the previous pass has written. The order has no effect.
+// The order of a list has no effect.
 struct List {
-    uint work_groups, work_groups_y, work_groups_z;  // dispatch of the pass that reads the list
+    uint work_groups, work_groups_y, work_groups_z;  // dispatch of the shader that reads the list
     uint candidates;
 };
 
 layout(std430, binding = 4) buffer Lists {
     List lists[LISTS];
-    Candidate candidates[];  // lists with even numbers, then lists with odd numbers
+    Candidate candidates[];  // tested groups; those of passes with odd numbers; with even ones
 };
 
 // Number of words of a cluster's tile bits.

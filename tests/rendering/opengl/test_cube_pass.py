@@ -11,6 +11,8 @@ from omnisim.rendering.atlas.tile_plan import sensor_tiles
 from omnisim.rendering.contract import ScenePoses
 from omnisim.rendering.opengl import scene_view
 from omnisim.rendering.opengl.camera_frame import CubePass
+from omnisim.rendering.opengl.culling import cluster_culling
+from omnisim.rendering.opengl.gl.buffers import read_buffer
 from omnisim.rendering.opengl.scene_view import VirtualCameras
 from omnisim.rendering.opengl.surfaces.surface_program import SurfacePrograms
 from omnisim.rendering.opengl.world.scene_buffers import SceneBuffers
@@ -54,6 +56,25 @@ def test_the_image_is_that_of_instances_drawn_one_by_one(context, samples):
         assert np.count_nonzero(differs) < 1e-3 * differs.size
     # of several samples, depth cannot be read
     assert clustered.tiles.culler.passes == (4 if samples == 1 else 1)
+
+
+def test_clusters_of_groups_of_narrow_triangles_are_tested_in_later_passes_only(
+    context, monkeypatch
+):
+    scene, tested = load_scene("mapping"), []
+    sensor = OmniCamera(supersampling=1, texels_per_pixel=1.0)
+    for least in (10**9, 0):  # a single pass, and four
+        monkeypatch.setattr(scene_view, "MIN_TRIANGLES_OF_PASSES", (least,) * 4)
+        plan = sensor_tiles(sensor, sensor.model, 1.0, subdivide=True)
+        cameras = VirtualCameras(sensor.near_m, sensor.far_m, unlit=True)
+        buffers = SceneBuffers(context, scene)
+        cube = CubePass(buffers, SurfacePrograms(buffers, scene.lighting), plan, cameras)
+        cube.draw((ScenePoses(sensor.base_pose(POSITIONS_M[0])),))
+        culler = cube.tiles.culler
+        lists = np.frombuffer(read_buffer(culler._lists), "<u4")[: 4 * cluster_culling._LISTS]
+        tested.append(lists[4 * cluster_culling._TESTED + 3 :: 4][: culler.passes].tolist())
+    assert 0 < tested[1][0] < 0.8 * tested[0][0]
+    assert sum(tested[1]) < tested[0][0]  # all of the groups in view
 
 
 @pytest.mark.usefixtures("context")

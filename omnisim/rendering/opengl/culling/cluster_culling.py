@@ -35,7 +35,7 @@ EDGE_PX = 0.125
 _INSTANCE_BYTES = 144
 _LIST_BYTES, _CANDIDATE_BYTES = 16, 12  # in shaders/culling/views.glsl
 _MAX_PASSES = 8
-_LISTS = 2 * (_MAX_PASSES + 1)
+_PAIRS, _TESTED, _LISTS = (kind * (_MAX_PASSES + 1) for kind in (1, 2, 3))
 MAX_COMMAND_BYTES = 128 * 2**20  # per slice, on a GPU that allows as many
 _GROUP_SIZE = 64  # local_size_x of the shaders
 _CELL_PX, _CELL_LEVELS = 64, 6  # of the last level, in shaders/culling/hi_z.glsl
@@ -135,9 +135,9 @@ class ClusterCuller:
             groups_visible = np.zeros(views.cameras * buffers.group_count, dtype=np.uint32)
             visible_of_group = gpu_buffer(context, groups_visible)
             bins = gpu_buffer(context, 4 * views.cameras * buffers.cluster_count)
-            halves = min(self.passes, 2)  # each pass reads one and writes the other
+            parts = min(self.passes, 3)
             self._lists = gpu_buffer(
-                context, _LISTS * _LIST_BYTES + halves * _CANDIDATE_BYTES * words
+                context, _LISTS * _LIST_BYTES + parts * _CANDIDATE_BYTES * words
             )
             cells = sum(4**level for level in range(_CELL_LEVELS)) * math.prod(self._cells)
             hi_z = gpu_buffer(context, 4 * views.cameras * cells if depth else 0)
@@ -207,7 +207,7 @@ class ClusterCuller:
             entries = max(views.count * views.objects, self.blended_count, _LISTS)
             shaders.find("instances").run(math.ceil(entries / _GROUP_SIZE))
             context.memory_barrier(barrier)
-            shaders.find("groups").run(self._blocks, views.count)
+            shaders.find("groups", "PASS 0").run(self._blocks, views.count)
             if self._corners is not None:
                 self._pairs.bind()  # in place of the poses
                 self._state.bind_texture(CORNERS_UNIT, self._corners.glo)
@@ -219,14 +219,16 @@ class ClusterCuller:
                 fine.run(columns, rows, views.cameras)  # 8 × 8 cells of level 1 per last-level cell
             context.memory_barrier(barrier)
             coarse.run(math.ceil(columns / 8), math.ceil(rows / 8), views.cameras)
+            context.memory_barrier(barrier | context.COMMAND_BARRIER_BIT)
+            shaders.find("groups", "PASS 2").run_indirect(self._lists, pass_index * _LIST_BYTES)
         context.memory_barrier(barrier | context.COMMAND_BARRIER_BIT)
         # the only pass is 0, else 1 is the first one, and 2 any later one
         defines = f"PASS {0 if self.passes == 1 else 1 + min(pass_index, 1)}", *self._defines
         cull = shaders.find("cull", *defines)
-        cull.run_indirect(self._lists, pass_index * _LIST_BYTES)
+        cull.run_indirect(self._lists, (_TESTED + pass_index) * _LIST_BYTES)
         if self._corners is not None:
             context.memory_barrier(barrier | context.COMMAND_BARRIER_BIT)
-            place = (_MAX_PASSES + 1 + pass_index) * _LIST_BYTES
+            place = (_PAIRS + pass_index) * _LIST_BYTES
             shaders.find("triangles", *defines).run_indirect(self._lists, place)
         context.memory_barrier(barrier)
         self._make_commands(0)
@@ -256,7 +258,14 @@ class ClusterCuller:
 
 # Texture of bounds: entries of four words, see shaders/culling/bounds.glsl.
 _GROUP = np.dtype(
-    [("aabb_min", "<f4", 3), ("first_cluster", "<u4"), ("aabb_max", "<f4", 3), ("object", "<u4")]
+    [
+        ("aabb_min", "<f4", 3),
+        ("first_cluster", "<u4"),
+        ("aabb_max", "<f4", 3),
+        ("object", "<u4"),
+        ("width", "<f4"),
+        ("unused", "<u4", 3),
+    ]
 )
 _CLUSTER = np.dtype(
     [
@@ -340,6 +349,7 @@ class ClusterBuffers:
         of_clusters["width"], of_clusters["cone_axis"] = clusters.widths, clusters.cone_axes
         of_clusters["cone_sine"] = np.where(double_sided, _BOTH_SIDES, clusters.cone_sines)
         of_clusters["object"] = objects[group]
+        of_groups["width"] = np.maximum.reduceat(clusters.widths, groups.first)
         of_blocks = _blocks(of_groups, buckets)
         self.block_count = len(of_blocks)
         entries = [table.view(_ENTRY) for table in (of_groups, of_clusters, of_blocks)]

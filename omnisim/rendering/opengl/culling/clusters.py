@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from omnisim.core.arrays import Floats32, Indices, Ints, Uints32
 
 # Triangles per cluster, see `spatial_clusters`. Smaller clusters are culled more tightly, but each
-# has to be tested, and in a large scene most are invisible.
+# has to be tested, and is a draw command. In a large scene most are invisible, and the triangles of
+# the others are culled one by one.
 MAX_TRIANGLES, MIN_TRIANGLES, TRIANGLE_SPLIT_FACTOR = 64, 4, 8.0
-LARGE_SCENE, MIN_TRIANGLES_IN_LARGE = 200_000, 24
+LARGE_SCENE, MIN_TRIANGLES_IN_LARGE = 80_000, 24
 # Each instance has its own triangles in clusters. Beyond this number of copies' triangles, further
 # instances of a mesh are drawn one by one, as are instances that are too far away.
 MAX_COPIED_TRIANGLES = 8_000_000

@@ -16,8 +16,8 @@ def test_blocks_bound_consecutive_groups_of_one_object_and_bucket(context):
     geometry = SceneBuffers(context, scene_of(large, MATERIALS), moving).clustered_geometry
     buffers = geometry.buffers
     entries = np.frombuffer(buffers.bounds.read(), dtype="<u4").reshape(-1, 4)
-    start = 2 * buffers.group_count + 3 * buffers.cluster_count
-    groups = entries[: 2 * buffers.group_count].reshape(-1, 8)
+    start = 3 * (buffers.group_count + buffers.cluster_count)
+    groups = entries[: 3 * buffers.group_count].reshape(-1, 12)
     blocks = entries[start : start + 2 * buffers.block_count].reshape(-1, 8)
     first, count = blocks[:, 3], blocks[:, 7]
     np.testing.assert_array_equal(first, np.cumsum(count) - count)
@@ -26,6 +26,8 @@ def test_blocks_bound_consecutive_groups_of_one_object_and_bucket(context):
     buckets = np.repeat(np.arange(len(geometry.buckets)), buffers.groups_of_bucket)
     assert len(np.unique(buckets)) > 1
     assert len(np.unique(groups[:, 7])) == 4
+    widths = np.maximum.reduceat(geometry.clusters.widths, groups[:, 3].astype(np.intp))
+    np.testing.assert_array_equal(groups[:, 8].view("<f4"), widths)
     for block in blocks:
         own = slice(block[3], block[3] + block[7])
         assert len(np.unique(groups[own, 7])) == len(np.unique(buckets[own])) == 1

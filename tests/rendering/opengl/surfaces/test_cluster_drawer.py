@@ -138,8 +138,10 @@ def test_triangles_beyond_the_room_are_drawn_with_their_clusters(monkeypatch):
 
 
 @pytest.mark.usefixtures("needs_opengl")
-def test_a_image_does_not_depend_on_the_one_before(monkeypatch):
+@pytest.mark.parametrize("min_culled_triangles", [0, 10**9])
+def test_an_image_does_not_depend_on_the_one_before(monkeypatch, min_culled_triangles):
     monkeypatch.setattr(scene_view, "MIN_TRIANGLES_OF_PASSES", (0, 0, 0, 0))
+    monkeypatch.setattr(scene_view, "MIN_CULLED_TRIANGLES", min_culled_triangles)
     camera = FAST.resized(100)
     poses = [make_pose((x, 0.5 * x, 0.0), yaw_deg=90.0 * x) for x in (0.0, 4.0, -5.0)]
     with Stage(crowd()) as stage:
