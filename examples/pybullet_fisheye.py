@@ -29,11 +29,9 @@ def main(folder: Path) -> None:
         camera = stage.open(
             lens, omnisim.pose((0.3, 0.0, 0.8), pitch_deg=30.0), vehicle="base_link"
         )
+        mode, speeds = pybullet.VELOCITY_CONTROL, [8.0] * len(WHEELS)
+        pybullet.setJointMotorControlArray(husky, WHEELS, mode, targetVelocities=speeds)
         for number in range(4):
-            for wheel in WHEELS:
-                pybullet.setJointMotorControl2(
-                    husky, wheel, pybullet.VELOCITY_CONTROL, targetVelocity=8.0, force=100.0
-                )
             for _ in range(120):
                 pybullet.stepSimulation()
             frame = camera.render(stage.now(), also=("range", "instance"))

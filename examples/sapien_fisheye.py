@@ -14,24 +14,22 @@ from omnisim.cameras import EquidistantCamera
 from omnisim.follow import SapienStage
 
 UPRIGHT = (0.7071068, 0.0, -0.7071068, 0.0)  # x up, about which joints turn
-SIZES = (("mast", (0.1, 0.1, 0.6)), ("arm", (0.5, 0.06, 0.04)))
 
 
 def main(folder: Path) -> None:
     scene = sapien.Scene([sapien.physx.PhysxCpuSystem()])
     scene.add_ground(0.0, render=False)
-    builder, links = scene.create_articulation_builder(), []
-    for name, half_size in SIZES:
-        link = builder.create_link_builder(links[-1] if links else None)
-        link.add_box_collision(sapien.Pose((half_size[0] - 0.1, 0.0, 0.0)), half_size)
-        link.set_name(name)
-        links.append(link)
+    builder = scene.create_articulation_builder()
+    mast = builder.create_link_builder()
+    mast.add_box_collision(half_size=(0.1, 0.1, 0.6)).set_name("mast")
+    arm = builder.create_link_builder(mast)
+    arm.add_box_collision(sapien.Pose((0.4, 0.0, 0.0)), (0.5, 0.06, 0.04)).set_name("arm")
     top, turned = sapien.Pose((0.0, 0.0, 0.7), UPRIGHT), sapien.Pose(q=UPRIGHT)
-    links[1].set_joint_properties("continuous", [(-9.0, 9.0)], top, turned)
+    arm.set_joint_properties("continuous", [(-9.0, 9.0)], top, turned)
     builder.set_initial_pose(sapien.Pose((0.0, 0.0, 0.6)))
-    robot = builder.build(fix_root_link=True)
-    robot.active_joints[0].set_drive_properties(0.0, 100.0)
-    robot.active_joints[0].set_drive_velocity_target(0.8)
+    joint = builder.build(fix_root_link=True).active_joints[0]
+    joint.set_drive_properties(0.0, 100.0)
+    joint.set_drive_velocity_target(0.8)
     for number in range(5):
         box = scene.create_actor_builder().add_box_collision(half_size=(0.14, 0.14, 0.14))
         box.set_initial_pose(sapien.Pose((0.6, 0.6, 0.14 + 0.28 * number)))
