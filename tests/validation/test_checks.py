@@ -53,7 +53,6 @@ def _missed(key, fixture):
         BY_KEY,
         "viewpoint",
         "markers",
-        "polygons",
         "optics",
         long=(
             *("arcade", "baked", "materials", "noise", "optics-calibration", "optics-path-tracer"),

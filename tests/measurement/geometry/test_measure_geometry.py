@@ -237,6 +237,7 @@ def test_opencv_s_fisheye_calibration_is_the_same_lens(views):
     assert lens.coefficients == pytest.approx(distortion.ravel(), abs=1e-5)
 
 
+@pytest.mark.slow
 def test_opencv_s_omnidirectional_calibration_leaves_no_less():
     cv2 = pytest.importorskip("cv2")
     lens = UnifiedCamera(640, 480, (420.0, 421.0), (322.0, 236.0), 1.1, (-0.05, 0.01, 1e-3, -1e-3))

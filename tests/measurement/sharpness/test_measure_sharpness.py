@@ -66,6 +66,7 @@ def test_quantities_have_standard_deviations(lens):
     assert not lens.unobservable
 
 
+@pytest.mark.slow
 def test_drawn_lens_measures_the_same():
     """Numbers of the degradations, found again in the image that they make."""
     geometry = ImageGeometry(600, 480, (299.5, 239.5))
