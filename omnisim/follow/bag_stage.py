@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -105,7 +105,8 @@ def _interpolated(frame: _Frame, time_s: float) -> Floats:
         return frame.parent_from_frame[min(index, len(frame.times_s) - 1)]
     before, after = frame.times_s[index - 1 : index + 1]
     share = float((time_s - before) / (after - before))
-    return interpolate_pose(*frame.parent_from_frame[index - 1 : index + 1], share)
+    first, second = frame.parent_from_frame[index - 1 : index + 1]
+    return interpolate_pose(first, second, share)
 
 
 def read_frames(bag: Path) -> dict[str, _Frame]:
@@ -119,7 +120,8 @@ def read_frames(bag: Path) -> dict[str, _Frame]:
         used = [topic for topic in reader.connections if topic.msgtype in TRANSFORMS]
         for connection, _, data in reader.messages(used) if used else ():
             is_static = connection.topic.endswith("tf_static")
-            for stamped in reader.deserialize(data, connection.msgtype).transforms:
+            message: Any = reader.deserialize(data, connection.msgtype)
+            for stamped in message.transforms:
                 stamp, place = stamped.header.stamp, stamped.transform
                 time_s = -np.inf if is_static else stamp.sec + 1e-9 * stamp.nanosec
                 vector, turn = place.translation, place.rotation
@@ -132,9 +134,9 @@ def read_frames(bag: Path) -> dict[str, _Frame]:
     frames = {}
     for name, (parent, samples) in found.items():
         times_s, kept = np.unique([time_s for time_s, _ in samples], return_index=True)
-        numbers = np.array([samples[index][1] for index in kept])
-        if not (np.isfinite(numbers).all() and (np.linalg.norm(numbers[:, 3:], axis=1) > 0).all()):
+        values = np.array([samples[index][1] for index in kept])
+        if not (np.isfinite(values).all() and (np.linalg.norm(values[:, 3:], axis=1) > 0).all()):
             raise SceneError(f"{bag}: frame {name!r}: expected finite transforms and rotations")
-        poses = pose_from_rotation(rotation_from_quaternion(numbers[:, 3:]), numbers[:, :3])
+        poses = pose_from_rotation(rotation_from_quaternion(values[:, 3:]), values[:, :3])
         frames[name] = _Frame(parent, times_s, poses)
     return frames

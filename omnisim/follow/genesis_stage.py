@@ -45,7 +45,7 @@ class GenesisStage(BodyStage):
         require_extra("genesis", "omnisim.follow.GenesisStage")
         if not scene.is_built:
             raise SceneError("scene: expected one that is built: call scene.build() before")
-        self._scene, self._solver = scene, scene.sim.rigid_solver
+        self._host, self._solver = scene, scene.sim.rigid_solver
         used = set[str]()
         names = [
             unique_name(f"{link.entity.name}/{link.name}", used, first=2)
@@ -90,7 +90,7 @@ class GenesisStage(BodyStage):
 
     @property
     def _time_s(self) -> float:
-        return float(self._scene.sim.cur_t)
+        return float(self._host.sim.cur_t)
 
 
 def _batched(values: Any) -> Any:

@@ -68,7 +68,11 @@ class CameraInfoMessage(
 class CameraInfo(Format[CameraInfoLens]):
     """Base of the formats with a CameraInfo: names of Brown's and of the Kannala-Brandt models."""
 
-    models = (UnifiedCamera, RationalPolynomialCamera, KannalaBrandtCamera)
+    models: tuple[type[CameraInfoLens], ...] = (
+        UnifiedCamera,
+        RationalPolynomialCamera,
+        KannalaBrandtCamera,
+    )
     fits = (
         (UnifiedCamera, base.PINHOLE),
         (RationalPolynomialCamera, ANY),

@@ -274,7 +274,7 @@ class _Reader:
         if class_name or (owner is None and prim != self._whole and is_component):
             owner = ObjectFrame(prim.GetName(), str(prim.GetPath()), matrix, class_name or "")
         elif owner is not None and is_rigid_body(prim):  # a part that moves on its own
-            inner = prim.GetPath().MakeRelativePath(owner.path)
+            inner = str(prim.GetPath()).removeprefix(f"{owner.path}/")
             owner = ObjectFrame(
                 f"{owner.name}/{inner}", str(prim.GetPath()), matrix, owner.class_name
             )
