@@ -12,8 +12,8 @@ layout(local_size_x = 64) in;
 #include "culling/screen_bounds.glsl"
 
 void leave(Candidate self, Group group, vec3 viewpoint) {
-    // cull.comp takes a cluster to be as near as its box's center less the box's radius: that radius
-    // and the way between both boxes' centers are together at most √2 times the group's radius
+    // cull.comp takes a cluster as near as its box's center less the box's radius. This radius
+    // and the way between the centers are together at most sqrt(2) times the group's radius.
     float radius_m = sqrt(2.0) * 0.5 * length(group.aabb_max - group.aabb_min);
     float nearest_m = distance(0.5 * (group.aabb_min + group.aabb_max), viewpoint) - radius_m;
     bool is_later = group.width < 0.9999 * u_occluder_rad * nearest_m;
