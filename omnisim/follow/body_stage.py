@@ -94,10 +94,12 @@ class BodyStage(Stage):
             prefix = f"{robot}/" if robot else ""
             links |= {f"{prefix}{link.name}": link for link in part.links}
         body_of = match_names(list(links), self.names)
-        still, objects, lost = split_links(world, "", body_of)
+        # bodies of instances that another body carries, by its name and theirs
+        self._owners: dict[tuple[str | None, str], str] = {}
+        still, objects, lost = split_links(world, "", body_of, self._owners)
         for robot, part in parts.items():
             if robot and part.links:
-                fixed, shapes, undrawn = split_links(part, f"{robot}/", body_of)
+                fixed, shapes, undrawn = split_links(part, f"{robot}/", body_of, self._owners)
                 objects |= shapes
                 lost += undrawn
                 still = still.added(robot, fixed) if fixed.instances else still
@@ -215,9 +217,12 @@ class BodyStage(Stage):
             OmnisimError: the frame was rendered without the channel instance.
         """
         index = {name: number for number, name in enumerate(self.names)}
-        return self._ids(
-            frame, "body_ids", lambda instance: index.get(instance.object_name or "", NO_BODY)
-        )
+
+        def id_of(instance: InstanceLabel) -> int:
+            carrier = instance.object_name
+            return index.get(self._owners.get((carrier, instance.name), carrier or ""), NO_BODY)
+
+        return self._ids(frame, "body_ids", id_of)
 
     def _ids(
         self, frame: Frame, method: str, id_of: Callable[[InstanceLabel], int]
@@ -325,7 +330,10 @@ def _host_array(values: Any, name: str, shape: tuple[int | str, ...]) -> Floats:
 
 
 def split_links(
-    scene: Scene, prefix: str, body_of: Mapping[str, str]
+    scene: Scene,
+    prefix: str,
+    body_of: Mapping[str, str],
+    owners: dict[tuple[str | None, str], str],
 ) -> tuple[Scene, dict[str, Scene], list[str]]:
     """Split a scene into what stands still, and the shapes of bodies in their own frames.
 
@@ -335,6 +343,8 @@ def split_links(
         scene: scene with links.
         prefix: text before its links' names in `body_of`.
         body_of: name of the body by that of the link.
+        owners: gets the body of each instance whose link another body carries, by the name of that
+            body and of the instance.
 
     Returns:
         The scene without its moving links; shapes by the body's name; links that no body moves.
@@ -351,13 +361,15 @@ def split_links(
     for name, root in sorted(roots.items(), key=lambda item: item[0] != item[1]):
         if prefix + name in body_of:
             carriers.setdefault(root, links[name])
-    owners = {name: link.name for link in scene.links for name in link.instances}
+    link_of = {name: link.name for link in scene.links for name in link.instances}
     groups: dict[str, list[int]] = {"": []}
     for index, instance in enumerate(scene.instances):
-        owner = owners.get(instance.name, instance.name)
-        while owner and owner not in links:
-            owner = owner.rpartition("/")[0]
-        groups.setdefault(roots[owner], []).append(index)
+        link = link_of.get(instance.name, instance.name)
+        while link and link not in links:
+            link = link.rpartition("/")[0]
+        groups.setdefault(roots[link], []).append(index)
+        if roots[link] in carriers and (own := body_of.get(prefix + link)) is not None:
+            owners[body_of[prefix + carriers[roots[link]].name], instance.name] = own
     still = replace(part_of(scene, groups.pop(""), np.eye(4)), links=())
     shapes, lost = {}, []
     for root, chosen in groups.items():

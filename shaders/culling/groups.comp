@@ -1,7 +1,7 @@
 // Culling of cluster groups: the clusters of those that remain are tested next, unless all of them
 // are so narrow that they are drawn in a later pass.
-// PASS 0: the groups in the frustum of a view, one invocation per block of groups: in a large scene,
-// most blocks are outside as a whole; 2: those that earlier passes left and do not occlude.
+// PASS 0: the groups in the frustum of a view, one invocation per block of groups: in a large
+// scene, most blocks are outside as a whole; 2: those that earlier passes left and do not occlude.
 #version 450 core
 
 layout(local_size_x = 64) in;
@@ -12,8 +12,8 @@ layout(local_size_x = 64) in;
 #include "culling/screen_bounds.glsl"
 
 void leave(Candidate self, Group group, vec3 viewpoint) {
-    // no cluster of the group is nearer, by its distance in cull.comp: the radii of a box and of one
-    // beside it in the group's box are together at most as long as that of the sides of a square
+    // cull.comp takes a cluster as near as its box's center less the box's radius. This radius
+    // and the way between the centers are together at most sqrt(2) times the group's radius.
     float radius_m = sqrt(2.0) * 0.5 * length(group.aabb_max - group.aabb_min);
     float nearest_m = distance(0.5 * (group.aabb_min + group.aabb_max), viewpoint) - radius_m;
     bool is_later = group.width < 0.9999 * u_occluder_rad * nearest_m;

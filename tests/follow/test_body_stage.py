@@ -73,6 +73,18 @@ def test_links_move_as_one_body_with_what_is_fixed_to_them(arm):
     assert stage.notices == ("invisible: 1 body in no file: go/base_x",)
 
 
+def test_masks_tell_links_that_are_fixed_to_each_other_apart(arm):
+    names = ["base", "upper", "hand"]
+    with BodyStage(STILL, {"arm": arm}, names=names, quaternions="xyzw") as stage:
+        assert sorted(stage.objects) == ["base", "upper"]
+        camera = stage.open(LENS, omnisim.pose((-2.0, 0.0, 1.2)))
+        turns = np.tile([0.0, 0.0, 0.0, 1.0], (3, 1))
+        state = stage.state([[0.0, 0.0, 0.1], [0.0, 0.0, 0.6], [0.0, 0.0, 1.2]], turns)
+        ids = stage.body_ids(camera.render(state, also=("instance",)))
+    assert ids[32, 32] == 2
+    assert set(np.unique(ids)) == {-1, 0, 1, 2}
+
+
 def test_a_sensor_rides_on_a_body_and_takes_part_of_its_name(ball_stage):
     turn = Rotation.from_euler("z", [[90.0], [0.0]], degrees=True)
     state = ball_stage.state([[0.0, -3.0, 1.0], [0.0, 0.0, 1.0]], wxyz(turn))

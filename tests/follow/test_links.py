@@ -64,7 +64,9 @@ def test_links_of_a_world_stand_still_or_move(tmp_path):
         "cart/lid": "cart/chassis", "cart/post": "",
     }  # fmt: skip
     np.testing.assert_allclose(links["cart/wheel"].world_from_link[:3, 3], (1.0, 3.0, 3.0))
-    still, shapes, lost = split_links(scene, "", {"cart/chassis": "base", "cart/wheel": "wheel"})
+    still, shapes, lost = split_links(
+        scene, "", {"cart/chassis": "base", "cart/wheel": "wheel"}, {}
+    )
     assert still.instance_names == ("hall/floor/v", "cart/post/v")
     assert shapes["base"].instance_names == ("cart/chassis/v", "cart/lid/v")
     np.testing.assert_allclose(shapes["wheel"].bounds_m(), ([-0.5] * 3, [0.5] * 3), atol=1e-6)
@@ -75,7 +77,7 @@ def test_links_of_a_world_stand_still_or_move(tmp_path):
 def test_what_is_fixed_follows_the_first_link_that_is_a_body(tmp_path):
     path = tmp_path / "w.sdf"
     path.write_text(WORLD)
-    _, shapes, lost = split_links(load_scene(path), "", {"cart/lid": "lid"})
+    _, shapes, lost = split_links(load_scene(path), "", {"cart/lid": "lid"}, {})
     np.testing.assert_allclose(shapes["lid"].bounds_m()[0], (-0.5, -0.5, -2.5), atol=1e-6)
     assert lost == ["cart/wheel"]
 
@@ -89,7 +91,7 @@ def test_links_that_are_fixed_to_each_other_or_to_none_move(tmp_path):
             "<joint name='c' type='fixed'><parent>nothing</parent><child>post</child></joint>",
         )
     )
-    _, shapes, lost = split_links(load_scene(path), "", {"cart/post": "post"})
+    _, shapes, lost = split_links(load_scene(path), "", {"cart/post": "post"}, {})
     assert list(shapes) == ["post"]
     assert "cart/wheel" in lost
 
