@@ -50,6 +50,10 @@ BY_HAND = {
     "calibration show a.obj": "render a.obj -o o.png",
     "measure compare . --sensor unlit.toml -o r":
         "measure compare . --sensor unlit.toml --board 8x6:30mm -o r",
+    "measure timing . --board 8x6:30mm -o c.toml":
+        "measure timing . --board 8x6:30mm --sensor unlit.toml --frame-rate 30 -o c.toml",
+    "measure timing . --board 8x6:30mm --sensor unlit.toml -o c.toml":
+        "measure timing . --board 8x6:30mm --sensor unlit.toml --frame-rate 30 -o c.toml",
     "unwarp a.png --to perspective -o o.png --pitch -80 --fov 40":
         "unwarp a.png --to perspective -o o.png --pitch 10 --fov 40",
     "unwarp a.png --to cylinder -o o.png --size 90 9":

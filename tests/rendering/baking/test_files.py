@@ -103,7 +103,7 @@ def test_tiles_of_other_settings_are_not_taken_and_damaged_ones_are_named(tmp_pa
     bake_scene(room(), tmp_path / "x", SETTINGS)
     (tmp_path / ".x.unfinished" / "bounces-00000.npz").write_bytes(b"damaged")
     (tmp_path / "x").rename(tmp_path / "y")
-    with pytest.raises(OmnisimError, match=r"bounces-00000\.npz: is no tile of a bake"):
+    with pytest.raises(OmnisimError, match=r"bounces-00000\.npz: is not a tile of a bake"):
         bake_scene(room(), tmp_path / "x", SETTINGS)
 
 
