@@ -35,6 +35,8 @@ LONG = {
         "ball-bearing", "camera-twin", "labeled-drive", "own-lens", "self-localization",
     )),
 }  # fmt: skip
+# Notices on files are for whoever runs the block.
+WARNINGS = ("-W", "error", "-W", "ignore::omnisim.core.errors.NoticeWarning")
 MAIN = (
     "import sys; sys.argv[0] = 'omnisim'; from omnisim.apps.cli.start import main; sys.exit(main())"
 )
@@ -106,7 +108,7 @@ def test_blocks_run(page, folder):
         elif language == "sh":
             assert not PRINTED_NOISE.findall(_run(["bash", "-euc", code], folder)), code
         else:
-            _run([sys.executable, "-W", "error", "-c", code], folder)
+            _run([sys.executable, *WARNINGS, "-c", code], folder)
 
 
 NOTEBOOKS = sorted((ROOT / "examples").glob("*.ipynb"))

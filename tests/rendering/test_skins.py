@@ -210,7 +210,7 @@ def test_shadows_follow_the_figure(tmp_path):
     (tmp_path / "scene.toml").write_text(text)
     scene, images = load_scene(tmp_path / "scene.toml"), {}
     for backend in BACKENDS:
-        with opened(scene, CAMERA, backend) as renderer:
+        with opened(scene, CAMERA.resized(240), backend) as renderer:
             for time_s in (0.1, 0.9):
                 images[backend, time_s] = renderer.render(_at(HERE, time_s)).rgb.astype(int)
     for time_s in (0.1, 0.9):

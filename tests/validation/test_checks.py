@@ -32,8 +32,13 @@ def fixture():
 
 
 @pytest.fixture(autouse=True)
-def _small(monkeypatch):
-    """Fewer markers at half the size, and fewer round trips; the bounds are the same."""
+def _small(monkeypatch, request):
+    """Fewer markers at half the size, and fewer round trips; the bounds are the same.
+
+    OpenCV's calibration reaches its bound with all markers alone.
+    """
+    if "omnidir" in request.node.name:
+        return
     monkeypatch.setattr(calibration, "SIZE_PX", 512)
     monkeypatch.setattr(calibration, "MARKERS", 100)
     monkeypatch.setattr(optics, "QUICK_STEP_PX", 36)

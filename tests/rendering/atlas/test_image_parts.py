@@ -70,7 +70,6 @@ def _cut_tiles(camera, plan, part):
 @camera_examples
 @pytest.mark.usefixtures("small_parts")
 def test_atlases_of_parts_hold_what_their_pixels_look_up(camera):
-    camera = camera.scaled(0.5)
     plan, parts = _parts(camera, 2.0, level_bias=-0.5)
     assert parts
     drawn = np.zeros((camera.height_px, camera.width_px), dtype=int)
