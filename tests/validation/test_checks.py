@@ -62,7 +62,15 @@ def _missed(key, fixture):
         long=(
             *("arcade", "baked", "materials", "noise", "optics-calibration", "optics-path-tracer"),
             *("optics-triangles", "path-tracer", "quality", "rays", "reflections"),
-            *("boards", "omnidir", "second-rasterizer", "shadows", "sharpness", "twin", "unwarping"),
+            *(
+                "boards",
+                "omnidir",
+                "second-rasterizer",
+                "shadows",
+                "sharpness",
+                "twin",
+                "unwarping",
+            ),
         ),
     ),
 )
