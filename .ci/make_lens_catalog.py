@@ -14,13 +14,13 @@ from typing import Any
 
 from omnisim.cameras.calibration.calibration import load_calibration
 from omnisim.cameras.catalog import lens_catalog
-from omnisim.cameras.catalog.lens_catalog import FILE, _Fields, rank, slug
+from omnisim.cameras.catalog.lens_catalog import FILE, CatalogFields, rank, slug
 from omnisim.core.errors import OmnisimError
 
 TARGET = Path(lens_catalog.__file__).with_name(FILE)
 
 
-def fields_of(profile: dict[str, Any]) -> _Fields:
+def fields_of(profile: dict[str, Any]) -> CatalogFields:
     """Columns of a profile; numbers keep nine digits."""
     lens = profile["fisheye_params"]
     (fx, _, cx), (_, fy, cy), _ = lens["camera_matrix"]
@@ -31,7 +31,7 @@ def fields_of(profile: dict[str, Any]) -> _Fields:
     def text(key: str) -> str:
         return " ".join(str(profile.get(key) or "").split())
 
-    return _Fields(
+    return CatalogFields(
         text("camera_brand"), text("camera_model"), text("lens_model"), text("camera_setting"),
         text("note"), str(size["w"]), str(size["h"]),
         "" if stretches == [1.0, 1.0] else " × ".join(f"{one:g}" for one in stretches),
@@ -45,7 +45,7 @@ def fields_of(profile: dict[str, Any]) -> _Fields:
 
 def main(checkout: Path) -> None:
     """Write the catalog, and print what it has."""
-    profiles: list[_Fields] = []
+    profiles: list[CatalogFields] = []
     refused: Counter[str] = Counter()
     for path in sorted(checkout.rglob("*.json")):
         try:

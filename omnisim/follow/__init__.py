@@ -8,7 +8,8 @@ with omnisim.follow.MujocoStage(model, data) as stage:
 
 Of any simulator: `BodyStage` follows arrays of positions and quaternions. Of a known one:
 `MujocoStage`, `NewtonStage`, `SapienStage`, `PyBulletStage`, `GenesisStage`; of a recording, such
-as Gazebo's: `BagStage`. `CameraWrapper` adds a camera to a Gymnasium environment.
+as Gazebo's: `BagStage`. `CameraWrapper` adds a camera to a Gymnasium environment,
+`ManiSkillWrapper` to one of ManiSkill.
 """
 
 from omnisim.core.lazy_names import lazy_names

@@ -90,6 +90,13 @@ def test_a_calibration_of_the_catalog_has_its_notes():
     assert find("hero11-black/wide-4k").name == NAME
 
 
+def test_an_angle_ends_its_field_of_view_and_other_options_are_refused():
+    lens = load_calibration(f"catalog:{NAME}", theta_max_deg=40.0).cameras[0].camera
+    assert lens.domain_limit_rad == pytest.approx(np.radians(40.0))
+    with pytest.raises(CalibrationError, match="format, mirrored: expected none"):
+        load_calibration(f"catalog:{NAME}", format="kalibr")
+
+
 @pytest.mark.parametrize(
     ("name", "expected"),
     [

@@ -116,6 +116,8 @@ def read_camera(files: groups.CameraFileOptions, calibration: Path | None = None
     from omnisim.apps.cli.cameras.calibration import read_calibration, select_camera
 
     if str(calibration).startswith("catalog:"):
+        reason = "expected none with a camera of the catalog"
+        refuse_given(files, reason, "camera_name", "mirrored", error=CalibrationError)
         return OmniCamera.of_catalog(str(calibration))
     read = read_calibration(calibration, files.camera_name, None, files.mirrored)
     return OmniCamera(select_camera(read, files.camera_name).cameras[0].camera, polygons=None)

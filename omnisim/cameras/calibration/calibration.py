@@ -164,9 +164,14 @@ def load_calibration(
     except OSError as reason:  # the name is too long
         raise CalibrationError(f"{path}: cannot be read: {reason.strerror}") from None
     if str(path).startswith(PREFIX):
+        if format is not None or mirrored:
+            raise CalibrationError(
+                f"{path}: format, mirrored: expected none with a camera of the catalog"
+            )
         entry = find(str(path))
-        notes = (*entry.notes, *field_notes(entry.lens))
-        camera_of_entry = CalibratedCamera(entry.title, entry.lens, notes=notes)
+        lens = entry.lens if limit_rad is None else entry.lens.ending_at(limit_rad) or entry.lens
+        notes = (*entry.notes, *field_notes(lens))
+        camera_of_entry = CalibratedCamera(entry.title, lens, notes=notes)
         calibration = Calibration((camera_of_entry,), "catalog", f"{PREFIX}{entry.name}")
     elif is_folder:
         cameras = read_kitti360_folder(path, mirrored, limit_rad)

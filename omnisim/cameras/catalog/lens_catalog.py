@@ -22,7 +22,7 @@ FILE = "lenses.tsv.xz"
 SHOWN = 5  # names in a message
 
 
-class _Fields(NamedTuple):
+class CatalogFields(NamedTuple):
     """Columns of the file."""
 
     maker: str
@@ -57,7 +57,7 @@ class CatalogEntry:
         fields: columns of the file, as text.
     """
 
-    def __init__(self, fields: _Fields, name: str):
+    def __init__(self, fields: CatalogFields, name: str):
         self.fields, self.name = fields, name
 
     def __repr__(self) -> str:
@@ -112,7 +112,7 @@ def slug(text: str) -> str:
     return re.sub(r"[^a-z0-9.+]+", "-", plain).strip("-") or "other"
 
 
-def rank(fields: _Fields) -> tuple[bool, bool, float, str]:
+def rank(fields: CatalogFields) -> tuple[bool, bool, float, str]:
     """Order of profiles with one name: official ones, those with a readout, small errors."""
     return not fields.official, not fields.readout_ms, float(fields.error_px), fields.date
 
@@ -124,7 +124,7 @@ def catalog() -> dict[str, CatalogEntry]:
     entries: dict[str, CatalogEntry] = {}
     for line in lzma.decompress(packed).decode().splitlines():
         name, *columns = line.split("\t")
-        entries[name] = CatalogEntry(_Fields(*columns), name)
+        entries[name] = CatalogEntry(CatalogFields(*columns), name)
     return entries
 
 

@@ -46,6 +46,8 @@ def search(request: SearchRequest) -> None:
     from omnisim.cameras.catalog import lens_catalog  # reads the catalog
 
     words = " ".join(request.words)
+    if request.limit < 0:
+        raise CalibrationError(f"--limit: expected 0 or more, got {request.limit}")
     found = lens_catalog.search(words)
     if not found:
         raise CalibrationError(f"WORD: no camera of the catalog has all of: {words}")

@@ -61,7 +61,7 @@ def _read_level(context, texture, level):
 
 BLOCK, BLOCKS_PER_GROUP = 8, 8
 NEAR_M = 0.05
-LONGEST_M = 0.17  # from the viewpoint to where a ray begins
+LONGEST_M = 0.17  # largest distance of a ray's origin from the viewpoint
 
 
 def _largest(values, side):
