@@ -18,6 +18,7 @@ ROOMS = (
     {"report"},
     {"plots"},
     {"evaluation"},
+    {"serve"},
     {"datasets", "measurement"},
     {"follow", "runs"},
     {"robots"},
@@ -27,7 +28,7 @@ ROOMS = (
     {"cameras", "ground_truth"},
     {"core"},
 )
-MAX_ROOMS, MAX_ROW = 17, 20  # rooms of the package, modules of a folder
+MAX_ROOMS, MAX_ROW = 18, 20  # rooms of the package, modules of a folder
 # As measured; whoever merges or shortens modules lowers them: to 6 % and 30.
 MAX_IMPORT_PERCENT = 7.8  # of the package's lines
 MAX_SINGLE_USE = 33  # modules that only one other imports

@@ -86,6 +86,10 @@ class CalibrationError(OmnisimError):
     """A calibration file is invalid, or its parameters do not suit the camera model."""
 
 
+class ServeError(OmnisimError):
+    """A served robot cannot do what a client asks."""
+
+
 class MeasurementError(OmnisimError):
     """Images do not suffice to measure a camera."""
 
