@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from omnisim.core.arrays import Floats
+from omnisim.core.arrays import Bools, Floats, Indices, triangle_bounds
 from omnisim.robots.vehicle import BodyBoxes
 from omnisim.runs.contacts import meet_box
 from omnisim.scene import Scene
@@ -18,6 +18,7 @@ from omnisim.scene.space.start_pose import nearest_points
 Point = tuple[float, float, float]
 MAX_TRIANGLES = 500_000  # larger scenes would delay the first step by seconds
 MIN_CLEARANCE_M = 0.01  # a viewpoint nearer to a surface flies freely: it may be in a plane
+AROUND_M = 1.0  # triangles up to here are kept at hand, as the robot moves on
 _PUSHES = 4  # away from the nearest surfaces, per step
 _NEARER = 0.999  # of the distance to keep: rounding is no contact
 
@@ -35,7 +36,8 @@ class Ground:
     def __init__(self, scene: Scene, boxes: BodyBoxes | None = None):
         self._scene, self._boxes = scene, boxes
         self._is_small = scene.triangle_count <= MAX_TRIANGLES
-        self._field: HeightField | None = None
+        self._field: tuple[Floats, HeightField] | None = None  # around a point of the floor plan
+        self._last_near = (np.full(3, np.inf), np.full(3, -np.inf)), np.zeros(0, dtype=np.intp)
 
     @cached_property
     def _triangles(self) -> Triangles:
@@ -54,9 +56,10 @@ class Ground:
         if not self._is_small:
             return near_m
         reach_m = 0.05 if self._boxes is None else self._boxes.clearance_m
-        everywhere = np.full(2, np.inf)
-        self._field = self._field or HeightField(self._scene, -everywhere, everywhere)
-        heights = self._field.heights_m(np.array(point_m)[None, None]).ravel()
+        point = np.array(point_m)
+        if self._field is None or np.any(np.abs(point - self._field[0]) > AROUND_M):
+            self._field = point, HeightField(self._scene, point - AROUND_M, point + AROUND_M)
+        heights = self._field[1].heights_m(point[None, None]).ravel()
         near = heights[np.abs(heights - near_m) <= reach_m]
         return float(near.max()) if len(near) else near_m
 
@@ -72,16 +75,35 @@ class Ground:
 
     def _touched(self, world_from_base: Floats) -> set[int]:
         assert self._boxes is not None
+        parts, rotation, at = self._boxes.parts_m, world_from_base[:3, :3], world_from_base[:3, 3]
+        if not len(parts):
+            return set()
+        middles, halves = parts.mean(axis=1), 0.5 * (parts[:, 1] - parts[:, 0])
+        centers, extents = middles @ rotation.T + at, halves @ np.abs(rotation).T
+        lows, highs = centers - extents, centers + extents
+        near = self._near(lows.min(axis=0), highs.max(axis=0))
+        near = near[_overlap(self._bounds[:, near], lows.min(axis=0), highs.max(axis=0))]
         touched: set[int] = set()
-        for low, high in self._boxes.parts_m:
-            middle, half = 0.5 * (low + high), 0.5 * (high - low)
-            center = world_from_base[:3, :3] @ middle + world_from_base[:3, 3]
-            extent = np.abs(world_from_base[:3, :3]) @ half
-            _, hit = self._bvh.overlaps((center - extent)[None], (center + extent)[None])
-            corners = self._triangles.corners_m[hit] - world_from_base[:3, 3]
-            touching = meet_box(corners @ world_from_base[:3, :3] - middle, half)
+        for part in range(len(parts)) if len(near) else ():
+            hit = near[_overlap(self._bounds[:, near], lows[part], highs[part])]
+            corners = (self._triangles.corners_m[hit] - at) @ rotation - middles[part]
+            touching = meet_box(corners, halves[part])
             touched.update(self._triangles.instances[hit[touching]].tolist())
         return touched
+
+    @cached_property
+    def _bounds(self) -> Floats:
+        """Corners (2, n, 3) of the boxes around the triangles."""
+        return np.stack(triangle_bounds(self._triangles.corners_m))
+
+    def _near(self, low_m: Floats, high_m: Floats) -> Indices:
+        """Triangles that may overlap a box (3,), found anew only where the box leaves the last."""
+        (low, high), near = self._last_near
+        if np.any(low_m < low) or np.any(high_m > high):
+            low, high = low_m - AROUND_M, high_m + AROUND_M
+            _, near = self._bvh.overlaps(low[None], high[None])
+            self._last_near = (low, high), near
+        return near
 
     def nearest(self, point_m: ArrayLike, reach_m: float) -> tuple[Floats, int]:
         """Offset (3,) from a point to the nearest triangle, and its index; −1: none in reach."""
@@ -120,3 +142,9 @@ class Ground:
                 point = before
         x, y, z = point.tolist()
         return (x, y, z), name
+
+
+def _overlap(bounds_m: Floats, low_m: Floats, high_m: Floats) -> Bools:
+    """Mask (n,) of the boxes (2, n, 3) that overlap a box (3,)."""
+    overlapping: Bools = np.all((bounds_m[0] <= high_m) & (bounds_m[1] >= low_m), axis=1)
+    return overlapping
