@@ -69,8 +69,13 @@ class ImuErrors(Parameters, name="imu", in_radians=True):
     accel_bias_sigma_mps2: Level = 0.0
     """Standard deviation of the specific force's initial bias, m/s². Default: 0."""
 
-    def biases(self, count: int, rate_hz: float, key: int) -> Floats:
-        """Biases (count, 6) of the first `count` readings: three rates, then three forces."""
+    def biases(
+        self, count: int, rate_hz: float, key: int, begin: int = 0, before: Floats | float = 0.0
+    ) -> Floats:
+        """Biases (count, 6) of readings: three rates, then three forces.
+
+        The first reading has the index `begin`; `before` are the biases (6,) of the one before it.
+        """
         walk = self._six(
             self.gyro_bias_walk_radps2_per_sqrt_hz, self.accel_bias_walk_mps3_per_sqrt_hz
         )
@@ -78,8 +83,12 @@ class ImuErrors(Parameters, name="imu", in_radians=True):
         biases = np.empty((count, 6))
         for first in range(0, count, _BLOCK):
             indices = np.arange(first, min(first + _BLOCK, count))
-            biases[indices] = walk / math.sqrt(rate_hz) * _numbers(indices, _READING, key)[1]
-        biases[0] = start * _numbers(np.arange(1), _START, key)[0][0]
+            normal = _numbers(begin + indices, _READING, key)[1]
+            biases[indices] = walk / math.sqrt(rate_hz) * normal
+        if begin == 0:
+            biases[0] = start * _numbers(np.arange(1), _START, key)[0][0]
+        else:
+            biases[0] += before
         return np.cumsum(biases, axis=0, out=biases)
 
     def noise(self, indices: Ints, rate_hz: float, key: int) -> Floats:
