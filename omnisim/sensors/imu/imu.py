@@ -216,7 +216,10 @@ class Imu(SensorSettings):
         biases = self.errors.biases(len(times_s), self.rate_hz, key)
         parts = [slice(first, first + BLOCK) for first in range(0, len(times_s), BLOCK)]
         if not is_written(folder / READINGS):
-            blocks = (self._block(mount, motion, times_s, biases, key, part) for part in parts)
+            blocks = (
+                self._block(mount, motion, times_s[part], biases[part], key, part.start)
+                for part in parts
+            )
             write_table(folder / READINGS, COLUMNS, blocks)
         if not is_written(folder / BIASES):
             blocks = (np.column_stack((times_s[part], biases[part])) for part in parts)
@@ -228,7 +231,24 @@ class Imu(SensorSettings):
         """Readings (n, 6) at times (n,): angular rates in rad/s, then specific forces in m/s²."""
         key = key_of("imu", seed, mount.name)
         biases = self.errors.biases(len(times_s), self.rate_hz, key)
-        return self._block(mount, motion, times_s, biases, key, slice(None))[:, 1:]
+        return self._block(mount, motion, times_s, biases, key, 0)[:, 1:]
+
+    def next_readings(
+        self,
+        mount: Mount[object],
+        motion: BodyMotion,
+        seed: int,
+        times_s: Floats,
+        first: int,
+        before: Floats,
+    ) -> tuple[Floats, Floats]:
+        """Readings (n, 6) at times (n,), and the biases (6,) of the last of them.
+
+        `first` is the index of the first reading; `before` are the biases of the one before it.
+        """
+        key = key_of("imu", seed, mount.name)
+        biases = self.errors.biases(len(times_s), self.rate_hz, key, first, before)
+        return self._block(mount, motion, times_s, biases, key, first)[:, 1:], biases[-1]
 
     def _block(
         self,
@@ -237,15 +257,14 @@ class Imu(SensorSettings):
         times_s: Floats,
         biases: Floats,
         key: int,
-        part: slice,
+        first: int,
     ) -> Floats:
-        """Table rows (n, 7) of a slice of the readings, times first."""
-        times, indices = times_s[part], np.arange(len(times_s))[part]
+        """Table rows (n, 7) of readings at times (n,), times first; `first` is the first's index."""
         ideal = true_readings(
-            motion, mount.base_from_sensor, self.gravity_mps2, times, 1.0 / self.rate_hz
+            motion, mount.base_from_sensor, self.gravity_mps2, times_s, 1.0 / self.rate_hz
         )
-        noise = self.errors.noise(indices, self.rate_hz, key)
-        return np.column_stack((times, ideal + biases[part] + noise))
+        noise = self.errors.noise(first + np.arange(len(times_s)), self.rate_hz, key)
+        return np.column_stack((times_s, ideal + biases + noise))
 
 
 def _yaml_number(number: float) -> str:

@@ -29,6 +29,8 @@ from rosbags.typesys.stores.ros2_humble import (
     geometry_msgs__msg__TwistWithCovariance as TwistWithCovariance,
 )
 from rosbags.typesys.stores.ros2_humble import geometry_msgs__msg__Vector3 as Vector3
+from rosbags.typesys.stores.ros2_humble import nav_msgs__msg__MapMetaData as MapMetaData
+from rosbags.typesys.stores.ros2_humble import nav_msgs__msg__OccupancyGrid as OccupancyGrid
 from rosbags.typesys.stores.ros2_humble import nav_msgs__msg__Odometry as Odometry
 from rosbags.typesys.stores.ros2_humble import rosgraph_msgs__msg__Clock as Clock
 from rosbags.typesys.stores.ros2_humble import sensor_msgs__msg__CameraInfo as CameraInfo
@@ -48,6 +50,7 @@ from rosbags.typesys.stores.ros2_humble import tf2_msgs__msg__TFMessage as TFMes
 
 from omnisim.cameras.calibration.formats.ros import IDENTITY, CameraInfoLens, camera_info
 from omnisim.core.arrays import Floats
+from omnisim.core.poses import pose as pose_at
 from omnisim.core.poses import quaternion_from_rotation
 from omnisim.datasets.export.export_format import NANOSECONDS
 
@@ -82,9 +85,21 @@ def image(stamp_ns: int, frame: str, pixels: NDArray[Any]) -> Image:
     )
 
 
-def compressed_image(stamp_ns: int, frame: str, png: bytes) -> CompressedImage:
-    """Image message with the bytes of a PNG file."""
-    return CompressedImage(header(stamp_ns, frame), "png", np.frombuffer(png, dtype=np.uint8))
+def compressed_image(
+    stamp_ns: int, frame: str, content: bytes, kind: str = "png"
+) -> CompressedImage:
+    """Image message with the bytes of a PNG file, or of another kind of file."""
+    return CompressedImage(header(stamp_ns, frame), kind, np.frombuffer(content, dtype=np.uint8))
+
+
+def occupancy_grid(
+    stamp_ns: int, frame: str, cells: NDArray[np.int8], low_m: Floats, cell_m: float
+) -> OccupancyGrid:
+    """Map message of cells (rows, columns), rows along y; `low_m` (2,) is its lower corner."""
+    height, width = cells.shape
+    origin = _pose(pose_at((*low_m.tolist(), 0.0)))
+    about = MapMetaData(_time(stamp_ns), cell_m, width, height, origin)
+    return OccupancyGrid(header(stamp_ns, frame), about, cells.ravel())
 
 
 def camera_info_message(stamp_ns: int, frame: str, lens: CameraInfoLens) -> CameraInfo:

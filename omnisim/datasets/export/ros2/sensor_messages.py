@@ -24,14 +24,16 @@ from omnisim.datasets.export.export_format import NANOSECONDS, CloudLayout
 from omnisim.datasets.export.ros2 import ros_messages as messages
 from omnisim.datasets.export.ros2.cloud_layouts import laid_out
 from omnisim.ground_truth.frame import Frame
+from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.renderer import RecordedFrame
-from omnisim.rendering.sensor import Reading
-from omnisim.sensors.depth_camera.depth_camera import DepthImage
-from omnisim.sensors.laser_scanner.laser_scanner import Scan
-from omnisim.sensors.lidar.spinning_lidar import PointCloud
-from omnisim.sensors.range_sensor.range_sensor import RangeReading
+from omnisim.rendering.sensor import Mount, Reading, SensorSettings
+from omnisim.sensors.depth_camera.depth_camera import DepthCamera, DepthImage
+from omnisim.sensors.laser_scanner.laser_scanner import LaserScanner, Scan
+from omnisim.sensors.lidar.spinning_lidar import PointCloud, SpinningLidar
+from omnisim.sensors.range_sensor.range_sensor import RangeReading, RangeSensor
 
 Messages = dict[str, object]
+COMPRESSED = "/image_raw/compressed"
 LABELED = ("semantic", "instance")  # channels with numbers of the run's labels
 
 
@@ -178,3 +180,27 @@ def of_reading(
             limits_m = sensor.range_min_m, sensor.range_max_m
             return range_messages(name, stamp_ns, sensor.beam_angle_deg, limits_m, reading.range_m)
     raise TypeError(f"{name}: there is no message for {type(reading).__name__}")
+
+
+def topics_of(
+    mount: Mount[SensorSettings], lens: CameraInfoLens | None, channels: Sequence[str] = ()
+) -> dict[str, str]:
+    """Topics of a rendered sensor's stream, with the types of their messages."""
+    name, image, info = f"/{ros_name(mount.name)}", "sensor_msgs/msg/Image", {}
+    if lens is not None:
+        place = f"{name}/depth" if isinstance(mount.sensor, DepthCamera) else name
+        info = {f"{place}/camera_info": "sensor_msgs/msg/CameraInfo"}
+    match mount.sensor:
+        case OmniCamera():
+            compressed = {f"{name}{COMPRESSED}": "sensor_msgs/msg/CompressedImage"}
+            truth = {f"{name}/{channel}": image for channel in channels}
+            return {f"{name}/image_raw": image, **compressed, **info, **truth}
+        case DepthCamera():
+            return {f"{name}/depth/image_rect": image, **info}
+        case LaserScanner():
+            return {f"{name}/scan": "sensor_msgs/msg/LaserScan"}
+        case SpinningLidar():
+            return {f"{name}/points": "sensor_msgs/msg/PointCloud2"}
+        case RangeSensor():
+            return {f"{name}/range": "sensor_msgs/msg/Range"}
+    return {}
