@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -53,8 +53,11 @@ class Controls(Protocol):
     def pause(self, is_paused: bool) -> None:
         """Stop or resume simulated time."""
 
-    def step(self, seconds: float) -> None:
-        """Advance paused simulated time."""
+    def step(self, seconds: float, then: Callable[[float], None] | None = None) -> None:
+        """Advance paused or lockstepped simulated time; `then` receives the time reached.
+
+        All messages of the time up to there are published before.
+        """
 
     def reset(self) -> None:
         """Begin again: time 0, all robots at their starts."""

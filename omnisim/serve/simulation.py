@@ -43,7 +43,6 @@ from omnisim.serve.served_robot import BASE, MAP, Eye, ServedRobot
 from omnisim.serve.world_messages import map_message, robot_description
 
 JPEG_QUALITY = 90
-MAX_STEP_S = 3600.0  # of one request
 
 
 @dataclass(frozen=True, eq=False)
