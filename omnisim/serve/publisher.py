@@ -47,6 +47,10 @@ class Controls(Protocol):
     def robots(self) -> Sequence[str]:
         """Names of the robots; the first is that of commands without a name."""
 
+    @property
+    def is_paused(self) -> bool:
+        """True while simulated time stands still."""
+
     def command(self, robot: str, speed_mps: float, turn_rate_radps: float) -> None:
         """Drive at a speed (m/s) and turn rate (rad/s) until the next command or the timeout."""
 
