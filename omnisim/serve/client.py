@@ -217,8 +217,8 @@ def connect(
         ServeConnectionError: no server there, or it refuses the client.
     """
     try:
-        connection = open_connection(address, max_size=None, open_timeout=timeout_s, proxy=None)
-        client = ServedRobotClient(connection, timeout_s)
+        opened = open_connection(address, max_size=None, open_timeout=timeout_s, proxy=None)
+        client = ServedRobotClient(opened.__enter__(), timeout_s)
     except (OSError, InvalidHandshake, InvalidURI, ConnectionClosed) as reason:
         raise ServeConnectionError(f"{address}: {reason}") from None
     if topics:

@@ -27,8 +27,8 @@ position_m = [0.0, 0.0, 0.3]
 type = "lidar"
 name = "lidar"
 rate_hz = 10.0
-rings = 4
-columns = 90
+elevations_deg = [-15.0, -5.0, 0.0, 5.0]
+firings = 90
 position_m = [0.0, 0.0, 0.9]
 """
 START = (0.5, -0.25, 0.3)
