@@ -23,7 +23,8 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidURI
-from websockets.sync.client import ClientConnection, connect as open_connection
+from websockets.sync.client import ClientConnection
+from websockets.sync.client import connect as open_connection
 
 DTYPES = {"rgb8": ("u1", 3), "16UC1": ("<u2", 1), "32SC1": ("<i4", 1), "32FC1": ("<f4", 1)}
 POINT_TYPES = {1: "i1", 2: "u1", 3: "<i2", 4: "<u2", 5: "<i4", 6: "<u4", 7: "<f4", 8: "<f8"}

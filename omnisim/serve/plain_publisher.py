@@ -64,8 +64,10 @@ class _Reader:
         """Queue a message, and drop the oldest ones beyond the limits."""
         self._queue.append(data)
         self._bytes += len(data)
-        while not self._keeps_all and len(self._queue) > 1 and (
-            len(self._queue) > MAX_QUEUE or self._bytes > MAX_QUEUE_BYTES
+        while (
+            not self._keeps_all
+            and len(self._queue) > 1
+            and (len(self._queue) > MAX_QUEUE or self._bytes > MAX_QUEUE_BYTES)
         ):
             self._bytes -= len(self._queue.popleft())
             self.dropped += 1

@@ -11,7 +11,7 @@ from typing import Literal
 
 from omnisim.core.errors import ServeError
 from omnisim.runs.commanded_motion import TICK_S, TICKS_PER_S
-from omnisim.serve.simulation import Simulation
+from omnisim.serve.simulation import Served
 
 ClockMode = Literal["wall", "fast", "lockstep"]
 MAX_STEP_S = 3600.0  # of one request
@@ -35,10 +35,10 @@ class ServeLoop:
     """
 
     def __init__(
-        self, simulation: Simulation, clock: ClockMode = "wall", duration_s: float | None = None
+        self, simulation: Served, clock: ClockMode = "wall", duration_s: float | None = None
     ):
         self._simulation, self._clock = simulation, clock
-        self._duration_s = math.inf if duration_s is None else duration_s
+        self._duration_s = duration_s
         self._is_paused = clock == "lockstep"
         self._is_ended = False
         self._steps: deque[tuple[float, Callable[[float], None] | None]] = deque()
@@ -85,6 +85,16 @@ class ServeLoop:
             self._steps.append((seconds, then))
             self._news.notify_all()
 
+    @property
+    def is_paused(self) -> bool:
+        """True while only `step` advances simulated time."""
+        return self._is_paused
+
+    @property
+    def _end_s(self) -> float:
+        end_s = self._simulation.end_s
+        return end_s if self._duration_s is None else min(end_s, self._duration_s)
+
     def end(self) -> None:
         """End `run`."""
         with self._news:
@@ -104,7 +114,7 @@ class ServeLoop:
             ticking = threading.Thread(target=self._follow_wall_clock, daemon=True)
             ticking.start()
         try:
-            while not self._is_ended and self._simulation.now_s < self._duration_s:
+            while not self._is_ended and self._simulation.now_s < self._end_s:
                 if self._steps:
                     self._make_step(*self._steps.popleft())
                 elif self._is_paused:
@@ -133,7 +143,7 @@ class ServeLoop:
     def _follow_wall_clock(self) -> None:
         """Advance simulated time with the wall clock, in a thread of its own."""
         simulation, last_s, due_s = self._simulation, time.monotonic(), 0.0
-        while not self._is_ended and simulation.now_s < self._duration_s:
+        while not self._is_ended and simulation.now_s < self._end_s:
             time.sleep(max(0.0, TICK_S - due_s))
             now_s = time.monotonic()
             due_s, last_s = due_s + now_s - last_s, now_s

@@ -12,7 +12,6 @@ from omnisim.core.arrays import Floats
 from omnisim.core.errors import RobotFileError
 from omnisim.core.pending import Pending
 from omnisim.core.poses import inverse
-from omnisim.core.random_numbers import key_of
 from omnisim.core.rate import printed_s
 from omnisim.core.trajectories import Trajectory
 from omnisim.core.trajectories.odometry import Odometry, WheelErrors, wheel_readings
@@ -243,7 +242,7 @@ class ServedRobot:
                 self.topic(topic.name),
                 topic.type,
                 topic.is_latched,
-                topic.name.rpartition("/")[2] in BEST_EFFORT,
+                is_best_effort(topic.name),
             )
             for topic in found
         ]
@@ -295,3 +294,8 @@ class ServedRobot:
             self.topic("/ground_truth/odom"): ros.odometry(stamp_ns, (MAP, base), pose, *truth),
         }
         return messages, {(MAP, odom): pose @ inverse(reckoned), (odom, base): reckoned}
+
+
+def is_best_effort(topic: str) -> bool:
+    """True for the topics of sensors' data."""
+    return topic.rpartition("/")[2] in BEST_EFFORT

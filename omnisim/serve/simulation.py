@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import threading
+from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -17,16 +18,13 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from omnisim.core.arrays import Floats
 from omnisim.core.errors import ServeError, did_you_mean
 from omnisim.core.files.image_files import image_bytes
 from omnisim.core.pending import Pending
 from omnisim.core.poses import MAX_M
 from omnisim.core.world import WorldState
-from omnisim.datasets.export.export_format import NANOSECONDS
-from omnisim.datasets.export.export_format import CloudLayout
+from omnisim.datasets.export.export_format import NANOSECONDS, CloudLayout
 from omnisim.datasets.export.ros2 import ros_messages as ros
 from omnisim.datasets.export.ros2 import sensor_messages as of_sensors
 from omnisim.rendering.camera.omnicamera import OmniCamera
@@ -76,7 +74,66 @@ class ServeSettings:
     keeps_commands: bool = False
 
 
-class Simulation:
+class Served(ABC):
+    """What a loop serves: a simulation, or a recorded run.
+
+    Attributes:
+        publishers: protocols that receive the messages.
+        topics: all topics, known after `open`.
+        now_s: simulated time.
+        end_s: its end; infinite for a simulation.
+    """
+
+    publishers: list[Publisher]
+    topics: list[Topic]
+    now_s: float
+    end_s: float = math.inf
+
+    @abstractmethod
+    def open(self) -> None:
+        """Open it, in the thread that also calls `measure` and `close`."""
+
+    @abstractmethod
+    def announce(self) -> None:
+        """Publish what does not change."""
+
+    @property
+    @abstractmethod
+    def robots(self) -> Sequence[str]:
+        """Names of the robots."""
+
+    @abstractmethod
+    def command(self, robot: str, speed_mps: float, turn_rate_radps: float) -> None:
+        """Drive at a speed and turn rate until the next command or the timeout."""
+
+    @abstractmethod
+    def set_pose(self, robot: str, x_m: float, y_m: float, yaw_rad: float) -> None:
+        """Put a robot at a place, at rest."""
+
+    @abstractmethod
+    def reset(self) -> None:
+        """Begin again at time 0."""
+
+    @abstractmethod
+    def advance(self, to_s: float) -> None:
+        """Advance simulated time, and publish what needs no rendering."""
+
+    def measure(self, skips: bool = False) -> bool:
+        """Render what is due, see `Simulation.measure`."""
+        return False
+
+    def finish(self) -> None:  # noqa: B027  # a run has nothing to wait for
+        """Wait until all measurements are published."""
+
+    def summary(self) -> str:
+        """What happened, for the last line."""
+        return ""
+
+    def close(self) -> None:  # noqa: B027
+        """Free everything; a second call does nothing."""
+
+
+class Simulation(Served):
     """World of served robots; whoever holds it advances it.
 
     `open`, `measure` and `close` belong to one thread; everything else may be called from any.
@@ -208,6 +265,16 @@ class Simulation:
             hint = did_you_mean(name, self._robots)
             raise ServeError(f"robot {name[:100]!r}: no such robot: {hint}")
         return self._robots[name or next(iter(self._robots))]
+
+    def summary(self) -> str:
+        """Measurements that were skipped, by sensor."""
+        skipped = [
+            f"{robot.frame(eye.mount.name)} {eye.skipped}"
+            for robot in self._robots.values()
+            for eye in robot.eyes
+            if eye.skipped
+        ]
+        return f"; measurements skipped: {', '.join(skipped)}" if skipped else ""
 
     def commands(self, robot: str) -> str:
         """Text of the file of commands that repeats a robot's motion so far."""

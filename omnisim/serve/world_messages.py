@@ -60,7 +60,8 @@ def robot_description(
         ElementTree.SubElement(joint, "child", link=child)
         angles = roll_pitch_yaw_from_rotation(pose[:3, :3]).tolist()
         xyz, rpy = (
-            " ".join(f"{value + 0.0:.9g}" for value in row) for row in (pose[:3, 3].tolist(), angles)
+            " ".join(f"{value + 0.0:.9g}" for value in row)
+            for row in (pose[:3, 3].tolist(), angles)
         )
         ElementTree.SubElement(joint, "origin", xyz=xyz, rpy=rpy)
     ElementTree.indent(root)

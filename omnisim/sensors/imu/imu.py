@@ -259,7 +259,7 @@ class Imu(SensorSettings):
         key: int,
         first: int,
     ) -> Floats:
-        """Table rows (n, 7) of readings at times (n,), times first; `first` is the first's index."""
+        """Rows (n, 7) of readings at times (n,), times first; `first` is the first's index."""
         ideal = true_readings(
             motion, mount.base_from_sensor, self.gravity_mps2, times_s, 1.0 / self.rate_hz
         )

@@ -32,7 +32,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar, Literal, NamedTuple
+from typing import Any, ClassVar, Literal, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -276,6 +276,13 @@ def _since(steps_s: Floats, step: int, times_s: Floats) -> range:
     return range(*np.searchsorted(times_s, (begin_s, end_s), side="right").tolist())
 
 
+class MessageWriter(Protocol):
+    """What takes the messages of a run."""
+
+    def write(self, topic: str, stamp_ns: int, message: object, is_latched: bool = False) -> None:
+        """Take a message, see `Bag.write`."""
+
+
 OpenStream = Callable[[Recording, str, ExportSettings], Stream]
 MAP, ODOM = "map", "odom"
 STREAMS: tuple[tuple[type[SensorSettings], OpenStream], ...] = (
@@ -302,8 +309,6 @@ class Ros2Bag(ExportFormat):
     ) -> Iterator[int]:
         """Write the bag, step by step."""
         streams = open_streams(recording, settings)
-        motion = _Motion(recording, settings)
-        stamps_ns = settings.stamps_ns(recording.truth.times_s, recording.run.path)
         for stream in streams:
             if isinstance(stream, CameraStream) and stream.lens is None:
                 print_note(
@@ -312,28 +317,40 @@ class Ros2Bag(ExportFormat):
                 )
         folder.rmdir()  # rosbags creates it
         with Bag.open(folder, self.storage) as bag:
-            first_ns = stamps_ns[0]
-            mounts = {(BASE, stream.frame): stream.base_from_frame() for stream in streams}
-            if mounts:
-                frames = messages.transforms(first_ns, mounts)
-                bag.write("/tf_static", first_ns, frames, is_latched=True)
-            for stream in streams:
-                if isinstance(stream, CameraStream):
-                    file = recording.run.path / stream.name / CALIBRATION
-                    content = messages.text(file.read_text(encoding="utf-8"))
-                    bag.write(f"/{stream.topic}/calibration", first_ns, content, is_latched=True)
-            if recording.run.has(LABELS):
-                text = (recording.run.path / LABELS).read_text(encoding="utf-8")
-                bag.write("/labels", first_ns, messages.text(text), is_latched=True)
-            for step, stamp_ns in enumerate(stamps_ns):
-                stamped = [message for stream in streams for message in stream.messages_of(step)]
-                stamped += motion.between(step)
-                times_ns = {message.stamp_ns for message in stamped} | {stamp_ns}
-                clock = [StampedMessage(CLOCK, at_ns, messages.clock(at_ns)) for at_ns in times_ns]
-                for message in sorted(clock + stamped, key=lambda message: message.stamp_ns):
-                    bag.write(*message)
-                motion.write(bag, step, stamp_ns)
-                yield step + 1
+            yield from write_messages(recording, streams, settings, bag)
+
+
+def write_messages(
+    recording: Recording, streams: Sequence[Stream], settings: ExportSettings, bag: MessageWriter
+) -> Iterator[int]:
+    """Write all messages of a run, step by step; yields the number of finished steps.
+
+    Raises:
+        OmnisimError: a file of the run is damaged.
+    """
+    motion = _Motion(recording, settings)
+    stamps_ns = settings.stamps_ns(recording.truth.times_s, recording.run.path)
+    first_ns = stamps_ns[0]
+    mounts = {(BASE, stream.frame): stream.base_from_frame() for stream in streams}
+    if mounts:
+        bag.write("/tf_static", first_ns, messages.transforms(first_ns, mounts), is_latched=True)
+    for stream in streams:
+        if isinstance(stream, CameraStream):
+            file = recording.run.path / stream.name / CALIBRATION
+            content = messages.text(file.read_text(encoding="utf-8"))
+            bag.write(f"/{stream.topic}/calibration", first_ns, content, is_latched=True)
+    if recording.run.has(LABELS):
+        text = (recording.run.path / LABELS).read_text(encoding="utf-8")
+        bag.write("/labels", first_ns, messages.text(text), is_latched=True)
+    for step, stamp_ns in enumerate(stamps_ns):
+        stamped = [message for stream in streams for message in stream.messages_of(step)]
+        stamped += motion.between(step)
+        times_ns = {message.stamp_ns for message in stamped} | {stamp_ns}
+        clock = [StampedMessage(CLOCK, at_ns, messages.clock(at_ns)) for at_ns in times_ns]
+        for message in sorted(clock + stamped, key=lambda message: message.stamp_ns):
+            bag.write(*message)
+        motion.write(bag, step, stamp_ns)
+        yield step + 1
 
 
 class Ros2Mcap(Ros2Bag):
@@ -398,7 +415,7 @@ class _Motion:
             odometry = messages.odometry(stamp_ns, (MAP, BASE), pose, *rates)
             yield StampedMessage("/ground_truth/odom", stamp_ns, odometry)
 
-    def write(self, bag: Bag, step: int, stamp_ns: int) -> None:
+    def write(self, bag: MessageWriter, step: int, stamp_ns: int) -> None:
         """Write the transforms and odometry of a step."""
         map_from_base = self._truth.world_from_base[step]
         poses = {(MAP, BASE): map_from_base}
