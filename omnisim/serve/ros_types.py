@@ -39,9 +39,8 @@ class RosTypes:
         self._is_humble = distribution == "humble"
         self._store = get_typestore(Stores.ROS2_HUMBLE if self._is_humble else Stores.ROS2_JAZZY)
         for name, (request, response) in _SERVICES.items():
-            self._store.register(
-                {f"{name}_Request": ([], request), f"{name}_Response": ([], response)}
-            )
+            self._store.register({f"{name}_Request": ([], request)})
+            self._store.register({f"{name}_Response": ([], response)})
             self._store.fielddefs.update(_described(name))
 
     def names(self, type_name: str) -> str:
@@ -72,9 +71,8 @@ class RosTypes:
 
 def _described(service: str) -> dict[str, Any]:
     """Types whose description is hashed as a service's."""
-    request, response, event = (
-        (_NAME, f"{service}_{part}") for part in ("Request", "Response", "Event")
-    )
+    parts = "Request", "Response", "Event"
+    request, response, event = ((_NAME, f"{service}_{part}") for part in parts)
     info = [
         ("event_type", (_BASE, ("uint8", 0))),
         ("stamp", (_NAME, "builtin_interfaces/msg/Time")),
@@ -86,9 +84,6 @@ def _described(service: str) -> dict[str, Any]:
         ("request", (Nodetype.SEQUENCE, (request, 1))),
         ("response", (Nodetype.SEQUENCE, (response, 1))),
     ]
-    parts = {"request_message": request, "response_message": response, "event_message": event}
-    return {
-        "service_msgs/msg/ServiceEventInfo": ([], info),
-        f"{service}_Event": ([], events),
-        service: ([], list(parts.items())),
-    }
+    messages = {"request_message": request, "response_message": response, "event_message": event}
+    types = {"service_msgs/msg/ServiceEventInfo": info, f"{service}_Event": events}
+    return {name: ([], fields) for name, fields in (types | {service: [*messages.items()]}).items()}

@@ -61,6 +61,8 @@ _CONFIG = {
 }
 _ATTACHMENT = struct.Struct("<qqB16s")  # sequence number, ns since 1970, length of the GID, GID
 
+Act = Callable[[Any], None]  # takes a message
+
 
 @dataclass(frozen=True, eq=False)
 class _Stream:
@@ -113,7 +115,7 @@ class ZenohPublisher(Publisher):
         self.endpoint, self.domain, self.distribution = endpoint, int(named), distribution
         self.dropped = 0
         self._streams: dict[str, _Stream] = {}
-        self._commands: list[tuple[Any, str, Callable[[Any], None]]] = []  # with handler and type
+        self._commands: list[tuple[Any, str, Act]] = []  # with handler and type
         self._numbers = itertools.count()
         self._declared: list[Any] = []  # a token ends with its object
         self._tokens: dict[str, None] = {}  # of all nodes, in order
@@ -174,9 +176,6 @@ class ZenohPublisher(Publisher):
         self._declared.append(self._session.liveliness().declare_token(token))
         return xxhash.xxh3_128_intdigest(token.encode()).to_bytes(16, "little")
 
-    def _key(self, topic: Topic) -> str:
-        return f"{self.domain}/{topic.name.strip('/')}/{self._types.names(topic.type)}"
-
     def _add_topic(self, topic: Topic) -> None:
         is_large, kinds = topic.type.endswith(LARGE), zenoh.Reliability
         options: dict[str, Any] = {
@@ -184,15 +183,13 @@ class ZenohPublisher(Publisher):
             "priority": zenoh.Priority.DATA_LOW if is_large else zenoh.Priority.DATA,
             "reliability": kinds.BEST_EFFORT if topic.is_best_effort else kinds.RELIABLE,
         }
-        key = self._key(topic)
+        key = f"{self.domain}{topic.name}/{self._types.names(topic.type)}"
         if topic.is_latched:
+            beat = zenoh.ext.MissDetectionConfig(heartbeat=None, sporadic_heartbeat=0.5)
+            options |= {"cache": zenoh.ext.CacheConfig(1), "sample_miss_detection": beat}
             publisher: Any = zenoh.ext.declare_advanced_publisher(
-                self._session, key, **options, publisher_detection=True,
-                cache=zenoh.ext.CacheConfig(1),
-                sample_miss_detection=zenoh.ext.MissDetectionConfig(
-                    heartbeat=None, sporadic_heartbeat=0.5
-                ),
-            )  # fmt: skip
+                self._session, key, publisher_detection=True, **options
+            )
         else:
             publisher = self._session.declare_publisher(key, **options)
         queue: deque[Any] = deque(maxlen=MAX_QUEUED_LARGE if is_large else MAX_QUEUED)
@@ -203,7 +200,8 @@ class ZenohPublisher(Publisher):
         for robot in controls.robots:
             prefix = f"/{robot}" if len(controls.robots) > 1 else ""
 
-            def drive(twist: Any, robot: str = robot) -> None:
+            def drive(message: Any, robot: str = robot) -> None:
+                twist = getattr(message, "twist", message)
                 controls.command(robot, twist.linear.x, twist.angular.z)
 
             def place(message: Any, robot: str = robot) -> None:
@@ -213,23 +211,22 @@ class ZenohPublisher(Publisher):
                 controls.set_pose(robot, at.x, at.y, yaw_rad)
 
             self._listen(f"{prefix}/cmd_vel", "geometry_msgs/msg/Twist", drive)
-            self._listen(
-                f"{prefix}/cmd_vel",
-                "geometry_msgs/msg/TwistStamped",
-                lambda stamped, drive=drive: drive(stamped.twist),
-            )
+            self._listen(f"{prefix}/cmd_vel", "geometry_msgs/msg/TwistStamped", drive)
             self._listen(f"{prefix}/set_pose", "geometry_msgs/msg/PoseWithCovarianceStamped", place)
         self._listen("/reset", "std_srvs/srv/Empty", lambda _: controls.reset())
         self._listen("/pause", "std_srvs/srv/SetBool", lambda wish: controls.pause(wish.data))
         self._listen("/step", "std_srvs/srv/Trigger", lambda _: controls.step(STEP_S))
 
-    def _listen(self, name: str, type_name: str, act: Callable[[Any], None]) -> None:
+    def _listen(self, name: str, type_name: str, act: Act) -> None:
         topic, is_service = Topic(name, type_name), "/srv/" in type_name
         ring = zenoh.handlers.RingChannel(MAX_REQUESTS if is_service else 1)
-        key, options = self._key(topic), {"complete": True} if is_service else {}
-        session = self._session
-        declare = session.declare_queryable if is_service else session.declare_subscriber
-        self._commands.append((declare(key, ring, **options), type_name, act))
+        key = f"{self.domain}{name}/{self._types.names(type_name)}"
+        handler = (
+            self._session.declare_queryable(key, ring, complete=True)
+            if is_service
+            else self._session.declare_subscriber(key, ring)
+        )
+        self._commands.append((handler, type_name, act))
         self._declare("SS" if is_service else "MS", topic)
 
     def wants(self, topic: str) -> bool:
@@ -269,13 +266,14 @@ class ZenohPublisher(Publisher):
                 elif received is not None:
                     with suppress(ServeError):  # nobody to tell
                         act(self._types.decode(type_name, _limited(received.payload)))
-            for _ in range(MAX_REQUESTS):
-                if (change := graph.try_recv()) is not None:
-                    self._note(str(change.key_expr), change.kind == zenoh.SampleKind.PUT)
+            if (change := graph.try_recv()) is not None:
+                token = str(change.key_expr)
+                if change.kind == zenoh.SampleKind.DELETE:
+                    self._tokens.pop(token, None)
+                elif len(self._tokens) < MAX_TOKENS and f"/{self._zid}/" not in token:
+                    self._tokens[token] = None
 
-    def _answer(
-        self, query: zenoh.Query, key: zenoh.KeyExpr, type_name: str, act: Callable[[Any], None]
-    ) -> None:
+    def _answer(self, query: zenoh.Query, key: zenoh.KeyExpr, type_name: str, act: Act) -> None:
         is_empty, refusal = type_name.endswith("/Empty"), ""
         try:
             number, _, _, gid = _ATTACHMENT.unpack(_limited(query.attachment))
@@ -283,18 +281,12 @@ class ZenohPublisher(Publisher):
         except struct.error:
             return query.reply_err("expected an attachment of rmw_zenoh")
         except ServeError as error:
-            refusal = str(error)
             if is_empty:
-                return query.reply_err(refusal)
+                return query.reply_err(str(error))
+            refusal = str(error)
         values = (0,) if is_empty else (not refusal, refusal)
         payload = self._types.encode(f"{type_name}_Response", values)
         return query.reply(key, payload, attachment=_attachment(number, gid))
-
-    def _note(self, token: str, is_alive: bool) -> None:
-        if not is_alive:
-            self._tokens.pop(token, None)
-        elif len(self._tokens) < MAX_TOKENS and f"/{self._zid}/" not in token:
-            self._tokens[token] = None
 
     @property
     def clients(self) -> list[Client]:
