@@ -72,9 +72,10 @@ HOMES = {
     "embreex": {"rendering.rays"},
     "xatlas": {"rendering.baking"},
     "mujoco": {"follow", "scene.formats.mjcf", "robots.importers", "runs"},
-    "websockets": {"apps.live"},
+    "websockets": {"apps.live", "serve"},
+    "foxglove": {"serve"},
     "pxr": {"scene.formats.usd"},
-    "rosbags": {"core.files", "datasets.export"},
+    "rosbags": {"core.files", "datasets.export", "serve"},
     "rawpy": {"measurement"},
 }
 # Outside of rendering.opengl, what draws by OpenGL: imported by functions that are asked to.

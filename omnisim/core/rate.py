@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from omnisim.core.arrays import Floats
+from omnisim.core.arrays import Floats, Ints
 from omnisim.core.errors import RunError
 from omnisim.core.random_numbers import key_of, normal, pcg4d
 
@@ -51,7 +51,10 @@ class SensorRate:
                 f"sensor {sensor!r}: phase_s = {self.phase_s:g}: expected at most "
                 f"{end_s - start_s:g}, the duration of the drive"
             )
-        indices = np.arange(count)
+        return self.stamps_s(np.arange(count), start_s, end_s, seed)
+
+    def stamps_s(self, indices: Ints, start_s: float, end_s: float, seed: int) -> Floats:
+        """Times (n,) of measurements by their indices (n,), see `times_s`."""
         times_s = start_s + self.phase_s + indices / self.rate_hz
         if self.jitter_s > 0.0:
             hashes = pcg4d(indices, 0, 0, key_of("jitter", seed, self.clock))

@@ -164,7 +164,7 @@ class PlannedDrive:
     @cached_property
     def world(self) -> DriveWorld:
         """Motion of the world."""
-        scene = _with_short_name(self.drive.scene)
+        scene = with_short_name(self.drive.scene)
         if self.simulated is not None:
             scene = self.simulated.scene_with_motions(scene)
         return DriveWorld(scene, self.moving, self.name, self.others)
@@ -301,7 +301,7 @@ class PlannedDrive:
             "format": MANIFEST_FORMAT,
             "omnisim": __version__,
             "scene": {
-                "name": _with_short_name(drive.scene).name,
+                "name": with_short_name(drive.scene).name,
                 # valid in any working folder
                 "file": str(scene.resolve()) if is_file else drive.scene.name,
                 "up_axis": drive.up_axis,
@@ -440,10 +440,10 @@ def drive_together(plans: Mapping[str, PlannedDrive]) -> dict[str, PlannedDrive]
 
 def scene_contents(scene: Scene) -> str:
     """Fingerprint of a scene, independent of its file's location and the machine."""
-    return fingerprint(_with_short_name(scene))
+    return fingerprint(with_short_name(scene))
 
 
-def _with_short_name(scene: Scene) -> Scene:
+def with_short_name(scene: Scene) -> Scene:
     """Name a scene by its file name alone: the folder on this machine makes no difference."""
     return scene.altered(name=Path(scene.name).name or scene.name)
 

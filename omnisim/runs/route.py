@@ -34,11 +34,14 @@ from omnisim.robots.motion_profile import (
 )
 from omnisim.robots.robot_file import DEFAULT_CLEARANCE_M
 from omnisim.robots.vehicle import BodyBoxes, Vehicle
+from omnisim.runs.commanded_motion import CommandsFile, sampled
 from omnisim.runs.contacts import SPACING_M, Sweep
+from omnisim.runs.ground import Ground
 from omnisim.scene import Scene
 from omnisim.scene.space.floor import HeightField
 
 DEFAULT_STEP_M, DEFAULT_STEP_DEG = 0.41, 12.0  # the paper's lap in about a hundred steps
+COMMANDED_RATE_HZ = 10.0  # steps per second along velocity commands
 MAX_STEP_DEG = 90.0
 MAX_STEP_M = 1.0  # between poses without times: a longer step is a jump
 MAX_SPEED_MPS = 100.0  # for a robot without limits of its own: a faster step is a jump
@@ -112,6 +115,9 @@ def plan_route(
     """
     _check_numbers(route)
     path = Path(route.path)
+    commands = CommandsFile.read(path) if path.suffix.lower() == ".csv" and path.is_file() else None
+    if commands is not None:
+        return _by_commands(commands, scene, vehicle, route)
     is_of_scene = any(path.name == route.path for path in scene.paths)
     if path.exists() if path.suffix else path.is_file() and not is_of_scene:
         plan = _from_file(path, vehicle, route, print_note)
@@ -151,6 +157,22 @@ def plan_route(
         if max(abs(low), abs(high)) >= NOTED_M:
             heights = f"{low:z.2f} m" if high - low < NOTED_M else f"{low:z.2f} to {high:z.2f} m"
             print_note(f"{route.path}: on the floor, at {heights}; --ground M drives at one height")
+    return PlannedRoute(trajectory, sweep, follows_floor=True, motion=motion)
+
+
+def _by_commands(
+    commands: CommandsFile, scene: Scene, vehicle: Vehicle, route: Route
+) -> PlannedRoute:
+    """Drive as velocity commands say; nothing else is planned."""
+    _refuse_axes(route)
+    kinematics, box = _kinematics(vehicle, route.path), BodyBoxes.of(vehicle)
+    if route.ground_m is not None:
+        raise TrajectoryError(
+            f"{route.path}: expected none with --ground, as the robot follows the floor"
+        )
+    motion = commands.motion(kinematics, Ground(scene, box), 0.0)
+    trajectory = sampled(motion, route.rate_hz or COMMANDED_RATE_HZ)
+    sweep = Sweep.along(trajectory, 0.0 if box is None else box.reach_m)
     return PlannedRoute(trajectory, sweep, follows_floor=True, motion=motion)
 
 

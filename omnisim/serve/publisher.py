@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -47,14 +47,21 @@ class Controls(Protocol):
     def robots(self) -> Sequence[str]:
         """Names of the robots; the first is that of commands without a name."""
 
+    @property
+    def is_paused(self) -> bool:
+        """True while simulated time stands still."""
+
     def command(self, robot: str, speed_mps: float, turn_rate_radps: float) -> None:
         """Drive at a speed (m/s) and turn rate (rad/s) until the next command or the timeout."""
 
     def pause(self, is_paused: bool) -> None:
         """Stop or resume simulated time."""
 
-    def step(self, seconds: float) -> None:
-        """Advance paused simulated time."""
+    def step(self, seconds: float, then: Callable[[float], None] | None = None) -> None:
+        """Advance paused or lockstepped simulated time; `then` receives the time reached.
+
+        All messages of the time up to there are published before.
+        """
 
     def reset(self) -> None:
         """Begin again: time 0, all robots at their starts."""

@@ -35,8 +35,8 @@ _SHELLS = {
 COMMANDS: dict[str, dict[str, str]] = {
     "Images": dict.fromkeys(("render", "live", "unwarp", "scan"), "images"),
     "Runs": dict.fromkeys(
-        ("drive", "record", "evaluate", "plot", "video", "export", "localize", "landmarks",
-         "robot"),
+        ("drive", "record", "serve", "evaluate", "plot", "video", "export", "localize",
+         "landmarks", "robot"),
         "runs",
     ),
     "Data sets": dict.fromkeys(("generate", "dataset"), "datasets"),

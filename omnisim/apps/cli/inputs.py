@@ -148,14 +148,20 @@ def load_labeled_scene(
     if truth.labels is not None and not is_labeled:
         raise OutputError("--labels: requires --also semantic")
     scene = load_requested_scene(world, light)
-    if light.no_shadows:
-        scene = scene.altered("no shadows", lighting=scene.lighting.with_shadows(False))
+    scene = with_shadows_as_requested(scene, light)
     if truth.labels is not None:
         rules = read_label_file(truth.labels)
         scene = scene.altered(f"labels {rules}", labels=rules)
     for notice in find_labels(scene).notices() if is_labeled else ():
         print_note(notice)
     return scene
+
+
+def with_shadows_as_requested(scene: Scene, light: groups.ShadowedLightOptions) -> Scene:
+    """Scene with its shadows, or without."""
+    if not light.no_shadows:
+        return scene
+    return scene.altered("no shadows", lighting=scene.lighting.with_shadows(False))
 
 
 def checked_backend(options: groups.BackendOptions) -> BackendName:

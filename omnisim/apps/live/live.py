@@ -30,11 +30,12 @@ from omnisim.apps.live.camera_document import CameraDocument, preset_lists
 from omnisim.apps.live.engine import AnySource, Engine
 from omnisim.apps.live.live_source import LiveSettings, LiveSource, RunSource, start_place
 from omnisim.apps.live.session import Session
-from omnisim.apps.live.viewpoint_motion import FreeFlight, Ground, Pilot, Place, ViewpointDrive
+from omnisim.apps.live.viewpoint_motion import FreeFlight, Pilot, Place, ViewpointDrive
 from omnisim.core.errors import OmnisimError, OutputError
 from omnisim.core.version import __version__
 from omnisim.ground_truth import CHANNELS
 from omnisim.robots.vehicle import BodyBoxes
+from omnisim.runs.ground import Ground
 
 PAGE = Path(__file__).with_name("page")
 STREAM = "/stream"

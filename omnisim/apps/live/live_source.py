@@ -24,7 +24,7 @@ from omnisim.apps.live.camera_document import (
 )
 from omnisim.apps.live.session import PageDraw, PageState
 from omnisim.apps.live.view_maker import LiveFrame, ViewMaker
-from omnisim.apps.live.viewpoint_motion import DIGITS_M, MAX_TRIANGLES, Place
+from omnisim.apps.live.viewpoint_motion import DIGITS_M, Place
 from omnisim.cameras import NonCentralCamera
 from omnisim.core.arrays import Bytes, Floats
 from omnisim.core.errors import OmnisimError, RunError, SceneError
@@ -42,6 +42,7 @@ from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage
 from omnisim.robots.vehicle import Vehicle
+from omnisim.runs.ground import MAX_TRIANGLES
 from omnisim.runs.run_folder import GROUND_TRUTH, RunFolder
 from omnisim.scene import Scene
 

@@ -8,25 +8,15 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from omnisim.core.arrays import Floats
 from omnisim.core.poses import pose, wrap_angle
 from omnisim.robots.kinematics import Kinematics
-from omnisim.robots.vehicle import BodyBoxes
-from omnisim.runs.contacts import meet_box
-from omnisim.scene import Scene
-from omnisim.scene.space.floor import HeightField, TriangleBvh, Triangles, triangles_within
-from omnisim.scene.space.start_pose import nearest_points
+from omnisim.runs.commanded_motion import WheelState, next_state
+from omnisim.runs.ground import Ground, Point
 
-Point = tuple[float, float, float]
-MAX_TRIANGLES = 500_000  # larger scenes would delay the first step by seconds
-MIN_CLEARANCE_M = 0.01  # a viewpoint nearer to a surface flies freely: it may be in a plane
-_PUSHES = 4  # away from the nearest surfaces, per step
-_NEARER = 0.999  # of the distance to keep: rounding is no contact
 FLIGHT_MPS, TURN_DEGPS = 1.0, 70.0  # full speed and turn rate of free flight
 SPEED_UP_S = 0.15  # time constant of acceleration in free flight
 NEAR_M, NEAR_RAD = 0.02, math.radians(2.0)  # tolerances for reaching a point
@@ -35,106 +25,6 @@ MAX_POSITION_M = 1e5
 EYE_M = 0.1  # distance that free flight keeps from surfaces, if it begins farther away
 # Decimals of positions in meters and of angles in degrees, so that commands repeat them exactly.
 DIGITS_M, DIGITS_DEG = 4, 3
-
-
-class Ground:
-    """Floor heights below a robot, contacts of its body with the scene, and walls of free flight.
-
-    Scenes with many triangles are too slow: their floor is taken as level, without contacts.
-
-    Args:
-        scene: static scene; dynamic objects are ignored.
-        boxes: boxes around the parts of the robot's body; None: no contacts.
-    """
-
-    def __init__(self, scene: Scene, boxes: BodyBoxes | None = None):
-        self._scene, self._boxes = scene, boxes
-        self._is_small = scene.triangle_count <= MAX_TRIANGLES
-        self._field: HeightField | None = None
-
-    @cached_property
-    def _triangles(self) -> Triangles:
-        everywhere = np.full(3, np.inf)
-        return triangles_within(self._scene, -everywhere, everywhere)
-
-    @cached_property
-    def _bvh(self) -> TriangleBvh:
-        return TriangleBvh(self._triangles.corners_m)
-
-    def height_m(self, point_m: tuple[float, float], near_m: float) -> float:
-        """Height (z) of the floor at (x, y): the highest surface near the height `near_m`.
-
-        Near means within the robot's ground clearance. Without such a surface: `near_m`.
-        """
-        if not self._is_small:
-            return near_m
-        reach_m = 0.05 if self._boxes is None else self._boxes.clearance_m
-        everywhere = np.full(2, np.inf)
-        self._field = self._field or HeightField(self._scene, -everywhere, everywhere)
-        heights = self._field.heights_m(np.array(point_m)[None, None]).ravel()
-        near = heights[np.abs(heights - near_m) <= reach_m]
-        return float(near.max()) if len(near) else near_m
-
-    def contact(self, current: Place, target: Place) -> str:
-        """Name of an instance that the body touches at the target pose but not at the current one.
-
-        Empty without such an instance.
-        """
-        if self._boxes is None or not self._is_small:
-            return ""
-        new = self._touched(target.pose) - self._touched(current.pose)
-        return min((self._scene.instances[index].name for index in new), default="")
-
-    def _touched(self, world_from_base: Floats) -> set[int]:
-        assert self._boxes is not None
-        touched: set[int] = set()
-        for low, high in self._boxes.parts_m:
-            middle, half = 0.5 * (low + high), 0.5 * (high - low)
-            center = world_from_base[:3, :3] @ middle + world_from_base[:3, 3]
-            extent = np.abs(world_from_base[:3, :3]) @ half
-            _, hit = self._bvh.overlaps((center - extent)[None], (center + extent)[None])
-            corners = self._triangles.corners_m[hit] - world_from_base[:3, 3]
-            touching = meet_box(corners @ world_from_base[:3, :3] - middle, half)
-            touched.update(self._triangles.instances[hit[touching]].tolist())
-        return touched
-
-    def nearest(self, point_m: ArrayLike, reach_m: float) -> tuple[Floats, int]:
-        """Offset (3,) from a point to the nearest triangle, and its index; −1: none in reach."""
-        point = np.asarray(point_m, dtype=np.float64)
-        if self._is_small:
-            _, near = self._bvh.overlaps((point - reach_m)[None], (point + reach_m)[None])
-            offsets_m, distances_m = nearest_points(self._triangles.corners_m[near] - point)
-            if len(near) and distances_m.min() < reach_m:
-                first = int(distances_m.argmin())
-                return offsets_m[first], int(near[first])
-        return np.full(3, np.inf), -1
-
-    def slide(self, start_m: Point, end_m: Point, clearance_m: float) -> tuple[Point, str]:
-        """End of a straight way that keeps a distance from all surfaces and slides along them.
-
-        Args:
-            clearance_m: distance to keep; below `MIN_CLEARANCE_M` the way is free.
-
-        Returns:
-            End that is reached, and the name of the last instance on the way; empty: none.
-        """
-        if clearance_m < MIN_CLEARANCE_M:
-            return end_m, ""
-        point, name = np.array(start_m, dtype=np.float64), ""
-        way = np.array(end_m, dtype=np.float64) - point
-        steps = math.ceil(2.0 * math.dist(start_m, end_m) / clearance_m)  # none passes a surface
-        for _ in range(steps):
-            before, point = point, point + way / steps
-            for _ in range(_PUSHES):
-                offset_m, triangle = self.nearest(point, _NEARER * clearance_m)
-                if triangle < 0:
-                    break
-                name = self._scene.instances[self._triangles.instances[triangle]].name
-                point = point - offset_m * (clearance_m / np.linalg.norm(offset_m) - 1.0)
-            else:  # in a corner
-                point = before
-        x, y, z = point.tolist()
-        return (x, y, z), name
 
 
 @dataclass(frozen=True)
@@ -282,6 +172,7 @@ class ViewpointDrive(Pilot):
     def __init__(self, place: Place, kinematics: Kinematics, ground: Ground):
         super().__init__(place, 2)  # speed in m/s, turn rate in rad/s
         self._limits, self._ground = kinematics, ground
+        self._state = WheelState(*place.position_m, math.radians(place.yaw_deg))
 
     def turn(self, yaw_deg: float, pitch_deg: float) -> None:
         """Turn by the yaw angle, without acceleration; ignores the pitch angle."""
@@ -292,25 +183,19 @@ class ViewpointDrive(Pilot):
         seconds = min(seconds, MAX_STEP_S)
         if seconds <= 0.0:
             return
-        limits = self._limits
-        rates = limits.max_acceleration_mps2, limits.max_turn_acceleration_radps2
-        steps = seconds * np.array(rates)
-        self._speeds += np.clip(np.subtract(self._requested_speeds(), self._speeds), -steps, steps)
-        speed_mps, rate_radps = self._speeds.tolist()
-        if not (speed_mps or rate_radps):
-            return
-        x, y, z = self.place.position_m
-        yaw = math.radians(self.place.yaw_deg)
-        middle = yaw + 0.5 * rate_radps * seconds
-        x += speed_mps * seconds * math.cos(middle)
-        y += speed_mps * seconds * math.sin(middle)
-        z = self._ground.height_m((x, y), z)
-        next_place = Place((x, y, z), math.degrees(yaw + rate_radps * seconds)).rounded()
-        self.blocked_by = self._ground.contact(self.place, next_place)
+        before = self._state  # a place is rounded, perhaps into a wall
+        if self.place != _place_of(before):
+            yaw_rad = math.radians(self.place.yaw_deg)
+            before = WheelState(*self.place.position_m, yaw_rad)
+        before = WheelState(*before[:4], *self._speeds.tolist())
+        asked = self._requested_speeds()
+        self._state, self.blocked_by = next_state(
+            before, asked, self._limits, self._ground, seconds
+        )
+        self._speeds[:] = self._state.speed_mps, self._state.turn_rate_radps
         if self.blocked_by:
-            self._speeds[:], self.goal_m = 0.0, None
-        else:
-            self.place = next_place
+            self.goal_m = None
+        self.place = _place_of(self._state)
 
     def _requested_speeds(self) -> tuple[float, float]:
         """Speed in m/s and turn rate in rad/s requested by the keys or the goal."""
@@ -335,3 +220,7 @@ class ViewpointDrive(Pilot):
             return 0.0, rate
         braking = math.sqrt(2.0 * limits.max_acceleration_mps2 * length)
         return min(limits.max_speed_mps, braking, 2.0 * length), rate
+
+
+def _place_of(state: WheelState) -> Place:
+    return Place(state[:3], math.degrees(state.yaw_rad)).rounded()

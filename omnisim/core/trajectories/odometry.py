@@ -163,33 +163,48 @@ def with_errors(true: Odometry, errors: OdometryErrors, seed: int) -> Odometry:
     Raises:
         TrajectoryError: the seed is negative.
     """
-    if seed < 0:
-        raise TrajectoryError(f"seed {seed}: expected 0 or above")
-    distances, turns = true.distances_m, true.turns_rad
-    generator = np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed)))
-    normal = generator.standard_normal((len(distances), 2))
-    driven, turned = np.abs(distances), np.abs(turns)
-    distance_sigma = errors.distance_noise_m_per_sqrt_m * np.sqrt(driven)
-    turn_sigma = np.sqrt(
-        errors.turn_noise_rad_per_sqrt_m * errors.turn_noise_rad_per_sqrt_m * driven
-        + errors.turn_noise_rad_per_sqrt_rad * errors.turn_noise_rad_per_sqrt_rad * turned
-    )
-    reported = errors.distance_scale * distances + distance_sigma * normal[:, 0]
-    turn = errors.turn_scale * turns + errors.drift_radpm * distances + turn_sigma * normal[:, 1]
-    return Odometry(
-        true.times_s,
-        _counted(reported, errors.distance_tick_m),
-        _counted(turn, errors.turn_tick_rad),
-        true.start,
-    )
+    distances, turns = WheelErrors(errors, seed).apply(true.distances_m, true.turns_rad)
+    return Odometry(true.times_s, distances, turns, true.start)
 
 
-def _counted(increments: Floats, tick: float) -> Floats:
-    """Quantize increments (n,) as a counter does: the sum is rounded, so errors do not grow."""
-    if tick == 0.0:
-        return increments
-    counts = np.rint(np.cumsum(increments) / tick)
-    return np.diff(counts, prepend=0.0) * tick
+class WheelErrors:
+    """Errors of wheels, whose noise and counters go on from one call to the next.
+
+    Raises:
+        TrajectoryError: the seed is negative.
+    """
+
+    def __init__(self, errors: OdometryErrors, seed: int):
+        if seed < 0:
+            raise TrajectoryError(f"seed {seed}: expected 0 or above")
+        self._errors, self._generator = errors, np.random.default_rng(seed)
+        self._sums = [0.0, 0.0]  # reported distance and turn before rounding
+
+    def apply(self, distances_m: Floats, turns_rad: Floats) -> tuple[Floats, Floats]:
+        """Reported distances (n,) and turns (n,) of the next steps."""
+        errors = self._errors
+        normal = self._generator.standard_normal((len(distances_m), 2))
+        driven, turned = np.abs(distances_m), np.abs(turns_rad)
+        distance_sigma = errors.distance_noise_m_per_sqrt_m * np.sqrt(driven)
+        turn_sigma = np.sqrt(
+            errors.turn_noise_rad_per_sqrt_m * errors.turn_noise_rad_per_sqrt_m * driven
+            + errors.turn_noise_rad_per_sqrt_rad * errors.turn_noise_rad_per_sqrt_rad * turned
+        )
+        reported = errors.distance_scale * distances_m + distance_sigma * normal[:, 0]
+        turn = errors.turn_scale * turns_rad + errors.drift_radpm * distances_m
+        turn += turn_sigma * normal[:, 1]
+        return (
+            self._counted(0, reported, errors.distance_tick_m),
+            self._counted(1, turn, errors.turn_tick_rad),
+        )
+
+    def _counted(self, axis: int, increments: Floats, tick: float) -> Floats:
+        """Quantize increments (n,) as a counter does: the sum is rounded, so no error grows."""
+        if tick == 0.0 or not len(increments):
+            return increments
+        sums = np.cumsum(np.concatenate(((self._sums[axis],), increments)))
+        self._sums[axis] = float(sums[-1])
+        return np.diff(np.rint(sums / tick)) * tick
 
 
 def _chord_per_arc(turns_rad: ArrayLike) -> Floats:

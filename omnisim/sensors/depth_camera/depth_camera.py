@@ -29,6 +29,7 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from omnisim.cameras.models.perspective import PerspectiveCamera
@@ -275,14 +276,19 @@ class DepthImage:
         height, width = self.depths_m.shape
         return short_repr(self, f"{width} × {height} px")
 
+    @property
+    def depths_mm(self) -> NDArray[np.uint16]:
+        """Depths (height, width) in whole millimeters; 0 in holes. Source: ROS, REP 118."""
+        return np.round(self.depths_m * STEPS_PER_M).astype(np.uint16)
+
     def save(self, stem: Path) -> None:
-        """Write depths as a PNG of 16-bit millimeters, 0 in holes. Source: ROS, REP 118.
+        """Write depths as a PNG of 16-bit millimeters, 0 in holes.
 
         Raises:
             OutputError: the file cannot be written.
         """
-        steps = np.round(self.depths_m * STEPS_PER_M).astype(np.uint16)
-        write_numbers(stem.with_suffix(DEPTH_SUFFIX), steps, {"unit_m": 1.0 / STEPS_PER_M})
+        unit = {"unit_m": 1.0 / STEPS_PER_M}
+        write_numbers(stem.with_suffix(DEPTH_SUFFIX), self.depths_mm, unit)
 
 
 class DepthRenderer(Instrument[DepthCamera, _Views, DepthImage]):

@@ -69,8 +69,13 @@ class ImuErrors(Parameters, name="imu", in_radians=True):
     accel_bias_sigma_mps2: Level = 0.0
     """Standard deviation of the specific force's initial bias, m/s². Default: 0."""
 
-    def biases(self, count: int, rate_hz: float, key: int) -> Floats:
-        """Biases (count, 6) of the first `count` readings: three rates, then three forces."""
+    def biases(
+        self, count: int, rate_hz: float, key: int, begin: int = 0, before: Floats | float = 0.0
+    ) -> Floats:
+        """Biases (count, 6) of readings: three rates, then three forces.
+
+        The first reading has the index `begin`; `before` are the biases (6,) of the one before it.
+        """
         walk = self._six(
             self.gyro_bias_walk_radps2_per_sqrt_hz, self.accel_bias_walk_mps3_per_sqrt_hz
         )
@@ -78,8 +83,12 @@ class ImuErrors(Parameters, name="imu", in_radians=True):
         biases = np.empty((count, 6))
         for first in range(0, count, _BLOCK):
             indices = np.arange(first, min(first + _BLOCK, count))
-            biases[indices] = walk / math.sqrt(rate_hz) * _numbers(indices, _READING, key)[1]
-        biases[0] = start * _numbers(np.arange(1), _START, key)[0][0]
+            normal = _numbers(begin + indices, _READING, key)[1]
+            biases[indices] = walk / math.sqrt(rate_hz) * normal
+        if begin == 0:
+            biases[0] = start * _numbers(np.arange(1), _START, key)[0][0]
+        else:
+            biases[0] += before
         return np.cumsum(biases, axis=0, out=biases)
 
     def noise(self, indices: Ints, rate_hz: float, key: int) -> Floats:
@@ -207,7 +216,10 @@ class Imu(SensorSettings):
         biases = self.errors.biases(len(times_s), self.rate_hz, key)
         parts = [slice(first, first + BLOCK) for first in range(0, len(times_s), BLOCK)]
         if not is_written(folder / READINGS):
-            blocks = (self._block(mount, motion, times_s, biases, key, part) for part in parts)
+            blocks = (
+                self._block(mount, motion, times_s[part], biases[part], key, part.start)
+                for part in parts
+            )
             write_table(folder / READINGS, COLUMNS, blocks)
         if not is_written(folder / BIASES):
             blocks = (np.column_stack((times_s[part], biases[part])) for part in parts)
@@ -219,7 +231,24 @@ class Imu(SensorSettings):
         """Readings (n, 6) at times (n,): angular rates in rad/s, then specific forces in m/s²."""
         key = key_of("imu", seed, mount.name)
         biases = self.errors.biases(len(times_s), self.rate_hz, key)
-        return self._block(mount, motion, times_s, biases, key, slice(None))[:, 1:]
+        return self._block(mount, motion, times_s, biases, key, 0)[:, 1:]
+
+    def next_readings(
+        self,
+        mount: Mount[object],
+        motion: BodyMotion,
+        seed: int,
+        times_s: Floats,
+        first: int,
+        before: Floats,
+    ) -> tuple[Floats, Floats]:
+        """Readings (n, 6) at times (n,), and the biases (6,) of the last of them.
+
+        `first` is the index of the first reading; `before` are the biases of the one before it.
+        """
+        key = key_of("imu", seed, mount.name)
+        biases = self.errors.biases(len(times_s), self.rate_hz, key, first, before)
+        return self._block(mount, motion, times_s, biases, key, first)[:, 1:], biases[-1]
 
     def _block(
         self,
@@ -228,15 +257,14 @@ class Imu(SensorSettings):
         times_s: Floats,
         biases: Floats,
         key: int,
-        part: slice,
+        first: int,
     ) -> Floats:
-        """Table rows (n, 7) of a slice of the readings, times first."""
-        times, indices = times_s[part], np.arange(len(times_s))[part]
+        """Rows (n, 7) of readings at times (n,), times first; `first` is the first's index."""
         ideal = true_readings(
-            motion, mount.base_from_sensor, self.gravity_mps2, times, 1.0 / self.rate_hz
+            motion, mount.base_from_sensor, self.gravity_mps2, times_s, 1.0 / self.rate_hz
         )
-        noise = self.errors.noise(indices, self.rate_hz, key)
-        return np.column_stack((times, ideal + biases[part] + noise))
+        noise = self.errors.noise(first + np.arange(len(times_s)), self.rate_hz, key)
+        return np.column_stack((times_s, ideal + biases + noise))
 
 
 def _yaml_number(number: float) -> str:

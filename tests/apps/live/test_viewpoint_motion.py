@@ -9,13 +9,13 @@ from omnisim.apps.live.live_source import RADIUS_M, circle
 from omnisim.apps.live.viewpoint_motion import (
     EYE_M,
     FreeFlight,
-    Ground,
     MotionCommand,
     Place,
     ViewpointDrive,
 )
 from omnisim.robots.kinematics import Kinematics
 from omnisim.robots.vehicle import BodyBoxes
+from omnisim.runs.ground import Ground
 from omnisim.scene import Scene
 
 LIMITS = Kinematics("differential", 1.0, 2.0, 0.5, 4.0)

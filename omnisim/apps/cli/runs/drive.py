@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -44,7 +45,7 @@ def drive(request: DriveRequest) -> None:
     if (count := len(request.paths)) != len(request.robots):
         expected = f"expected {len(request.robots)}, one for each --robot"
         raise RunError(f"--path: {expected}, got {count}")
-    robots, vehicles = _load_robots(request)
+    robots, vehicles = load_robots(request.robots, request.world.resources or ())
     option = "--also" if truth.also else "--boxes-3d" if truth.boxes_3d else None
     if option is None and request.image.exposure_ev is not None:
         option = "--exposure-ev"
@@ -57,7 +58,7 @@ def drive(request: DriveRequest) -> None:
     drives = {  # the scene is loaded once, by the first
         name: dataclasses.replace(
             first,
-            vehicle=_as_requested(vehicle, request.image),
+            vehicle=as_requested(vehicle, request.image),
             route=route,
             physics=None if way.physics is None else robots[name].chassis,
         )
@@ -77,17 +78,20 @@ def drive(request: DriveRequest) -> None:
         _record(plan, request.output / name, request.force)
 
 
-def _load_robots(request: DriveRequest) -> tuple[dict[str, Robot], dict[str, Vehicle]]:
+def load_robots(
+    sources: Sequence[str], resources: Sequence[Path]
+) -> tuple[dict[str, Robot], dict[str, Vehicle]]:
     """Robot files, and the robots with body and sensors made of them, by the name of their folder.
 
-    Each --robot is NAME=SOURCE, or a source, which has a name itself.
+    Each source is NAME=SOURCE, or a source, which has a name itself. `resources` are the search
+    folders of models.
     """
     robots: dict[str, Robot] = {}
     vehicles: dict[str, Vehicle] = {}
-    for text in request.robots:
+    for text in sources:
         given, equals, source = text.rpartition("=")
         if Path(source).suffix.lower() in SUFFIXES:  # a simulator's model
-            loaded = load_robot_model(Path(source), request.world.resources or ())
+            loaded = load_robot_model(Path(source), resources)
             robot, vehicle = loaded.robot, loaded.vehicle
             for notice in loaded.notices:
                 print_note(f"{source}: {notice}")
@@ -98,9 +102,9 @@ def _load_robots(request: DriveRequest) -> tuple[dict[str, Robot], dict[str, Veh
             vehicle = Vehicle.from_robot(robot)
         name = given if equals else folder_name(robot.name)
         if not FOLDER_NAME.fullmatch(name):
-            raise RunError(f"--robot {text!r}: expected a name of letters, digits and _ before =")
+            raise RunError(f"robot {text!r}: expected a name of letters, digits and _ before =")
         if name in robots:
-            raise RunError(f"--robot {text!r}: a second {name}: expected NAME={source}")
+            raise RunError(f"robot {text!r}: a second {name}: expected NAME={source}")
         robots[name], vehicles[name] = robot, vehicle
     return robots, vehicles
 
@@ -209,7 +213,7 @@ def _drive_of(request: DriveRequest | RecordRequest, vehicle: Vehicle, route: Ro
         inputs.note_lighting(world.scene, scene, backend, sensors)
     return Drive(
         scene,
-        _as_requested(vehicle, request.image),
+        as_requested(vehicle, request.image),
         route,
         seed=request.seed,
         unlit=light.unlit,
@@ -224,7 +228,8 @@ def _drive_of(request: DriveRequest | RecordRequest, vehicle: Vehicle, route: Ro
     )
 
 
-def _as_requested(vehicle: Vehicle, image: MeshImageOptions) -> Vehicle:
+def as_requested(vehicle: Vehicle, image: MeshImageOptions) -> Vehicle:
+    """Vehicle with cameras as the image options ask."""
     return vehicle.with_cameras(
         size_px=image.size_px,
         polygons="same" if image.polygons is None else inputs.parse_polygons(image.polygons),

@@ -76,6 +76,87 @@ class DriveRequest:
 
 
 @options
+class ClockOptions:
+    """Simulated time, and where the robots begin."""
+
+    panel: ClassVar[str] = groups.TRAJECTORY
+
+    fast: bool = False
+    """Simulate as fast as possible, and make every measurement, instead of following the wall
+    clock."""
+    lockstep: bool = False
+    """Let only the clients' steps advance the time: repeatable to the byte."""
+    duration_s: Annotated[float | None, Option(ge=0.01, le=1e7)] = None
+    """Simulated time at which to end. Default: Ctrl-C ends it."""
+    rate_hz: Annotated[float, Option(ge=0.1, le=100)] = 10.0
+    """Rate of odometry and transforms, and of sensors without their own rate."""
+    timeout_s: Annotated[float, Option(ge=0.02, le=1e6)] = 0.5
+    """Duration of a velocity command: without another one the robot stops."""
+    at: Annotated[tuple[float, float] | None, Option(metavar="X Y")] = None
+    """Position of the first robot at the start. Default: the scene's start."""
+    yaw_deg: float | None = None
+    """Heading of the first robot at the start. Default: the scene's start."""
+
+
+@options
+class StreamOptions:
+    """Protocols of the streams, and files to record."""
+
+    panel: ClassVar[str] = "Streams"
+
+    protocols: Annotated[
+        str, Option(metavar="PROTOCOLS", names=lambda: ("foxglove", "plain", "ros2"))
+    ] = "foxglove,plain"
+    """Protocols, comma-separated: {names}. foxglove is Foxglove's and Lichtblick's, plain a
+    WebSocket for any program, ros2 is for ROS 2 nodes with rmw_zenoh_cpp."""
+    host: Annotated[str, Option(metavar="ADDRESS")] = "localhost"
+    """Address to listen on; clients need a token unless it is localhost."""
+    port: Annotated[int, Option(ge=0, le=65534)] = 8765
+    """Port of the first protocol; the next has the next port. 0: any free ports."""
+    router: Annotated[str | None, Option(metavar="ENDPOINT")] = None
+    """Zenoh's router for ros2, which listens there if none does. Default: tcp/127.0.0.1:7447."""
+    cloud_layout: Literal["generic", "velodyne", "ouster", "ouster-u8", "livox", "livox-custom"] = (
+        "generic"
+    )
+    """Layout of lidar clouds, as the drivers of these devices publish it."""
+    record: Path | None = None
+    """Also record all topics: .mcap."""
+    commands: Annotated[Path | None, Option(metavar="FILE")] = None
+    """Also write the commands that the first robot received: .csv, a path for `omnisim drive`."""
+
+
+@command(
+    "serve", "runs.serve.run",
+    first="scene protocols port fast lockstep record size_px quality also",
+)  # fmt: skip
+class ServeRequest:
+    """Serve simulated robots to your stack: sensors out, velocity commands in.
+
+    omnisim serve p2at --scene soccer
+    omnisim serve run --record run.mcap
+    """
+
+    sources: Annotated[list[str], Argument(metavar="ROBOT|RUN", complete=completion.complete_robot)]
+    """Robot file, built-in name, or model (.sdf .urdf .xml); several robots share the world, as
+    NAME=FILE if they are alike. Or the folder of a run, to play it back."""
+    scene: Annotated[str | None, Option(metavar="SCENE", complete=completion.complete_scene)] = None
+    """Scene file, or name of a built-in scene. Default: soccer."""
+    seed: int = 0
+    """Seed of the odometry's and the cameras' noise."""
+    files: groups.FileUnitOptions
+    clock: ClockOptions
+    streams: StreamOptions
+    light: groups.ShadowedLightOptions
+    image: groups.MeshImageOptions
+    also: Annotated[
+        str | None,
+        Option(metavar="CHANNELS", names=lambda: ("range", "semantic", "instance")),
+    ] = None
+    """Ground-truth channels that cameras also publish, comma-separated: {names}."""
+    gpu: groups.BackendOptions
+
+
+@options
 class PoseOptions:
     """Poses of a rig, and their place in the scene."""
 

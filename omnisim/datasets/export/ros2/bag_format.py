@@ -11,12 +11,13 @@
 | `/<camera>/points` | PointCloud2 | `--points`: points from the ranges, with colors |
 | `/<depth>/depth/image_rect`, `…/camera_info` | Image, 16UC1 | millimeters, 0: none (REP 118) |
 | `/<scanner>/scan` | LaserScan | |
-| `/<lidar>/points` | PointCloud2 | stamp: the revolution's start; ring, `time` since then … |
+| `/<lidar>/points` | PointCloud2 | stamp: the revolution's start; fields: `cloud_layouts` |
 | `/<imu>/data_raw` | Imu | at its own rate, without orientation |
 | `/<sonar>/range` | Range | |
 | `/odom` | Odometry | dead reckoning; absent for a rig |
 | `/ground_truth/pose` | PoseStamped | true pose of the base in `map`, at the fastest rate |
 | `/ground_truth/odom` | Odometry | the same, with true velocities in `base_link` |
+| `/clock` | Clock | before the messages of each moment |
 | `/tf`, `/tf_static` | TFMessage | `map → odom → base_link → sensors`, `map → objects` |
 
 Without odometry there is no frame `odom`: `map → base_link`.
@@ -26,14 +27,12 @@ Source: REP 103, 105, 117, 118; common_interfaces of Humble.
 
 from __future__ import annotations
 
-import math
-import re
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar, Literal, NamedTuple
+from typing import Any, ClassVar, Literal, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,23 +46,20 @@ from rosbags.interfaces import (
     QosTime,
 )
 from rosbags.rosbag2 import StoragePlugin, Writer
-from rosbags.typesys import Stores, get_typestore
 
-from omnisim.cameras.calibration import CalibratedCamera
-from omnisim.cameras.calibration.encode import encode_exactly
-from omnisim.cameras.calibration.formats.ros import CameraInfoLens, Ros
 from omnisim.core.arrays import Bytes, Floats
 from omnisim.core.errors import OutputError
 from omnisim.core.files.image_files import read_image
 from omnisim.core.poses import inverse
 from omnisim.datasets.export.export_format import (
-    NANOSECONDS,
     ExportFormat,
     ExportSettings,
     PrintNote,
 )
 from omnisim.datasets.export.recording import ImuReadings, RecordedCamera, Recording, read_table
 from omnisim.datasets.export.ros2 import ros_messages as messages
+from omnisim.datasets.export.ros2 import sensor_messages as of_sensors
+from omnisim.datasets.export.ros2.sensor_messages import LABELED, Messages, ros_name
 from omnisim.rendering.camera.omnicamera import CALIBRATION
 from omnisim.rendering.sensor import SensorSettings
 from omnisim.runs.run_folder import LABELS
@@ -76,10 +72,9 @@ from omnisim.sensors.range_sensor.range_sensor import RangeSensor
 # Streams: the ROS 2 messages of a run's sensors, on the topics of each sensor.
 
 
-BASE = "base_link"
+BASE, CLOCK = "base_link", "/clock"
 CLOUD_COLORS = "rgb"
 SCAN_COLUMNS = ("beam", "angle_deg", "range_m")
-LABELED = ("semantic", "instance")  # channels with numbers of the run's labels
 
 
 class StampedMessage(NamedTuple):
@@ -103,13 +98,18 @@ class Stream(ABC):
         """Pose (4, 4) of the sensor's frame on the base."""
 
     @abstractmethod
-    def messages_at(self, step: int, stamp_ns: int) -> Iterator[StampedMessage]:
-        """Messages of a measurement, by its number `step` from 0."""
+    def messages_at(self, step: int, stamp_ns: int) -> Messages:
+        """Messages of a measurement by topic, by its number `step` from 0."""
 
     def messages_of(self, step: int) -> Iterator[StampedMessage]:
         """Messages of all measurements after the previous step, up to a step's time."""
-        for index in self.recording.indices_at(self.name, step):
-            yield from self.messages_at(index, self._stamps_ns[index])
+        for index in self._indices_of(step):
+            stamp_ns = self._stamps_ns[index]
+            for topic, message in self.messages_at(index, stamp_ns).items():
+                yield StampedMessage(topic, stamp_ns, message)
+
+    def _indices_of(self, step: int) -> Sequence[int]:
+        return self.recording.indices_at(self.name, step)
 
     @cached_property
     def _stamps_ns(self) -> list[int]:
@@ -132,22 +132,14 @@ class OpticalStream(Stream):
     def __init__(self, recording: Recording, camera: RecordedCamera, settings: ExportSettings):
         super().__init__(recording, camera.name, settings)
         self.camera = camera
-        self.frame = f"{self.topic}_optical_frame"
-        self.lens = true_lens(camera)
+        self.frame = of_sensors.optical_frame(camera.name)
+        self.lens = of_sensors.true_lens(camera.name, camera.mount.camera)
 
     def base_from_frame(self) -> Floats:
         """Pose (4, 4) of the optical frame on the base."""
         return self.camera.mount.base_from_optical
 
-    def _info(self, topic: str, stamp_ns: int) -> Iterator[StampedMessage]:
-        """The calibration, if ROS has the model."""
-        if self.lens is not None:
-            info = messages.camera_info_message(stamp_ns, self.frame, self.lens)
-            yield StampedMessage(f"/{self.topic}/{topic}", stamp_ns, info)
-
-    def _points(
-        self, topic: str, stamp_ns: int, points_m: Floats, colors: Bytes | None
-    ) -> StampedMessage:
+    def _points(self, stamp_ns: int, points_m: Floats, colors: Bytes | None) -> object:
         """Point cloud with x, y, z; and with colors, rgb as ROS viewers expect."""
         xyz = points_m.astype(np.float32)
         columns: list[tuple[str, NDArray[Any]]] = list(zip("xyz", xyz.T, strict=True))
@@ -155,39 +147,29 @@ class OpticalStream(Stream):
             bgra = np.zeros((len(colors), 4), dtype=np.uint8)
             bgra[:, :3] = colors[:, ::-1]
             columns.append((CLOUD_COLORS, bgra.view(np.float32)[:, 0]))
-        cloud = messages.point_cloud(stamp_ns, self.frame, messages.point_fields(columns))
-        return StampedMessage(f"/{self.topic}/{topic}", stamp_ns, cloud)
+        return messages.point_cloud(stamp_ns, self.frame, messages.point_fields(columns))
 
 
 class CameraStream(OpticalStream):
     """Images, ranges and points of a camera."""
 
-    def messages_at(self, step: int, stamp_ns: int) -> Iterator[StampedMessage]:
+    def messages_at(self, step: int, stamp_ns: int) -> Messages:
         """Image, calibration if ROS has the model, labels, ranges, and points if requested."""
-        needs_image = not self.settings.compressed or self.settings.with_points
-        image = self.camera.image(step) if needs_image else None
-        if self.settings.compressed:
+        compressed, with_points = self.settings.compressed, self.settings.with_points
+        image = self.camera.image(step) if with_points or not compressed else None
+        names = [name for name in (*LABELED, "range") if self.camera.has(name)]
+        channels = {name: self.camera.channel(step, name) for name in names}
+        raw = None if compressed else image
+        found = of_sensors.camera_messages(self.name, stamp_ns, raw, channels, self.lens)
+        if compressed:
             png = self.camera.image_file(step).read_bytes()
-            compressed = messages.compressed_image(stamp_ns, self.frame, png)
-            yield StampedMessage(f"/{self.topic}/image_raw/compressed", stamp_ns, compressed)
-        else:
-            yield self._image("image_raw", stamp_ns, image)
-        yield from self._info("camera_info", stamp_ns)
-        for name in LABELED:
-            if self.camera.has(name):
-                yield self._image(name, stamp_ns, self.camera.channel(step, name))
-        if not self.camera.has("range"):
-            return
-        ranges_m = self.camera.channel(step, "range")
-        yield self._image("range", stamp_ns, ranges_m)
-        if self.settings.with_points:
-            points_m, hit = self.camera.points_m(ranges_m)
+            topic = f"/{self.topic}/image_raw/compressed"
+            found = {topic: messages.compressed_image(stamp_ns, self.frame, png), **found}
+        if with_points and "range" in channels:
+            points_m, hit = self.camera.points_m(channels["range"])
             colors = None if image is None else image[hit]
-            yield self._points("points", stamp_ns, points_m, colors)
-
-    def _image(self, topic: str, stamp_ns: int, pixels: Any) -> StampedMessage:
-        message = messages.image(stamp_ns, self.frame, pixels)
-        return StampedMessage(f"/{self.topic}/{topic}", stamp_ns, message)
+            found[f"/{self.topic}/points"] = self._points(stamp_ns, points_m, colors)
+        return found
 
 
 class DepthStream(OpticalStream):
@@ -196,17 +178,16 @@ class DepthStream(OpticalStream):
     def __init__(self, recording: Recording, name: str, settings: ExportSettings):
         super().__init__(recording, recording.depth_camera(name), settings)
 
-    def messages_at(self, step: int, stamp_ns: int) -> Iterator[StampedMessage]:
+    def messages_at(self, step: int, stamp_ns: int) -> Messages:
         """Depths in millimeters, the calibration, and points if requested."""
         depths = read_image(self.camera.image_file(step))[0][..., 0].astype(np.uint16)
-        image = messages.image(stamp_ns, self.frame, depths)
-        yield StampedMessage(f"/{self.topic}/depth/image_rect", stamp_ns, image)
-        yield from self._info("depth/camera_info", stamp_ns)
+        found = of_sensors.depth_messages(self.name, stamp_ns, depths, self.lens)
         if self.settings.with_points:
             with np.errstate(divide="ignore"):
                 ranges_m = 1e-3 * np.where(depths, depths, np.inf) / self.camera.directions[..., 2]
             points_m, _ = self.camera.points_m(ranges_m)
-            yield self._points("depth/points", stamp_ns, points_m, None)
+            found[f"/{self.topic}/depth/points"] = self._points(stamp_ns, points_m, None)
+        return found
 
 
 class ScanStream(Stream):
@@ -217,15 +198,20 @@ class ScanStream(Stream):
         scan = read_table(self._file(0), *SCAN_COLUMNS).header
         return self._mount(scan.pose("world_from_scanner"))
 
-    def messages_at(self, step: int, stamp_ns: int) -> Iterator[StampedMessage]:
+    def messages_at(self, step: int, stamp_ns: int) -> Messages:
         """Message of one scan."""
         scan = read_table(self._file(step), *SCAN_COLUMNS)
         limits_m = scan.header.number("range_min_m"), scan.header.number("range_max_m")
-        angles_rad = np.radians(scan.columns["angle_deg"])
-        message = messages.laser_scan(
-            stamp_ns, self.frame, angles_rad, scan.columns["range_m"], limits_m
+        angles_rad, ranges_m = np.radians(scan.columns["angle_deg"]), scan.columns["range_m"]
+        return of_sensors.scan_messages(
+            self.name, stamp_ns, angles_rad, ranges_m, limits_m, self._period_s
         )
-        yield StampedMessage(f"/{self.topic}/scan", stamp_ns, message)
+
+    @cached_property
+    def _period_s(self) -> float:
+        """Time between scans; 0 for a single one."""
+        times_s = self.recording.times_s(self.name)
+        return float(np.median(np.diff(times_s))) if len(times_s) > 1 else 0.0
 
 
 class RangeStream(Stream):
@@ -236,18 +222,13 @@ class RangeStream(Stream):
         header = read_table(self._file(0), "range_m").header
         return self._mount(header.pose("world_from_sensor"))
 
-    def messages_at(self, step: int, stamp_ns: int) -> Iterator[StampedMessage]:
+    def messages_at(self, step: int, stamp_ns: int) -> Messages:
         """Message of one range."""
         table = read_table(self._file(step), "range_m")
-        header = table.header
-        message = messages.range_message(
-            stamp_ns,
-            self.frame,
-            math.radians(header.number("beam_angle_deg")),
-            (header.number("range_min_m"), header.number("range_max_m")),
-            float(table.columns["range_m"][0]),
-        )
-        yield StampedMessage(f"/{self.topic}/range", stamp_ns, message)
+        header, (range_m,) = table.header, table.columns["range_m"][:1].tolist()
+        limits_m = header.number("range_min_m"), header.number("range_max_m")
+        cone_deg = header.number("beam_angle_deg")
+        return of_sensors.range_messages(self.name, stamp_ns, cone_deg, limits_m, range_m)
 
 
 class LidarStream(Stream):
@@ -257,19 +238,12 @@ class LidarStream(Stream):
         """Pose (4, 4) of the lidar on the base."""
         return self.recording.base_from_lidar(self.name)
 
-    def messages_at(self, step: int, stamp_ns: int) -> Iterator[StampedMessage]:
-        """Point cloud with all fields, stamped with the start of the revolution.
-
-        As drivers publish it, at the revolution's end: a point's time is stamp + `time`, which may
-        be negative, since no stamp is before 1970.
-        """
+    def messages_at(self, step: int, stamp_ns: int) -> Messages:
+        """Point cloud in the chosen layout, stamped with the start of the revolution."""
         cloud = self.recording.cloud(self.name, step)
-        period_ns = round(NANOSECONDS / cloud.header.number("rate_hz"))
-        start_ns = max(0, stamp_ns - period_ns)
-        points = cloud.points.copy()
-        points["time"] -= 1e-9 * (start_ns - (stamp_ns - period_ns))
-        message = messages.point_cloud(start_ns, self.frame, points)
-        yield StampedMessage(f"/{self.topic}/points", stamp_ns, message)
+        rings, rate_hz = len(cloud.header.value("elevations_deg")), cloud.header.number("rate_hz")
+        layout = self.settings.cloud_layout
+        return of_sensors.cloud_messages(self.name, stamp_ns, cloud.points, rings, rate_hz, layout)
 
 
 class ImuStream(Stream):
@@ -279,16 +253,12 @@ class ImuStream(Stream):
         """Pose (4, 4) of the IMU on the base."""
         return self.recording.base_from_imu(self.name)
 
-    def messages_at(self, step: int, stamp_ns: int) -> Iterator[StampedMessage]:
+    def messages_at(self, step: int, stamp_ns: int) -> Messages:
         """Message of one reading."""
-        values = self._readings.values[step].tolist()
-        message = messages.imu(stamp_ns, self.frame, values[:3], values[3:])
-        yield StampedMessage(f"/{self.topic}/data_raw", stamp_ns, message)
+        return of_sensors.imu_messages(self.name, stamp_ns, self._readings.values[step].tolist())
 
-    def messages_of(self, step: int) -> Iterator[StampedMessage]:
-        """Messages of the readings after the previous step, up to a step's time."""
-        for index in _since(self.recording.truth.times_s, step, self._readings.times_s):
-            yield from self.messages_at(index, self._stamps_ns[index])
+    def _indices_of(self, step: int) -> Sequence[int]:
+        return _since(self.recording.truth.times_s, step, self._readings.times_s)
 
     @cached_property
     def _readings(self) -> ImuReadings:
@@ -306,19 +276,11 @@ def _since(steps_s: Floats, step: int, times_s: Floats) -> range:
     return range(*np.searchsorted(times_s, (begin_s, end_s), side="right").tolist())
 
 
-def ros_name(name: str) -> str:
-    """Nearest valid ROS name: ASCII letters, digits and _, no digit first."""
-    safe = re.sub(r"[^A-Za-z0-9_]", "_", name)
-    return f"_{safe}" if safe[0].isdigit() else safe
+class MessageWriter(Protocol):
+    """What takes the messages of a run."""
 
-
-def true_lens(camera: RecordedCamera) -> CameraInfoLens | None:
-    """CameraInfo lens that represents the camera exactly; None: ROS has no such model."""
-    if not camera.has_one_viewpoint:
-        return None
-    calibrated = CalibratedCamera(camera.name, camera.mount.camera)
-    encoded = encode_exactly(calibrated, Ros(), camera.name)
-    return None if encoded is None or encoded.metadata.mirrored else encoded.lens
+    def write(self, topic: str, stamp_ns: int, message: object, is_latched: bool = False) -> None:
+        """Take a message, see `Bag.write`."""
 
 
 OpenStream = Callable[[Recording, str, ExportSettings], Stream]
@@ -347,8 +309,6 @@ class Ros2Bag(ExportFormat):
     ) -> Iterator[int]:
         """Write the bag, step by step."""
         streams = open_streams(recording, settings)
-        motion = _Motion(recording, settings)
-        stamps_ns = settings.stamps_ns(recording.truth.times_s, recording.run.path)
         for stream in streams:
             if isinstance(stream, CameraStream) and stream.lens is None:
                 print_note(
@@ -357,26 +317,40 @@ class Ros2Bag(ExportFormat):
                 )
         folder.rmdir()  # rosbags creates it
         with Bag.open(folder, self.storage) as bag:
-            first_ns = stamps_ns[0]
-            mounts = {(BASE, stream.frame): stream.base_from_frame() for stream in streams}
-            if mounts:
-                frames = messages.transforms(first_ns, mounts)
-                bag.write("/tf_static", first_ns, frames, is_latched=True)
-            for stream in streams:
-                if isinstance(stream, CameraStream):
-                    file = recording.run.path / stream.name / CALIBRATION
-                    content = messages.text(file.read_text(encoding="utf-8"))
-                    bag.write(f"/{stream.topic}/calibration", first_ns, content, is_latched=True)
-            if recording.run.has(LABELS):
-                text = (recording.run.path / LABELS).read_text(encoding="utf-8")
-                bag.write("/labels", first_ns, messages.text(text), is_latched=True)
-            for step, stamp_ns in enumerate(stamps_ns):
-                stamped = [message for stream in streams for message in stream.messages_of(step)]
-                stamped += motion.between(step)
-                for message in sorted(stamped, key=lambda message: message.stamp_ns):
-                    bag.write(*message)
-                motion.write(bag, step, stamp_ns)
-                yield step + 1
+            yield from write_messages(recording, streams, settings, bag)
+
+
+def write_messages(
+    recording: Recording, streams: Sequence[Stream], settings: ExportSettings, bag: MessageWriter
+) -> Iterator[int]:
+    """Write all messages of a run, step by step; yields the number of finished steps.
+
+    Raises:
+        OmnisimError: a file of the run is damaged.
+    """
+    motion = _Motion(recording, settings)
+    stamps_ns = settings.stamps_ns(recording.truth.times_s, recording.run.path)
+    first_ns = stamps_ns[0]
+    mounts = {(BASE, stream.frame): stream.base_from_frame() for stream in streams}
+    if mounts:
+        bag.write("/tf_static", first_ns, messages.transforms(first_ns, mounts), is_latched=True)
+    for stream in streams:
+        if isinstance(stream, CameraStream):
+            file = recording.run.path / stream.name / CALIBRATION
+            content = messages.text(file.read_text(encoding="utf-8"))
+            bag.write(f"/{stream.topic}/calibration", first_ns, content, is_latched=True)
+    if recording.run.has(LABELS):
+        text = (recording.run.path / LABELS).read_text(encoding="utf-8")
+        bag.write("/labels", first_ns, messages.text(text), is_latched=True)
+    for step, stamp_ns in enumerate(stamps_ns):
+        stamped = [message for stream in streams for message in stream.messages_of(step)]
+        stamped += motion.between(step)
+        times_ns = {message.stamp_ns for message in stamped} | {stamp_ns}
+        clock = [StampedMessage(CLOCK, at_ns, messages.clock(at_ns)) for at_ns in times_ns]
+        for message in sorted(clock + stamped, key=lambda message: message.stamp_ns):
+            bag.write(*message)
+        motion.write(bag, step, stamp_ns)
+        yield step + 1
 
 
 class Ros2Mcap(Ros2Bag):
@@ -441,7 +415,7 @@ class _Motion:
             odometry = messages.odometry(stamp_ns, (MAP, BASE), pose, *rates)
             yield StampedMessage("/ground_truth/odom", stamp_ns, odometry)
 
-    def write(self, bag: Bag, step: int, stamp_ns: int) -> None:
+    def write(self, bag: MessageWriter, step: int, stamp_ns: int) -> None:
         """Write the transforms and odometry of a step."""
         map_from_base = self._truth.world_from_base[step]
         poses = {(MAP, BASE): map_from_base}
@@ -478,7 +452,7 @@ class Bag:
     """Bag open for writing."""
 
     def __init__(self, writer: Writer):
-        self._store, self._writer = get_typestore(Stores.ROS2_HUMBLE), writer
+        self._writer = writer
         self._connections: dict[str, Connection] = {}
 
     @classmethod
@@ -500,7 +474,6 @@ class Bag:
         All messages of a topic have the same type. Late subscribers receive a latched topic's last
         message, too. Stamps are nanoseconds since 1970.
         """
-        kind = type(message).__name__.replace("__", "/")
         if topic not in self._connections:
             durability = QosDurability.TRANSIENT_LOCAL if is_latched else QosDurability.VOLATILE
             quality = Qos(
@@ -508,8 +481,9 @@ class Bag:
                 _UNLIMITED, _UNLIMITED, QosLiveliness.AUTOMATIC, _UNLIMITED, False,
             )  # fmt: skip
             self._connections[topic] = self._writer.add_connection(
-                topic, kind, typestore=self._store, offered_qos_profiles=[quality]
+                topic,
+                messages.message_type(message),
+                typestore=messages.STORE,
+                offered_qos_profiles=[quality],
             )
-        self._writer.write(
-            self._connections[topic], stamp_ns, self._store.serialize_cdr(message, kind)
-        )
+        self._writer.write(self._connections[topic], stamp_ns, messages.serialized(message))

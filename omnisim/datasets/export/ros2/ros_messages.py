@@ -1,4 +1,4 @@
-"""ROS 2 messages of a run's contents.
+"""ROS 2 messages of arrays, and their bytes; `sensor_messages` has those of sensors, by topic.
 
 Frames follow REP 103: x forward, y left, z up; in names that end in `_optical_frame`, x right, y
 down, z forward. Missing ranges are ±inf (REP 117), missing depths 0 (REP 118).
@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.stores.ros2_humble import builtin_interfaces__msg__Time as Time
 from rosbags.typesys.stores.ros2_humble import geometry_msgs__msg__Point as Point
 from rosbags.typesys.stores.ros2_humble import geometry_msgs__msg__Pose as Pose
@@ -28,7 +29,10 @@ from rosbags.typesys.stores.ros2_humble import (
     geometry_msgs__msg__TwistWithCovariance as TwistWithCovariance,
 )
 from rosbags.typesys.stores.ros2_humble import geometry_msgs__msg__Vector3 as Vector3
+from rosbags.typesys.stores.ros2_humble import nav_msgs__msg__MapMetaData as MapMetaData
+from rosbags.typesys.stores.ros2_humble import nav_msgs__msg__OccupancyGrid as OccupancyGrid
 from rosbags.typesys.stores.ros2_humble import nav_msgs__msg__Odometry as Odometry
+from rosbags.typesys.stores.ros2_humble import rosgraph_msgs__msg__Clock as Clock
 from rosbags.typesys.stores.ros2_humble import sensor_msgs__msg__CameraInfo as CameraInfo
 from rosbags.typesys.stores.ros2_humble import sensor_msgs__msg__CompressedImage as CompressedImage
 from rosbags.typesys.stores.ros2_humble import sensor_msgs__msg__Image as Image
@@ -46,6 +50,7 @@ from rosbags.typesys.stores.ros2_humble import tf2_msgs__msg__TFMessage as TFMes
 
 from omnisim.cameras.calibration.formats.ros import IDENTITY, CameraInfoLens, camera_info
 from omnisim.core.arrays import Floats
+from omnisim.core.poses import pose as pose_at
 from omnisim.core.poses import quaternion_from_rotation
 from omnisim.datasets.export.export_format import NANOSECONDS
 
@@ -62,8 +67,12 @@ UNKNOWN = np.zeros(36)  # covariance
 
 def header(stamp_ns: int, frame: str) -> Header:
     """Header of a message."""
-    seconds, nanoseconds = divmod(stamp_ns, NANOSECONDS)
-    return Header(Time(seconds, nanoseconds), frame)
+    return Header(_time(stamp_ns), frame)
+
+
+def clock(stamp_ns: int) -> Clock:
+    """Message of the simulated time, for nodes with `use_sim_time`."""
+    return Clock(_time(stamp_ns))
 
 
 def image(stamp_ns: int, frame: str, pixels: NDArray[Any]) -> Image:
@@ -76,9 +85,21 @@ def image(stamp_ns: int, frame: str, pixels: NDArray[Any]) -> Image:
     )
 
 
-def compressed_image(stamp_ns: int, frame: str, png: bytes) -> CompressedImage:
-    """Image message with the bytes of a PNG file."""
-    return CompressedImage(header(stamp_ns, frame), "png", np.frombuffer(png, dtype=np.uint8))
+def compressed_image(
+    stamp_ns: int, frame: str, content: bytes, kind: str = "png"
+) -> CompressedImage:
+    """Image message with the bytes of a PNG file, or of another kind of file."""
+    return CompressedImage(header(stamp_ns, frame), kind, np.frombuffer(content, dtype=np.uint8))
+
+
+def occupancy_grid(
+    stamp_ns: int, frame: str, cells: NDArray[np.int8], low_m: Floats, cell_m: float
+) -> OccupancyGrid:
+    """Map message of cells (rows, columns), rows along y; `low_m` (2,) is its lower corner."""
+    height, width = cells.shape
+    origin = _pose(pose_at((*low_m.tolist(), 0.0)))
+    about = MapMetaData(_time(stamp_ns), cell_m, width, height, origin)
+    return OccupancyGrid(header(stamp_ns, frame), about, cells.ravel())
 
 
 def camera_info_message(stamp_ns: int, frame: str, lens: CameraInfoLens) -> CameraInfo:
@@ -105,14 +126,33 @@ def point_cloud(stamp_ns: int, frame: str, points: NDArray[np.void]) -> PointClo
     )
 
 
+def livox_cloud(stamp_ns: int, frame: str, points: NDArray[np.void]) -> object:
+    """CustomMsg of livox_ros_driver2 with points of the layout `livox-custom`."""
+    cloud, point = (STORE.types[f"{LIVOX}/{name}"] for name in ("CustomMsg", "CustomPoint"))
+    custom = [point(*values) for values in points.tolist()]
+    return cloud(
+        header(stamp_ns, frame), stamp_ns, len(custom), 0, np.zeros(3, dtype=np.uint8), custom
+    )
+
+
 def laser_scan(
-    stamp_ns: int, frame: str, angles_rad: Floats, ranges_m: Floats, limits_m: tuple[float, float]
+    stamp_ns: int,
+    frame: str,
+    angles_rad: Floats,
+    ranges_m: Floats,
+    limits_m: tuple[float, float],
+    period_s: float = 0.0,
 ) -> LaserScan:
-    """Scan message of evenly spaced beams, counter-clockwise; `limits_m`: minimum and maximum."""
+    """Scan message of evenly spaced beams that fire at once, counter-clockwise.
+
+    `limits_m` are the minimum and maximum range, `period_s` the time between scans, 0 if unknown.
+    """
     first, last = float(angles_rad[0]), float(angles_rad[-1])
     step = (last - first) / max(1, len(angles_rad) - 1)
     ranges, none = ranges_m.astype(np.float32), np.zeros(0, dtype=np.float32)
-    return LaserScan(header(stamp_ns, frame), first, last, step, 0.0, 0.0, *limits_m, ranges, none)
+    return LaserScan(
+        header(stamp_ns, frame), first, last, step, 0.0, period_s, *limits_m, ranges, none
+    )
 
 
 def range_message(
@@ -177,6 +217,54 @@ def point_fields(columns: Iterable[tuple[str, NDArray[Any]]]) -> NDArray[np.void
     for name, values in named:
         records[name] = values
     return records
+
+
+# Bytes of messages, and the types that ROS itself lacks. Source: livox_ros_driver2/msg.
+
+
+LIVOX = "livox_ros_driver2/msg"
+_CUSTOM_POINT = """uint32 offset_time
+float32 x
+float32 y
+float32 z
+uint8 reflectivity
+uint8 tag
+uint8 line
+"""
+_CUSTOM_MSG = """std_msgs/Header header
+uint64 timebase
+uint32 point_num
+uint8 lidar_id
+uint8[3] rsvd
+livox_ros_driver2/CustomPoint[] points
+"""
+STORE = get_typestore(Stores.ROS2_HUMBLE)
+STORE.register(get_types_from_msg(_CUSTOM_POINT, f"{LIVOX}/CustomPoint"))
+STORE.register(get_types_from_msg(_CUSTOM_MSG, f"{LIVOX}/CustomMsg"))
+
+
+def message_type(message: object) -> str:
+    """Type of a message, such as `sensor_msgs/msg/Imu`."""
+    return type(message).__name__.replace("__", "/")
+
+
+def serialized(message: object) -> bytes:
+    """Bytes of a message: CDR, little-endian, with its header of 4 bytes."""
+    return bytes(STORE.serialize_cdr(message, message_type(message)))
+
+
+def definition(kind: str) -> str:
+    """Definition of a message type and of the types within, as in MCAP's schema `ros2msg`."""
+    return STORE.generate_msgdef(kind, ros_version=2)[0]
+
+
+def type_hash(kind: str) -> str:
+    """RIHS01 hash of a message type, by which nodes of ROS 2 from Iron on match topics."""
+    return STORE.hash_rihs01(kind)
+
+
+def _time(stamp_ns: int) -> Time:
+    return Time(*divmod(stamp_ns, NANOSECONDS))
 
 
 def _pose(pose: Floats) -> Pose:

@@ -1,0 +1,148 @@
+"""`omnisim serve`: simulated robots as live streams."""
+
+from __future__ import annotations
+
+import math
+import signal
+import sys
+from contextlib import ExitStack
+from pathlib import Path
+
+from omnisim.apps.cli import inputs
+from omnisim.apps.cli.console import out, print_note
+from omnisim.apps.cli.options import refuse_given
+from omnisim.apps.cli.runs.drive import as_requested, load_robots
+from omnisim.apps.cli.runs.requests import ClockOptions, ServeRequest, StreamOptions
+from omnisim.core.errors import OutputError, did_you_mean
+from omnisim.core.extras import require_extra
+from omnisim.core.files.atomic_file import check_suffix, write_text
+from omnisim.robots.vehicle import Vehicle
+from omnisim.scene import Scene, read_scene
+
+SCENE = "soccer"
+CHANNELS = ("range", "semantic", "instance")
+APART_M = 1.5  # between robots that have no start of their own in the scene
+
+
+def run(request: ServeRequest) -> None:
+    """Serve robots, or a run, until Ctrl-C, SIGTERM or the given duration."""
+    require_extra("ros", "omnisim serve")  # its messages
+    from omnisim.serve.run_player import RunPlayer, is_run
+    from omnisim.serve.serve_loop import ServeLoop
+    from omnisim.serve.simulation import ServeSettings, Simulation
+
+    clock, streams = request.clock, request.streams
+    if clock.fast and clock.lockstep:
+        raise OutputError("--fast, --lockstep: expected one of them")
+    mode = "fast" if clock.fast else "lockstep" if clock.lockstep else "wall"
+    if len(request.sources) == 1 and is_run(Path(request.sources[0])):
+        reason = "expected none with a run, which has its own"
+        refuse_given(request, reason, "scene", "also", "seed")
+        refuse_given(clock, reason, "at", "yaw_deg", "rate_hz", "timeout_s")
+        refuse_given(streams, reason, "commands")
+        for options in (request.image, request.light, request.files):
+            refuse_given(options, reason)
+        simulation = RunPlayer(Path(request.sources[0]), streams.cloud_layout)
+    else:
+        if streams.commands is not None:
+            check_suffix(streams.commands, ".csv")
+        channels = tuple(filter(None, (request.also or "").split(",")))
+        for channel in channels:
+            if channel not in CHANNELS:
+                raise OutputError(f"--also {channel}: {did_you_mean(channel, CHANNELS)}")
+        _, vehicles = load_robots(request.sources, request.files.resources or ())
+        scene = _scene(request)
+        simulation = Simulation(
+            ServeSettings(
+                scene,
+                {name: as_requested(vehicle, request.image) for name, vehicle in vehicles.items()},
+                _starts(scene, vehicles, clock),
+                clock.rate_hz,
+                request.seed,
+                clock.timeout_s,
+                channels,
+                streams.cloud_layout,
+                request.light.unlit,
+                request.gpu.device,
+                inputs.checked_backend(request.gpu),
+                keeps_commands=streams.commands is not None,
+            )
+        )
+    loop = ServeLoop(simulation, mode, clock.duration_s)
+    simulation.publishers += _publishers(streams, mode == "lockstep")
+    with ExitStack() as stack:
+        stack.callback(simulation.close)
+        simulation.open()
+        for publisher in simulation.publishers:
+            stack.callback(publisher.close)
+            out.print(publisher.open(simulation.topics, loop))
+        simulation.announce()
+        out.print(f"{len(simulation.topics)} topics of {', '.join(loop.robots)}; Ctrl-C ends it.")
+        sys.stdout.flush()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, lambda *_: loop.end())
+        loop.run()
+        if streams.commands is not None:
+            write_text(streams.commands, simulation.commands(""))
+            out.print(f"{streams.commands}: commands of {loop.robots[0]}")
+    late = f"; {loop.late_s:.1f} s of the wall clock left out" if loop.late_s else ""
+    out.print(f"stopped at {simulation.now_s:.2f} s{late}{simulation.summary()}")
+
+
+def _scene(request: ServeRequest) -> Scene:
+    files, light = request.files, request.light
+    units = files.up_axis, files.meters_per_unit, files.resources or ()
+    scene = read_scene(request.scene or SCENE, *units, sky=light.sky, baked=light.baked)
+    for notice in scene.notices:
+        print_note(notice)
+    return inputs.with_shadows_as_requested(scene, light)
+
+
+def _starts(
+    scene: Scene, vehicles: dict[str, Vehicle], clock: ClockOptions
+) -> dict[str, tuple[float, float, float]]:
+    """Starts of the robots: the scene's, then one beside the other."""
+    starts = [(*start.position_m[:2], math.radians(start.yaw_deg)) for start in scene.starts]
+    first = scene.start
+    starts = starts or [(*first.position_m[:2], math.radians(first.yaw_deg))]
+    x, y, yaw = starts[0]
+    if clock.at is not None:
+        x, y = clock.at
+    if clock.yaw_deg is not None:
+        yaw = math.radians(clock.yaw_deg)
+    starts[0] = x, y, yaw
+    while len(starts) < len(vehicles):
+        x, y, yaw = starts[-1]
+        starts.append((x - APART_M * math.sin(yaw), y + APART_M * math.cos(yaw), yaw))
+    return dict(zip(vehicles, starts, strict=False))
+
+
+def _publishers(streams: StreamOptions, keeps_all: bool) -> list:
+    """Servers of the protocols, and the recorder."""
+    found, port = [], streams.port
+    names = streams.protocols.split(",")
+    if streams.router is not None and "ros2" not in names:
+        raise OutputError("--router: expected ros2 among --protocols")
+    for name in names:
+        if name == "foxglove":
+            from omnisim.serve.foxglove_publisher import FoxglovePublisher
+
+            found.append(FoxglovePublisher(streams.host, port))
+        elif name == "plain":
+            from omnisim.serve.plain_publisher import PlainPublisher
+
+            found.append(PlainPublisher(streams.host, port, keeps_all))
+        elif name == "ros2":
+            from omnisim.serve.zenoh_publisher import ROUTER, ZenohPublisher
+
+            found.append(ZenohPublisher(streams.router or ROUTER))
+            continue
+        else:
+            expected = did_you_mean(name, ("foxglove", "plain", "ros2"))
+            raise OutputError(f"--protocols {name}: {expected}")
+        port += port > 0
+    if streams.record is not None:
+        from omnisim.serve.mcap_recorder import McapRecorder
+
+        found.append(McapRecorder(streams.record))
+    return found

@@ -1,0 +1,280 @@
+"""Served robots on a plain WebSocket, for programs in any language; see `plain_messages`.
+
+Requests are JSON texts; those with an "id" are answered, with "done" or "error":
+
+    {"op": "subscribe", "topics": ["/omnicam/image_raw"], "id": 1}      topics ["*"]: all
+    {"op": "command", "robot": "", "speed_mps": 0.3, "turn_rate_radps": 0.1}
+    {"op": "step", "seconds": 0.1, "id": 2}      the answer follows its messages
+    {"op": "pause", "is_paused": true}    {"op": "reset"}
+    {"op": "set_pose", "robot": "", "x_m": 0, "y_m": 0, "yaw_rad": 0}
+"""
+
+from __future__ import annotations
+
+import asyncio
+import dataclasses
+import json
+import threading
+from collections import deque
+from collections.abc import Sequence
+from contextlib import suppress
+from typing import Any
+
+from websockets.asyncio.server import ServerConnection, serve
+from websockets.exceptions import ConnectionClosed
+from websockets.http11 import Request, Response
+
+from omnisim.core.errors import OmnisimError, OutputError, ServeError
+from omnisim.serve.access import Access, PacedConnection
+from omnisim.serve.plain_messages import pack, pack_message
+from omnisim.serve.publisher import Client, Controls, Publisher, Topic
+
+MAX_QUEUE = 256  # messages that wait for a client
+MAX_QUEUE_BYTES = 64 << 20
+MAX_CLIENTS = 32
+MAX_MESSAGE_BYTES = 1 << 16  # of a client
+ALL = "*"
+# Requests with the names and types of their values, besides op and id.
+_REQUESTS: dict[str, dict[str, type]] = {
+    "subscribe": {"topics": list},
+    "command": {"robot": str, "speed_mps": float, "turn_rate_radps": float},
+    "step": {"seconds": float},
+    "pause": {"is_paused": bool},
+    "reset": {},
+    "set_pose": {"robot": str, "x_m": float, "y_m": float, "yaw_rad": float},
+}
+
+
+class _Reader:
+    """Client with its queue, whose oldest messages are dropped."""
+
+    def __init__(self, connection: ServerConnection, keeps_all: bool):
+        self.connection, self._keeps_all = connection, keeps_all
+        self.topics: frozenset[str] = frozenset()
+        self.dropped = 0
+        self._queue: deque[bytes] = deque()
+        self._bytes = 0
+        self._news = asyncio.Event()
+
+    def wants(self, topic: str) -> bool:
+        """True if it subscribes to a topic."""
+        return topic in self.topics or ALL in self.topics
+
+    def put(self, data: bytes) -> None:
+        """Queue a message, and drop the oldest ones beyond the limits."""
+        self._queue.append(data)
+        self._bytes += len(data)
+        while (
+            not self._keeps_all
+            and len(self._queue) > 1
+            and (len(self._queue) > MAX_QUEUE or self._bytes > MAX_QUEUE_BYTES)
+        ):
+            self._bytes -= len(self._queue.popleft())
+            self.dropped += 1
+        self._news.set()
+
+    async def send_all(self) -> None:
+        """Send messages until the connection ends."""
+        told = 0
+        with suppress(ConnectionClosed):
+            while True:
+                await self._news.wait()
+                self._news.clear()
+                while self._queue:
+                    data = self._queue.popleft()
+                    self._bytes -= len(data)
+                    await self.connection.send(data)
+                if self.dropped > told:
+                    told = self.dropped
+                    await self.connection.send(pack({"op": "dropped", "dropped": told}))
+
+
+class PlainPublisher(Publisher):
+    """WebSocket server of its own thread.
+
+    Args:
+        host: address to listen on; others than localhost need the token of the printed address.
+        port: port to listen on; 0: any free port.
+        keeps_all: never drop a message, for lockstep.
+    """
+
+    protocol = "plain"
+
+    def __init__(self, host: str = "localhost", port: int = 8766, keeps_all: bool = False):
+        self._host, self._port, self._keeps_all = host, port, keeps_all
+        self._access = Access.to(host)
+        self._readers: list[_Reader] = []
+        self._latched: dict[str, bytes] = {}
+        self._topics: dict[str, Topic] = {}
+        self._loop = asyncio.new_event_loop()
+        self._thread: threading.Thread | None = None
+        self._end = asyncio.Event()
+
+    def open(self, topics: Sequence[Topic], controls: Controls) -> str:
+        """Begin to serve.
+
+        Raises:
+            OutputError: the port is taken, or the address does not belong to this machine.
+        """
+        self._topics, self._controls = {topic.name: topic for topic in topics}, controls
+        started, errors = threading.Event(), list[BaseException]()
+        self._thread = threading.Thread(
+            target=self._run, args=(started, errors), name="omnisim-plain", daemon=True
+        )
+        self._thread.start()
+        started.wait()
+        if errors:
+            cause = getattr(errors[0], "strerror", None) or str(errors[0])
+            where = f"--port {self._port}: cannot listen on {self._host}: {cause}"
+            raise OutputError(where) from None
+        host = f"[{self._host}]" if ":" in self._host else self._host
+        return f"ws://{host}:{self._port}{self._access.query}"
+
+    def wants(self, topic: str) -> bool:
+        """True if a client subscribes to the topic; latched ones are kept for later."""
+        known = self._topics.get(topic)
+        is_latched = known is not None and known.is_latched
+        return is_latched or any(reader.wants(topic) for reader in tuple(self._readers))
+
+    def publish(self, topic: str, stamp_ns: int, message: Any) -> None:
+        """Publish a message."""
+        if not self.wants(topic):
+            return
+        data = pack_message(topic, stamp_ns, message)
+        with suppress(RuntimeError):  # the loop has ended
+            self._loop.call_soon_threadsafe(self._spread, topic, data)
+
+    @property
+    def clients(self) -> list[Client]:
+        """Connected clients."""
+        return [
+            Client(
+                self.protocol,
+                ":".join(map(str, (reader.connection.remote_address or ("?",))[:2])),
+                tuple(sorted(reader.topics)),
+                reader.dropped,
+            )
+            for reader in tuple(self._readers)
+        ]
+
+    def close(self) -> None:
+        """Disconnect all clients, and stop; a second call does nothing."""
+        if self._thread is not None:
+            with suppress(RuntimeError):
+                self._loop.call_soon_threadsafe(self._end.set)
+            self._thread.join()
+            self._thread = None
+
+    def _run(self, started: threading.Event, errors: list[BaseException]) -> None:
+        asyncio.set_event_loop(self._loop)
+        try:
+            self._loop.run_until_complete(self._serve(started))
+        except (OSError, OverflowError) as reason:
+            errors.append(reason)
+        finally:
+            self._loop.close()
+            started.set()
+
+    async def _serve(self, started: threading.Event) -> None:
+        async with serve(
+            self._talk, self._host, self._port, process_request=self._check,
+            create_connection=PacedConnection, max_size=MAX_MESSAGE_BYTES, max_queue=4,
+            compression=None, close_timeout=0.2, server_header=None,
+        ) as server:  # fmt: skip
+            self._port = int(next(iter(server.sockets)).getsockname()[1])
+            started.set()
+            await self._end.wait()
+
+    def _check(self, connection: ServerConnection, request: Request) -> Response | None:
+        if len(self._readers) >= MAX_CLIENTS:
+            return connection.respond(503, "omnisim serve: too many clients\n")
+        return self._access.check(connection, request)
+
+    def _spread(self, topic: str, data: bytes) -> None:
+        if self._topics[topic].is_latched:
+            self._latched[topic] = data
+        for reader in self._readers:
+            if reader.wants(topic):
+                reader.put(data)
+
+    async def _talk(self, connection: ServerConnection) -> None:
+        reader = _Reader(connection, self._keeps_all)
+        topics = [dataclasses.asdict(topic) for topic in self._topics.values()]
+        reader.put(pack({"op": "hello", "robots": list(self._controls.robots), "topics": topics}))
+        self._readers.append(reader)
+        sending = asyncio.ensure_future(reader.send_all())
+        try:
+            async for text in connection:
+                self._take(reader, text)
+        except ConnectionClosed:
+            pass
+        finally:
+            self._readers.remove(reader)
+            sending.cancel()
+
+    def _take(self, reader: _Reader, text: str | bytes) -> None:
+        """Do what a client asks, or answer with the reason why not."""
+        number: Any = None
+        try:
+            request = _parse(text)
+            op, number = request.pop("op"), request.pop("id", None)
+            if op == "subscribe":
+                self._subscribe(reader, request["topics"])
+            elif op == "step":
+                self._controls.step(request["seconds"], self._answer(reader, number))
+                return
+            else:
+                getattr(self._controls, op)(**request)
+        except OmnisimError as reason:
+            reader.put(pack({"op": "error", "id": number, "text": str(reason)}))
+            return
+        if number is not None:
+            reader.put(pack({"op": "done", "id": number}))
+
+    def _answer(self, reader: _Reader, number: Any) -> Any:
+        def done(now_s: float) -> None:
+            data = pack({"op": "done", "id": number, "now_s": now_s})
+            with suppress(RuntimeError):
+                self._loop.call_soon_threadsafe(reader.put, data)
+
+        return done
+
+    def _subscribe(self, reader: _Reader, names: list[Any]) -> None:
+        unknown = [name for name in names if name != ALL and name not in self._topics]
+        if unknown:
+            raise ServeError(f"topics: {str(unknown[0])[:100]!r}: no such topic")
+        new = frozenset(map(str, names)) - reader.topics
+        reader.topics = frozenset(map(str, names))
+        for topic, data in self._latched.items():
+            if topic in new or ALL in new:
+                reader.put(data)
+
+
+def _parse(text: str | bytes) -> dict[str, Any]:
+    """Request of a client.
+
+    Raises:
+        ServeError: not a request, or a value of another type.
+    """
+    try:
+        request = json.loads(text)
+    except (ValueError, RecursionError):
+        raise ServeError("expected a request as JSON") from None
+    op = request.get("op") if isinstance(request, dict) else None
+    if not isinstance(op, str) or op not in _REQUESTS:
+        raise ServeError(f"op: expected one of {', '.join(_REQUESTS)}")
+    kinds = _REQUESTS[op]
+    values = {"robot": "", **request} if "robot" in kinds else request
+    number = values.pop("id", None)
+    if set(values) != {"op", *kinds}:
+        raise ServeError(f"{op}: expected the values {', '.join(kinds) or 'none'}")
+    for name, kind in kinds.items():
+        value = values[name]
+        fits = isinstance(value, kind) or (
+            kind is float and isinstance(value, int) and not isinstance(value, bool)
+        )
+        if not fits:
+            raise ServeError(f"{op}: {name}: expected a {kind.__name__}")
+    if number is not None and not isinstance(number, int):
+        raise ServeError(f"{op}: id: expected an integer")
+    return {**values, "id": number}
