@@ -1,6 +1,6 @@
 """Types of ROS 2 messages and services: names, hashes and CDR, without ROS.
 
-Source: REP 2011, type hashes; rosidl_generator_type_description, those of services.
+Source: REP 2011, type hashes; github.com/ros2/common_interfaces, std_srvs.
 """
 
 from __future__ import annotations
@@ -15,15 +15,22 @@ from omnisim.core.errors import ServeError
 
 Distribution = Literal["humble", "jazzy"]
 
-_BASE, _NAME = Nodetype.BASE, Nodetype.NAME
-_EMPTY = [("structure_needs_at_least_one_member", (_BASE, ("uint8", 0)))]
-_ANSWER = [("success", (_BASE, ("bool", 0))), ("message", (_BASE, ("string", 0)))]
-# Fields of request and response; rosbags has no services.
-_SERVICES: dict[str, tuple[list[Any], list[Any]]] = {
-    "std_srvs/srv/Empty": (_EMPTY, _EMPTY),
-    "std_srvs/srv/SetBool": ([("data", (_BASE, ("bool", 0)))], _ANSWER),
-    "std_srvs/srv/Trigger": (_EMPTY, _ANSWER),
-}
+_EMPTY = [("structure_needs_at_least_one_member", (Nodetype.BASE, ("uint8", 0)))]
+_BOOL, _TEXT = (Nodetype.BASE, ("bool", 0)), (Nodetype.BASE, ("string", 0))
+_ANSWER = [("success", _BOOL), ("message", _TEXT)]
+# std_srvs, which rosbags does not have: fields of request and response, and hash.
+_SERVICES: dict[str, tuple[list[Any], list[Any], str]] = {
+    "std_srvs/srv/Empty": (
+        _EMPTY, _EMPTY, "5888399dedec5ccc85ea6451949fd2c9f97bfdf963f9a588821639fcd31b5d19",
+    ),
+    "std_srvs/srv/SetBool": (
+        [("data", _BOOL)], _ANSWER,
+        "abe9e4bb6b41b40e6789712c00ec8871923e089af3f667a79992a428cff2da0a",
+    ),
+    "std_srvs/srv/Trigger": (
+        _EMPTY, _ANSWER, "eeff2cd6fa5ad9d27cdf4dec64818317839b62f212a91e6b5304b634b2062c5f",
+    ),
+}  # fmt: skip
 _RANGE = "sensor_msgs/msg/Range"
 
 
@@ -38,15 +45,19 @@ class RosTypes:
     def __init__(self, distribution: Distribution):
         self._is_humble = distribution == "humble"
         self._store = get_typestore(Stores.ROS2_HUMBLE if self._is_humble else Stores.ROS2_JAZZY)
-        for name, (request, response) in _SERVICES.items():
+        for name, (request, response, _) in _SERVICES.items():
             self._store.register({f"{name}_Request": ([], request)})
             self._store.register({f"{name}_Response": ([], response)})
-            self._store.fielddefs.update(_described(name))
 
     def names(self, type_name: str) -> str:
         """Name and hash of a type in keys: std_msgs::msg::dds_::String_/RIHS01_ and 64 digits."""
         package, kind, name = type_name.split("/")
-        hashed = "TypeHashNotSupported" if self._is_humble else self._store.hash_rihs01(type_name)
+        if self._is_humble:
+            hashed = "TypeHashNotSupported"
+        elif type_name in _SERVICES:
+            hashed = f"RIHS01_{_SERVICES[type_name][2]}"
+        else:
+            hashed = self._store.hash_rihs01(type_name)
         return f"{package}::{kind}::dds_::{name}_/{hashed}"
 
     def encode(self, type_name: str, message: Any) -> bytes:
@@ -67,23 +78,3 @@ class RosTypes:
             return self._store.deserialize_cdr(payload, type_name)
         except SerdeError as error:
             raise ServeError(f"expected a {type_name}") from error
-
-
-def _described(service: str) -> dict[str, Any]:
-    """Types whose description is hashed as a service's."""
-    parts = "Request", "Response", "Event"
-    request, response, event = ((_NAME, f"{service}_{part}") for part in parts)
-    info = [
-        ("event_type", (_BASE, ("uint8", 0))),
-        ("stamp", (_NAME, "builtin_interfaces/msg/Time")),
-        ("client_gid", (Nodetype.ARRAY, ((_BASE, ("uint8", 0)), 16))),  # rosbags: char
-        ("sequence_number", (_BASE, ("int64", 0))),
-    ]
-    events = [
-        ("info", (_NAME, "service_msgs/msg/ServiceEventInfo")),
-        ("request", (Nodetype.SEQUENCE, (request, 1))),
-        ("response", (Nodetype.SEQUENCE, (response, 1))),
-    ]
-    messages = {"request_message": request, "response_message": response, "event_message": event}
-    types = {"service_msgs/msg/ServiceEventInfo": info, f"{service}_Event": events}
-    return {name: ([], fields) for name, fields in (types | {service: [*messages.items()]}).items()}

@@ -21,20 +21,18 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from threading import Event, Thread
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from omnisim.core.errors import ServeError
 from omnisim.core.extras import require_extra
 from omnisim.serve.publisher import Client, Controls, Publisher, Topic
 
-with suppress(ImportError):  # `open` names the missing extra
-    import xxhash
-    import zenoh
-    import zenoh.ext
+require_extra("zenoh", "omnisim serve for ROS 2", ServeError)
+import xxhash  # noqa: E402  # after what is missing
+import zenoh  # noqa: E402
+import zenoh.ext  # noqa: E402
 
-    from omnisim.serve.ros_types import RosTypes
-if TYPE_CHECKING:
-    from omnisim.serve.ros_types import Distribution
+from omnisim.serve.ros_types import Distribution, RosTypes  # noqa: E402
 
 ROUTER = "tcp/127.0.0.1:7447"  # where nodes expect their router
 NODE = "omnisim"
@@ -54,14 +52,17 @@ _CONFIG = {
     "scouting/multicast/enabled": False,
     "timestamping/enabled": True,  # latched topics need it
     "transport/link/rx/max_message_size": 2**26,  # that a router passes on
-    # Batches of 64 kB that wait for a slow client, and how long a message waits for them, in µs.
+    # Batches of 64 kB that wait for a slow client; µs that a message waits for these, before it is
+    # dropped, or if it is a reply, before the client is.
     "transport/link/tx/queue/size/data": 16,
     "transport/link/tx/queue/size/data_low": 16,
     "transport/link/tx/queue/congestion_control/drop/max_wait_before_drop_fragments": 10_000,
+    "transport/link/tx/queue/congestion_control/block/wait_before_close": 1_000_000,
 }
 _ATTACHMENT = struct.Struct("<qqB16s")  # sequence number, ns since 1970, length of the GID, GID
 
-Act = Callable[[Any], None]  # takes a message
+# Takes a message, and what /step calls with the time that it has reached.
+Act = Callable[[Any, Callable[[float], None]], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,6 +117,7 @@ class ZenohPublisher(Publisher):
         self.dropped = 0
         self._streams: dict[str, _Stream] = {}
         self._commands: list[tuple[Any, str, Act]] = []  # with handler and type
+        self._replies: deque[Callable[[], None]] = deque()
         self._numbers = itertools.count()
         self._declared: list[Any] = []  # a token ends with its object
         self._tokens: dict[str, None] = {}  # of all nodes, in order
@@ -128,10 +130,8 @@ class ZenohPublisher(Publisher):
         """Begin to serve; returns the line that tells people where.
 
         Raises:
-            ServeError: the extra is missing, the router cannot be reached, or another program has
-                its port.
+            ServeError: the router cannot be reached, or another program has its port.
         """
-        require_extra("zenoh", "ROS 2 over Zenoh", ServeError)
         self._types = RosTypes(self.distribution)
         self._session, place = self._connect()
         self._zid = str(self._session.zid())
@@ -151,7 +151,7 @@ class ZenohPublisher(Publisher):
 
     def _connect(self) -> tuple[zenoh.Session, str]:
         """Session, and the place that it has."""
-        if not re.match(r"\w+/(localhost|127\.|\[::1\])", self.endpoint):
+        if not re.match(r"\w+/(localhost|127\.[\d.]+|\[::1\]):", self.endpoint):
             return self._join("client", []), f"router at {self.endpoint}"
         with suppress(zenoh.ZError):
             return _session(mode="router", listen={"endpoints": [self.endpoint]}), self.endpoint
@@ -171,8 +171,10 @@ class ZenohPublisher(Publisher):
         # 0: the node's number; %: no enclave, no namespace
         token = f"@ros2_lv/{self.domain}/{self._zid}/0/{next(self._numbers)}/{kind}/%/%/{NODE}"
         if topic:
-            names = self._types.names(topic.type)
-            token += f"/{topic.name.replace('/', '%')}/{names}/{quality_of_service(topic)}"
+            reliability, durability = "2" * topic.is_best_effort, "1" * topic.is_latched
+            depth = 1 if topic.is_latched else 5 if topic.is_best_effort else 10
+            names = f"{topic.name.replace('/', '%')}/{self._types.names(topic.type)}"
+            token += f"/{names}/{reliability}:{durability}:,{depth}:,:,:,,"
         self._declared.append(self._session.liveliness().declare_token(token))
         return xxhash.xxh3_128_intdigest(token.encode()).to_bytes(16, "little")
 
@@ -200,11 +202,11 @@ class ZenohPublisher(Publisher):
         for robot in controls.robots:
             prefix = f"/{robot}" if len(controls.robots) > 1 else ""
 
-            def drive(message: Any, robot: str = robot) -> None:
+            def drive(message: Any, _: Any, robot: str = robot) -> None:
                 twist = getattr(message, "twist", message)
                 controls.command(robot, twist.linear.x, twist.angular.z)
 
-            def place(message: Any, robot: str = robot) -> None:
+            def place(message: Any, _: Any, robot: str = robot) -> None:
                 at, turned = message.pose.pose.position, message.pose.pose.orientation
                 x, y, z, w = turned.x, turned.y, turned.z, turned.w
                 yaw_rad = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
@@ -213,9 +215,9 @@ class ZenohPublisher(Publisher):
             self._listen(f"{prefix}/cmd_vel", "geometry_msgs/msg/Twist", drive)
             self._listen(f"{prefix}/cmd_vel", "geometry_msgs/msg/TwistStamped", drive)
             self._listen(f"{prefix}/set_pose", "geometry_msgs/msg/PoseWithCovarianceStamped", place)
-        self._listen("/reset", "std_srvs/srv/Empty", lambda _: controls.reset())
-        self._listen("/pause", "std_srvs/srv/SetBool", lambda wish: controls.pause(wish.data))
-        self._listen("/step", "std_srvs/srv/Trigger", lambda _: controls.step(STEP_S))
+        self._listen("/reset", "std_srvs/srv/Empty", lambda _, then: controls.reset())
+        self._listen("/pause", "std_srvs/srv/SetBool", lambda ask, then: controls.pause(ask.data))
+        self._listen("/step", "std_srvs/srv/Trigger", lambda _, then: controls.step(STEP_S, then))
 
     def _listen(self, name: str, type_name: str, act: Act) -> None:
         topic, is_service = Topic(name, type_name), "/srv/" in type_name
@@ -261,32 +263,39 @@ class ZenohPublisher(Publisher):
             for handler, type_name, act in self._commands:
                 received = handler.try_recv()
                 if isinstance(received, zenoh.Query):
-                    with received as query:
-                        self._answer(query, handler.key_expr, type_name, act)
+                    self._call(received, handler.key_expr, type_name, act)
                 elif received is not None:
                     with suppress(ServeError):  # nobody to tell
-                        act(self._types.decode(type_name, _limited(received.payload)))
-            if (change := graph.try_recv()) is not None:
+                        act(self._types.decode(type_name, _limited(received.payload)), float)
+            while self._replies:
+                self._replies.popleft()()
+            for change in itertools.islice(iter(graph.try_recv, None), MAX_REQUESTS):
                 token = str(change.key_expr)
                 if change.kind == zenoh.SampleKind.DELETE:
                     self._tokens.pop(token, None)
                 elif len(self._tokens) < MAX_TOKENS and f"/{self._zid}/" not in token:
                     self._tokens[token] = None
 
-    def _answer(self, query: zenoh.Query, key: zenoh.KeyExpr, type_name: str, act: Act) -> None:
-        is_empty, refusal = type_name.endswith("/Empty"), ""
+    def _call(self, query: zenoh.Query, key: zenoh.KeyExpr, type_name: str, act: Act) -> None:
+        def answer(success: bool, message: str) -> None:
+            values = (0,) if type_name.endswith("/Empty") else (success, message)
+            payload = self._types.encode(f"{type_name}_Response", values)
+            attachment = _attachment(number, gid)
+            self._replies.append(lambda: query.reply(key, payload, attachment=attachment))
+
         try:
             number, _, _, gid = _ATTACHMENT.unpack(_limited(query.attachment))
-            act(self._types.decode(f"{type_name}_Request", _limited(query.payload)))
+            request = self._types.decode(f"{type_name}_Request", _limited(query.payload))
+            act(request, lambda now_s: answer(True, f"at {now_s:g} s"))
+            if not type_name.endswith("/Trigger"):
+                answer(True, "")
         except struct.error:
-            return query.reply_err("expected an attachment of rmw_zenoh")
+            query.reply_err("expected an attachment of rmw_zenoh")
         except ServeError as error:
-            if is_empty:
-                return query.reply_err(str(error))
-            refusal = str(error)
-        values = (0,) if is_empty else (not refusal, refusal)
-        payload = self._types.encode(f"{type_name}_Response", values)
-        return query.reply(key, payload, attachment=_attachment(number, gid))
+            if type_name.endswith("/Empty"):
+                query.reply_err(str(error))
+            else:
+                answer(False, str(error))
 
     @property
     def clients(self) -> list[Client]:
@@ -312,13 +321,6 @@ class ZenohPublisher(Publisher):
             thread.join()
         if self._session is not None:
             self._session.close()
-
-
-def quality_of_service(topic: Topic) -> str:
-    """Quality of service as tokens have it; what is omitted is the middleware's default."""
-    reliability, durability = "2" * topic.is_best_effort, "1" * topic.is_latched
-    depth = 1 if topic.is_latched else 5 if topic.is_best_effort else 10
-    return f"{reliability}:{durability}:,{depth}:,:,:,,"
 
 
 def _session(**config: Any) -> zenoh.Session:

@@ -1,10 +1,12 @@
 """ROS 2 over Zenoh: a node of zenoh-ros2-sdk in another process reads all messages."""
 
+import importlib
 import json
 import random
 import socket
 import subprocess
 import sys
+import threading
 import time
 from contextlib import contextmanager
 
@@ -13,13 +15,14 @@ import pytest
 
 from omnisim.core.errors import ServeError
 from omnisim.serve.publisher import Topic
-from omnisim.serve.zenoh_publisher import ZenohPublisher, quality_of_service
-from tests.serve.ros_client import plain
+from tests.serve.ros_client import ANSWER, EMPTY, plain
 
 zenoh = pytest.importorskip("zenoh", reason="needs the extra zenoh")
 xxhash = pytest.importorskip("xxhash", reason="needs the extra zenoh")
-ros_types = pytest.importorskip("omnisim.serve.ros_types", reason="needs rosbags")
-messages = pytest.importorskip("omnisim.datasets.export.ros2.ros_messages", reason="needs rosbags")
+pytest.importorskip("rosbags", reason="needs the extra zenoh")
+from omnisim.datasets.export.ros2 import ros_messages as messages  # noqa: E402
+from omnisim.serve import ros_types  # noqa: E402
+from omnisim.serve.zenoh_publisher import ZenohPublisher  # noqa: E402
 
 WITHIN_S = 20
 
@@ -46,7 +49,10 @@ class RecordingControls:
         def call(*values):
             if self.refusal:
                 raise ServeError(self.refusal)
+            *values, then = values if name == "step" else (*values, None)
             self.calls.append((name, *values))
+            if then:
+                threading.Timer(0.1, then, (0.5,)).start()
 
         return call
 
@@ -105,7 +111,7 @@ def _examples():
     origin = messages.odometry(stamp, ("a", "b"), pose, values, values).pose.pose
     grid = types["nav_msgs/msg/OccupancyGrid"](
         header,
-        types["nav_msgs/msg/MapMetaData"](header.stamp, 0.05, 3, 2, origin),
+        types["nav_msgs/msg/MapMetaData"](header.stamp, 0.0625, 3, 2, origin),
         np.array([0, 100, -1, 0, 100, -1], dtype=np.int8),
     )
     pixels = np.arange(72, dtype=np.uint8).reshape(*count, 3)
@@ -175,8 +181,8 @@ def test_another_node_reads_every_message_commands_and_calls_services():
     assert placed[:4] == ("set_pose", "robot", 1.0, 2.0)
     assert placed[4] == pytest.approx(2 * np.arctan2(0.6, 0.8), abs=1e-12)
     assert called == [("pause", True), ("step", 0.1), ("reset",)]
-    answer = {"success": True, "message": ""}
-    assert output["answers"]["/pause"] == output["answers"]["/step"] == answer
+    assert output["answers"]["/pause"] == {"success": True, "message": ""}
+    assert output["answers"]["/step"] == {"success": True, "message": "at 0.5 s"}
     assert output["answers"]["/reset"] is not None
     listed, services = map(dict, output["listed"])
     assert listed.keys() >= topics.keys() | {"/cmd_vel", "/set_pose"}
@@ -191,6 +197,17 @@ def test_hashes_are_those_of_ros():
     assert types.names("std_msgs/msg/String").startswith("std_msgs::msg::dds_::String_/")
     humble = ros_types.RosTypes("humble").names("std_srvs/srv/Trigger")
     assert humble == "std_srvs::srv::dds_::Trigger_/TypeHashNotSupported"
+
+
+def test_hashes_of_services_are_those_that_the_sdk_computes():
+    utils = pytest.importorskip("zenoh_ros2_sdk.utils", reason="needs zenoh-ros2-sdk")
+    types = ros_types.RosTypes("jazzy")
+    for name, parts in (
+        ("Empty", (EMPTY, EMPTY)), ("SetBool", ("bool data", ANSWER)), ("Trigger", (EMPTY, ANSWER))
+    ):  # fmt: skip
+        type_name = f"std_srvs/srv/{name}"
+        expected = utils.compute_service_type_hash(type_name, *parts)
+        assert types.names(type_name) == f"std_srvs::srv::dds_::{name}_/{expected}"
 
 
 def test_humble_has_a_range_without_variance():
@@ -222,6 +239,9 @@ def test_tokens_and_attachments_are_those_of_the_middleware():
             f"{image}/2::,5:,:,:,,"
         )
         assert token in tokens
+        (latched,) = (each for each in tokens if "MP/%/%/omnisim/%tf_static/" in each)
+        assert latched.endswith("/:1:,1:,:,:,,")
+        assert kinds["SS"].endswith("/::,10:,:,:,,")
         key = f"3/front/image_raw/sensor_msgs::msg::dds_::Image_/{image}"
         subscriber = session.declare_subscriber(key, zenoh.handlers.RingChannel(5))
         _until(lambda: publisher.wants("/front/image_raw"))
@@ -241,8 +261,6 @@ def test_tokens_and_attachments_are_those_of_the_middleware():
 
 def test_late_nodes_receive_latched_messages():
     topic = Topic("/tf_static", "tf2_msgs/msg/TFMessage", is_latched=True)
-    assert quality_of_service(topic) == ":1:,1:,:,:,,"
-    assert quality_of_service(Topic("/odom", "nav_msgs/msg/Odometry")) == "::,10:,:,:,,"
     with _served([topic]) as (publisher, endpoint, _):
         for name in ("first", "last"):
             static = messages.transforms(1, {("base_link", name): np.eye(4)})
@@ -353,6 +371,8 @@ def test_damaged_commands_end_nothing():
     with _served() as (_, endpoint, controls), _connected(endpoint) as session:
         keys = [f"0/cmd_vel/{types.names('geometry_msgs/msg/TwistStamped')}"]
         keys += [f"0/step/{types.names('std_srvs/srv/Trigger')}"]
+        name = "geometry_msgs/msg/PoseWithCovarianceStamped"
+        keys += [f"0/set_pose/{types.names(name)}"]
         _until(lambda: len(_tokens(session)) > 6)
         for _ in range(10_000):
             damaged = bytearray(stamped)
@@ -360,6 +380,7 @@ def test_damaged_commands_end_nothing():
                 damaged[chance.randrange(len(damaged))] = chance.randrange(256)
             cut = bytes(damaged[: chance.randrange(len(damaged) + 1)])
             session.put(keys[0], cut * chance.choice((1, 1, 1000)))
+            session.put(keys[2], (bytes(damaged) + stamped * 5)[: chance.randrange(400)])
             session.get(keys[1], payload=cut, attachment=cut[:33], timeout=0.1)
         time.sleep(0.5)
         controls.calls.clear()
@@ -405,8 +426,9 @@ def test_the_domain_is_that_of_the_environment(monkeypatch):
 
 def test_a_missing_extra_is_named(monkeypatch):
     monkeypatch.setattr("omnisim.core.extras.is_installed", lambda module: module != "zenoh")
-    with pytest.raises(ServeError, match=r"eclipse-zenoh: pip install '.*\[zenoh\]'"):
-        ZenohPublisher().open([], RecordingControls())
+    monkeypatch.delitem(sys.modules, "omnisim.serve.zenoh_publisher")
+    with pytest.raises(ServeError, match=r"needs eclipse-zenoh: pip install '.*\[zenoh\]'"):
+        importlib.import_module("omnisim.serve.zenoh_publisher")
 
 
 def test_the_oldest_messages_are_dropped_and_counted():
