@@ -4,7 +4,8 @@ No ROS is needed here. Like any node of this middleware, the publisher declares 
 for itself and for each of its topics and services, and puts messages as CDR, with an attachment, on
 the key `<domain>/<topic>/<type>/<type hash>`.
 
-Source: github.com/ros2/rmw_zenoh, docs/design.md and rmw_zenoh_cpp/src/detail.
+Source: github.com/ros2/rmw_zenoh, docs/design.md and rmw_zenoh_cpp/src/detail; REP 2011, hashes of
+types; github.com/ros2/common_interfaces, std_srvs.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from threading import Event, Thread
-from typing import Any
+from typing import Any, Literal
 
 from omnisim.core.errors import ServeError
 from omnisim.core.extras import require_extra
@@ -31,8 +32,9 @@ require_extra("zenoh", "omnisim serve for ROS 2", ServeError)
 import xxhash  # noqa: E402  # after what is missing
 import zenoh  # noqa: E402
 import zenoh.ext  # noqa: E402
-
-from omnisim.serve.ros_types import Distribution, RosTypes  # noqa: E402
+from rosbags.interfaces import Nodetype  # noqa: E402
+from rosbags.serde import SerdeError  # noqa: E402
+from rosbags.typesys import Stores, get_typestore  # noqa: E402
 
 ROUTER = "tcp/127.0.0.1:7447"  # where nodes expect their router
 NODE = "omnisim"
@@ -61,6 +63,25 @@ _CONFIG = {
 }
 _ATTACHMENT = struct.Struct("<qqB16s")  # sequence number, ns since 1970, length of the GID, GID
 
+_EMPTY = [("structure_needs_at_least_one_member", (Nodetype.BASE, ("uint8", 0)))]
+_BOOL, _TEXT = (Nodetype.BASE, ("bool", 0)), (Nodetype.BASE, ("string", 0))
+_ANSWER = [("success", _BOOL), ("message", _TEXT)]
+# std_srvs, which rosbags does not have: fields of request and response, and hash.
+_SERVICES: dict[str, tuple[list[Any], list[Any], str]] = {
+    "std_srvs/srv/Empty": (
+        _EMPTY, _EMPTY, "5888399dedec5ccc85ea6451949fd2c9f97bfdf963f9a588821639fcd31b5d19",
+    ),
+    "std_srvs/srv/SetBool": (
+        [("data", _BOOL)], _ANSWER,
+        "abe9e4bb6b41b40e6789712c00ec8871923e089af3f667a79992a428cff2da0a",
+    ),
+    "std_srvs/srv/Trigger": (
+        _EMPTY, _ANSWER, "eeff2cd6fa5ad9d27cdf4dec64818317839b62f212a91e6b5304b634b2062c5f",
+    ),
+}  # fmt: skip
+_RANGE = "sensor_msgs/msg/Range"
+
+Distribution = Literal["humble", "jazzy"]
 # Takes a message, and what /step calls with the time that it has reached.
 Act = Callable[[Any, Callable[[float], None]], None]
 
@@ -221,7 +242,7 @@ class ZenohPublisher(Publisher):
 
     def _listen(self, name: str, type_name: str, act: Act) -> None:
         topic, is_service = Topic(name, type_name), "/srv/" in type_name
-        ring = zenoh.handlers.RingChannel(MAX_REQUESTS if is_service else 1)
+        ring: Any = zenoh.handlers.RingChannel(MAX_REQUESTS if is_service else 1)
         key = f"{self.domain}{name}/{self._types.names(type_name)}"
         handler = (
             self._session.declare_queryable(key, ring, complete=True)
@@ -266,7 +287,10 @@ class ZenohPublisher(Publisher):
                     self._call(received, handler.key_expr, type_name, act)
                 elif received is not None:
                     with suppress(ServeError):  # nobody to tell
-                        act(self._types.decode(type_name, _limited(received.payload)), float)
+                        act(
+                            self._types.decode(type_name, _limited(received.payload)),
+                            lambda _: None,
+                        )
             while self._replies:
                 self._replies.popleft()()
             for change in itertools.islice(iter(graph.try_recv, None), MAX_REQUESTS):
@@ -321,6 +345,52 @@ class ZenohPublisher(Publisher):
             thread.join()
         if self._session is not None:
             self._session.close()
+
+
+class RosTypes:
+    """Types of a ROS 2 distribution.
+
+    Args:
+        distribution: "humble", which has no type hashes, or "jazzy", whose messages are also those
+            of Kilted and Lyrical.
+    """
+
+    def __init__(self, distribution: Distribution):
+        self._is_humble = distribution == "humble"
+        self._store = get_typestore(Stores.ROS2_HUMBLE if self._is_humble else Stores.ROS2_JAZZY)
+        for name, (request, response, _) in _SERVICES.items():
+            self._store.register({f"{name}_Request": ([], request)})
+            self._store.register({f"{name}_Response": ([], response)})
+
+    def names(self, type_name: str) -> str:
+        """Name and hash of a type in keys: std_msgs::msg::dds_::String_/RIHS01_ and 64 digits."""
+        package, kind, name = type_name.split("/")
+        if self._is_humble:
+            hashed = "TypeHashNotSupported"
+        elif type_name in _SERVICES:
+            hashed = f"RIHS01_{_SERVICES[type_name][2]}"
+        else:
+            hashed = self._store.hash_rihs01(type_name)
+        return f"{package}::{kind}::dds_::{name}_/{hashed}"
+
+    def encode(self, type_name: str, message: Any) -> bytes:
+        """CDR of a message of any distribution's class, or of a tuple of its values."""
+        if isinstance(message, tuple):
+            message = self._store.types[type_name](*message)
+        elif type_name == _RANGE and not self._is_humble:  # Humble's has no variance
+            message = self._store.types[type_name](**{"variance": 0.0, **vars(message)})
+        return bytes(self._store.serialize_cdr(message, type_name))
+
+    def decode(self, type_name: str, payload: bytes) -> Any:
+        """Message of CDR.
+
+        Raises:
+            ServeError: the bytes are no message of this type.
+        """
+        try:
+            return self._store.deserialize_cdr(payload, type_name)
+        except SerdeError as error:
+            raise ServeError(f"expected a {type_name}") from error
 
 
 def _session(**config: Any) -> zenoh.Session:

@@ -21,8 +21,7 @@ zenoh = pytest.importorskip("zenoh", reason="needs the extra zenoh")
 xxhash = pytest.importorskip("xxhash", reason="needs the extra zenoh")
 pytest.importorskip("rosbags", reason="needs the extra zenoh")
 from omnisim.datasets.export.ros2 import ros_messages as messages  # noqa: E402
-from omnisim.serve import ros_types  # noqa: E402
-from omnisim.serve.zenoh_publisher import ZenohPublisher  # noqa: E402
+from omnisim.serve.zenoh_publisher import RosTypes, ZenohPublisher  # noqa: E402
 
 WITHIN_S = 20
 
@@ -191,17 +190,17 @@ def test_another_node_reads_every_message_commands_and_calls_services():
 
 
 def test_hashes_are_those_of_ros():
-    types = ros_types.RosTypes("jazzy")
+    types = RosTypes("jazzy")
     for type_name, digits in HASHES.items():
         assert types.names(type_name).endswith(f"_/RIHS01_{digits}"), type_name
     assert types.names("std_msgs/msg/String").startswith("std_msgs::msg::dds_::String_/")
-    humble = ros_types.RosTypes("humble").names("std_srvs/srv/Trigger")
+    humble = RosTypes("humble").names("std_srvs/srv/Trigger")
     assert humble == "std_srvs::srv::dds_::Trigger_/TypeHashNotSupported"
 
 
 def test_hashes_of_services_are_those_that_the_sdk_computes():
     utils = pytest.importorskip("zenoh_ros2_sdk.utils", reason="needs zenoh-ros2-sdk")
-    types = ros_types.RosTypes("jazzy")
+    types = RosTypes("jazzy")
     for name, parts in (
         ("Empty", (EMPTY, EMPTY)), ("SetBool", ("bool data", ANSWER)), ("Trigger", (EMPTY, ANSWER))
     ):  # fmt: skip
@@ -213,7 +212,7 @@ def test_hashes_of_services_are_those_that_the_sdk_computes():
 def test_humble_has_a_range_without_variance():
     sent = messages.range_message(1, "sonar", 0.25, (0.125, 4.0), 1.5)
     sizes = {
-        name: len(ros_types.RosTypes(name).encode("sensor_msgs/msg/Range", sent))
+        name: len(RosTypes(name).encode("sensor_msgs/msg/Range", sent))
         for name in ("humble", "jazzy")
     }
     assert sizes["jazzy"] == sizes["humble"] + 4
@@ -267,13 +266,13 @@ def test_late_nodes_receive_latched_messages():
             publisher.publish("/tf_static", 1, static)
         time.sleep(0.3)
         with _connected(endpoint) as session:
-            names = ros_types.RosTypes("jazzy").names(topic.type)
+            names = RosTypes("jazzy").names(topic.type)
             late = zenoh.ext.declare_advanced_subscriber(
                 session, f"0/tf_static/{names}", zenoh.handlers.RingChannel(5),
                 history=zenoh.ext.HistoryConfig(detect_late_publishers=True, max_samples=1),
             )  # fmt: skip
             sample = _until(late.try_recv)
-    transforms = ros_types.RosTypes("jazzy").decode(topic.type, sample.payload.to_bytes())
+    transforms = RosTypes("jazzy").decode(topic.type, sample.payload.to_bytes())
     assert transforms.transforms[0].child_frame_id == "last"
 
 
@@ -283,7 +282,7 @@ def test_only_wanted_topics_are_wanted(mode):
     with _served([topic]) as (publisher, endpoint, _), _connected(endpoint, mode) as session:
         assert not publisher.wants("/odom")
         assert not publisher.wants("/unknown")
-        names = ros_types.RosTypes("jazzy").names(topic.type)
+        names = RosTypes("jazzy").names(topic.type)
         subscriber = session.declare_subscriber(f"0/odom/{names}")
         _until(lambda: publisher.wants("/odom"))
         subscriber.undeclare()
@@ -295,7 +294,7 @@ def test_nodes_are_clients_while_they_live():
         assert publisher.clients == []
         with _connected(endpoint) as session:
             node = f"@ros2_lv/0/{session.zid()}/7"
-            names = ros_types.RosTypes("jazzy").names("nav_msgs/msg/Odometry")
+            names = RosTypes("jazzy").names("nav_msgs/msg/Odometry")
             held = [
                 session.liveliness().declare_token(token)
                 for token in (
@@ -319,7 +318,7 @@ def test_a_publisher_joins_a_router_that_runs():
         _served([], endpoint=endpoint) as (_, _, controls),
         _connected(endpoint, "peer") as session,
     ):
-        key = f"0/cmd_vel/{ros_types.RosTypes('jazzy').names('geometry_msgs/msg/Twist')}"
+        key = f"0/cmd_vel/{RosTypes('jazzy').names('geometry_msgs/msg/Twist')}"
         publisher = session.declare_publisher(key)
         _until(lambda: publisher.matching_status.matching)
         publisher.put(_twist(1.5))
@@ -329,13 +328,13 @@ def test_a_publisher_joins_a_router_that_runs():
 def test_several_robots_have_prefixes():
     controls = RecordingControls(("a", "b"))
     with _served(controls=controls) as (_, endpoint, _), _connected(endpoint) as session:
-        key = f"0/b/cmd_vel/{ros_types.RosTypes('jazzy').names('geometry_msgs/msg/Twist')}"
+        key = f"0/b/cmd_vel/{RosTypes('jazzy').names('geometry_msgs/msg/Twist')}"
         session.put(key, _twist(-0.5))
         assert _until(lambda: controls.calls) == [("command", "b", -0.5, 0.0)]
 
 
 def test_refusals_are_answered():
-    types = ros_types.RosTypes("jazzy")
+    types = RosTypes("jazzy")
     with _served() as (_, endpoint, controls), _connected(endpoint) as session:
         controls.refusal = "time is not paused"
 
@@ -363,7 +362,7 @@ def test_refusals_are_answered():
 
 @pytest.mark.slow
 def test_damaged_commands_end_nothing():
-    types, chance = ros_types.RosTypes("jazzy"), random.Random(1)
+    types, chance = RosTypes("jazzy"), random.Random(1)
     stamped = types.encode(
         "geometry_msgs/msg/TwistStamped",
         (messages.header(1, "base_link"), types.decode("geometry_msgs/msg/Twist", _twist(1.0))),
@@ -389,7 +388,7 @@ def test_damaged_commands_end_nothing():
 
 
 def _twist(speed_mps):
-    types = ros_types.RosTypes("jazzy")
+    types = RosTypes("jazzy")
     moving = messages.odometry(1, ("a", "b"), np.eye(4), (speed_mps, 0, 0), (0, 0, 0))
     return types.encode("geometry_msgs/msg/Twist", moving.twist.twist)
 
