@@ -88,6 +88,7 @@ class Eye(SensorClock):
     topics: tuple[Topic, ...] = ()
     lens: Any = None  # `true_lens` of a camera
     last: tuple[int, Pending[Reading]] | None = None  # number and reading of the last measurement
+    turn: int = 0  # number of its last measurement among those of all sensors
     skipped: int = 0  # measurements that were not made, as the simulation was late
 
     @classmethod

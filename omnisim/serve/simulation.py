@@ -8,6 +8,7 @@ clouds and readings have the bits of a recorded drive along the same commands.
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 import threading
 from abc import ABC, abstractmethod
@@ -166,6 +167,7 @@ class Simulation(Served):
         }  # fmt: skip
         self._stack = ExitStack()
         self._writing: deque[Future[None]] = deque()
+        self._turns = itertools.count(1)  # of late sensors, so that none waits for the others
         self._wishes: list[Callable[[], None]] = []  # what clients asked for, until the next tick
 
     def open(self) -> None:
@@ -367,14 +369,15 @@ class Simulation(Served):
                     is_wanted = any(self._wants(robot.topic(topic.name)) for topic in eye.topics)
                     while eye.is_ready(self.now_s):
                         if is_wanted and not (skips and self._is_late(eye)):
-                            due.append((eye.time_s(eye.index), len(due), robot, eye))
+                            order = eye.turn if skips else eye.time_s(eye.index)
+                            due.append((order, len(due), robot, eye))
                             break
                         eye.skipped += is_wanted
                         eye.index += 1
             if not due:
                 return None
             _, _, robot, eye = min(due)
-            index = eye.index
+            index, eye.turn = eye.index, next(self._turns)
             eye.index += 1
         previous = eye.last if eye.last is not None and eye.last[0] < index else None
         moment = Moment(
