@@ -36,12 +36,14 @@ from rosbags.interfaces import Nodetype  # noqa: E402
 from rosbags.serde import SerdeError  # noqa: E402
 from rosbags.typesys import Stores, get_typestore  # noqa: E402
 
+from omnisim.datasets.export.ros2.ros_messages import LIVOX, STORE  # noqa: E402
+
 ROUTER = "tcp/127.0.0.1:7447"  # where nodes expect their router
 NODE = "omnisim"
 STEP_S = 0.1  # simulated time per call of /step
 
 # Types that have their own thread and a lower priority, as they wait for slow clients.
-LARGE = ("/Image", "/CompressedImage", "/PointCloud2", "/OccupancyGrid")
+LARGE = ("/Image", "/CompressedImage", "/PointCloud2", "/CustomMsg", "/OccupancyGrid")
 MAX_QUEUED, MAX_QUEUED_LARGE = 200, 2  # messages per topic; 200 are a second of an IMU
 
 # Limits of what clients send; of commands, only the newest is read.
@@ -358,9 +360,10 @@ class RosTypes:
     def __init__(self, distribution: Distribution):
         self._is_humble = distribution == "humble"
         self._store = get_typestore(Stores.ROS2_HUMBLE if self._is_humble else Stores.ROS2_JAZZY)
+        others = {x: y for x, y in STORE.fielddefs.items() if x.startswith(LIVOX)}
         for name, (request, response, _) in _SERVICES.items():
-            self._store.register({f"{name}_Request": ([], request)})
-            self._store.register({f"{name}_Response": ([], response)})
+            others |= {f"{name}_Request": ([], request), f"{name}_Response": ([], response)}
+        self._store.register(others)
 
     def names(self, type_name: str) -> str:
         """Name and hash of a type in keys: std_msgs::msg::dds_::String_/RIHS01_ and 64 digits."""

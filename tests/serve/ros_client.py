@@ -32,7 +32,10 @@ def _write_definitions(folder):
     """Definitions that the SDK otherwise clones from GitHub."""
     from rosbags.typesys import Stores, get_typestore
 
+    from omnisim.datasets.export.ros2.ros_messages import LIVOX, STORE
+
     store = get_typestore(Stores.ROS2_JAZZY)
+    store.register({x: y for x, y in STORE.fielddefs.items() if x.startswith(LIVOX)})
     for type_name in store.fielddefs:
         text, _ = store.generate_msgdef(type_name, ros_version=2)
         path = Path(folder, f"{type_name}.msg")

@@ -102,6 +102,7 @@ def _examples():
     """Topics of a served robot, with a message each."""
     stamp, frame, count = 1_500_000_001, "camera", (4, 6)
     cloud = messages.point_fields([(axis, np.arange(5, dtype=np.float32)) for axis in "xyz"])
+    livox = np.ones(3, "u4, f4, f4, f4, u1, u1, u1")
     pose, values = np.eye(4), np.linspace(-1.0, 1.0, 3)
     header = messages.header(stamp, frame)
     from rosbags.typesys import Stores, get_typestore
@@ -125,6 +126,7 @@ def _examples():
         ("/front/camera_info", info, ""),
         ("/front/calibration", messages.text("{}"), "latched"),
         ("/lidar/points", messages.point_cloud(stamp, frame, cloud), "best effort"),
+        ("/livox/points", messages.livox_cloud(stamp, frame, livox), "best effort"),
         (
             "/scanner/scan",
             messages.laser_scan(stamp, frame, values, np.array([1.0, 2, np.inf]), (0.125, 30.0)),
