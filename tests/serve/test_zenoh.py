@@ -36,6 +36,12 @@ HASHES = {
         "9198cabf7da3796ae6fe19c4cb3bdd3525492988c70522628af5daa124bae2b5"
     ),
     "geometry_msgs/msg/Twist": "9c45bf16fe0983d80e3cfe750d6835843d265a9a6c46bd2e609fcddde6fb8d2a",
+    "sensor_msgs/msg/Range": "b42b62562e93cbfe9d42b82fe5994dfa3d63d7d5c90a317981703f7388adff3a",
+    "tf2_msgs/msg/TFMessage": "e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087",
+    "nav_msgs/msg/OccupancyGrid": (
+        "8d348150c12913a31ee0ec170fbf25089e4745d17035792a1ba94d6f0bc0cfc7"
+    ),
+    "std_srvs/srv/SetBool": "abe9e4bb6b41b40e6789712c00ec8871923e089af3f667a79992a428cff2da0a",
     "std_srvs/srv/Trigger": "eeff2cd6fa5ad9d27cdf4dec64818317839b62f212a91e6b5304b634b2062c5f",
 }
 
@@ -325,6 +331,22 @@ def test_a_publisher_joins_a_router_that_runs():
         _until(lambda: publisher.matching_status.matching)
         publisher.put(_twist(1.5))
         assert _until(lambda: controls.calls) == [("command", "robot", 1.5, 0.0)]
+
+
+@pytest.mark.slow
+def test_nodes_receive_again_after_a_restart():
+    topic = Topic("/map", "nav_msgs/msg/OccupancyGrid", is_latched=True)
+    (grid,) = (message for each, message in _examples() if each.name == "/map")
+    endpoint = f"tcp/127.0.0.1:{_free_port()}"
+    with _connected(endpoint, "peer") as session:  # before there is a router
+        received = zenoh.ext.declare_advanced_subscriber(
+            session, f"0/map/{RosTypes('jazzy').names(topic.type)}", zenoh.handlers.RingChannel(9),
+            history=zenoh.ext.HistoryConfig(detect_late_publishers=True, max_samples=1),
+        )  # fmt: skip
+        for _ in range(2):
+            with _served([topic], endpoint=endpoint) as (publisher, _, _):
+                publisher.publish("/map", 1, grid)
+                _until(received.try_recv)
 
 
 def test_several_robots_have_prefixes():
