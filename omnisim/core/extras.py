@@ -35,7 +35,7 @@ EXTRAS = {
     "measure": {"opencv-contrib-python-headless": "cv2"},
     "raw": {"rawpy": "rawpy"},
     "serve": {"foxglove-sdk": "foxglove", "rosbags": "rosbags"},
-    "zenoh": {"eclipse-zenoh": "zenoh", "rosbags": "rosbags"},
+    "zenoh": {"eclipse-zenoh": "zenoh", "rosbags": "rosbags", "xxhash": "xxhash"},
     "estimators": {"kiss-icp": "kiss_icp", "pycolmap": "pycolmap", "small-gicp": "small_gicp"},
     "orb-slam3": {"pyorbslam3": "pyorbslam3"},  # GPL: on demand only
     "mujoco": {"mujoco-core": "mujoco"},
