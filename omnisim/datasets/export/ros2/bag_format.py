@@ -384,7 +384,7 @@ class _Motion:
         self._truth = recording.truth
         self._odometry = recording.odometry
         self._reckoned = None if self._odometry is None else self._odometry.dead_reckoned()
-        self._objects = recording.objects()
+        self._objects, self._with_map = recording.objects(), settings.with_map
 
     def between(self, step: int) -> Iterator[StampedMessage]:
         """Messages of the true states after the previous step, up to a step's time."""
@@ -419,6 +419,8 @@ class _Motion:
             bag.write("/odom", stamp_ns, reading)
         for name, motion in self._objects.items():
             poses[MAP, ros_name(name)] = motion.world_from_base[step]
+        if not self._with_map:
+            poses = {frames: pose for frames, pose in poses.items() if MAP not in frames}
         bag.write("/tf", stamp_ns, messages.transforms(stamp_ns, poses))
 
 

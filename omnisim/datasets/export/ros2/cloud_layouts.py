@@ -33,7 +33,8 @@ from numpy.typing import NDArray
 
 from omnisim.core.arrays import Floats
 from omnisim.core.errors import OutputError
-from omnisim.datasets.export.export_format import NANOSECONDS, CloudLayout
+from omnisim.datasets.export.export_format import NANOSECONDS
+from omnisim.datasets.export.export_formats import CloudLayout
 
 SIGNAL_M2 = 1e5  # photons of a white surface, times squared range: an assumption
 
