@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from omnisim.core.arrays import Floats
 from omnisim.core.errors import OutputError
-from omnisim.datasets.export.export_formats import CloudLayout
 from omnisim.datasets.export.recording import RecordedCamera, Recording
+from omnisim.datasets.export.ros2 import CloudLayout
 from omnisim.rendering.sensor import SensorSettings
 
 NANOSECONDS = 1_000_000_000

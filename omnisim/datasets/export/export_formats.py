@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from omnisim.core.errors import OutputError, did_you_mean
 
@@ -56,8 +56,6 @@ FORMATS = {
         "TartanAir V2: images, depths, classes, poses", "formats.tartanair", "Tartanair"
     ),
 }  # fmt: skip
-# Of lidar clouds in messages, see `ros2.cloud_layouts`.
-CloudLayout = Literal["generic", "velodyne", "ouster", "ouster-u8", "livox", "livox-custom"]
 # Of data sets.
 LAYOUTS = ("coco", "yolo", *(name for name, entry in FORMATS.items() if entry.takes_samples))
 

@@ -13,7 +13,7 @@ import pytest
 from omnisim.core.errors import OutputError
 from omnisim.datasets.export.export import export_run
 from omnisim.datasets.export.export_format import ExportSettings
-from omnisim.datasets.export.export_formats import CloudLayout
+from omnisim.datasets.export.ros2 import CloudLayout
 from omnisim.rendering import Stage
 from omnisim.rendering.sensor import Moment
 from omnisim.robots import parse_robot

@@ -6,7 +6,7 @@ from typing import Annotated, ClassVar, Literal, get_args
 from omnisim.apps.cli import completion
 from omnisim.apps.cli import option_groups as groups
 from omnisim.apps.cli.options import OWN, Argument, Option, command, of, options
-from omnisim.datasets.export.export_formats import CloudLayout
+from omnisim.datasets.export.ros2 import CloudLayout
 from omnisim.evaluation.estimator_registry import ESTIMATORS
 
 _FORMATS = completion.names_of("datasets.export.export_formats.FORMATS")

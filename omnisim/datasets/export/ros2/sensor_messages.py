@@ -21,7 +21,7 @@ from omnisim.cameras.calibration.encode import encode_exactly
 from omnisim.cameras.calibration.formats.ros import CameraInfoLens, Ros
 from omnisim.core.arrays import Bytes, Floats
 from omnisim.datasets.export.export_format import NANOSECONDS
-from omnisim.datasets.export.export_formats import CloudLayout
+from omnisim.datasets.export.ros2 import CloudLayout
 from omnisim.datasets.export.ros2 import ros_messages as messages
 from omnisim.datasets.export.ros2.cloud_layouts import laid_out
 from omnisim.ground_truth.frame import Frame
