@@ -169,7 +169,7 @@ def test_clouds_have_the_fields_that_their_readers_look_for():
 def _times_ns(cloud, layout):
     """Times of all points, as their readers take them."""
     if layout == "livox-custom":
-        since_ns = np.array([point.offset_time for point in cloud.points])
+        since_ns = np.array([point.offset_time for point in cloud.points], dtype=np.int64)
         return cloud.timebase + since_ns
     stamp = cloud.header.stamp
     stamp_ns, records = stamp.sec * 1_000_000_000 + stamp.nanosec, _records(cloud)
@@ -252,6 +252,17 @@ def test_rings_count_as_the_drivers_do():
         with pytest.raises(OutputError, match=f"{layout}: expected at most 256 rings, got 300"):
             _cloud(layout, rings=300)
     assert _records(_cloud("ouster", rings=300))["ring"].max() == 299
+
+
+@pytest.mark.parametrize("count", [0, 1, 64])
+def test_livox_clouds_have_the_bytes_of_their_points_as_objects(count):
+    cloud = _cloud("livox-custom", _points(count))
+    point = messages.STORE.types["livox_ros_driver2/msg/CustomPoint"]
+    parts = {**vars(cloud), "points": [point(*values) for values in cloud.points.tolist()]}
+    kind = messages.message_type(cloud)
+    same = messages.STORE.types[kind](**parts)
+    assert messages.serialized(cloud) == bytes(messages.STORE.serialize_cdr(same, kind))
+    assert (cloud.point_num, cloud.timebase) == (count, START_NS)
 
 
 def test_clouds_of_older_runs_have_no_intensity():

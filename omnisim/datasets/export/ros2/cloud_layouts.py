@@ -62,7 +62,8 @@ _TYPES: dict[CloudLayout, np.dtype[np.void]] = {
     "ouster": _ouster("<u2"),
     "ouster-u8": _ouster("u1"),
     "livox": np.dtype([*_xyz(intensity="<f4", tag="u1", line="u1", timestamp="<f8").items()]),
-    "livox-custom": np.dtype([("offset_time", "<u4"), *_CUSTOM.items()]),
+    # aligned as in the message's bytes
+    "livox-custom": np.dtype([("offset_time", "<u4"), *_CUSTOM.items()], align=True),
 }
 
 

@@ -113,11 +113,9 @@ def point_cloud(stamp_ns: int, frame: str, points: NDArray[np.void]) -> PointClo
 
 def livox_cloud(stamp_ns: int, frame: str, points: NDArray[np.void]) -> object:
     """CustomMsg of livox_ros_driver2 with points of the layout `livox-custom`."""
-    cloud, point = (STORE.types[f"{LIVOX}/{name}"] for name in ("CustomMsg", "CustomPoint"))
-    custom = [point(*values) for values in points.tolist()]
-    return cloud(
-        header(stamp_ns, frame), stamp_ns, len(custom), 0, np.zeros(3, dtype=np.uint8), custom
-    )
+    cloud, reserved = STORE.types[LIVOX_CLOUD], np.zeros(3, dtype=np.uint8)
+    records = points.view(np.recarray)
+    return cloud(header(stamp_ns, frame), stamp_ns, len(points), 0, reserved, records)
 
 
 def laser_scan(
@@ -207,7 +205,9 @@ def point_fields(columns: Iterable[tuple[str, NDArray[Any]]]) -> NDArray[np.void
 # Bytes of messages, and the types that ROS itself lacks. Source: livox_ros_driver2/msg.
 
 
-LIVOX = "livox_ros_driver2/msg"
+LIVOX_POINT, LIVOX_CLOUD = (
+    f"livox_ros_driver2/msg/{name}" for name in ("CustomPoint", "CustomMsg")
+)
 _CUSTOM_POINT = """uint32 offset_time
 float32 x
 float32 y
@@ -224,8 +224,8 @@ uint8[3] rsvd
 livox_ros_driver2/CustomPoint[] points
 """
 STORE = get_typestore(Stores.ROS2_HUMBLE)
-STORE.register(get_types_from_msg(_CUSTOM_POINT, f"{LIVOX}/CustomPoint"))
-STORE.register(get_types_from_msg(_CUSTOM_MSG, f"{LIVOX}/CustomMsg"))
+STORE.register(get_types_from_msg(_CUSTOM_POINT, LIVOX_POINT))
+STORE.register(get_types_from_msg(_CUSTOM_MSG, LIVOX_CLOUD))
 
 
 def message_type(message: object) -> str:
@@ -235,7 +235,14 @@ def message_type(message: object) -> str:
 
 def serialized(message: object) -> bytes:
     """Bytes of a message: CDR, little-endian, with its header of 4 bytes."""
-    return bytes(STORE.serialize_cdr(message, message_type(message)))
+    kind = message_type(message)
+    if kind != LIVOX_CLOUD:
+        return bytes(STORE.serialize_cdr(message, kind))
+    # Points are the last bytes, the last one without its padding: as objects they take 1 s.
+    points = message.points  # type: ignore[attr-defined]
+    empty = STORE.types[kind](**{**vars(message), "points": []})
+    count = len(points).to_bytes(4, "little")
+    return bytes(STORE.serialize_cdr(empty, kind))[:-4] + count + points.tobytes()[:-1]
 
 
 def definition(kind: str) -> str:
