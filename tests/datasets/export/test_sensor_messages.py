@@ -5,14 +5,16 @@ layout, and those that each reader of clouds looks for by name and type, as PCL 
 """
 
 import re
+import shutil
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from omnisim.core.errors import OutputError
+from omnisim.core.errors import OutputError, RunError
 from omnisim.datasets.export.export import export_run
 from omnisim.datasets.export.export_format import ExportSettings
+from omnisim.datasets.export.recording import read_cloud
 from omnisim.datasets.export.ros2 import CloudLayout
 from omnisim.rendering import Stage
 from omnisim.rendering.sensor import Moment
@@ -334,6 +336,37 @@ def test_the_clock_comes_before_each_moment(fast_run, tmp_path):
             seen = time
         elif one.topic != "/tf_static" and not re.search("calibration|labels", one.topic):
             assert time == seen, one.topic
+
+
+@pytest.mark.usefixtures("needs_opengl")
+def test_kiss_icps_own_reader_finds_points_and_times(fast_run, tmp_path):
+    reader = pytest.importorskip("rosbags.highlevel")
+    read_point_cloud = pytest.importorskip("kiss_icp.tools.point_cloud2").read_point_cloud
+    expected = read_cloud(fast_run / "lidar" / "000003.ply")
+    for layout in (name for name in LAYOUTS if name != "livox-custom"):
+        folder, settings = tmp_path / layout, ExportSettings(START_NS, cloud_layout=layout)
+        list(export_run(fast_run, "ros2-sqlite", folder, settings))
+        with reader.AnyReader([folder]) as bag:
+            (clouds,) = [one for one in bag.connections if one.topic == "/lidar/points"]
+            sent = [bag.deserialize(data, one.msgtype) for one, _, data in bag.messages([clouds])]
+        points_m, times = read_point_cloud(sent[3])
+        np.testing.assert_array_equal(points_m, expected.points_m)
+        shares = (times - times.min()) / np.ptp(times)  # as its node normalizes them
+        np.testing.assert_allclose(
+            shares, expected.points["time"] / np.ptp(expected.points["time"]), atol=5e-6
+        )
+
+
+@pytest.mark.usefixtures("needs_opengl")
+def test_a_damaged_number_of_rings_is_refused(fast_run, tmp_path):
+    run = tmp_path / "run"
+    shutil.copytree(fast_run, run)
+    cloud = run / "lidar" / "000002.ply"
+    content = re.sub(rb"elevations_deg: \[[^\]]*\]", b"elevations_deg: 16", cloud.read_bytes())
+    cloud.write_bytes(content)
+    with pytest.raises(RunError, match=r"000002\.ply: elevations_deg: expected a list, got 16"):
+        list(export_run(run, "ros2-mcap", tmp_path / "bag"))
+    assert not (tmp_path / "bag").exists()
 
 
 def test_types_that_are_no_reading_are_refused():

@@ -46,10 +46,9 @@ def _xyz(**others: str) -> dict[str, str]:
 
 def _ouster(ring: str) -> np.dtype[np.void]:
     """Struct of 16-byte alignment, with PCL's fourth coordinate as padding."""
-    others = {"intensity": "<f4", "t": "<u4", "reflectivity": "<u2", "ring": ring}
-    fields = _xyz(**others, ambient="<u2", range="<u4")
-    offsets = [0, 4, 8, 16, 20, 24, 26, 28, 32]
-    names, formats = list(fields), list(fields.values())
+    others = {"reflectivity": "<u2", "ring": ring, "ambient": "<u2", "range": "<u4"}
+    fields = _xyz(intensity="<f4", t="<u4", **others)
+    names, formats, offsets = [*fields], [*fields.values()], [0, 4, 8, 16, 20, 24, 26, 28, 32]
     return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": 48})
 
 
@@ -84,8 +83,7 @@ def laid_out(
         OutputError: the lidar has more rings than the layout counts.
     """
     kind, given = _TYPES[layout], points.dtype.names or ()
-    count = "line" if layout.startswith("livox") else "ring"
-    limit = 256 if kind[count] == np.uint8 else 65_536
+    limit = 65_536 if "ring" in (kind.fields or ()) and kind["ring"] == np.uint16 else 256
     if rings > limit:
         raise OutputError(f"--cloud-layout {layout}: expected at most {limit} rings, got {rings}")
     cloud = np.zeros(len(points), dtype=kind)
@@ -110,9 +108,8 @@ def laid_out(
         values["line"], values["tag"] = points["ring"], (returns - 1) << 4
         values["intensity"] = values["reflectivity"] = _levels(shares, 150.0)
         values["offset_time"], values["timestamp"] = since_ns.clip(0.0), stamp_ns + since_ns
-    for name in kind.names or ():
-        if name in values:
-            cloud[name] = values[name]
+    for name in values.keys() & set(kind.names or ()):
+        cloud[name] = values[name]
     return cloud
 
 

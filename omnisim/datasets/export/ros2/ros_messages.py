@@ -64,12 +64,12 @@ UNKNOWN = np.zeros(36)  # covariance
 
 def header(stamp_ns: int, frame: str) -> Header:
     """Header of a message."""
-    return Header(_time(stamp_ns), frame)
+    return Header(Time(*divmod(stamp_ns, NANOSECONDS)), frame)
 
 
 def clock(stamp_ns: int) -> Clock:
     """Message of the simulated time, for nodes with `use_sim_time`."""
-    return Clock(_time(stamp_ns))
+    return Clock(Time(*divmod(stamp_ns, NANOSECONDS)))
 
 
 def image(stamp_ns: int, frame: str, pixels: NDArray[Any]) -> Image:
@@ -205,27 +205,16 @@ def point_fields(columns: Iterable[tuple[str, NDArray[Any]]]) -> NDArray[np.void
 # Bytes of messages, and the types that ROS itself lacks. Source: livox_ros_driver2/msg.
 
 
-LIVOX_POINT, LIVOX_CLOUD = (
-    f"livox_ros_driver2/msg/{name}" for name in ("CustomPoint", "CustomMsg")
-)
-_CUSTOM_POINT = """uint32 offset_time
-float32 x
-float32 y
-float32 z
-uint8 reflectivity
-uint8 tag
-uint8 line
-"""
-_CUSTOM_MSG = """std_msgs/Header header
-uint64 timebase
-uint32 point_num
-uint8 lidar_id
-uint8[3] rsvd
-livox_ros_driver2/CustomPoint[] points
-"""
+LIVOX_POINT, LIVOX_CLOUD = "livox_ros_driver2/msg/CustomPoint", "livox_ros_driver2/msg/CustomMsg"
+_LIVOX_FIELDS = {
+    LIVOX_POINT: "uint32 offset_time, float32 x, float32 y, float32 z, uint8 reflectivity, "
+    "uint8 tag, uint8 line",
+    LIVOX_CLOUD: "std_msgs/Header header, uint64 timebase, uint32 point_num, uint8 lidar_id, "
+    "uint8[3] rsvd, livox_ros_driver2/CustomPoint[] points",
+}
 STORE = get_typestore(Stores.ROS2_HUMBLE)
-STORE.register(get_types_from_msg(_CUSTOM_POINT, LIVOX_POINT))
-STORE.register(get_types_from_msg(_CUSTOM_MSG, LIVOX_CLOUD))
+for _kind, _fields in _LIVOX_FIELDS.items():
+    STORE.register(get_types_from_msg(_fields.replace(", ", "\n"), _kind))
 
 
 def message_type(message: object) -> str:
@@ -253,10 +242,6 @@ def definition(kind: str) -> str:
 def type_hash(kind: str) -> str:
     """RIHS01 hash of a message type, by which nodes of ROS 2 from Iron on match topics."""
     return STORE.hash_rihs01(kind)
-
-
-def _time(stamp_ns: int) -> Time:
-    return Time(*divmod(stamp_ns, NANOSECONDS))
 
 
 def _pose(pose: Floats) -> Pose:
