@@ -106,6 +106,8 @@ class TestRefusals:
         [
             ("euroc", {"compressed": True}, "--compressed"),
             ("tum", {"with_points": True}, "--points"),
+            ("kitti", {"cloud_layout": "velodyne"}, "--cloud-layout"),
+            ("euroc", {"with_map": False}, "--no-map"),
             ("colmap", {"start_ns": 1}, "--start-time"),
         ],
     )
