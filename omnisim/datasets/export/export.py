@@ -43,9 +43,12 @@ def export_run(
     if run.resolve() in output.resolve().parents:
         raise OutputError(f"{output}: is inside the run: expected a folder elsewhere")
     form, settings = format_named(format), settings or ExportSettings()
+    bags, is_laid_out = "ros2-mcap or ros2-sqlite", settings.cloud_layout != "generic"
     for option, is_given, is_used, others in (
-        ("--compressed", settings.compressed, form.has_messages, "ros2-mcap or ros2-sqlite"),
-        ("--points", settings.with_points, form.has_messages, "ros2-mcap or ros2-sqlite"),
+        ("--compressed", settings.compressed, form.has_messages, bags),
+        ("--points", settings.with_points, form.has_messages, bags),
+        ("--cloud-layout", is_laid_out, form.has_messages, bags),
+        ("--no-map", not settings.with_map, form.has_messages, bags),
         ("--start-time", settings.start_ns != 0, form.dates_stamps, "a format with stamps"),
     ):
         if is_given and not is_used:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,14 +15,13 @@ from numpy.typing import NDArray
 from omnisim.core.arrays import Floats
 from omnisim.core.errors import OutputError
 from omnisim.datasets.export.recording import RecordedCamera, Recording
+from omnisim.datasets.export.ros2 import CloudLayout
 from omnisim.rendering.sensor import SensorSettings
 
 NANOSECONDS = 1_000_000_000
 MAX_S = 2**31 - 1  # in 2038: ROS has signed 32-bit seconds
 
 PrintNote = Callable[[str], None]
-# Layouts of lidar clouds in ROS messages, see `ros2.cloud_layouts`.
-CloudLayout = Literal["generic", "velodyne", "ouster", "ouster-u8", "livox", "livox-custom"]
 
 
 @dataclass(frozen=True)
@@ -34,6 +33,7 @@ class ExportSettings:
     # True: also points from each camera's ranges, if the format has point clouds
     with_points: bool = False
     cloud_layout: CloudLayout = "generic"  # layout of lidar clouds, if the format has messages
+    with_map: bool = True  # False: no transform of `map`, if the format has transforms
 
     def stamps_ns(self, times_s: Floats, source: Path) -> list[int]:
         """Stamps of times, whole nanoseconds since 1970; messages name the file `source`.

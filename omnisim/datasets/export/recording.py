@@ -392,6 +392,13 @@ class FileHeader:
             raise RunError(f"{self._path}: {key}: expected a number, got {value!r}")
         return float(value)
 
+    def count(self, key: str) -> int:
+        """Number of entries of a key's list."""
+        value = self.value(key)
+        if not isinstance(value, list):
+            raise RunError(f"{self._path}: {key}: expected a list, got {value!r}")
+        return len(value)
+
     def pose(self, key: str) -> Floats:
         """Pose (4, 4) of a key."""
         try:

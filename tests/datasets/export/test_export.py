@@ -106,6 +106,8 @@ class TestRefusals:
         [
             ("euroc", {"compressed": True}, "--compressed"),
             ("tum", {"with_points": True}, "--points"),
+            ("kitti", {"cloud_layout": "velodyne"}, "--cloud-layout"),
+            ("euroc", {"with_map": False}, "--no-map"),
             ("colmap", {"start_ns": 1}, "--start-time"),
         ],
     )
@@ -251,7 +253,7 @@ class TestOptics:
         with rosbags.AnyReader([tmp_path / "out"]) as reader:
             assert {connection.topic for connection in reader.connections} == {
                 "/ball/image_raw", "/ball/range", "/ball/points", "/ball/calibration", "/tf",
-                "/tf_static", "/ground_truth/pose", "/ground_truth/odom",
+                "/tf_static", "/ground_truth/pose", "/ground_truth/odom", "/clock",
             }  # fmt: skip
             (clouds,) = [one for one in reader.connections if one.topic == "/ball/points"]
             _, _, data = next(reader.messages([clouds]))

@@ -15,7 +15,8 @@ from omnisim.datasets.export.export_format import MAX_S, NANOSECONDS, ExportSett
 def run(request: ExportRequest) -> None:
     """Export a run for other tools."""
     start_ns = parse_start_time(request.start_time)
-    settings = ExportSettings(start_ns, request.compressed, request.with_points)
+    clouds = request.with_points, request.cloud_layout
+    settings = ExportSettings(start_ns, request.compressed, *clouds, not request.without_map)
     where = request.run, request.format, request.output
     steps = export_run(*where, settings, request.camera_name, print_note)
     total = next(steps)

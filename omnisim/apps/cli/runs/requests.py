@@ -1,11 +1,12 @@
 """Requests of the commands that record or read runs, and of the robot commands."""
 
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, get_args
 
 from omnisim.apps.cli import completion
 from omnisim.apps.cli import option_groups as groups
 from omnisim.apps.cli.options import OWN, Argument, Option, command, of, options
+from omnisim.datasets.export.ros2 import CloudLayout
 from omnisim.evaluation.estimator_registry import ESTIMATORS
 
 _FORMATS = completion.names_of("datasets.export.export_formats.FORMATS")
@@ -288,6 +289,13 @@ class ExportRequest:
     """Write images as PNG instead of raw pixels: ros2-*."""
     with_points: Annotated[bool, Option(flags=("--points",))] = False
     """Also write point clouds from the cameras' ranges: ros2-*."""
+    cloud_layout: Annotated[
+        CloudLayout, Option(metavar="LAYOUT", names=lambda: get_args(CloudLayout))
+    ] = "generic"
+    """Fields of lidar clouds, as the driver of that name publishes them: ros2-*. Layouts:
+    {names}."""
+    without_map: Annotated[bool, Option(flags=("--no-map",))] = False
+    """Leave `map` out of /tf, for SLAM nodes, which publish it themselves: ros2-*."""
 
 
 @command("landmarks train", "runs.landmarks.train")

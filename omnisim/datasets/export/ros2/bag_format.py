@@ -241,9 +241,9 @@ class LidarStream(Stream):
     def messages_at(self, step: int, stamp_ns: int) -> Messages:
         """Point cloud in the chosen layout, stamped with the start of the revolution."""
         cloud = self.recording.cloud(self.name, step)
-        rings, rate_hz = len(cloud.header.value("elevations_deg")), cloud.header.number("rate_hz")
+        turn = cloud.header.count("elevations_deg"), cloud.header.number("rate_hz")
         layout = self.settings.cloud_layout
-        return of_sensors.cloud_messages(self.name, stamp_ns, cloud.points, rings, rate_hz, layout)
+        return of_sensors.cloud_messages(self.name, stamp_ns, cloud.points, *turn, layout)
 
 
 class ImuStream(Stream):
@@ -401,7 +401,7 @@ class _Motion:
         self._truth = recording.truth
         self._odometry = recording.odometry
         self._reckoned = None if self._odometry is None else self._odometry.dead_reckoned()
-        self._objects = recording.objects()
+        self._objects, self._with_map = recording.objects(), settings.with_map
 
     def between(self, step: int) -> Iterator[StampedMessage]:
         """Messages of the true states after the previous step, up to a step's time."""
@@ -436,6 +436,8 @@ class _Motion:
             bag.write("/odom", stamp_ns, reading)
         for name, motion in self._objects.items():
             poses[MAP, ros_name(name)] = motion.world_from_base[step]
+        if not self._with_map:
+            poses = {frames: pose for frames, pose in poses.items() if MAP not in frames}
         bag.write("/tf", stamp_ns, messages.transforms(stamp_ns, poses))
 
 
@@ -475,15 +477,13 @@ class Bag:
         message, too. Stamps are nanoseconds since 1970.
         """
         if topic not in self._connections:
+            kind = messages.message_type(message)
             durability = QosDurability.TRANSIENT_LOCAL if is_latched else QosDurability.VOLATILE
             quality = Qos(
                 QosHistory.KEEP_LAST, 1 if is_latched else 10, QosReliability.RELIABLE, durability,
                 _UNLIMITED, _UNLIMITED, QosLiveliness.AUTOMATIC, _UNLIMITED, False,
             )  # fmt: skip
             self._connections[topic] = self._writer.add_connection(
-                topic,
-                messages.message_type(message),
-                typestore=messages.STORE,
-                offered_qos_profiles=[quality],
+                topic, kind, typestore=messages.STORE, offered_qos_profiles=[quality]
             )
         self._writer.write(self._connections[topic], stamp_ns, messages.serialized(message))

@@ -9,19 +9,20 @@
 | `livox` | x y z intensity tag line timestamp | 26 |
 | `livox-custom` | CustomMsg: offset_time x y z reflectivity tag line | 19 |
 
-Scales of a white surface that is met perpendicularly, whose intensity is 1 in a run:
+Scales of a white surface that is met perpendicularly, whose intensity is 1 in a run. Glints are
+above it, up to 255, and 65535 photons; that these are linear, too, is an assumption.
 
-| field | white | above |
-| --- | --- | --- |
-| `generic`'s intensity | 1 | |
-| `velodyne`'s intensity, `ouster`'s reflectivity | 100 | to 255, retroreflectors and glints |
-| `livox`'s intensity and reflectivity | 150 | to 255, the same |
-| `ouster`'s intensity, the signal in photons | 1e5 / range² (an assumption) | to 65535 |
+| field | white |
+| --- | --- |
+| `generic`'s intensity | 1 |
+| `velodyne`'s intensity, `ouster`'s reflectivity | 100 |
+| `livox`'s intensity and reflectivity | 150 |
+| `ouster`'s intensity, the signal in photons | 1e5 / range² (an assumption) |
 
 Source: velodyne_pointcloud/pointcloudXYZIRT.cpp (branch ros2), ouster_ros/os_point.h (ros2),
 livox_ros_driver2/src/comm/comm.h, src/lddc.cpp and msg; Velodyne, VLP-16 User Manual, 63-9243 Rev.
-D, section 6.1; Ouster, Firmware User Manual 2.4, calibrated reflectivity; Livox, Mid-360 User
-Manual, point cloud data.
+D, section 6.1; Ouster, Firmware User Manual, Calibrated Reflectivity; Livox, Mid-360 User Manual,
+point cloud data.
 """
 
 from __future__ import annotations
@@ -33,7 +34,8 @@ from numpy.typing import NDArray
 
 from omnisim.core.arrays import Floats
 from omnisim.core.errors import OutputError
-from omnisim.datasets.export.export_format import NANOSECONDS, CloudLayout
+from omnisim.datasets.export.export_format import NANOSECONDS
+from omnisim.datasets.export.ros2 import CloudLayout
 
 SIGNAL_M2 = 1e5  # photons of a white surface, times squared range: an assumption
 
@@ -44,10 +46,9 @@ def _xyz(**others: str) -> dict[str, str]:
 
 def _ouster(ring: str) -> np.dtype[np.void]:
     """Struct of 16-byte alignment, with PCL's fourth coordinate as padding."""
-    others = {"intensity": "<f4", "t": "<u4", "reflectivity": "<u2", "ring": ring}
-    fields = _xyz(**others, ambient="<u2", range="<u4")
-    offsets = [0, 4, 8, 16, 20, 24, 26, 28, 32]
-    names, formats = list(fields), list(fields.values())
+    others = {"reflectivity": "<u2", "ring": ring, "ambient": "<u2", "range": "<u4"}
+    fields = _xyz(intensity="<f4", t="<u4", **others)
+    names, formats, offsets = [*fields], [*fields.values()], [0, 4, 8, 16, 20, 24, 26, 28, 32]
     return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": 48})
 
 
@@ -60,7 +61,8 @@ _TYPES: dict[CloudLayout, np.dtype[np.void]] = {
     "ouster": _ouster("<u2"),
     "ouster-u8": _ouster("u1"),
     "livox": np.dtype([*_xyz(intensity="<f4", tag="u1", line="u1", timestamp="<f8").items()]),
-    "livox-custom": np.dtype([("offset_time", "<u4"), *_CUSTOM.items()]),
+    # aligned as in the message's bytes
+    "livox-custom": np.dtype([("offset_time", "<u4"), *_CUSTOM.items()], align=True),
 }
 
 
@@ -81,22 +83,15 @@ def laid_out(
         OutputError: the lidar has more rings than the layout counts.
     """
     kind, given = _TYPES[layout], points.dtype.names or ()
+    limit = 65_536 if "ring" in (kind.fields or ()) and kind["ring"] == np.uint16 else 256
+    if rings > limit:
+        raise OutputError(f"--cloud-layout {layout}: expected at most {limit} rings, got {rings}")
     cloud = np.zeros(len(points), dtype=kind)
-    for name in given:
-        if kind.fields and name in kind.fields:
-            cloud[name] = points[name]
-    for name in ("ring", "line"):
-        limit = np.iinfo(kind[name]).max + 1 if kind.fields and name in kind.fields else rings
-        if rings > limit:
-            raise OutputError(
-                f"--cloud-layout {layout}: expected at most {limit} rings, got {rings}"
-            )
     since_ns = np.rint(NANOSECONDS * times_s)
-    shares = (
-        points["intensity"].astype(np.float64) if "intensity" in given else np.zeros(len(cloud))
-    )
-    returns = points["return"] if "return" in given else np.ones(len(cloud), dtype=np.uint16)
-    values: dict[str, NDArray[Any]] = {"time": times_s}
+    shares, returns = np.zeros(len(points)), np.ones(len(points), dtype=np.uint16)
+    if "intensity" in given:
+        shares, returns = points["intensity"].astype(np.float64), points["return"]
+    values: dict[str, NDArray[Any]] = {name: points[name] for name in given} | {"time": times_s}
     if layout == "generic":
         values["return"] = returns
     elif layout == "velodyne":
@@ -113,9 +108,8 @@ def laid_out(
         values["line"], values["tag"] = points["ring"], (returns - 1) << 4
         values["intensity"] = values["reflectivity"] = _levels(shares, 150.0)
         values["offset_time"], values["timestamp"] = since_ns.clip(0.0), stamp_ns + since_ns
-    for name in kind.names or ():
-        if name in values:
-            cloud[name] = values[name]
+    for name in values.keys() & set(kind.names or ()):
+        cloud[name] = values[name]
     return cloud
 
 

@@ -20,7 +20,8 @@ from omnisim.cameras.calibration import CalibratedCamera
 from omnisim.cameras.calibration.encode import encode_exactly
 from omnisim.cameras.calibration.formats.ros import CameraInfoLens, Ros
 from omnisim.core.arrays import Bytes, Floats
-from omnisim.datasets.export.export_format import NANOSECONDS, CloudLayout
+from omnisim.datasets.export.export_format import NANOSECONDS
+from omnisim.datasets.export.ros2 import CloudLayout
 from omnisim.datasets.export.ros2 import ros_messages as messages
 from omnisim.datasets.export.ros2.cloud_layouts import laid_out
 from omnisim.ground_truth.frame import Frame
@@ -69,8 +70,7 @@ def camera_messages(
     if image is not None:
         found[f"{topic}/image_raw"] = messages.image(stamp_ns, frame, image)
     if lens is not None:
-        info = messages.camera_info_message(stamp_ns, frame, lens)
-        found[f"{topic}/camera_info"] = info
+        found[f"{topic}/camera_info"] = messages.camera_info_message(stamp_ns, frame, lens)
     for channel in (*LABELED, "range"):
         if channel in channels:
             found[f"{topic}/{channel}"] = messages.image(stamp_ns, frame, channels[channel])
@@ -164,18 +164,15 @@ def of_reading(
         TypeError: a reading of another type.
     """
     match reading:
-        case RecordedFrame(frame=frame):
+        case RecordedFrame(frame=frame) | (Frame() as frame):
             return camera_messages(name, stamp_ns, frame.rgb, frame.channels, lens)
-        case Frame():
-            return camera_messages(name, stamp_ns, reading.rgb, reading.channels, lens)
         case DepthImage():
             return depth_messages(name, stamp_ns, reading.depths_mm, lens)
         case Scan(scanner=scanner):
             limits_m, ranges_m = (scanner.range_min_m, scanner.range_max_m), reading.ranges_m
             return scan_messages(name, stamp_ns, reading.angles_rad, ranges_m, limits_m, period_s)
-        case PointCloud(lidar=lidar):
-            shape = lidar.rings, lidar.rate_hz
-            return cloud_messages(name, stamp_ns, reading.points, *shape, layout)
+        case PointCloud(points=points, lidar=lidar):
+            return cloud_messages(name, stamp_ns, points, lidar.rings, lidar.rate_hz, layout)
         case RangeReading(sensor=sensor):
             limits_m = sensor.range_min_m, sensor.range_max_m
             return range_messages(name, stamp_ns, sensor.beam_angle_deg, limits_m, reading.range_m)

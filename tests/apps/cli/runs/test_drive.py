@@ -10,6 +10,7 @@ import pytest
 from omnisim.core.errors import OutputError
 from omnisim.core.files.image_files import read_image
 from omnisim.core.package_files import SCENES
+from omnisim.datasets.export.export_format import ExportSettings
 from omnisim.plots.video_file import write_video
 from omnisim.rendering.opengl import cube_backend
 
@@ -201,6 +202,26 @@ def test_a_missing_extra_is_named(refused, monkeypatch):
     monkeypatch.setattr("omnisim.core.extras.is_installed", lambda module: False)
     line = refused("export", "run", "--to", "ros2-mcap", "-o", "out")
     assert line == "--to ros2-mcap needs rosbags: pip install 'omnisim-camera[ros]'"
+
+
+def test_options_of_an_export_reach_its_settings(ran, monkeypatch, tmp_path):
+    found = []
+
+    def exported(run, form, output, settings, *others):
+        found.append(settings)
+        yield 0
+
+    monkeypatch.setattr("omnisim.apps.cli.runs.export.export_run", exported)
+    (tmp_path / "run").mkdir()
+    command = ("export", "run", "--to", "ros2-mcap", "-o", "bag")
+    ran(*command)
+    ran(*command, "--start-time", "2", "--compressed")
+    ran(*command, "--points", "--cloud-layout", "ouster-u8", "--no-map")
+    assert found == [
+        ExportSettings(),
+        ExportSettings(2_000_000_000, compressed=True),
+        ExportSettings(with_points=True, cloud_layout="ouster-u8", with_map=False),
+    ]
 
 
 def test_steps_without_a_file_are_not_there_before(ran, tmp_path):
