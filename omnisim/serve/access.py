@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import hmac
 import http
+import logging
 import secrets
 import socket
 from dataclasses import dataclass
@@ -13,6 +14,8 @@ from urllib.parse import parse_qs, urlsplit
 from websockets.asyncio.server import ServerConnection
 from websockets.http11 import Request, Response
 
+# Answers to a flood of pings whose sender is gone.
+logging.getLogger("asyncio").addFilter(lambda r: r.msg != "socket.send() raised exception.")
 LOCAL = ("localhost", "127.0.0.1", "::1")
 MAX_BYTES_PER_S = 1 << 15  # a client that sends more must wait: parsing takes the simulation's time
 

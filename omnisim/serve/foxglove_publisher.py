@@ -49,7 +49,7 @@ TICK_S = 0.5
 
 
 class _Vector(Table):
-    x: Number
+    x: Number = 0.0
     y: Number = 0.0
     z: Number = 0.0
 
@@ -208,6 +208,7 @@ class FoxglovePublisher(Publisher):
         """Show an error to all clients, at most one per second."""
         if self._server is not None and time.monotonic() > self._reported_s + 1.0:
             self._reported_s = time.monotonic()
+            text = text.replace("\n", "; ")
             self._server.publish_status(text, foxglove.StatusLevel.Error, "omnisim")
 
 
@@ -236,6 +237,7 @@ class _Relay:
             for task in tasks:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
+            server.transport.abort()  # what is queued has no reader
 
     async def _send(self, server: Any) -> None:
         """Send the client's messages to the server, `MAX_MESSAGES_PER_S` in the mean."""
@@ -342,7 +344,7 @@ def _answer(
     try:
         call(*_parsed(request.payload or b"{}", table, request.service_name).model_dump().values())
     except OmnisimError as reason:
-        error = str(reason)
+        error = str(reason).replace("\n", "; ")
     return json.dumps({"success": not error, "message": error}).encode()
 
 
