@@ -55,9 +55,9 @@ class Access:
         if _host(f"//{request.headers.get('Host', '')}") not in LOCAL:
             text = "omnisim serve: expected the name of this machine as host\n"
             return connection.respond(http.HTTPStatus.FORBIDDEN, text)
-        origin = request.headers.get("Origin")
-        # desktop programs that show pages of their own send file://
-        if origin in (None, "file://", *self.origins) or _host(origin) in LOCAL:
+        # programs send no origin, or file:// if they show pages of their own
+        origin = request.headers.get("Origin", "file://")
+        if origin in ("file://", *self.origins) or _host(origin) in LOCAL:
             return None
         text = "omnisim serve: expected a page of this machine as origin, or a token\n"
         return connection.respond(http.HTTPStatus.FORBIDDEN, text)

@@ -27,6 +27,7 @@ from typing import Any
 from pydantic import JsonValue, create_model
 from websockets.asyncio.client import connect
 from websockets.asyncio.server import ServerConnection, serve
+from websockets.typing import Subprotocol
 
 from omnisim.core.errors import OmnisimError, ServeError
 from omnisim.core.extras import require_extra
@@ -40,7 +41,10 @@ import foxglove  # noqa: E402  # after what is missing
 from foxglove import websocket  # noqa: E402
 
 ORIGINS = ("https://app.foxglove.dev",)
-SUBPROTOCOLS = ("foxglove.sdk.v1", "foxglove.websocket.v1")  # the same, under its former name
+SUBPROTOCOLS = (  # the same, under its former name
+    Subprotocol("foxglove.sdk.v1"),
+    Subprotocol("foxglove.websocket.v1"),
+)
 MAX_QUEUE = 128  # messages that wait for a client: 0.4 s of a robot with an IMU
 MAX_CLIENTS = 32
 MAX_MESSAGE_BYTES = 1 << 16  # of a client, as are
