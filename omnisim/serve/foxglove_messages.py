@@ -118,7 +118,10 @@ def _converted(message: Any) -> Any:
     match schema:
         case "RawImage":
             common |= {"width": message.width, "height": message.height, "step": message.step}
-            return fox.RawImage(**common, encoding=message.encoding, data=message.data.tobytes())
+            data, encoding = message.data, message.encoding
+            if encoding == "32SC1":  # Foxglove shows no integers of 32 bits
+                data, encoding = data.view("<i4").astype("<f4"), "32FC1"
+            return fox.RawImage(**common, encoding=encoding, data=data.tobytes())
         case "CompressedImage":
             data = message.data.tobytes()
             return fox.CompressedImage(**common, format=message.format, data=data)

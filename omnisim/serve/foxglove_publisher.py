@@ -3,7 +3,8 @@
 The SDK's server checks neither origin nor token, and limits neither size nor number of a client's
 messages. It therefore listens on an address of this machine that no website can guess, and clients
 connect to a relay, which checks them, makes floods wait, and counts what is dropped: the SDK keeps
-the newest `MAX_QUEUE` messages for a client that reads too slowly.
+the newest `MAX_QUEUE` messages for a client that reads too slowly. Programs on this machine are
+trusted: they can find the SDK's server.
 
 Clients may publish Twist or TwistStamped as JSON on `/cmd_vel`, set the parameter `paused`, and
 call the services `/reset`, `/pause`, `/step` and `/set_pose`. `/clock` is the server's time.
@@ -107,6 +108,7 @@ class FoxglovePublisher(Publisher):
         self._channels = Channels(topics)
         self._controls, self._reported_s = controls, 0.0
         random = ".".join(str(1 + secrets.randbelow(254)) for _ in range(3))
+        # elsewhere, only the port is random
         inner = f"127.{random}" if sys.platform == "linux" else "127.0.0.1"
         ability = websocket.Capability
         listener = _Listener(self, controls)

@@ -53,6 +53,7 @@ def messages(stamp_ns=STAMP_NS):
     ranges_m = np.array([1.0, 2.0, np.inf])
     return {
         "/front/image_raw": ros.image(stamp_ns, "front_optical_frame", pixels),
+        "/front/instance": ros.image(stamp_ns, "front", pixels[..., 0].astype(np.uint32)),
         "/front/image_raw/compressed": ros.compressed_image(stamp_ns, "front", b"\x89PNG..."),
         "/front/camera_info": ros.camera_info_message(stamp_ns, "front", LENS),
         "/front/calibration": ros.text('{"model": "kannala_brandt"}'),

@@ -5,6 +5,7 @@ Source: https://github.com/foxglove/ws-protocol/blob/main/docs/spec.md
 
 import base64
 import json
+import os
 import socket
 import struct
 
@@ -121,6 +122,9 @@ class FoxgloveClient:
         data = self.binary(3)
         assert struct.unpack_from("<II", data)[1] == self._calls
         return json.loads(data[16:])
+
+    def ping(self, data):
+        self._socket.ping(os.urandom(4) + data[4:])  # each has to be another
 
     def die(self):
         self._socket.socket.shutdown(socket.SHUT_RDWR)

@@ -60,6 +60,7 @@ def test_every_message_has_foxgloves_schema_or_that_of_ros(publisher):
         schemas = {topic: client.channel(topic)["schemaName"] for topic in ALL}
     assert schemas == {
         "/front/image_raw": "foxglove.RawImage",
+        "/front/instance": "foxglove.RawImage",
         "/front/image_raw/compressed": "foxglove.CompressedImage",
         "/front/camera_info": "foxglove.CameraCalibration",
         "/front/calibration": "std_msgs/msg/String",
@@ -84,6 +85,10 @@ def test_every_message_arrives_with_its_content(publisher):
     assert (image.encoding, image.frame_id) == ("rgb8", "front_optical_frame")
     assert image.data == sent["/front/image_raw"].data.tobytes()
     assert image.timestamp.ToNanoseconds() == STAMP_NS
+    labels = found["/front/instance"]
+    assert (labels.encoding, labels.step) == ("32FC1", 256)
+    values = np.frombuffer(labels.data, "<f4").astype("<i4")
+    assert values.tobytes() == sent["/front/instance"].data.tobytes()
     assert found["/front/image_raw/compressed"].data == b"\x89PNG..."
     assert found["/front/image_raw/compressed"].format == "png"
 
@@ -377,6 +382,16 @@ def test_floods_wait_while_others_are_served(publisher, controls, monkeypatch):
         assert other.call("/reset", {})["success"]
         wait_for(lambda: len(controls.calls) == 601)
         assert time.monotonic() - began_s > 300 / module.MAX_MESSAGES_PER_S
+
+
+def test_a_clients_bytes_wait_their_turn(publisher):
+    """Pings, too: they are answered before any message is looked at."""
+    with FoxgloveClient(publisher.url) as client:
+        began_s = time.monotonic()
+        for _ in range(400):
+            client.ping(bytes(125))  # 131 bytes with their headers
+        assert client.call("/reset", {})["success"]
+        assert time.monotonic() - began_s > 400 * 131 / access.MAX_BYTES_PER_S - 0.5
 
 
 def test_a_message_that_is_too_long_ends_its_connection_only(publisher):
