@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import hmac
 import http
+import logging
 import secrets
 import socket
 from dataclasses import dataclass
@@ -13,6 +14,8 @@ from urllib.parse import parse_qs, urlsplit
 from websockets.asyncio.server import ServerConnection
 from websockets.http11 import Request, Response
 
+# Answers to a flood of pings whose sender is gone.
+logging.getLogger("asyncio").addFilter(lambda r: r.msg != "socket.send() raised exception.")
 LOCAL = ("localhost", "127.0.0.1", "::1")
 MAX_BYTES_PER_S = 1 << 15  # a client that sends more must wait: parsing takes the simulation's time
 
@@ -52,9 +55,9 @@ class Access:
         if _host(f"//{request.headers.get('Host', '')}") not in LOCAL:
             text = "omnisim serve: expected the name of this machine as host\n"
             return connection.respond(http.HTTPStatus.FORBIDDEN, text)
-        origin = request.headers.get("Origin")
-        # desktop programs that show pages of their own send file://
-        if origin in (None, "file://", *self.origins) or _host(origin) in LOCAL:
+        # programs send no origin, or file:// if they show pages of their own
+        origin = request.headers.get("Origin", "file://")
+        if origin in ("file://", *self.origins) or _host(origin) in LOCAL:
             return None
         text = "omnisim serve: expected a page of this machine as origin, or a token\n"
         return connection.respond(http.HTTPStatus.FORBIDDEN, text)

@@ -91,11 +91,11 @@ class Channels:
                 self._latched[topic] = converted, stamp_ns
             self._channels[topic].log(converted, log_time=stamp_ns)
 
-    def repeat(self, topic: str | None = None) -> None:
-        """Send the last message of a latched topic again, or those of all."""
+    def repeat(self, topic: str | None = None, at_ns: int | None = None) -> None:
+        """Send the last message of a latched topic, or those of all, again, also at a new time."""
         for name, (converted, stamp_ns) in tuple(self._latched.items()):
             if topic in (None, name):
-                self._channels[name].log(converted, log_time=stamp_ns)
+                self._channels[name].log(converted, log_time=stamp_ns if at_ns is None else at_ns)
 
 
 def _channel(topic: Topic, context: Context) -> Any:
@@ -114,74 +114,63 @@ def _converted(message: Any) -> Any:
         return bytes(ros_types().serialize_cdr(message, message.__msgtype__))
     if schema == "FrameTransforms":
         return fox.FrameTransforms(transforms=[_frame_transform(t) for t in message.transforms])
-    stamp, frame_id = _timestamp(message.header), message.header.frame_id
+    common: Any = {"timestamp": _timestamp(message.header), "frame_id": message.header.frame_id}
     match schema:
         case "RawImage":
-            return fox.RawImage(
-                timestamp=stamp, frame_id=frame_id, width=message.width, height=message.height,
-                encoding=message.encoding, step=message.step, data=message.data.tobytes(),
-            )  # fmt: skip
+            common |= {"width": message.width, "height": message.height, "step": message.step}
+            data, encoding = message.data, message.encoding
+            if encoding == "32SC1":  # Foxglove shows no integers of 32 bits
+                data, encoding = data.view("<i4").astype("<f4"), "32FC1"
+            return fox.RawImage(**common, encoding=encoding, data=data.tobytes())
         case "CompressedImage":
-            return fox.CompressedImage(
-                timestamp=stamp, frame_id=frame_id, data=message.data.tobytes(),
-                format=message.format,
-            )  # fmt: skip
+            data = message.data.tobytes()
+            return fox.CompressedImage(**common, format=message.format, data=data)
         case "CameraCalibration":
             model = message.distortion_model
-            return fox.CameraCalibration(
-                timestamp=stamp, frame_id=frame_id, width=message.width, height=message.height,
-                distortion_model="kannala_brandt" if model == "equidistant" else model,
-                D=message.d.tolist(), K=message.k.tolist(),
-                R=message.r.tolist(), P=message.p.tolist(),
-            )  # fmt: skip
+            common |= {"width": message.width, "height": message.height}
+            common["distortion_model"] = "kannala_brandt" if model == "equidistant" else model
+            matrices = {name: getattr(message, name.lower()).tolist() for name in "DKRP"}
+            return fox.CameraCalibration(**common, **matrices)
         case "PointCloud":
-            return fox.PointCloud(
-                timestamp=stamp, frame_id=frame_id, pose=_IDENTITY, data=message.data.tobytes(),
-                point_stride=message.point_step, fields=_fields(
-                    (field.name, field.offset, field.datatype) for field in message.fields
-                ),
-            )  # fmt: skip
+            fields = _fields((one.name, one.offset, one.datatype) for one in message.fields)
+            common |= {"pose": _IDENTITY, "point_stride": message.point_step, "fields": fields}
+            return fox.PointCloud(**common, data=message.data.tobytes())
         case "LaserScan":
-            return fox.LaserScan(
-                timestamp=stamp, frame_id=frame_id, pose=_IDENTITY, start_angle=message.angle_min,
-                end_angle=message.angle_max, ranges=message.ranges.tolist(),
-                intensities=message.intensities.tolist(),
-            )  # fmt: skip
+            common |= {"start_angle": message.angle_min, "end_angle": message.angle_max}
+            common |= {"pose": _IDENTITY, "intensities": message.intensities.tolist()}
+            return fox.LaserScan(**common, ranges=message.ranges.tolist())
         case "Grid":
             width, cell_m = message.info.width, message.info.resolution
             gray = np.rint(255.0 - 2.55 * np.clip(message.data, 0, 100)).astype(np.uint8)
             gray[message.data < 0] = _UNKNOWN_GRAY
             cells = np.stack([gray, gray, gray, np.full_like(gray, 255)], axis=1)
-            return fox.Grid(
-                timestamp=stamp, frame_id=frame_id, pose=_pose(message.info.origin),
-                column_count=width, cell_size=fox.Vector2(x=cell_m, y=cell_m),
-                row_stride=4 * width, cell_stride=4, data=cells.tobytes(), fields=_fields(
-                    (name, i, 2) for i, name in enumerate(("red", "green", "blue", "alpha"))
-                ),
-            )  # fmt: skip
+            colors = enumerate(("red", "green", "blue", "alpha"))
+            common |= {"pose": _pose(message.info.origin), "column_count": width}
+            common |= {"row_stride": 4 * width, "cell_stride": 4, "data": cells.tobytes()}
+            fields = _fields((color, offset, 2) for offset, color in colors)
+            return fox.Grid(**common, cell_size=fox.Vector2(x=cell_m, y=cell_m), fields=fields)
         case _:
             pose = getattr(message.pose, "pose", message.pose)  # with covariance, or without
-            return fox.PoseInFrame(timestamp=stamp, frame_id=frame_id, pose=_pose(pose))
+            return fox.PoseInFrame(**common, pose=_pose(pose))
 
 
 def _fields(fields: Iterable[tuple[str, int, int]]) -> list[fox.PackedElementField]:
     """Fields of packed elements from names, offsets, and types as numbers of ROS."""
-    types = fox.PackedElementFieldNumericType
+    kinds = [getattr(fox.PackedElementFieldNumericType, name) for name in _FIELD_TYPES]
     return [
-        fox.PackedElementField(
-            name=name, offset=offset, type=getattr(types, _FIELD_TYPES[kind - 1])
-        )
+        fox.PackedElementField(name=name, offset=offset, type=kinds[kind - 1])
         for name, offset, kind in fields
     ]
 
 
 def _frame_transform(stamped: Any) -> fox.FrameTransform:
-    transform = stamped.transform
     return fox.FrameTransform(
-        timestamp=_timestamp(stamped.header), parent_frame_id=stamped.header.frame_id,
-        child_frame_id=stamped.child_frame_id, translation=_vector(transform.translation),
-        rotation=_rotation(transform.rotation),
-    )  # fmt: skip
+        timestamp=_timestamp(stamped.header),
+        parent_frame_id=stamped.header.frame_id,
+        child_frame_id=stamped.child_frame_id,
+        translation=_vector(stamped.transform.translation),
+        rotation=_rotation(stamped.transform.rotation),
+    )
 
 
 def _timestamp(header: Any) -> fox.Timestamp:

@@ -3,7 +3,8 @@
 The SDK's server checks neither origin nor token, and limits neither size nor number of a client's
 messages. It therefore listens on an address of this machine that no website can guess, and clients
 connect to a relay, which checks them, makes floods wait, and counts what is dropped: the SDK keeps
-the newest `MAX_QUEUE` messages for a client that reads too slowly.
+the newest `MAX_QUEUE` messages for a client that reads too slowly. Programs on this machine are
+trusted: they can find the SDK's server.
 
 Clients may publish Twist or TwistStamped as JSON on `/cmd_vel`, set the parameter `paused`, and
 call the services `/reset`, `/pause`, `/step` and `/set_pose`. `/clock` is the server's time.
@@ -27,6 +28,7 @@ from typing import Any
 from pydantic import JsonValue, create_model
 from websockets.asyncio.client import connect
 from websockets.asyncio.server import ServerConnection, serve
+from websockets.typing import Subprotocol
 
 from omnisim.core.errors import OmnisimError, ServeError
 from omnisim.core.extras import require_extra
@@ -40,7 +42,10 @@ import foxglove  # noqa: E402  # after what is missing
 from foxglove import websocket  # noqa: E402
 
 ORIGINS = ("https://app.foxglove.dev",)
-SUBPROTOCOLS = ("foxglove.sdk.v1", "foxglove.websocket.v1")  # the same, under its former name
+SUBPROTOCOLS = (  # the same, under its former name
+    Subprotocol("foxglove.sdk.v1"),
+    Subprotocol("foxglove.websocket.v1"),
+)
 MAX_QUEUE = 128  # messages that wait for a client: 0.4 s of a robot with an IMU
 MAX_CLIENTS = 32
 MAX_MESSAGE_BYTES = 1 << 16  # of a client, as are
@@ -49,7 +54,7 @@ TICK_S = 0.5
 
 
 class _Vector(Table):
-    x: Number
+    x: Number = 0.0
     y: Number = 0.0
     z: Number = 0.0
 
@@ -103,6 +108,7 @@ class FoxglovePublisher(Publisher):
         self._channels = Channels(topics)
         self._controls, self._reported_s = controls, 0.0
         random = ".".join(str(1 + secrets.randbelow(254)) for _ in range(3))
+        # elsewhere, only the port is random
         inner = f"127.{random}" if sys.platform == "linux" else "127.0.0.1"
         ability = websocket.Capability
         listener = _Listener(self, controls)
@@ -208,6 +214,7 @@ class FoxglovePublisher(Publisher):
         """Show an error to all clients, at most one per second."""
         if self._server is not None and time.monotonic() > self._reported_s + 1.0:
             self._reported_s = time.monotonic()
+            text = text.replace("\n", "; ")
             self._server.publish_status(text, foxglove.StatusLevel.Error, "omnisim")
 
 
@@ -236,6 +243,7 @@ class _Relay:
             for task in tasks:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
+            server.transport.abort()  # what is queued has no reader
 
     async def _send(self, server: Any) -> None:
         """Send the client's messages to the server, `MAX_MESSAGES_PER_S` in the mean."""
@@ -342,7 +350,7 @@ def _answer(
     try:
         call(*_parsed(request.payload or b"{}", table, request.service_name).model_dump().values())
     except OmnisimError as reason:
-        error = str(reason)
+        error = str(reason).replace("\n", "; ")
     return json.dumps({"success": not error, "message": error}).encode()
 
 

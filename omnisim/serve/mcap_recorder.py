@@ -35,9 +35,9 @@ class McapRecorder(Publisher):
     protocol = "mcap"
 
     def __init__(self, path: Path):
-        self._given = self._path = path
+        self._given, self._lock, self._count = path, threading.Lock(), 0
+        self._clock_ns, self._flushed_s = 0, 0.0
         self._writer: MCAPWriter | None = None
-        self._lock = threading.Lock()
 
     def open(self, topics: Sequence[Topic], controls: Controls) -> str:
         """Begin to record; returns the file's name.
@@ -47,7 +47,7 @@ class McapRecorder(Publisher):
         """
         check_suffix(self._given, ".mcap")
         self._channels = Channels(topics)
-        self._begin(self._given)
+        self._begin()
         return f"Recording: {self._given}"
 
     def wants(self, topic: str) -> bool:
@@ -55,21 +55,26 @@ class McapRecorder(Publisher):
         return self._writer is not None
 
     def publish(self, topic: str, stamp_ns: int, message: Any) -> None:
-        """Write a message, stamped in ns."""
+        """Write a message, stamped in ns; a notice tells of a full disk."""
         with self._lock:
+            if self._writer is None:
+                return
             try:
                 if self._channels.is_clock(topic):
-                    if stamp_ns < self._clock_ns and self._writer is not None:
+                    if stamp_ns < self._clock_ns:
                         self._finish()
-                        self._begin(self._next_path())
+                        self._begin()
+                        self._channels.repeat(at_ns=stamp_ns)
                     self._clock_ns = stamp_ns
-                elif self._writer is not None:
-                    self._channels.log(topic, stamp_ns, message)
-                    if time.monotonic() > self._flushed_s + FLUSH_S:
-                        self._flush(self._writer)
-            except OutputError as reason:
+                    return
+                self._channels.log(topic, stamp_ns, message)
+                if time.monotonic() > self._flushed_s + FLUSH_S:
+                    self._flushed_s = time.monotonic()
+                    self._writer.flush()
+            except (OutputError, RuntimeError) as reason:
                 self._writer = None
-                warnings.warn(f"{reason}; the recording ends here", NoticeWarning, stacklevel=2)
+                text = f"{self._partial}: the recording ends here: {reason}"
+                warnings.warn(text, NoticeWarning, stacklevel=2)
 
     def close(self) -> None:
         """Finish the file; a second call does nothing.
@@ -81,44 +86,29 @@ class McapRecorder(Publisher):
             if self._writer is not None:
                 self._finish()
 
-    @property
-    def _partial(self) -> Path:
-        return self._path.with_suffix(".partial.mcap")
-
-    def _begin(self, path: Path) -> None:
-        """Begin a file, with the last messages of latched topics."""
-        self._path, self._clock_ns, self._flushed_s = path, 0, time.monotonic()
-        for name in (path, self._partial):
-            if name.exists():
-                raise OutputError(f"{name}: already exists; choose a new name for the recording")
-        make_folder(path.parent)
-        check_target(path)
-        options = MCAPWriteOptions(compression=MCAPCompression.Lz4)
-        context = self._channels.context
-        self._writer = foxglove.open_mcap(self._partial, context=context, writer_options=options)
-        self._channels.repeat()
-
-    def _next_path(self) -> Path:
-        stem, number = self._given.stem, 2
-        while (path := self._given.with_stem(f"{stem}-{number}")).exists():
-            number += 1
-        return path
-
-    def _flush(self, writer: MCAPWriter) -> None:
-        self._flushed_s = time.monotonic()
-        try:
-            writer.flush()
-        except RuntimeError as reason:  # the disk is full
-            raise self._failure(reason) from None
+    def _begin(self) -> None:
+        """Begin a file."""
+        self._count += 1
+        end = f"-{self._count}" if self._count > 1 else ""
+        self._path = self._given.with_stem(self._given.stem + end)
+        self._partial = self._path.with_suffix(".partial.mcap")
+        for path in (self._path, self._partial):
+            if path.exists():
+                raise OutputError(f"{path}: already exists; choose a new name for the recording")
+        make_folder(self._path.parent)
+        check_target(self._path)
+        self._writer = foxglove.open_mcap(
+            self._partial,
+            context=self._channels.context,
+            writer_options=MCAPWriteOptions(compression=MCAPCompression.Lz4),
+        )
 
     def _finish(self) -> None:
+        """Finish the file, and give it its name."""
         writer, self._writer = self._writer, None
         try:
             if writer is not None:
                 writer.close()
             self._partial.rename(self._path)
         except (RuntimeError, OSError) as reason:
-            raise self._failure(reason) from None
-
-    def _failure(self, reason: Exception) -> OutputError:
-        return OutputError(f"{self._partial}: cannot be written: {reason}")
+            raise OutputError(f"{self._partial}: cannot be written: {reason}") from None

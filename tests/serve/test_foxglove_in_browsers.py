@@ -1,0 +1,81 @@
+"""Foxglove's server in a browser: pages of Foxglove and of this machine, and those of others."""
+
+import importlib.util
+import shutil
+
+import pytest
+
+pytest.importorskip("foxglove", reason="foxglove-sdk is not installed")
+from omnisim.serve.foxglove_publisher import FoxglovePublisher
+from tests.serve import fake_robot
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+# Subscribes to all topics; the topics whose messages have come, or "refused".
+READ_ALL = """
+url => new Promise(done => {
+  const socket = new WebSocket(url, ["foxglove.sdk.v1"]);
+  socket.binaryType = "arraybuffer";
+  const names = new Map(), found = new Set();
+  socket.onerror = () => done("refused");
+  socket.onmessage = ({data}) => {
+    if (typeof data === "string") {
+      const {op, channels} = JSON.parse(data);
+      if (op !== "advertise") return;
+      const subscriptions = channels.map(({id}) => ({id, channelId: id}));
+      channels.forEach(({id, topic}) => names.set(id, topic));
+      socket.send(JSON.stringify({op: "subscribe", subscriptions}));
+    } else {
+      const view = new DataView(data);
+      found.add(view.getUint8(0) === 2 ? "/clock" : names.get(view.getUint32(1, true)));
+      if (found.size === COUNT) { socket.close(); done([...found]); }
+    }
+  };
+})
+"""
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def browser():
+    executable = next((path for name in BROWSERS if (path := shutil.which(name))), None)
+    if executable is None:
+        pytest.skip(f"there is no browser: none of {', '.join(BROWSERS)}")
+    if importlib.util.find_spec("playwright") is None:
+        pytest.skip("playwright, which drives the browser, is not installed")
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        # which ask the user about websites that connect to this machine: here, the server decides
+        checks = "LocalNetworkAccessChecks,LocalNetworkAccessChecksWebSockets"
+        options = ["--no-sandbox", f"--disable-features={checks}"]
+        found = playwright.chromium.launch(executable_path=executable, args=options)
+        yield found
+        found.close()
+
+
+@pytest.mark.parametrize(
+    ("website", "may_connect"),
+    [
+        ("https://app.foxglove.dev/", True),
+        ("http://localhost:8080/", True),
+        ("https://evil.example/", False),
+    ],
+)
+def test_pages_read_every_topic_or_none(browser, website, may_connect):
+    publisher, topics = FoxglovePublisher(port=0), [one.name for one in fake_robot.topics()]
+    publisher.open(fake_robot.topics(), fake_robot.FakeControls())
+    page = browser.new_page()
+    page.route("**/*", lambda route: route.fulfill(body="<p>page</p>", content_type="text/html"))
+    page.goto(website)
+    script = READ_ALL.replace("COUNT", str(len(topics)))
+    page.evaluate(f"url => {{ window.read = ({script})(url); }}", publisher.url)
+    for _ in range(50):
+        for topic, message in fake_robot.messages().items():
+            publisher.publish(topic, fake_robot.STAMP_NS, message)
+        publisher.publish("/clock", fake_robot.STAMP_NS, None)
+        page.wait_for_timeout(20)
+    read = page.evaluate("window.read")
+    page.close()
+    publisher.close()
+    assert read == "refused" if not may_connect else sorted(read) == sorted(topics), read
