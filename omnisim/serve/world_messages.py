@@ -33,7 +33,8 @@ def map_message(scene: Scene, stamp_ns: int, frame: str, boxes: BodyBoxes | None
         return None
     cells = np.where(np.isfinite(free.floor_m), FREE, UNKNOWN)
     cells[free.clearance_m <= 0.75 * free.cell_m] = OCCUPIED
-    around = scipy.ndimage.find_objects(scipy.ndimage.binary_dilation(cells == FREE))[0]
+    floor = scipy.ndimage.binary_dilation(cells == FREE)
+    (around,) = scipy.ndimage.find_objects(floor.astype(np.int8))
     low_m = free.low_m + free.cell_m * np.array((around[1].start, around[0].start))
     return ros.occupancy_grid(stamp_ns, frame, cells[around].astype(np.int8), low_m, free.cell_m)
 
