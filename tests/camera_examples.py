@@ -80,6 +80,9 @@ CAMERA_EXAMPLES = {
     "kannala-brandt-full-sphere": KannalaBrandtCamera(
         400, 400, (60.0, 60.0), (199.5, 199.5), (0.01, 0.0, 0.0, 0.0)
     ),
+    "kannala-brandt-skewed": KannalaBrandtCamera(
+        320, 240, (150.0, 151.0), (160.25, 118.5), (0.03, -0.01, 2e-3, -1e-4), skew_px=-2.5
+    ),
     "double-sphere-tum-vi": DoubleSphereCamera(
         512, 512, (158.28600, 158.27434), (254.96117, 256.88944), xi=-0.172131, alpha=0.593118
     ),

@@ -142,7 +142,7 @@ def _f_theta(camera: CentralCamera) -> FThetaCamera | None:
     aspect_ratio = 1.0
     if isinstance(camera, EquidistantCamera):
         coefficients: tuple[float, ...] = (camera.focal_length_px,)
-    elif isinstance(camera, KannalaBrandtCamera):
+    elif isinstance(camera, KannalaBrandtCamera) and not camera.skew_px:
         fx, fy = camera.focal_lengths_px
         k1, k2, k3, k4 = camera.coefficients
         if k4:

@@ -89,6 +89,42 @@ def test_opencv_reads_our_file_and_projects_the_same(kind, name, widest_deg, tmp
     _assert_same(camera, points, pixels)
 
 
+@pytest.mark.parametrize("form", ["opencv_fisheye", "ros"])
+def test_a_skewed_fisheye_is_opencvs_with_alpha(form, tmp_path):
+    cv2 = pytest.importorskip("cv2", reason="OpenCV is an optional oracle")
+    camera = CAMERA_EXAMPLES["kannala-brandt-skewed"]
+    written = calibration_of(camera).save(tmp_path / "a.yaml", form)
+    points = _seen(camera, math.radians(70.0))
+    fx, fy = camera.focal_lengths_px
+    k = np.array([[fx, camera.skew_px, 160.25], [0.0, fy, 118.5], [0.0, 0.0, 1.0]])
+    d = np.array(camera.coefficients)
+    alpha = camera.skew_px / fx
+    pixels, _ = cv2.fisheye.projectPoints(points[:, None], NO_TURN, NO_TURN, k, d, alpha=alpha)
+    again = load_calibration(tmp_path / "a.yaml").cameras[0].camera
+    _assert_same(again, points, pixels, 1e-9)
+    rays = again.ray_from_pixel(pixels.reshape(-1, 2)).directions
+    assert np.abs(rays - points / np.linalg.norm(points, axis=1)[:, None]).max() < 1e-12
+    # what the note says of OpenCV's undistortion, at the first and at the last row
+    (note,) = written.cameras[0].notes
+    assert note == "OpenCV's undistortion ignores the skew: it is up to 2 px off"
+    first = np.array([[[160.25, 0.0]]])
+    plain = cv2.fisheye.undistortPoints(
+        first, np.diag([fx, fy, 1.0]) + [[0, 0, 160.25], [0, 0, 118.5], [0, 0, 0]], d
+    )
+    np.testing.assert_array_equal(cv2.fisheye.undistortPoints(first, k, d), plain)
+
+
+@pytest.mark.parametrize("name", ["kannala-brandt-skewed", "unified-skewed"])
+def test_formats_without_skew_state_what_it_costs(name, tmp_path):
+    camera = CAMERA_EXAMPLES.get(name) or dataclasses.replace(
+        CAMERA_EXAMPLES["unified-kitti-360"], skew_px=3.0
+    )
+    written = calibration_of(camera).save(tmp_path / "a.yaml", "kitti360").cameras[0]
+    assert written.camera.skew_px == 0.0
+    # the skew is s y_d, of which a shifted and stretched lens takes a part
+    assert 0.1 < written.residuals.max_px < 10.0
+
+
 @pytest.mark.parametrize("kind", ["omnidir", "fisheye", "pinhole"])
 def test_files_that_opencv_writes_are_read(kind, tmp_path):
     cv2 = pytest.importorskip("cv2", reason="OpenCV is an optional oracle")

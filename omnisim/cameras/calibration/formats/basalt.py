@@ -144,7 +144,7 @@ class Basalt(Format[BasaltLens]):
         """Rejects pinhole cameras with distortion."""
         if isinstance(lens, UnifiedCamera) and (any(lens.distortion) or lens.skew_px or lens.xi):
             return "its pinhole camera has no distortion, no skew and no ξ"
-        return None
+        return super().unsupported(lens)
 
     def camera_name(self, index: int, name: str) -> str:
         """Name made from the index alone."""

@@ -4,7 +4,7 @@
 | --- | --- | --- |
 | plumb_bob | k1 k2 p1 p2 k3 | perspective, unified with ξ = 0 |
 | rational_polynomial | k1 k2 p1 p2 k3 k4 k5 k6 | rational_polynomial, or as plumb_bob |
-| equidistant (fisheye, kannala_brandt) | k1 k2 k3 k4 | kannala_brandt |
+| equidistant (fisheye, kannala_brandt) | k1 k2 k3 k4, skew in K | kannala_brandt |
 
 Pixel (0, 0) is the center of the first pixel, as in omnisim. Rays at or beyond 90° from the axis
 have no model: `P` and every rectified image lie in a plane.
@@ -35,7 +35,6 @@ from omnisim.cameras.calibration import documents
 from omnisim.cameras.calibration.documents import ForeignTable, Unread, parse, unexpected
 from omnisim.cameras.calibration.formats import format as base
 from omnisim.cameras.calibration.formats.format import ANY, Format, ParsedCamera, error_context
-from omnisim.core.errors import CalibrationError
 from omnisim.core.files.parameters import Number
 
 OTHERS = {"fisheye62": "Foxglove's alone: ROS has equidistant"}
@@ -100,14 +99,8 @@ class CameraInfo(Format[CameraInfoLens]):
     ) -> CentralCamera:
         """Lens from an image size, distortion model, K and D; `keys` name K and D in messages."""
         intrinsics, skew_px = base.matrix_intrinsics(size_px, matrix, f"{source}: {keys[0]}")
-        if skew_px and model in self.fisheye_models:
-            (_, fy), (_, cy) = intrinsics.focal_lengths_px, intrinsics.principal_point_px
-            most_px = abs(skew_px) * max(cy, size_px[1] - 1.0 - cy) / fy
-            raise CalibrationError(
-                f"{source}: {keys[0]}: expected no skew in a fisheye, got {skew_px:g}: calibrate "
-                f"with --fisheye-fix-skew; a 0 in its place moves pixels by up to {most_px:.2g} px"
-            )
-        base.check_no_skew(skew_px, f"{source}: {keys[0]}")
+        if not (self.fisheye_skew and model in self.fisheye_models):
+            base.check_no_skew(skew_px, f"{source}: {keys[0]}")
         expected = (*self.distortion_models, *self.fisheye_models)
         documents.check_choice(model, expected, f"{source}: distortion_model", OTHERS)
         with error_context(source):
@@ -117,7 +110,7 @@ class CameraInfo(Format[CameraInfoLens]):
                 )
                 return ThinPrismFisheyeCamera(*intrinsics, tuple(shape[:6]), tuple(shape[6:]))
             if model in self.fisheye_models:
-                return base.fisheye(intrinsics, coefficients, f"{source}: {keys[1]}")
+                return base.fisheye(intrinsics, coefficients, f"{source}: {keys[1]}", skew_px)
             return base.brown_pinhole(intrinsics, coefficients, f"{source}: {keys[1]}")
 
 
@@ -131,7 +124,8 @@ def baseline_notes(key: str, projection: Sequence[float]) -> tuple[str, ...]:
 def camera_info(lens: CameraInfoLens) -> tuple[str, list[float], list[float], list[float]]:
     """Fields of the message for a lens: distortion model in ROS's terms, D, K and P."""
     (fx, fy), (cx, cy) = lens.focal_lengths_px, lens.principal_point_px
-    k = [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]
+    skew_px = lens.skew_px if isinstance(lens, KannalaBrandtCamera) else 0.0
+    k = [fx, skew_px, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]
     p = [fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0]
     if isinstance(lens, KannalaBrandtCamera):
         return "equidistant", list(lens.coefficients), k, p
@@ -176,6 +170,7 @@ class Ros(CameraInfo):
     tables = (_Camera, CameraInfoMessage)
     distortion_models = ("plumb_bob", "rational_polynomial")
     fisheye_models = ("equidistant", "fisheye", "kannala_brandt")
+    fisheye_skew = True
 
     def looks_like(self, text: str) -> bool:
         """True for YAML with a camera matrix that is not OpenCV's."""
