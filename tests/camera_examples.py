@@ -168,6 +168,10 @@ CAMERA_EXAMPLES = {
         300, 260, (150.0, 140.0), (149.5, 128.5),
         (-0.3, 0.02, 2e-3, -1e-3, 0.0, 0.05, 0.01, 0.0, 2e-3, 0.0, -1e-3, 0.0, 0.06, -0.04),
     ),
+    "rational-polynomial-ending": RationalPolynomialCamera(
+        320, 240, (135.5, 136.0), (161.25, 118.5),
+        (0.31, -0.0195, -2.5e-4, 6e-5, 0.0155, 0.58, -0.061, 0.0335), math.radians(50.0),
+    ),
     # coefficients of the size that Project Aria's cameras have
     "thin-prism-fisheye-aria": ThinPrismFisheyeCamera(
         352, 352, (152.5, 152.5), (179.2, 175.4), (-0.0263, 0.098, -0.0655, 0.0117, 2.2e-3, -6e-4),

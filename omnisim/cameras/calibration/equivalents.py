@@ -71,7 +71,9 @@ def _unified(camera: CentralCamera) -> UnifiedCamera | None:
     match camera:
         case UnifiedCamera():
             return camera
-        case RationalPolynomialCamera(distortion=distortion) if not any(distortion[5:]):
+        case RationalPolynomialCamera(distortion=distortion, theta_max_rad=math.pi) if not any(
+            distortion[5:]
+        ):
             return UnifiedCamera(
                 camera.width_px, camera.height_px, camera.focal_lengths_px,
                 camera.principal_point_px, 0.0, distortion[:5] if distortion[4] else distortion[:4],

@@ -114,6 +114,32 @@ def test_a_skewed_fisheye_is_opencvs_with_alpha(form, tmp_path):
     np.testing.assert_array_equal(cv2.fisheye.undistortPoints(first, k, d), plain)
 
 
+def test_basalts_radtan8_ends_at_rpmax():
+    """Monado's formula, and its bound on the undistorted radius."""
+    path = FOLDER / "basalt_radtan8.json"
+    stated = json.loads(path.read_text())["value0"]["intrinsics"][0]["intrinsics"]
+    fx, fy, cx, cy, k1, k2, p1, p2, k3, k4, k5, k6, rpmax = stated.values()
+    camera = load_calibration(path).cameras[0].camera
+    azimuth = np.linspace(0.0, math.tau, 60)
+    radius = np.linspace(0.0, rpmax, 40)[:, None]
+    x, y = radius * np.cos(azimuth), radius * np.sin(azimuth)
+    r2 = x * x + y * y
+    g = (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)))
+    u = fx * (g * x + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)) + cx
+    v = fy * (g * y + 2 * p2 * x * y + p1 * (r2 + 2 * y * y)) + cy
+    rays = np.stack((x, y, np.ones_like(x)), axis=-1)
+    seen = camera.pixel_from_ray(rays)
+    assert seen.valid.all()
+    assert np.abs(seen.positions_px - np.stack((u, v), axis=-1)).max() < 1e-9
+    back = camera.ray_from_pixel(seen.positions_px[:-1])
+    assert back.valid.all()
+    plane = back.directions[..., :2] / back.directions[..., 2:]
+    assert np.abs(plane - rays[:-1, :, :2]).max() * fx < 1e-9
+    beyond = rays[-1] * (1.0 + 1e-9, 1.0 + 1e-9, 1.0)
+    assert not camera.pixel_from_ray(beyond).valid.any()
+    assert camera.ray_from_pixel((639.0, 0.0)).valid == (rpmax > 1.5)
+
+
 @pytest.mark.parametrize("name", ["kannala-brandt-skewed", "unified-skewed"])
 def test_formats_without_skew_state_what_it_costs(name, tmp_path):
     camera = CAMERA_EXAMPLES.get(name) or dataclasses.replace(

@@ -50,7 +50,7 @@ EXACT = {
     "opencv_pinhole": {"perspective", "planar", "unified", "hyperbolic", "rational_polynomial"},
     "ros": CAMERA_INFO,
     "foxglove": CAMERA_INFO | {"thin_prism_fisheye"},
-    "basalt": UNIFIED | FISHEYES | {"unified", "eucm", "double_sphere"},
+    "basalt": UNIFIED | FISHEYES | SPHERES | {"rational_polynomial"},
     "woodscape": FISHEYES,
     "gyroflow": FISHEYES,
     "nerfstudio": {"perspective", "planar", "unified", "hyperbolic", "equirectangular"} | FISHEYES,

@@ -254,7 +254,12 @@ def check_no_skew(skew_px: float, place: str) -> None:
 def fisheye(
     intrinsics: Intrinsics, coefficients: Sequence[float], place: str, skew_px: float = 0.0
 ) -> KannalaBrandtCamera:
-    """Kannala-Brandt lens with k1, k2, k3, k4; `place` names these in messages."""
+    """Kannala-Brandt lens with k1, k2, k3, k4; `place` names these in messages.
+
+    librealsense states a T265 by five numbers; its own projection reads the first four.
+    """
+    if len(coefficients) == 5 and coefficients[4] == 0.0:
+        coefficients = coefficients[:4]
     four = counted(coefficients, "k1 k2 k3 k4", place)
     return KannalaBrandtCamera(*intrinsics, tuple(four), skew_px=skew_px)
 

@@ -11,7 +11,8 @@ have no model: `P` and every rectified image lie in a plane.
 
 camera_info_manager stores a YAML file with `camera_matrix: {rows, cols, data}`; camera_calibration
 writes fisheyes with `camera_model: fisheye` in place of a distortion model; `ros2 topic echo`
-prints the message itself, with `k`, `d`, and `---` below.
+prints the message itself, with `k`, `d`, and `---` below. RealSense's T265 has five numbers in `d`,
+of which librealsense's projection reads four.
 
 Source: sensor_msgs/CameraInfo, image_pipeline/CameraInfo.
 """
@@ -39,6 +40,10 @@ from omnisim.core.files.parameters import Number
 
 OTHERS = {"fisheye62": "Foxglove's alone: ROS has equidistant"}
 FISHEYE62 = "fisheye62"
+T265 = (
+    "distortion_model: plumb_bob, but the frame is a fisheye's: early RealSense drivers named the "
+    "T265's Kannala-Brandt lens so; if it is one, write equidistant"
+)
 IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 CameraInfoLens = (
     UnifiedCamera | RationalPolynomialCamera | KannalaBrandtCamera | ThinPrismFisheyeCamera
@@ -86,7 +91,10 @@ class CameraInfo(Format[CameraInfoLens]):
         fields = parse(message, CameraInfoMessage, source)
         size_px = fields.width, fields.height
         lens = self._lens(size_px, fields.distortion_model, fields.K, fields.D, source, ("K", "D"))
-        return ParsedCamera(fields.frame_id or "camera", lens, notes=baseline_notes("P", fields.P))
+        notes = baseline_notes("P", fields.P)
+        if fields.distortion_model == "plumb_bob" and "fisheye" in fields.frame_id:
+            notes += (T265,)
+        return ParsedCamera(fields.frame_id or "camera", lens, notes=notes)
 
     def _lens(
         self,
