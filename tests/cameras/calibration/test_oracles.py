@@ -12,6 +12,8 @@ import yaml
 
 from omnisim.cameras import KannalaBrandtCamera, PerspectiveCamera, UnifiedCamera
 from omnisim.cameras.calibration import calibration_of, load_calibration
+from omnisim.cameras.calibration.calibrated_camera import find_pose
+from omnisim.cameras.calibration.formats.isaac import PREFIX, lens_of_model
 from tests.camera_examples import CAMERA_EXAMPLES, points_around_axis
 from tests.cameras import formulas
 from tests.cameras.calibration.sample_files import FOLDER
@@ -112,6 +114,75 @@ def test_a_skewed_fisheye_is_opencvs_with_alpha(form, tmp_path):
         first, np.diag([fx, fy, 1.0]) + [[0, 0, 160.25], [0, 0, 118.5], [0, 0, 0]], d
     )
     np.testing.assert_array_equal(cv2.fisheye.undistortPoints(first, k, d), plain)
+
+
+def test_isaacs_f_theta_is_its_polynomial_of_the_radius():
+    camera = load_calibration(FOLDER / "isaac_ftheta.usda").cameras[0]
+    lens, (pose,) = camera.camera, camera.poses
+    u, v = np.meshgrid(np.linspace(100.0, 1800.0, 41), np.linspace(0.0, 1215.0, 31))
+    x, y = u + 0.5 - 970.9424, v + 0.5 - 600.3748  # from the corner of the first pixel
+    r = np.hypot(x, y)
+    theta = r * (0.00205 + r * (1.25e-8 + r * (-1.1e-10 + r * 2.5e-13)))
+    expected = np.stack((np.sin(theta) * x / r, np.sin(theta) * y / r, np.cos(theta)), axis=-1)
+    seen = theta <= math.radians(95.0)
+    rays = lens.ray_from_pixel(np.stack((u, v), axis=-1))
+    assert np.array_equal(rays.valid, seen)
+    assert 0.05 < 1.0 - seen.mean() < 0.95
+    assert np.abs(rays.directions - expected)[seen].max() / 0.00205 < 1e-9  # in pixels
+    back = lens.pixel_from_ray(expected[seen])
+    assert back.valid.all()
+    assert np.abs(back.positions_px - np.stack((u, v), axis=-1)[seen]).max() < 1e-9
+    # the camera of USD looks along its -z, which is x of the base
+    assert (pose.target, pose.source) == ("base", "front")
+    np.testing.assert_array_equal(pose.target_from_source @ (0, 0, 1, 0), (1, 0, 0, 0))
+    np.testing.assert_array_equal(pose.target_from_source @ (0, 1, 0, 0), (0, 0, -1, 0))
+    np.testing.assert_array_equal(pose.target_from_source[:3, 3], (1.5, 0.25, 1.125))
+
+
+@pytest.mark.parametrize("unit", ["1", "0.01"])
+def test_isaacs_values_that_are_left_out_are_the_schemas(unit, tmp_path):
+    path = tmp_path / "a.usda"
+    path.write_text(
+        f'#usda 1.0\n(\n    metersPerUnit = {unit}\n)\ndef Camera "a" (\n    prepend apiSchemas = '
+        '["OmniLensDistortionFthetaAPI"]\n)\n{\n    matrix4d xformOp:transform = '
+        "( (1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (200, 0, 0, 1) )\n}\n"
+    )
+    camera = load_calibration(path).cameras[0]
+    assert camera.camera.coefficients == (0.00245,)
+    assert (camera.camera.width_px, camera.camera.height_px) == (1936, 1216)
+    assert camera.camera.principal_point_px == pytest.approx((970.4424, 599.8748))
+    assert camera.camera.theta_max_rad == pytest.approx(math.radians(100.0))
+    assert camera.poses[0].target_from_source[0, 3] == pytest.approx(200 * float(unit))
+
+
+@pytest.mark.parametrize(
+    "name", ["f-theta-inverse", "kannala-brandt-tum-vi", "rational-polynomial-wide"]
+)
+def test_usd_reads_our_stage(name, tmp_path):
+    usd = pytest.importorskip("pxr.Usd", reason="usd-core is an optional oracle")
+    path = tmp_path / "a.usda"
+    rig = load_calibration(FOLDER / "kalibr_tum_vi.yaml")
+    poses = [pose for camera in rig.cameras for pose in camera.poses]
+    lens = CAMERA_EXAMPLES[name]
+    cameras = [dataclasses.replace(camera, camera=lens) for camera in rig.cameras]
+    dataclasses.replace(rig, cameras=tuple(cameras)).save(path, "isaac")
+    stage = usd.Stage.Open(str(path))
+    back = load_calibration(path)
+    for camera, ours in zip(back.cameras, rig.cameras, strict=True):
+        prim = stage.GetPrimAtPath(f"/imu/{camera.name}")
+        (schema,) = prim.GetPrimTypeInfo().GetAppliedAPISchemas()
+        assert schema.startswith("OmniLensDistortion")
+        read = prim.GetAttribute("xformOp:transform").Get()
+        theirs = np.array(read).T @ np.diag([1.0, -1.0, -1.0, 1.0])
+        np.testing.assert_allclose(theirs, camera.poses[0].target_from_source, atol=1e-15)
+        expected = find_pose(poses, "imu", ours.name)
+        np.testing.assert_allclose(theirs, expected, atol=1e-12)
+        theirs = lens_of_model(
+            model := prim.GetAttribute("omni:lensdistortion:model").Get(),
+            lambda key, of=prim, at=model: of.GetAttribute(f"{PREFIX}{at}:{key}").Get(),
+        )
+        pixels = theirs.pixel_from_ray(_seen(lens, math.radians(60.0))).positions_px
+        _assert_same(lens, _seen(lens, math.radians(60.0)), pixels, 1e-3)  # of 32-bit floats
 
 
 def test_basalts_radtan8_ends_at_rpmax():

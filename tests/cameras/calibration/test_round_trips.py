@@ -57,6 +57,8 @@ EXACT = {
     "ocamcalib": {"perspective", "planar", "hyperbolic", "stereographic", "parabolic", "ocamcalib"},
     "colmap": UNIFIED | FISHEYES | {"unified", "eucm", "equirectangular", "rational_polynomial"}
     | {"thin_prism_fisheye", "division"},
+    "isaac": {"perspective", "planar", "hyperbolic", "unified", "rational_polynomial",
+              "f_theta_inverse"} | FISHEYES,
     "gazebo": {
         "perspective", "planar", "hyperbolic", "stereographic", "parabolic", "equidistant",
         "equisolid", "orthographic", "gazebo",
