@@ -7,6 +7,7 @@ import tomllib
 from typing import Any
 
 from omnisim.cameras.calibration.formats.basalt import Basalt
+from omnisim.cameras.calibration.formats.blender_osl import BlenderOsl
 from omnisim.cameras.calibration.formats.camodocal import Camodocal
 from omnisim.cameras.calibration.formats.colmap import Colmap
 from omnisim.cameras.calibration.formats.format import Format
@@ -29,7 +30,7 @@ FORMATS: dict[str, Format[Any]] = {
     for form in (
         OmnisimJson(), Kalibr(), Camodocal(), OpencvOmnidir(), OpencvFisheye(), OpencvPinhole(),
         Ros(), Basalt(), Woodscape(), Nerfstudio(), Gyroflow(), Foxglove(), Ocamcalib(), Colmap(),
-        Gazebo(), Isaac(),
+        Gazebo(), Isaac(), BlenderOsl(),
     )
 }  # fmt: skip
 

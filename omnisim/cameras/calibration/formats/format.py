@@ -55,6 +55,7 @@ class MetadataPlace(Enum):
     """Location of omnisim's metadata in a format; see `omnisim.cameras.calibration.metadata`."""
 
     LINES = "# omnisim {…}"
+    SLASHES = "// omnisim {…}"
     XML = "<!-- omnisim {…} -->"
     KEY = '"omnisim": […]'
 

@@ -216,9 +216,7 @@ class Isaac(Format[IsaacLens]):
             poses: tuple[NamedPose, ...] = ()
             if "xformOp:transform" in prim:
                 where = f"{place}: xformOp:transform"
-                matrix = documents.pose(
-                    np.transpose(_matrix(prim["xformOp:transform"], where)), where
-                )
+                matrix = documents.pose(_matrix(prim["xformOp:transform"], where), where)
                 matrix[:3, 3] *= document["metersPerUnit"]
                 parent = prim["parent"] or WORLD
                 poses = (NamedPose(parent, prim["name"], matrix @ _USD_FROM_OPTICAL),)
@@ -273,8 +271,9 @@ def _value(text: str, place: str) -> Any:
 
 
 def _matrix(value: Any, place: str) -> list[list[float]]:
+    """Rows of a matrix of USD, which is for row vectors."""
     try:
-        return np.asarray(value, dtype=np.float64).reshape(4, 4).tolist()
+        return np.asarray(value, dtype=np.float64).reshape(4, 4).T.tolist()
     except (TypeError, ValueError):
         raise unexpected(place, "4 × 4 numbers", value) from None
 
