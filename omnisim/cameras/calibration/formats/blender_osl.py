@@ -130,7 +130,7 @@ def expansion(camera: CentralCamera) -> tuple[Expansion, float]:
         expected = unit_vectors(directions[:, :2], lengths) * radii_px(angles)[:, None] / radius
         offset = (samples.pixels_px - center) / (radius, aspect * radius)
         fitted = np.linalg.lstsq(_powers(offset), expected - offset, rcond=None)[0]
-        found = found._replace(polynomial=fitted)
+        found = found._replace(polynomial=np.asarray(fitted, dtype=np.float64))
         residual_px, missed = _residual_px(camera, found)
     most_px = MAX_RESIDUAL * min(camera.width_px, camera.height_px)
     if not (residual_px <= most_px and missed <= MAX_MISSED):

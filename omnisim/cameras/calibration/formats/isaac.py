@@ -24,6 +24,7 @@ import json
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
+from textwrap import indent
 from typing import Any
 
 import numpy as np
@@ -47,15 +48,7 @@ PREFIX = "omni:lensdistortion:"
 _SENSOR = {"nominalWidth": 1936.0, "nominalHeight": 1216.0, "opticalCenter": (970.9424, 600.3748)}
 _OPENCV = {"imageSize": (2048, 1024), "fx": 900.0, "fy": 800.0, "cx": 1024.0, "cy": 512.0}
 _PINHOLE_KEYS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4")
-# Models by schema, and attributes with the schema's defaults; None: has to be stated.
-SCHEMAS = {
-    "OmniLensDistortionFthetaAPI": "ftheta",
-    "OmniLensDistortionKannalaBrandtK3API": "kannalaBrandtK3",
-    "OmniLensDistortionRadTanThinPrismAPI": "radTanThinPrism",
-    "OmniLensDistortionLutAPI": "lut",
-    "OmniLensDistortionOpenCvFisheyeAPI": "opencvFisheye",
-    "OmniLensDistortionOpenCvPinholeAPI": "opencvPinhole",
-}
+# Models with their attributes and the schema's defaults; None: has to be stated.
 ATTRIBUTES: Mapping[str, Mapping[str, Any]] = {
     "ftheta": {**_SENSOR, "maxFov": 200.0, "k0": 0.0, "k1": 0.00245, "k2": 0.0, "k3": 0.0,
                "k4": 0.0},
@@ -63,7 +56,11 @@ ATTRIBUTES: Mapping[str, Mapping[str, Any]] = {
     "opencvFisheye": {**_OPENCV, "k1": 0.00245, "k2": 0.0, "k3": 0.0, "k4": 0.0},
     "opencvPinhole": {**_OPENCV, **dict.fromkeys(_PINHOLE_KEYS, 0.0)},
 }  # fmt: skip
-_OTHERS = {"radTanThinPrism": ": NVIDIA does not state the unit of its k0 … k5"}
+_OTHERS = {"radTanThinPrism": ": NVIDIA does not state the unit of its k0 … k5", "lut": ""}
+SCHEMAS = {
+    f"OmniLensDistortion{name[0].upper()}{name[1:]}API".replace("Opencv", "OpenCv"): name
+    for name in (*ATTRIBUTES, *_OTHERS)
+}
 _USD_FROM_OPTICAL = np.diag([1.0, -1.0, -1.0, 1.0])  # USD's cameras look along −z, with y up
 
 
@@ -91,13 +88,13 @@ def lens_of_model(model: str, value: Callable[[str], Any], place: str = "") -> C
     for key, default in ATTRIBUTES[model].items():
         stated = value(key)
         entry = default if stated is None else stated
-        several = np.ravel(np.asarray(entry, dtype=object))
-        count = 2 if key in ("opticalCenter", "imageSize") else 1
-        kinds = (float, int, np.number)
-        if len(several) != count or not all(isinstance(number, kinds) for number in several):
-            expected = "two numbers" if count == 2 else "a number"
+        several = np.ravel(np.asarray(entry, dtype=object)).tolist()
+        expected = "two numbers" if key in ("opticalCenter", "imageSize") else "a number"
+        if len(several) != (2 if expected == "two numbers" else 1) or not all(
+            isinstance(number, float | int) for number in several
+        ):
             raise unexpected(f"{place}{PREFIX}{model}:{key}", expected, stated)
-        numbers[key] = tuple(float(number) for number in several)
+        numbers[key] = tuple(map(float, several))
     if model.startswith("opencv"):
         (width, height), (fx,), (fy,), (cx,), (cy,), *rest = numbers.values()
         terms = [term for (term,) in rest]
@@ -107,11 +104,8 @@ def lens_of_model(model: str, value: Callable[[str], Any], place: str = "") -> C
         return base.brown_pinhole(size, terms, model)
     (width,), (height,), (u, v), (field_deg,), *rest = numbers.values()
     k = [term for (term,) in rest]
-    where = int(width), int(height)
-    center, theta_max_rad = (
-        (u - 0.5, v - 0.5),
-        min(math.radians(0.5 * field_deg) or math.pi, math.pi),
-    )
+    where, center = (int(width), int(height)), (u - 0.5, v - 0.5)
+    theta_max_rad = min(math.radians(0.5 * field_deg) or math.pi, math.pi)
     if model == "kannalaBrandtK3":
         shares = (k[1] / k[0], k[2] / k[0], k[3] / k[0], 0.0)
         return KannalaBrandtCamera(*where, (k[0], k[0]), center, shares, theta_max_rad)
@@ -124,14 +118,12 @@ def lens_of_model(model: str, value: Callable[[str], Any], place: str = "") -> C
 
 class _Prim(
     ForeignTable,
-    also_read=f"name parent apiSchemas {PREFIX}model xformOp:transform",
-    unread={
-        "xformOp:translate xformOp:orient xformOp:rotateXYZ": Unread("pose: pass a scene's stage"),
-    },
+    also_read=f"prim:name prim:parent apiSchemas {PREFIX}model xformOp:transform",
+    unread={"xformOp:translate xformOp:orient xformOp:rotateXYZ": Unread("pose of a scene")},
     harmless=(
-        "focalLength focusDistance fStop horizontalAperture verticalAperture clippingRange "
-        "horizontalApertureOffset verticalApertureOffset projection xformOpOrder purpose "
-        "visibility clippingPlanes xformOp:scale"
+        "focalLength focusDistance fStop horizontalAperture verticalAperture projection purpose "
+        "horizontalApertureOffset verticalApertureOffset clippingRange clippingPlanes visibility "
+        "xformOpOrder xformOp:scale"
     ),
 ):
     """Attributes of a Camera prim, and the names of the prim and of its parent."""
@@ -158,10 +150,8 @@ class Isaac(Format[IsaacLens]):
     suffix = ".usda"
     models = (FThetaInverseCamera, KannalaBrandtCamera, UnifiedCamera, RationalPolynomialCamera)
     fits = (
-        (KannalaBrandtCamera, ANY),
-        (UnifiedCamera, base.PINHOLE),
-        (RationalPolynomialCamera, ANY),
-    )
+        (KannalaBrandtCamera, ANY), (UnifiedCamera, base.PINHOLE), (RationalPolynomialCamera, ANY),
+    )  # fmt: skip
     signature = re.compile(r"\A#usda(?s:.*)(omni:lensdistortion:|OmniLensDistortion)")
     several = True
     tables = tuple(TABLES.values())
@@ -185,8 +175,8 @@ class Isaac(Format[IsaacLens]):
         head: dict[str, Any] = {}
         for number, line in enumerate(map(str.strip, text.splitlines()), start=1):
             if found := _HEAD.match(line):
-                parent = next((prim["name"] for prim in reversed(prims) if prim), "")
-                head = {"type": found[1], "name": found[2], "parent": parent}
+                parent = next((prim["prim:name"] for prim in reversed(prims) if prim), "")
+                head = {"type": found[1], "prim:name": found[2], "prim:parent": parent}
             elif found := re.search(r"\bapiSchemas\s*=\s*\[(.*)\]", line):
                 head["apiSchemas"] = re.findall(r'"(\w+)"', found[1])
             elif (found := _ATTRIBUTE.fullmatch(line)) and prims and prims[-1]:
@@ -203,7 +193,8 @@ class Isaac(Format[IsaacLens]):
         """Parse the camera prims with a lens."""
         parsed = []
         for prim in document["cameras"]:
-            place = f"{source}: {prim['name']}"
+            name, parent = prim["prim:name"], prim["prim:parent"] or WORLD
+            place = f"{source}: {name}"
             model = _model(prim)
             if not model:
                 raise CalibrationError(f"{place}: {PREFIX}model: missing")
@@ -218,9 +209,8 @@ class Isaac(Format[IsaacLens]):
                 where = f"{place}: xformOp:transform"
                 matrix = documents.pose(_matrix(prim["xformOp:transform"], where), where)
                 matrix[:3, 3] *= document["metersPerUnit"]
-                parent = prim["parent"] or WORLD
-                poses = (NamedPose(parent, prim["name"], matrix @ _USD_FROM_OPTICAL),)
-            parsed.append(ParsedCamera(prim["name"], lens, poses))
+                poses = (NamedPose(parent, name, matrix @ _USD_FROM_OPTICAL),)
+            parsed.append(ParsedCamera(name, lens, poses))
         return parsed
 
     def encode(self, cameras: Sequence[ParsedCamera[IsaacLens]]) -> str:
@@ -231,12 +221,10 @@ class Isaac(Format[IsaacLens]):
         body = next((frame for frame in frames if frame not in names), names[0])
         parent = self.camera_name(0, body if body not in names else "rig")
         has_parent = bool(poses) and body != WORLD
-        prims = [_prim(camera, find_pose(poses, body, camera.name) if poses else None)
-                 for camera in cameras]  # fmt: skip
-        text = "\n\n".join(prims)
+        placed = [find_pose(poses, body, name) if poses else None for name in names]
+        text = "\n\n".join(map(_prim, cameras, placed))
         if has_parent:
-            inner = re.sub(r"^(?=.)", "    ", text, flags=re.M)
-            text = f'def Xform "{parent}"\n{{\n{inner}\n}}'
+            text = f'def Xform "{parent}"\n{{\n{indent(text, "    ")}\n}}'
         first = parent if has_parent else names[0]
         head = f'    defaultPrim = "{first}"\n    metersPerUnit = 1\n    upAxis = "Z"\n'
         return f"#usda 1.0\n(\n{head})\n\n{text}\n"
@@ -266,7 +254,7 @@ def _value(text: str, place: str) -> Any:
         return text
     try:
         return json.loads(text.replace("(", "[").replace(")", "]"))
-    except ValueError:
+    except (ValueError, RecursionError):
         raise unexpected(place, "a value", text) from None
 
 
@@ -302,5 +290,6 @@ def _prim(camera: ParsedCamera[IsaacLens], pose: Any) -> str:
         matrix = ", ".join(f"({', '.join(map(repr, row))})" for row in rows)
         lines += [f"matrix4d xformOp:transform = ( {matrix} )",
                   'uniform token[] xformOpOrder = ["xformOp:transform"]']  # fmt: skip
-    inner = "".join(f"    {line}\n" for line in lines)
-    return f'def Camera "{camera.name}" (\n    prepend apiSchemas = ["{schema}"]\n)\n{{\n{inner}}}'
+    inner = indent("\n".join(lines), "    ")
+    head = f'def Camera "{camera.name}" (\n    prepend apiSchemas = ["{schema}"]\n)'
+    return f"{head}\n{{\n{inner}\n}}"
