@@ -80,6 +80,9 @@ CAMERA_EXAMPLES = {
     "kannala-brandt-full-sphere": KannalaBrandtCamera(
         400, 400, (60.0, 60.0), (199.5, 199.5), (0.01, 0.0, 0.0, 0.0)
     ),
+    "kannala-brandt-skewed": KannalaBrandtCamera(
+        320, 240, (150.0, 151.0), (160.25, 118.5), (0.03, -0.01, 2e-3, -1e-4), skew_px=-2.5
+    ),
     "double-sphere-tum-vi": DoubleSphereCamera(
         512, 512, (158.28600, 158.27434), (254.96117, 256.88944), xi=-0.172131, alpha=0.593118
     ),
@@ -164,6 +167,10 @@ CAMERA_EXAMPLES = {
     "rational-polynomial-tilted-to-its-fold": RationalPolynomialCamera(
         300, 260, (150.0, 140.0), (149.5, 128.5),
         (-0.3, 0.02, 2e-3, -1e-3, 0.0, 0.05, 0.01, 0.0, 2e-3, 0.0, -1e-3, 0.0, 0.06, -0.04),
+    ),
+    "rational-polynomial-ending": RationalPolynomialCamera(
+        320, 240, (135.5, 136.0), (161.25, 118.5),
+        (0.31, -0.0195, -2.5e-4, 6e-5, 0.0155, 0.58, -0.061, 0.0335), math.radians(50.0),
     ),
     # coefficients of the size that Project Aria's cameras have
     "thin-prism-fisheye-aria": ThinPrismFisheyeCamera(

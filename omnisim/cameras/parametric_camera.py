@@ -315,6 +315,30 @@ class TwoFocalCamera(ParametricCamera):
         }
 
 
+class SkewedCamera(TwoFocalCamera, PlaneCamera):
+    """A `TwoFocalCamera` whose u also depends on y of the plane, by a skew s.
+
+    (u, v) = (fx x + s y + cx, fy y + cy): s is K[0][1] of a camera matrix, and fx α in OpenCV.
+    """
+
+    if TYPE_CHECKING:
+        skew_px: float  # at run time a field of each model, in its own order
+
+    def _plane_from_pixels(self, pixels: Floats) -> Floats:
+        plane = super()._plane_from_pixels(pixels)
+        plane[..., 0] -= self.skew_px / self.focal_lengths_px[0] * plane[..., 1]
+        return plane
+
+    def _pixels_from_plane(self, plane: Floats) -> Floats:
+        pixels = super()._pixels_from_plane(plane)
+        pixels[..., 0] += self.skew_px * plane[..., 1]
+        return pixels
+
+    def uniforms(self) -> Uniforms:
+        """Uniforms for `shaders/camera/<model>.glsl`."""
+        return {**super().uniforms(), "u_skew_px": self.skew_px}
+
+
 @dataclass(frozen=True)
 class FisheyeCamera(FocalCamera, RadialCamera):
     """Ideal fisheye lens, whose r/f is a function of θ alone, up to θ_max.

@@ -6,6 +6,7 @@
 
 uniform vec2 u_focal_lengths_px;
 uniform vec2 u_principal_point_px;
+uniform float u_skew_px;
 uniform vec4 u_coefficients;  // k1 ... k4
 uniform float u_theta_edge_rad;
 uniform float u_radius_max;  // in focal lengths
@@ -27,6 +28,7 @@ float slope_from_theta(float theta_rad) {
 
 bool ray_from_pixel(vec2 pixel_px, out vec3 ray) {
     vec2 plane = (pixel_px - u_principal_point_px) / u_focal_lengths_px;
+    plane.x -= u_skew_px / u_focal_lengths_px.x * plane.y;
     float radius = length(plane);
     float theta = theta_from_radius(min(radius, u_radius_max), 0.0, u_theta_edge_rad);
     ray = polar_ray(plane, radius, theta);

@@ -7,12 +7,14 @@ import tomllib
 from typing import Any
 
 from omnisim.cameras.calibration.formats.basalt import Basalt
+from omnisim.cameras.calibration.formats.blender_osl import BlenderOsl
 from omnisim.cameras.calibration.formats.camodocal import Camodocal
 from omnisim.cameras.calibration.formats.colmap import Colmap
 from omnisim.cameras.calibration.formats.format import Format
 from omnisim.cameras.calibration.formats.foxglove import Foxglove
 from omnisim.cameras.calibration.formats.gazebo import Gazebo
 from omnisim.cameras.calibration.formats.gyroflow import Gyroflow
+from omnisim.cameras.calibration.formats.isaac import Isaac
 from omnisim.cameras.calibration.formats.kalibr import Kalibr
 from omnisim.cameras.calibration.formats.nerfstudio import Nerfstudio
 from omnisim.cameras.calibration.formats.ocamcalib import Ocamcalib
@@ -28,7 +30,7 @@ FORMATS: dict[str, Format[Any]] = {
     for form in (
         OmnisimJson(), Kalibr(), Camodocal(), OpencvOmnidir(), OpencvFisheye(), OpencvPinhole(),
         Ros(), Basalt(), Woodscape(), Nerfstudio(), Gyroflow(), Foxglove(), Ocamcalib(), Colmap(),
-        Gazebo(),
+        Gazebo(), Isaac(), BlenderOsl(),
     )
 }  # fmt: skip
 

@@ -17,12 +17,19 @@ from omnisim.cameras import (
     CentralCamera,
     CylindricalCamera,
     EquirectangularCamera,
+    KannalaBrandtCamera,
     MirroredCamera,
 )
 from omnisim.cameras.calibration.calibrated_camera import CalibratedCamera, NamedPose, Residuals
 from omnisim.cameras.calibration.equivalents import equivalent
 from omnisim.cameras.calibration.fit import Fit, fit_camera
-from omnisim.cameras.calibration.formats.format import Fixed, Format, LensT, ParsedCamera
+from omnisim.cameras.calibration.formats.format import (
+    NO_SKEW,
+    Fixed,
+    Format,
+    LensT,
+    ParsedCamera,
+)
 from omnisim.cameras.calibration.metadata import (
     CameraMetadata,
     camera_from_lens,
@@ -211,6 +218,8 @@ def nearest_fit(
     for target, fixed in form.fits:
         if model not in (None, target):
             continue
+        if target is KannalaBrandtCamera and not form.fisheye_skew:
+            fixed = {**fixed, **NO_SKEW}
         try:
             with np.errstate(all="ignore"):  # the fit takes back a step that is too long
                 fit = fit_model(target, {**fixed, **centered})

@@ -71,7 +71,9 @@ def _unified(camera: CentralCamera) -> UnifiedCamera | None:
     match camera:
         case UnifiedCamera():
             return camera
-        case RationalPolynomialCamera(distortion=distortion) if not any(distortion[5:]):
+        case RationalPolynomialCamera(distortion=distortion, theta_max_rad=math.pi) if not any(
+            distortion[5:]
+        ):
             return UnifiedCamera(
                 camera.width_px, camera.height_px, camera.focal_lengths_px,
                 camera.principal_point_px, 0.0, distortion[:5] if distortion[4] else distortion[:4],
@@ -142,7 +144,7 @@ def _f_theta(camera: CentralCamera) -> FThetaCamera | None:
     aspect_ratio = 1.0
     if isinstance(camera, EquidistantCamera):
         coefficients: tuple[float, ...] = (camera.focal_length_px,)
-    elif isinstance(camera, KannalaBrandtCamera):
+    elif isinstance(camera, KannalaBrandtCamera) and not camera.skew_px:
         fx, fy = camera.focal_lengths_px
         k1, k2, k3, k4 = camera.coefficients
         if k4:

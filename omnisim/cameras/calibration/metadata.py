@@ -55,6 +55,7 @@ from omnisim.core.files.parameters import Flag, Number
 
 _COMMENTS = {
     MetadataPlace.LINES: ("# ", "", re.compile(r"^# omnisim (\{.*)$", re.M)),
+    MetadataPlace.SLASHES: ("// ", "", re.compile(r"^// omnisim (\{.*)$", re.M)),
     MetadataPlace.XML: ("<!-- ", " -->", re.compile(r"^<!-- omnisim (\{.*) -->$", re.M)),
 }
 Angle = Annotated[Number, Field(gt=0.0, le=math.pi)]

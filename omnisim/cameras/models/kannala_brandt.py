@@ -2,7 +2,7 @@
 
     θ = atan2(√(x² + y²), z)
     θ_d = θ (1 + k1 θ² + k2 θ⁴ + k3 θ⁶ + k4 θ⁸)
-    (u, v) = (fx θ_d cos φ + cx, fy θ_d sin φ + cy)
+    (u, v) = (fx θ_d cos φ + s θ_d sin φ + cx, fy θ_d sin φ + cy)
 
 Domain: 0 ≤ θ ≤ min(θ_max, θ_fold), where θ_fold is the first θ > 0 with dθ_d/dθ = 0: there the
 image would fold over itself. The model is right beyond 90°; OpenCV's own is not, because it takes θ
@@ -23,12 +23,12 @@ from pydantic import Field
 
 from omnisim.cameras.camera import Uniforms
 from omnisim.cameras.lens_polynomials import PolynomialLens
-from omnisim.cameras.parametric_camera import Coefficients, TwoFocalCamera, WideTheta
-from omnisim.core.files.parameters import described
+from omnisim.cameras.parametric_camera import Coefficients, SkewedCamera, WideTheta
+from omnisim.core.files.parameters import Number, described
 
 
 @dataclass(frozen=True)
-class KannalaBrandtCamera(TwoFocalCamera, PolynomialLens):
+class KannalaBrandtCamera(SkewedCamera, PolynomialLens):
     """Fisheye lens with an odd polynomial of θ."""
 
     coefficients: Annotated[
@@ -37,7 +37,10 @@ class KannalaBrandtCamera(TwoFocalCamera, PolynomialLens):
     """k1, k2, k3, k4 of θ³, θ⁵, …; typically below 0.1."""
     theta_max_rad: WideTheta = math.pi
     """Angle from the axis where the domain ends, unless the fold comes first."""
+    skew_px: Number = 0.0
+    """Skew s, OpenCV's fx α."""
     model_name = "kannala_brandt"
+    added_later = frozenset({"skew_px"})
 
     @property
     def theta_polynomial(self) -> tuple[float, ...]:

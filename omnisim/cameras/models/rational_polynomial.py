@@ -8,10 +8,10 @@
 
 T is the perspective map onto a sensor that is tilted by τx about x, then by τy about y.
 
-Domain: Z > 0, x² + y² ≤ r_max², and x' and y' in front of the tilted sensor. On the disc of r_max
-the map is one to one: the Jacobian's symmetric part is positive definite, since g and d(g r)/dr
-exceed 6 |p| r + 2 |(s1, s3)| r + 4 |(s2, s4)| r³, which bounds the other terms. Unless something
-else limits it, r_max is 50 (88.9°).
+Domain: Z > 0, x² + y² ≤ r_max², and x' and y' in front of the tilted sensor; r_max ≤ tan θ_max,
+which is Basalt's `rpmax`. On the disc of r_max the map is one to one: the Jacobian's symmetric part
+is positive definite, since g and d(g r)/dr exceed 6 |p| r + 2 |(s1, s3)| r + 4 |(s2, s4)| r³, which
+bounds the other terms. Unless something else limits it, r_max is 50 (88.9°).
 
 GLSL twin: `shaders/camera/rational_polynomial.glsl`. Source: OpenCV's module calib3d; ROS's
 distortion model of the same name; Azure Kinect's and OAK-D's calibrations.
@@ -22,6 +22,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Annotated
 
 import numpy as np
 from numpy.polynomial import polynomial
@@ -32,11 +33,13 @@ from omnisim.cameras.parametric_camera import (
     Coefficients,
     PlaneCamera,
     PlanePoints,
+    ThetaMax,
     TwoFocalCamera,
     unit_vectors,
 )
 from omnisim.core.arrays import Floats
 from omnisim.core.errors import OpticsError
+from omnisim.core.files.parameters import Typical
 
 MAX_RADIUS = 50.0
 MAX_TILT_RAD = math.radians(80.0)
@@ -50,7 +53,10 @@ class RationalPolynomialCamera(TwoFocalCamera, PlaneCamera):
 
     distortion: Coefficients
     """k1, k2, p1, p2, k3, k4, k5, k6, optionally s1, s2, s3, s4, then τx, τy."""
+    theta_max_rad: Annotated[ThetaMax, Typical(math.radians(40.0), math.radians(80.0))] = math.pi
+    """Angle from the axis where the domain ends, unless r_max comes first."""
     model_name = "rational_polynomial"
+    added_later = frozenset({"theta_max_rad"})
 
     def _check(self) -> None:
         super()._check()
@@ -112,7 +118,8 @@ class RationalPolynomialCamera(TwoFocalCamera, PlaneCamera):
         )
         bends = polynomial.polymul(bend, polynomial.polymul(below, below))
         along = polynomial.polysub(along, bends)
-        return min(pole * (1.0 - 1e-9), first_root(across, pole), first_root(along, pole))
+        stated = math.tan(self.theta_max_rad) if self.theta_max_rad < 0.5 * math.pi else MAX_RADIUS
+        return min(pole * (1.0 - 1e-9), first_root(across, pole), first_root(along, pole), stated)
 
     def _growth(self, radius: Floats) -> tuple[Floats, ...]:
         """Ratio g (...,) at a radius (...,) and dg/dr (...,)."""

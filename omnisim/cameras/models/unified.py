@@ -26,9 +26,8 @@ from omnisim.cameras.lens_polynomials import RadialTangential
 from omnisim.cameras.parametric_camera import (
     EDGE_RAD,
     Coefficients,
-    PlaneCamera,
     PlanePoints,
-    TwoFocalCamera,
+    SkewedCamera,
 )
 from omnisim.core.arrays import Floats
 from omnisim.core.files.parameters import Level, Number
@@ -37,7 +36,7 @@ MAX_RADIUS = 1000.0
 
 
 @dataclass(frozen=True)
-class UnifiedCamera(TwoFocalCamera, PlaneCamera):
+class UnifiedCamera(SkewedCamera):
     """Mirror or fisheye lens as a projection from a point ξ above a unit sphere's center."""
 
     xi: Level
@@ -64,16 +63,6 @@ class UnifiedCamera(TwoFocalCamera, PlaneCamera):
         fold = 1.0 / math.sqrt(self.xi * self.xi - 1.0) if self.xi > 1.0 else MAX_RADIUS
         return RadialTangential(*self.distortion).radius_limit(min(fold, MAX_RADIUS))
 
-    def _plane_from_pixels(self, pixels: Floats) -> Floats:
-        plane = super()._plane_from_pixels(pixels)
-        plane[..., 0] -= self.skew_px / self.focal_lengths_px[0] * plane[..., 1]
-        return plane
-
-    def _pixels_from_plane(self, plane: Floats) -> Floats:
-        pixels = super()._pixels_from_plane(plane)
-        pixels[..., 0] += self.skew_px * plane[..., 1]
-        return pixels
-
     def _rays_from_plane(self, plane: Floats) -> Rays:
         points = RadialTangential(*self.distortion).undistort(plane, self.radius_limit)
         squared = np.sum(points.positions**2, axis=-1, keepdims=True)
@@ -99,5 +88,5 @@ class UnifiedCamera(TwoFocalCamera, PlaneCamera):
         """Values for `shaders/camera/unified.glsl`."""
         return {
             **super().uniforms(), "u_xi": self.xi, "u_distortion": self.distortion[:4],
-            "u_k3": self.k3, "u_skew_px": self.skew_px, "u_radius_max": self.radius_limit,
+            "u_k3": self.k3, "u_radius_max": self.radius_limit,
         }  # fmt: skip

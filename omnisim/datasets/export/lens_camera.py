@@ -33,7 +33,7 @@ from omnisim.cameras.calibration.encode import caveats, encode
 from omnisim.cameras.calibration.formats.format import Format, LensT
 from omnisim.cameras.calibration.metadata import is_catadioptric, lens_of
 from omnisim.cameras.camera import pixel_grid
-from omnisim.cameras.parametric_camera import ParametricCamera
+from omnisim.cameras.parametric_camera import ParametricCamera, SkewedCamera
 from omnisim.core.arrays import Bools, Bytes, Floats, Floats32, Indices
 from omnisim.core.errors import CalibrationError
 from omnisim.core.files.image_files import write_image, write_numbers
@@ -195,6 +195,7 @@ def flipped_lens(lens: LensCameraT, place: str) -> LensCameraT:
     if isinstance(lens, UnifiedCamera):
         k1, k2, p1, p2, *more = lens.distortion or (0.0, 0.0, 0.0, 0.0)
         changes["distortion"] = (k1, k2, p1, -p2 + 0.0, *more)
+    if isinstance(lens, SkewedCamera):
         changes["skew_px"] = -lens.skew_px + 0.0
     flipped = dataclasses.replace(lens, **changes)
     pixels = pixel_grid(*size)[:: max(1, size[1] // 32), :: max(1, size[0] // 32)]

@@ -44,6 +44,12 @@ NOISE = {
 }  # fmt: skip
 
 
+class _SettingsLens(OpencvFisheye):
+    """Lens of ORB-SLAM3's settings, which have no skew."""
+
+    fisheye_skew = False
+
+
 class OrbSlam3(CameraTracker):
     """Feature-based SLAM with the first camera."""
 
@@ -66,7 +72,7 @@ class OrbSlam3(CameraTracker):
         times_s = run.times_s(cameras[0].name)
         if len(times_s) < 3:
             raise EstimatorError(f"{len(times_s)} images: expected at least 3")
-        lenses = [camera.encode(OpencvFisheye(), _ignore) for camera in cameras]
+        lenses = [camera.encode(_SettingsLens(), _ignore) for camera in cameras]
         _check_pair(lenses)
         fps = 1.0 / float(np.median(np.diff(times_s)))
         base_from_body = cameras[0].base_from_lens

@@ -12,6 +12,8 @@ import yaml
 
 from omnisim.cameras import KannalaBrandtCamera, PerspectiveCamera, UnifiedCamera
 from omnisim.cameras.calibration import calibration_of, load_calibration
+from omnisim.cameras.calibration.calibrated_camera import find_pose
+from omnisim.cameras.calibration.formats.isaac import PREFIX, lens_of_model
 from tests.camera_examples import CAMERA_EXAMPLES, points_around_axis
 from tests.cameras import formulas
 from tests.cameras.calibration.sample_files import FOLDER
@@ -87,6 +89,137 @@ def test_opencv_reads_our_file_and_projects_the_same(kind, name, widest_deg, tmp
     project = cv2.fisheye.projectPoints if kind == "fisheye" else cv2.projectPoints
     pixels, _ = project(points[:, None], NO_TURN, NO_TURN, k, d)
     _assert_same(camera, points, pixels)
+
+
+@pytest.mark.parametrize("form", ["opencv_fisheye", "ros"])
+def test_a_skewed_fisheye_is_opencvs_with_alpha(form, tmp_path):
+    cv2 = pytest.importorskip("cv2", reason="OpenCV is an optional oracle")
+    camera = CAMERA_EXAMPLES["kannala-brandt-skewed"]
+    written = calibration_of(camera).save(tmp_path / "a.yaml", form)
+    points = _seen(camera, math.radians(70.0))
+    fx, fy = camera.focal_lengths_px
+    k = np.array([[fx, camera.skew_px, 160.25], [0.0, fy, 118.5], [0.0, 0.0, 1.0]])
+    d = np.array(camera.coefficients)
+    alpha = camera.skew_px / fx
+    pixels, _ = cv2.fisheye.projectPoints(points[:, None], NO_TURN, NO_TURN, k, d, alpha=alpha)
+    again = load_calibration(tmp_path / "a.yaml").cameras[0].camera
+    _assert_same(again, points, pixels, 1e-9)
+    rays = again.ray_from_pixel(pixels.reshape(-1, 2)).directions
+    assert np.abs(rays - points / np.linalg.norm(points, axis=1)[:, None]).max() < 1e-12
+    # what the note says of OpenCV's undistortion, at the first and at the last row
+    (note,) = written.cameras[0].notes
+    assert note == "OpenCV's undistortion ignores the skew: it is up to 2 px off"
+    first = np.array([[[160.25, 0.0]]])
+    plain = cv2.fisheye.undistortPoints(
+        first, np.diag([fx, fy, 1.0]) + [[0, 0, 160.25], [0, 0, 118.5], [0, 0, 0]], d
+    )
+    np.testing.assert_array_equal(cv2.fisheye.undistortPoints(first, k, d), plain)
+
+
+def test_isaacs_f_theta_is_its_polynomial_of_the_radius():
+    camera = load_calibration(FOLDER / "isaac_ftheta.usda").cameras[0]
+    lens, (pose,) = camera.camera, camera.poses
+    u, v = np.meshgrid(np.linspace(100.0, 1800.0, 41), np.linspace(0.0, 1215.0, 31))
+    x, y = u + 0.5 - 970.9424, v + 0.5 - 600.3748  # from the corner of the first pixel
+    r = np.hypot(x, y)
+    theta = r * (0.00205 + r * (1.25e-8 + r * (-1.1e-10 + r * 2.5e-13)))
+    expected = np.stack((np.sin(theta) * x / r, np.sin(theta) * y / r, np.cos(theta)), axis=-1)
+    seen = theta <= math.radians(95.0)
+    rays = lens.ray_from_pixel(np.stack((u, v), axis=-1))
+    assert np.array_equal(rays.valid, seen)
+    assert 0.05 < 1.0 - seen.mean() < 0.95
+    assert np.abs(rays.directions - expected)[seen].max() / 0.00205 < 1e-9  # in pixels
+    back = lens.pixel_from_ray(expected[seen])
+    assert back.valid.all()
+    assert np.abs(back.positions_px - np.stack((u, v), axis=-1)[seen]).max() < 1e-9
+    # the camera of USD looks along its -z, which is x of the base
+    assert (pose.target, pose.source) == ("base", "front")
+    np.testing.assert_array_equal(pose.target_from_source @ (0, 0, 1, 0), (1, 0, 0, 0))
+    np.testing.assert_array_equal(pose.target_from_source @ (0, 1, 0, 0), (0, 0, -1, 0))
+    np.testing.assert_array_equal(pose.target_from_source[:3, 3], (1.5, 0.25, 1.125))
+
+
+@pytest.mark.parametrize("unit", ["1", "0.01"])
+def test_isaacs_values_that_are_left_out_are_the_schemas(unit, tmp_path):
+    path = tmp_path / "a.usda"
+    path.write_text(
+        f'#usda 1.0\n(\n    metersPerUnit = {unit}\n)\ndef Camera "a" (\n    prepend apiSchemas = '
+        '["OmniLensDistortionFthetaAPI"]\n)\n{\n    matrix4d xformOp:transform = '
+        "( (1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (200, 0, 0, 1) )\n}\n"
+    )
+    camera = load_calibration(path).cameras[0]
+    assert camera.camera.coefficients == (0.00245,)
+    assert (camera.camera.width_px, camera.camera.height_px) == (1936, 1216)
+    assert camera.camera.principal_point_px == pytest.approx((970.4424, 599.8748))
+    assert camera.camera.theta_max_rad == pytest.approx(math.radians(100.0))
+    assert camera.poses[0].target_from_source[0, 3] == pytest.approx(200 * float(unit))
+
+
+@pytest.mark.parametrize(
+    "name", ["f-theta-inverse", "kannala-brandt-tum-vi", "rational-polynomial-wide"]
+)
+def test_usd_reads_our_stage(name, tmp_path):
+    usd = pytest.importorskip("pxr.Usd", reason="usd-core is an optional oracle")
+    path = tmp_path / "a.usda"
+    rig = load_calibration(FOLDER / "kalibr_tum_vi.yaml")
+    poses = [pose for camera in rig.cameras for pose in camera.poses]
+    lens = CAMERA_EXAMPLES[name]
+    cameras = [dataclasses.replace(camera, camera=lens) for camera in rig.cameras]
+    dataclasses.replace(rig, cameras=tuple(cameras)).save(path, "isaac")
+    stage = usd.Stage.Open(str(path))
+    back = load_calibration(path)
+    for camera, ours in zip(back.cameras, rig.cameras, strict=True):
+        prim = stage.GetPrimAtPath(f"/imu/{camera.name}")
+        (schema,) = prim.GetPrimTypeInfo().GetAppliedAPISchemas()
+        assert schema.startswith("OmniLensDistortion")
+        read = prim.GetAttribute("xformOp:transform").Get()
+        theirs = np.array(read).T @ np.diag([1.0, -1.0, -1.0, 1.0])
+        np.testing.assert_allclose(theirs, camera.poses[0].target_from_source, atol=1e-15)
+        expected = find_pose(poses, "imu", ours.name)
+        np.testing.assert_allclose(theirs, expected, atol=1e-12)
+        theirs = lens_of_model(
+            model := prim.GetAttribute("omni:lensdistortion:model").Get(),
+            lambda key, of=prim, at=model: of.GetAttribute(f"{PREFIX}{at}:{key}").Get(),
+        )
+        pixels = theirs.pixel_from_ray(_seen(lens, math.radians(60.0))).positions_px
+        _assert_same(lens, _seen(lens, math.radians(60.0)), pixels, 1e-3)  # of 32-bit floats
+
+
+def test_basalts_radtan8_ends_at_rpmax():
+    """Monado's formula, and its bound on the undistorted radius."""
+    path = FOLDER / "basalt_radtan8.json"
+    stated = json.loads(path.read_text())["value0"]["intrinsics"][0]["intrinsics"]
+    fx, fy, cx, cy, k1, k2, p1, p2, k3, k4, k5, k6, rpmax = stated.values()
+    camera = load_calibration(path).cameras[0].camera
+    azimuth = np.linspace(0.0, math.tau, 60)
+    radius = np.linspace(0.0, rpmax, 40)[:, None]
+    x, y = radius * np.cos(azimuth), radius * np.sin(azimuth)
+    r2 = x * x + y * y
+    g = (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)))
+    u = fx * (g * x + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)) + cx
+    v = fy * (g * y + 2 * p2 * x * y + p1 * (r2 + 2 * y * y)) + cy
+    rays = np.stack((x, y, np.ones_like(x)), axis=-1)
+    seen = camera.pixel_from_ray(rays)
+    assert seen.valid.all()
+    assert np.abs(seen.positions_px - np.stack((u, v), axis=-1)).max() < 1e-9
+    back = camera.ray_from_pixel(seen.positions_px[:-1])
+    assert back.valid.all()
+    plane = back.directions[..., :2] / back.directions[..., 2:]
+    assert np.abs(plane - rays[:-1, :, :2]).max() * fx < 1e-9
+    beyond = rays[-1] * (1.0 + 1e-9, 1.0 + 1e-9, 1.0)
+    assert not camera.pixel_from_ray(beyond).valid.any()
+    assert camera.ray_from_pixel((639.0, 0.0)).valid == (rpmax > 1.5)
+
+
+@pytest.mark.parametrize("name", ["kannala-brandt-skewed", "unified-skewed"])
+def test_formats_without_skew_state_what_it_costs(name, tmp_path):
+    camera = CAMERA_EXAMPLES.get(name) or dataclasses.replace(
+        CAMERA_EXAMPLES["unified-kitti-360"], skew_px=3.0
+    )
+    written = calibration_of(camera).save(tmp_path / "a.yaml", "kitti360").cameras[0]
+    assert written.camera.skew_px == 0.0
+    # the skew is s y_d, of which a shifted and stretched lens takes a part
+    assert 0.1 < written.residuals.max_px < 10.0
 
 
 @pytest.mark.parametrize("kind", ["omnidir", "fisheye", "pinhole"])

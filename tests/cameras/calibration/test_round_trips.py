@@ -19,6 +19,7 @@ from omnisim.cameras.calibration import (
 from omnisim.core.errors import CalibrationError
 from tests.camera_examples import CAMERA_EXAMPLES
 from tests.cameras.calibration.sample_files import EXACT_SAMPLES, rig_rays
+from tests.slow import slow_but
 
 UNIFIED = {"hyperbolic", "elliptic", "parabolic", "planar", "perspective", "stereographic"}
 FISHEYES = {"equidistant", "kannala_brandt", "f_theta"}
@@ -50,13 +51,16 @@ EXACT = {
     "opencv_pinhole": {"perspective", "planar", "unified", "hyperbolic", "rational_polynomial"},
     "ros": CAMERA_INFO,
     "foxglove": CAMERA_INFO | {"thin_prism_fisheye"},
-    "basalt": UNIFIED | FISHEYES | {"unified", "eucm", "double_sphere"},
+    "basalt": UNIFIED | FISHEYES | SPHERES | {"rational_polynomial"},
     "woodscape": FISHEYES,
     "gyroflow": FISHEYES,
     "nerfstudio": {"perspective", "planar", "unified", "hyperbolic", "equirectangular"} | FISHEYES,
     "ocamcalib": {"perspective", "planar", "hyperbolic", "stereographic", "parabolic", "ocamcalib"},
     "colmap": UNIFIED | FISHEYES | {"unified", "eucm", "equirectangular", "rational_polynomial"}
     | {"thin_prism_fisheye", "division"},
+    "isaac": {"perspective", "planar", "hyperbolic", "unified", "rational_polynomial",
+              "f_theta_inverse"} | FISHEYES,
+    "blender_osl": set(CAMERA_MODELS) - {"cylindrical", "equirectangular"},
     "gazebo": {
         "perspective", "planar", "hyperbolic", "stereographic", "parabolic", "equidistant",
         "equisolid", "orthographic", "gazebo",
@@ -73,7 +77,9 @@ def no_fits(monkeypatch):
 
 
 @pytest.mark.usefixtures("no_fits")
-@pytest.mark.parametrize("form", FORMATS)
+@pytest.mark.parametrize(
+    "form", slow_but(FORMATS, *(FORMATS.keys() - {"blender_osl"}), long=["blender_osl"])
+)
 def test_exact_models_come_back(form, tmp_path):
     path = tmp_path / f"file{FORMATS[form].suffix}"
     exact = set()

@@ -176,3 +176,39 @@ def test_the_first_of_several_printed_messages_is_read(tmp_path):
     camera = load_calibration(tmp_path / "a.yaml").cameras[0]
     assert camera.camera == load_calibration(FOLDER / "ros_echo.yaml").cameras[0].camera
     assert camera.name == "front_camera"
+
+
+T265 = """header: {{frame_id: camera_fisheye1_optical_frame}}
+height: 800
+width: 848
+distortion_model: {model}
+d: [-0.00217445590533, 0.0376055203378, -0.036404311657, 0.00593686196953, {last}]
+k: [285.6466979980469, 0.0, 424.5740051269531, 0.0, 286.68499755859375, 408.1993103027344, 0, 0, 1]
+---
+"""
+
+
+def test_the_five_numbers_of_a_t265_are_four(tmp_path):
+    """As `rs2_project_point_to_pixel` of librealsense has them."""
+    path = tmp_path / "echo.yaml"
+    path.write_text(T265.format(model="equidistant", last="0.0"))
+    camera = load_calibration(path).cameras[0].camera
+    x, y = np.meshgrid(np.linspace(-3.0, 3.0, 31), np.linspace(-2.5, 2.5, 31))
+    theta = np.arctan(np.hypot(x, y))
+    k1, k2, k3, k4 = camera.coefficients
+    t2 = theta * theta
+    scale = (
+        theta * (1 + t2 * (k1 + t2 * (k2 + t2 * (k3 + t2 * k4)))) / np.maximum(np.hypot(x, y), 1e-9)
+    )
+    expected = np.stack(
+        (x * scale * 285.6466979980469 + 424.5740051269531,
+         y * scale * 286.68499755859375 + 408.1993103027344), axis=-1,
+    )  # fmt: skip
+    seen = camera.pixel_from_ray(np.stack((x, y, np.ones_like(x)), axis=-1))
+    assert np.abs(seen.positions_px - expected).max() < 1e-9
+    path.write_text(T265.format(model="equidistant", last="0.1"))
+    with pytest.raises(CalibrationError, match="D: expected 4 numbers: k1, k2, k3, k4"):
+        load_calibration(path)
+    path.write_text(T265.format(model="plumb_bob", last="0.0"))
+    with pytest.warns(NoticeWarning, match="early RealSense drivers .* write equidistant"):
+        load_calibration(path)

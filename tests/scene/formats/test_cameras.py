@@ -100,6 +100,18 @@ def test_f_theta_lenses_of_isaac_sim(camera, tmp_path):
 
 
 @needs_usd
+def test_an_applied_schema_names_the_lens(tmp_path):
+    """As `ApplyAPI` leaves it, with one value changed."""
+    path = _stage(tmp_path, "float omni:lensdistortion:ftheta:k1 = 0.003")
+    schema = '"shot" (\n    prepend apiSchemas = ["OmniLensDistortionFthetaAPI"]\n)'
+    path.write_text(path.read_text().replace('"shot"', schema))
+    (shot,) = load_scene(path).cameras
+    assert isinstance(shot.lens, FThetaInverseCamera)
+    assert shot.lens.coefficients == pytest.approx((0.003,))
+    assert shot.lens.width_px == 1936
+
+
+@needs_usd
 def test_kannala_brandt_lenses_of_isaac_sim(tmp_path):
     theta = 0.7
     u, v = _pixel(_lens(tmp_path, KANNALA_BRANDT), math.tan(theta), 0.0)
@@ -144,7 +156,10 @@ def test_pinholes_of_usd(tmp_path):
 @pytest.mark.parametrize(
     ("camera", "words"),
     [
-        ('token omni:lensdistortion:model = "radTanThinPrism"', "no model radTanThinPrism"),
+        (
+            'token omni:lensdistortion:model = "radTanThinPrism"',
+            "no model radTanThinPrism: NVIDIA does not state the unit",
+        ),
         ('token omni:lensdistortion:model = "lut"', "no model lut"),
         ('token cameraProjectionType = "fisheyeSpherical"', "no model fisheyeSpherical"),
         ('token projection = "orthographic"', "it is orthographic"),
@@ -231,6 +246,24 @@ def test_the_command_line_draws_with_the_lens_of_the_file(tmp_path):
     assert "perspective" in result.output
     result = _command("scene", path, "--json")
     assert json.loads(result.output)["cameras"][0]["lens"]["model"] == "perspective"
+
+
+def test_lenses_alone_in_a_stage_are_a_calibration(tmp_path):
+    """In all their digits, and without usd-core."""
+    output = tmp_path / "mei.usda"
+    result = _command(
+        "calibration",
+        "convert",
+        "catalog:gopro/hero11-black/wide-3840x2160",
+        "--to",
+        "isaac",
+        "-o",
+        output,
+    )
+    assert result.exit_code == 0, result.output
+    result = _command("calibration", "show", output)
+    assert "kannala_brandt" in result.output
+    assert "isaac" in result.output
 
 
 HALF = np.sqrt(0.5)

@@ -16,6 +16,7 @@ from omnisim.cameras import CAMERA_MODELS, CentralCamera, NonCentralCamera
 from omnisim.cameras import calibration as calibrations
 from omnisim.cameras.calibration.calibrated_camera import OPTICS, CentralError
 from omnisim.cameras.calibration.calibration_formats import format_named
+from omnisim.cameras.calibration.documents import read_text
 from omnisim.cameras.calibration.metadata import is_catadioptric
 from omnisim.cameras.models.field_of_view import field_of_view
 from omnisim.core.errors import CalibrationError, OmnisimError
@@ -176,7 +177,10 @@ def read_calibration(
     path: Path, camera_name: str | None, format: str | None, mirrored: bool | None
 ) -> calibrations.Calibration:
     """Read a calibration from a calibration file, a sensor file or an image."""
-    if path.suffix.lower() in _SCENES and format is None:
+    is_scene = path.suffix.lower() in _SCENES and format is None
+    if is_scene and path.suffix.lower() == ".usda":  # lenses alone need no usd-core
+        is_scene = not format_named("isaac").looks_like(read_text(path))
+    if is_scene:
         from omnisim.scene import read_scene  # calibrations seldom are scenes
 
         scene = read_scene(path)

@@ -7,17 +7,20 @@
 | eucm | … alpha beta | eucm |
 | ds | … xi alpha | double_sphere |
 | kb4 | … k1 k2 k3 k4 | kannala_brandt |
+| pinhole-radtan8 | … k1 k2 p1 p2 k3 k4 k5 k6 rpmax | rational_polynomial, θ_max = atan rpmax |
 
 `T_imu_cam` maps the camera frame to the IMU frame. If the pose is unknown, the first camera stands
 in for the IMU, and an omnisim key in the file says so. Pixel (0, 0) is the center of the first
 pixel, as in omnisim.
 
-Source: basalt-headers, calibration and camera models; Usenko et al. 2018.
+Source: basalt-headers, calibration and camera models; Usenko et al. 2018; Monado, which adds
+`pinhole-radtan8`.
 """
 
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Sequence
 from typing import Any
@@ -29,6 +32,7 @@ from omnisim.cameras import (
     DoubleSphereCamera,
     EucmCamera,
     KannalaBrandtCamera,
+    RationalPolynomialCamera,
     UnifiedCamera,
 )
 from omnisim.cameras.calibration import documents
@@ -42,12 +46,12 @@ FOCAL = "fx fy cx cy"
 INTRINSICS = {
     "pinhole": FOCAL, "ucm": f"{FOCAL} alpha", "eucm": f"{FOCAL} alpha beta",
     "ds": f"{FOCAL} xi alpha", "kb4": f"{FOCAL} k1 k2 k3 k4",
+    "pinhole-radtan8": f"{FOCAL} k1 k2 p1 p2 k3 k4 k5 k6 rpmax",
 }  # fmt: skip
-OTHERS = {
-    "pinhole-radtan8": "k1, k2, p1, p2, k3 … k6 are OpenCV's: pass them as an opencv_pinhole file"
-}
 POSES_UNKNOWN = "omnisim_poses_not_known"
-BasaltLens = DoubleSphereCamera | KannalaBrandtCamera | EucmCamera | UnifiedCamera
+BasaltLens = (
+    DoubleSphereCamera | KannalaBrandtCamera | EucmCamera | UnifiedCamera | RationalPolynomialCamera
+)
 
 
 class _Intrinsics(ForeignTable):
@@ -94,7 +98,10 @@ class Basalt(Format[BasaltLens]):
     name = "basalt"
     title = "Basalt: calibration json"
     suffix = ".json"
-    models = (DoubleSphereCamera, KannalaBrandtCamera, EucmCamera, UnifiedCamera)
+    models = (
+        DoubleSphereCamera, KannalaBrandtCamera, EucmCamera, UnifiedCamera,
+        RationalPolynomialCamera,
+    )  # fmt: skip
     fits = ((DoubleSphereCamera, ANY), (KannalaBrandtCamera, ANY), (EucmCamera, ANY))
     signature = re.compile(r'"value0"\s*:')
     metadata_place = base.MetadataPlace.KEY
@@ -144,7 +151,7 @@ class Basalt(Format[BasaltLens]):
         """Rejects pinhole cameras with distortion."""
         if isinstance(lens, UnifiedCamera) and (any(lens.distortion) or lens.skew_px or lens.xi):
             return "its pinhole camera has no distortion, no skew and no ξ"
-        return None
+        return super().unsupported(lens)
 
     def camera_name(self, index: int, name: str) -> str:
         """Name made from the index alone."""
@@ -154,7 +161,7 @@ class Basalt(Format[BasaltLens]):
 def _lens(part: dict[str, Any], size: Sequence[int], place: str) -> CentralCamera:
     fields = parse(part, _Intrinsics, place)
     model = fields.camera_type
-    documents.check_choice(model, INTRINSICS, f"{place}: camera_type", OTHERS)
+    documents.check_choice(model, INTRINSICS, f"{place}: camera_type")
     names = INTRINSICS[model].split()
     if set(names) != fields.intrinsics.keys():
         raise unexpected(f"{place}: intrinsics", ", ".join(names), ", ".join(fields.intrinsics))
@@ -170,6 +177,12 @@ def _lens(part: dict[str, Any], size: Sequence[int], place: str) -> CentralCamer
             return EucmCamera(*intrinsics, *shape)
         if model == "ds":
             return DoubleSphereCamera(*intrinsics, *shape)
+        if model == "pinhole-radtan8":
+            *distortion, radius = shape
+            if radius < 0.0:
+                raise unexpected(f"{place}: intrinsics.rpmax", "a number ≥ 0", radius)
+            limit_rad = math.atan(radius) or math.pi  # 0: no limit
+            return RationalPolynomialCamera(*intrinsics, tuple(distortion), limit_rad)
         return KannalaBrandtCamera(*intrinsics, tuple(shape))
 
 
@@ -183,6 +196,10 @@ def _intrinsics(lens: BasaltLens) -> dict[str, Any]:
             model, shape = "ucm", (lens.alpha,)
     elif isinstance(lens, KannalaBrandtCamera):
         model, shape = "kb4", lens.coefficients
+    elif isinstance(lens, RationalPolynomialCamera):
+        limit_rad = lens.domain_limit_rad
+        radius = math.tan(limit_rad) if limit_rad is not None and limit_rad < 0.5 * math.pi else 0.0
+        model, shape = "pinhole-radtan8", (*lens.distortion[:8], radius)
     values = (*lens.focal_lengths_px, *lens.principal_point_px, *shape)
     named = dict(zip(INTRINSICS[model].split(), values, strict=True))
     return {"camera_type": model, "intrinsics": named}

@@ -55,6 +55,7 @@ class MetadataPlace(Enum):
     """Location of omnisim's metadata in a format; see `omnisim.cameras.calibration.metadata`."""
 
     LINES = "# omnisim {…}"
+    SLASHES = "// omnisim {…}"
     XML = "<!-- omnisim {…} -->"
     KEY = '"omnisim": […]'
 
@@ -91,6 +92,7 @@ class Format(ABC, Generic[LensT]):
         has_names: True if cameras have names in the file.
         unified_terms: terms among "ξ", "skew", "k3" and "thin prism or tilt" that the format's
             unified or pinhole camera has.
+        fisheye_skew: True if the format's Kannala-Brandt lens has a skew.
     """
 
     name: ClassVar[str]
@@ -108,6 +110,7 @@ class Format(ABC, Generic[LensT]):
     tables: ClassVar[tuple[type[ForeignTable], ...]] = ()
     has_names: ClassVar[bool] = True
     unified_terms: ClassVar[frozenset[str]] = frozenset({"k3"})
+    fisheye_skew: ClassVar[bool] = False
 
     def looks_like(self, text: str) -> bool:
         """True if the text looks like a file of this format."""
@@ -168,7 +171,11 @@ class Format(ABC, Generic[LensT]):
 
     def lens_caveats(self, lens: CentralCamera) -> tuple[str, ...]:
         """Notes on what the format's own tools make of a lens."""
-        return ()
+        if not isinstance(lens, KannalaBrandtCamera) or not lens.skew_px:
+            return ()
+        (_, fy), (_, cy) = lens.focal_lengths_px, lens.principal_point_px
+        most_px = abs(lens.skew_px) * max(cy, lens.height_px - 1.0 - cy) / fy
+        return (f"OpenCV's undistortion ignores the skew: it is up to {most_px:.2g} px off",)
 
     @abstractmethod
     def encode(self, cameras: Sequence[ParsedCamera[LensT]]) -> str:
@@ -176,6 +183,8 @@ class Format(ABC, Generic[LensT]):
 
     def unsupported(self, lens: LensT) -> str | None:
         """Reason why the format cannot represent a lens of one of its models, or None."""
+        if isinstance(lens, KannalaBrandtCamera):
+            return "it has no skew" if lens.skew_px and not self.fisheye_skew else None
         if isinstance(lens, RationalPolynomialCamera):
             is_simple = not any(lens.distortion[8:]) or "thin prism or tilt" in self.unified_terms
             return None if is_simple else "it has no thin prism or tilt"
@@ -244,11 +253,16 @@ def check_no_skew(skew_px: float, place: str) -> None:
 
 
 def fisheye(
-    intrinsics: Intrinsics, coefficients: Sequence[float], place: str
+    intrinsics: Intrinsics, coefficients: Sequence[float], place: str, skew_px: float = 0.0
 ) -> KannalaBrandtCamera:
-    """Kannala-Brandt lens with k1, k2, k3, k4; `place` names these in messages."""
+    """Kannala-Brandt lens with k1, k2, k3, k4; `place` names these in messages.
+
+    librealsense states a T265 by five numbers; its own projection reads the first four.
+    """
+    if len(coefficients) == 5 and coefficients[4] == 0.0:
+        coefficients = coefficients[:4]
     four = counted(coefficients, "k1 k2 k3 k4", place)
-    return KannalaBrandtCamera(*intrinsics, tuple(four))
+    return KannalaBrandtCamera(*intrinsics, tuple(four), skew_px=skew_px)
 
 
 def pinhole(

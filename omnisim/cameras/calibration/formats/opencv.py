@@ -3,7 +3,7 @@
 | format | matrices | model |
 | --- | --- | --- |
 | opencv_omnidir | K with skew, D = k1 k2 p1 p2, xi | unified |
-| opencv_fisheye | K, D = k1 k2 k3 k4 | kannala_brandt |
+| opencv_fisheye | K with skew fx α, D = k1 k2 k3 k4 | kannala_brandt |
 | opencv_pinhole | K, D = k1 k2 p1 p2 (k3) | perspective, unified with ξ = 0 |
 | | K, D = k1 k2 p1 p2 k3 k4 k5 k6 (s1 s2 s3 s4 (τx τy)) | rational_polynomial |
 
@@ -131,7 +131,7 @@ class _Opencv(Format[base.LensT]):
         key, matrix = _matrix(data, MATRIX_KEYS, source)
         size_px = image.image_width, image.image_height
         intrinsics, skew_px = base.matrix_intrinsics(size_px, matrix, f"{source}: {key}")
-        if "skew" not in self.unified_terms:
+        if "skew" not in self.unified_terms and not self.fisheye_skew:
             base.check_no_skew(skew_px, f"{source}: {key}")
         key, coefficients = _matrix(data, DISTORTION_KEYS, source)
         file = _File(data, source, intrinsics, skew_px, coefficients, f"{source}: {key}")
@@ -178,14 +178,16 @@ class OpencvFisheye(_Opencv[KannalaBrandtCamera]):
     models = (KannalaBrandtCamera,)
     fits = ((KannalaBrandtCamera, ANY),)
     caveat = "cv2.fisheye's own projection is wrong past 90°"
+    fisheye_skew = True
 
     def _lens(self, file: _File) -> CentralCamera:
-        return base.fisheye(file.intrinsics, file.coefficients, file.place)
+        return base.fisheye(file.intrinsics, file.coefficients, file.place, file.skew_px)
 
     def encode(self, cameras: Sequence[ParsedCamera[KannalaBrandtCamera]]) -> str:
         """Text of a file with the camera."""
         (camera,) = cameras
-        return _encode(camera.lens, camera.lens.coefficients) + "fisheye_model: 1\n"
+        text = _encode(camera.lens, camera.lens.coefficients, camera.lens.skew_px)
+        return text + "fisheye_model: 1\n"
 
 
 class OpencvPinhole(_Opencv[OpencvPinholeLens]):

@@ -4,14 +4,15 @@
 | --- | --- | --- |
 | plumb_bob | k1 k2 p1 p2 k3 | perspective, unified with ξ = 0 |
 | rational_polynomial | k1 k2 p1 p2 k3 k4 k5 k6 | rational_polynomial, or as plumb_bob |
-| equidistant (fisheye, kannala_brandt) | k1 k2 k3 k4 | kannala_brandt |
+| equidistant (fisheye, kannala_brandt) | k1 k2 k3 k4, skew in K | kannala_brandt |
 
 Pixel (0, 0) is the center of the first pixel, as in omnisim. Rays at or beyond 90° from the axis
 have no model: `P` and every rectified image lie in a plane.
 
 camera_info_manager stores a YAML file with `camera_matrix: {rows, cols, data}`; camera_calibration
 writes fisheyes with `camera_model: fisheye` in place of a distortion model; `ros2 topic echo`
-prints the message itself, with `k`, `d`, and `---` below.
+prints the message itself, with `k`, `d`, and `---` below. RealSense's T265 has five numbers in `d`,
+of which librealsense's projection reads four.
 
 Source: sensor_msgs/CameraInfo, image_pipeline/CameraInfo.
 """
@@ -35,11 +36,14 @@ from omnisim.cameras.calibration import documents
 from omnisim.cameras.calibration.documents import ForeignTable, Unread, parse, unexpected
 from omnisim.cameras.calibration.formats import format as base
 from omnisim.cameras.calibration.formats.format import ANY, Format, ParsedCamera, error_context
-from omnisim.core.errors import CalibrationError
 from omnisim.core.files.parameters import Number
 
 OTHERS = {"fisheye62": "Foxglove's alone: ROS has equidistant"}
 FISHEYE62 = "fisheye62"
+T265 = (
+    "distortion_model: plumb_bob, but the frame is a fisheye's: early RealSense drivers named the "
+    "T265's Kannala-Brandt lens so; if it is one, write equidistant"
+)
 IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 CameraInfoLens = (
     UnifiedCamera | RationalPolynomialCamera | KannalaBrandtCamera | ThinPrismFisheyeCamera
@@ -87,7 +91,10 @@ class CameraInfo(Format[CameraInfoLens]):
         fields = parse(message, CameraInfoMessage, source)
         size_px = fields.width, fields.height
         lens = self._lens(size_px, fields.distortion_model, fields.K, fields.D, source, ("K", "D"))
-        return ParsedCamera(fields.frame_id or "camera", lens, notes=baseline_notes("P", fields.P))
+        notes = baseline_notes("P", fields.P)
+        if fields.distortion_model == "plumb_bob" and "fisheye" in fields.frame_id:
+            notes += (T265,)
+        return ParsedCamera(fields.frame_id or "camera", lens, notes=notes)
 
     def _lens(
         self,
@@ -100,14 +107,8 @@ class CameraInfo(Format[CameraInfoLens]):
     ) -> CentralCamera:
         """Lens from an image size, distortion model, K and D; `keys` name K and D in messages."""
         intrinsics, skew_px = base.matrix_intrinsics(size_px, matrix, f"{source}: {keys[0]}")
-        if skew_px and model in self.fisheye_models:
-            (_, fy), (_, cy) = intrinsics.focal_lengths_px, intrinsics.principal_point_px
-            most_px = abs(skew_px) * max(cy, size_px[1] - 1.0 - cy) / fy
-            raise CalibrationError(
-                f"{source}: {keys[0]}: expected no skew in a fisheye, got {skew_px:g}: calibrate "
-                f"with --fisheye-fix-skew; a 0 in its place moves pixels by up to {most_px:.2g} px"
-            )
-        base.check_no_skew(skew_px, f"{source}: {keys[0]}")
+        if not (self.fisheye_skew and model in self.fisheye_models):
+            base.check_no_skew(skew_px, f"{source}: {keys[0]}")
         expected = (*self.distortion_models, *self.fisheye_models)
         documents.check_choice(model, expected, f"{source}: distortion_model", OTHERS)
         with error_context(source):
@@ -117,7 +118,7 @@ class CameraInfo(Format[CameraInfoLens]):
                 )
                 return ThinPrismFisheyeCamera(*intrinsics, tuple(shape[:6]), tuple(shape[6:]))
             if model in self.fisheye_models:
-                return base.fisheye(intrinsics, coefficients, f"{source}: {keys[1]}")
+                return base.fisheye(intrinsics, coefficients, f"{source}: {keys[1]}", skew_px)
             return base.brown_pinhole(intrinsics, coefficients, f"{source}: {keys[1]}")
 
 
@@ -131,7 +132,8 @@ def baseline_notes(key: str, projection: Sequence[float]) -> tuple[str, ...]:
 def camera_info(lens: CameraInfoLens) -> tuple[str, list[float], list[float], list[float]]:
     """Fields of the message for a lens: distortion model in ROS's terms, D, K and P."""
     (fx, fy), (cx, cy) = lens.focal_lengths_px, lens.principal_point_px
-    k = [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]
+    skew_px = lens.skew_px if isinstance(lens, KannalaBrandtCamera) else 0.0
+    k = [fx, skew_px, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]
     p = [fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0]
     if isinstance(lens, KannalaBrandtCamera):
         return "equidistant", list(lens.coefficients), k, p
@@ -176,6 +178,7 @@ class Ros(CameraInfo):
     tables = (_Camera, CameraInfoMessage)
     distortion_models = ("plumb_bob", "rational_polynomial")
     fisheye_models = ("equidistant", "fisheye", "kannala_brandt")
+    fisheye_skew = True
 
     def looks_like(self, text: str) -> bool:
         """True for YAML with a camera matrix that is not OpenCV's."""
