@@ -28,7 +28,10 @@ VALUES = {
                        "distortion_coeffs": [0.1] * 4},
     "lens/type": "equisolid_angle", "lens/scale_to_hfov": "false", "image_size": [7, 7],
 }  # fmt: skip
-REPLACED = {"lens/custom_function/f", "lens/scale_to_hfov"}  # by field of view or intrinsics
+REPLACED = {
+    "lens/custom_function/f", "lens/scale_to_hfov",  # by field of view or intrinsics
+    "Camera", "Stereo", "IMU",  # tables, whose keys are changed one by one
+}  # fmt: skip
 
 
 def changed(value):
