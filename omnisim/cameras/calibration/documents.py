@@ -99,7 +99,7 @@ def read_text(path: Path) -> str:
 
 
 def read_beside(source: str, key: str, name: str) -> tuple[str, Path]:
-    """Text and path of a file that a key of another file names."""
+    """Text and path of a file that another one names by a key."""
     path = Path(source).parent / name
     try:
         return read_text(path), path
@@ -284,6 +284,12 @@ class ForeignTable(Table):
     def reads(cls, key: str, value: Any) -> bool:
         """True for a key that is read."""
         return key in cls.model_fields or key in cls.also_read or key in cls.inner
+
+
+class MatrixTable(ForeignTable, harmless="rows cols dt"):
+    """Matrix under a key, as OpenCV and ROS write it; `data` is its rows."""
+
+    data: Numbers
 
 
 def unread_keys(

@@ -29,7 +29,7 @@ import pydantic
 from omnisim.cameras import CentralCamera, KannalaBrandtCamera, UnifiedCamera
 from omnisim.cameras.calibration import documents
 from omnisim.cameras.calibration.calibrated_camera import NamedPose
-from omnisim.cameras.calibration.documents import ForeignTable, Unread, parse
+from omnisim.cameras.calibration.documents import ForeignTable, MatrixTable, Unread, parse
 from omnisim.cameras.calibration.formats import format as base
 from omnisim.cameras.calibration.formats.format import ANY, Format, ParsedCamera, error_context
 from omnisim.core.files.parameters import Number, Table
@@ -50,16 +50,9 @@ PARTS = {
 }  # fmt: skip
 
 
-class _Matrix(ForeignTable, harmless="rows cols dt"):
-    data: documents.Numbers
-
-
-POSES = ("body_T_cam0", "extrinsicRotation", "extrinsicTranslation")
-
-
 class _Head(
     ForeignTable,
-    inner=dict.fromkeys(POSES, _Matrix),
+    inner=dict.fromkeys(("body_T_cam0", "extrinsicRotation", "extrinsicTranslation"), MatrixTable),
     unread={
         "rolling_shutter rolling_shutter_tr": documents.ROLLING_SHUTTER,
         "mirror_parameters": Unread("ξ of a MEI camera, but the model is another", is_fault=True),
@@ -72,9 +65,9 @@ class _Head(
     camera_name: str = "camera"
     image_width: documents.Size
     image_height: documents.Size
-    body_T_cam0: _Matrix | None = None
-    extrinsicRotation: _Matrix | None = None
-    extrinsicTranslation: _Matrix | None = None
+    body_T_cam0: MatrixTable | None = None
+    extrinsicRotation: MatrixTable | None = None
+    extrinsicTranslation: MatrixTable | None = None
     td: Number = 0.0
 
 

@@ -40,9 +40,10 @@ from omnisim.cameras import (
 )
 from omnisim.cameras.calibration import documents
 from omnisim.cameras.calibration.calibrated_camera import NamedPose, find_pose
-from omnisim.cameras.calibration.documents import ForeignTable, parse, unexpected
+from omnisim.cameras.calibration.documents import ForeignTable, MatrixTable, parse, unexpected
 from omnisim.cameras.calibration.formats import format as base
 from omnisim.cameras.calibration.formats.format import ANY, Format, ParsedCamera, error_context
+from omnisim.core.arrays import Floats
 from omnisim.core.files.parameters import Number
 from omnisim.core.poses import inverse
 
@@ -51,9 +52,13 @@ INTRINSICS = {
     "eucm": "alpha beta fu fv pu pv",
 }  # fmt: skip
 # keys and models of sensor.yaml and OKVIS2's settings
-RENAMED = {"distortion_coefficients": "distortion_coeffs", "image_dimension": "resolution"}
+RENAMED = {
+    "distortion_coefficients": "distortion_coeffs", "image_dimension": "resolution",
+    "distortion_type": "distortion_model",
+}  # fmt: skip
+RADTAN = "radial-tangential"
 SYNONYMS = {
-    "radial-tangential": "radtan", "radialtangential": "radtan", "plumb_bob": "radtan",
+    RADTAN: "radtan", "radialtangential": "radtan", "plumb_bob": "radtan",
     "plumb_bob8": "radtan8", "radialtangential8": "radtan8",
 }  # fmt: skip
 OTHERS = {"omni": "its polynomial is that of OCamCalib: pass calib_results.txt"}
@@ -86,13 +91,8 @@ class _Camera(
     timeshift_cam_imu: Number = 0.0
 
 
-class _Matrix(ForeignTable):
-    data: documents.Numbers
-
-
 class _OkvisCamera(ForeignTable):
     T_SC: documents.Numbers
-    distortion_type: str
     focal_length: documents.Numbers
     principal_point: documents.Numbers
 
@@ -138,9 +138,7 @@ class Kalibr(Format[KalibrLens]):
             folder = Path(source).parent.name
             name = folder if re.fullmatch(r"cam\d+", folder, re.ASCII) else "cam0"
             return {str(data.get("camera_id") or name): _chain_camera(data, source)}
-        if isinstance(cameras := data.get("cameras"), list):
-            return _chain_of_okvis(data, cameras, source)
-        return data
+        return _chain_of_okvis(data, source) if isinstance(data.get("cameras"), list) else data
 
     def read(self, document: Any, source: str) -> list[ParsedCamera[CentralCamera]]:
         """Parse the cameras of the chain."""
@@ -202,20 +200,26 @@ class Euroc(Kalibr):
     def encode(self, cameras: Sequence[ParsedCamera[KalibrLens]]) -> str:
         """Text of a file with the camera."""
         (camera,) = cameras
-        model, numbers, distortion, coefficients = _parameters(camera.lens)
-        distortion = "radial-tangential" if distortion == "radtan" else distortion
-        text = f"sensor_type: camera\ncamera_id: {json.dumps(camera.name)}\n"
         matrix = find_pose(camera.poses, "imu", camera.name)
-        if matrix is not None:
-            text += base.yaml_matrix("T_BS", 4, 4, matrix.ravel().tolist())
-        text += f"resolution: [{camera.lens.width_px}, {camera.lens.height_px}]\n"
-        text += f"camera_model: {model}\nintrinsics: {base.yaml_floats(numbers)}\n"
-        text += f"distortion_model: {distortion}\n"
-        return text + f"distortion_coefficients: {base.yaml_floats(coefficients or (0.0,) * 4)}\n"
+        name = f"camera_id: {json.dumps(camera.name)}"
+        return "\n".join(sensor_lines(camera.lens, matrix, name)) + "\n"
 
-    def camera_name(self, index: int, name: str) -> str:
-        """Any name."""
-        return name
+    camera_name = Format.camera_name
+
+
+def sensor_lines(lens: KalibrLens, body_from_camera: Floats | None, name: str) -> list[str]:
+    """Lines of a sensor.yaml, with one that names the camera; the last five are its lens."""
+    model, numbers, distortion, coefficients = _parameters(lens)
+    lines = ["sensor_type: camera", name]
+    if body_from_camera is not None:
+        data = base.yaml_floats((body_from_camera.ravel() + 0.0).tolist())
+        lines += ["T_BS:", "  cols: 4", "  rows: 4", f"  data: {data}"]
+    return [
+        *lines, f"resolution: [{lens.width_px}, {lens.height_px}]", f"camera_model: {model}",
+        f"intrinsics: {base.yaml_floats(numbers)}",
+        f"distortion_model: {'equidistant' if distortion == 'equidistant' else RADTAN}",
+        f"distortion_coefficients: {base.yaml_floats(coefficients or (0.0,) * 4)}",
+    ]  # fmt: skip
 
 
 def _chain_camera(sensor: Mapping[str, Any], place: str) -> dict[str, Any]:
@@ -229,23 +233,23 @@ def _chain_camera(sensor: Mapping[str, Any], place: str) -> dict[str, Any]:
         camera["distortion_model"] = SYNONYMS.get(model, model)
     if "T_BS" in camera:
         where = f"{place}: T_BS"
-        data = parse(camera.pop("T_BS"), _Matrix, where).data
+        data = parse(camera.pop("T_BS"), MatrixTable, where).data
         camera["T_imu_cam"] = documents.flat_pose(data, f"{where}.data").tolist()
     return camera
 
 
-def _chain_of_okvis(data: dict[str, Any], cameras: list[Any], source: str) -> dict[str, Any]:
+def _chain_of_okvis(data: dict[str, Any], source: str) -> dict[str, Any]:
     """Chain with the cameras of OKVIS2's settings."""
     general = parse(data.get("camera_parameters", {}), _OkvisDelay, f"{source}: camera_parameters")
     chain = {}
-    for index, camera in enumerate(cameras):
+    for index, camera in enumerate(data["cameras"]):
         place = f"{source}: cameras.{index}"
         stated = parse(camera, _OkvisCamera, place)
         kept = {key: value for key, value in camera.items() if key not in _OkvisCamera.model_fields}
         chain[f"cam{index}"] = _chain_camera({
-            **kept, "camera_model": "pinhole", "distortion_model": stated.distortion_type,
+            **kept, "camera_model": "pinhole", "T_BS": {"data": stated.T_SC},
             "intrinsics": [*stated.focal_length, *stated.principal_point],
-            "T_BS": {"data": stated.T_SC}, "timeshift_cam_imu": 0.0 - general.image_delay,
+            "timeshift_cam_imu": 0.0 - general.image_delay,
         }, place)  # fmt: skip
     return chain
 

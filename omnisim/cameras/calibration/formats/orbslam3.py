@@ -13,11 +13,10 @@
 | Stereo.b | Camera.bf / Camera.fx | baseline of rectified images, along x |
 | IMU.T_b_c1 | Tbc | maps the first camera's frame to the IMU's |
 
-Camera1 and Camera2 are those of the images that are tracked. Where older files have the pair as it
-is before its rectification, too, with LEFT.K, .D, .R, .P and RIGHT's, it is read as LEFT and RIGHT.
-With DepthMapFactor, the baseline is that of a depth camera: there is no second image. Pixel (0, 0)
-is the center of the first pixel, as in omnisim. ORB-SLAM2's files are as those before version 1.0,
-without Camera.type and mostly without the image's size, which has to be added.
+Camera1 and Camera2 are of the images that are tracked; LEFT and RIGHT, with K, D, R and P, are the
+pair before its rectification. With DepthMapFactor, a baseline is that of a depth camera, which has
+no second image. Pixel (0, 0) is the center of the first pixel, as in omnisim. ORB-SLAM2's files are
+as those before version 1.0, without Camera.type, and mostly without the image's size.
 
 Source: ORB-SLAM3's Settings.cc and Tracking.cc; its calibration tutorial.
 """
@@ -36,7 +35,7 @@ import pydantic
 from omnisim.cameras import CentralCamera, KannalaBrandtCamera, UnifiedCamera
 from omnisim.cameras.calibration import documents
 from omnisim.cameras.calibration.calibrated_camera import NamedPose, find_pose
-from omnisim.cameras.calibration.documents import ForeignTable, Unread, parse
+from omnisim.cameras.calibration.documents import ForeignTable, MatrixTable, Unread, parse
 from omnisim.cameras.calibration.formats import format as base
 from omnisim.cameras.calibration.formats.format import ANY, Format, ParsedCamera, error_context
 from omnisim.core.arrays import Floats
@@ -46,6 +45,7 @@ from omnisim.core.poses import pose
 
 OrbSlam3Lens = UnifiedCamera | KannalaBrandtCamera
 NAMES = ("Camera1", "Camera2")
+RAW = ("LEFT", "RIGHT")
 FOCAL = "fx fy cx cy"
 SHAPES = {"PinHole": "k1 k2 p1 p2 k3", "KannalaBrandt8": "k1 k2 k3 k4", "Rectified": ""}
 MAX_GAP = 0.01  # relative gap between two statements of a baseline that is no contradiction
@@ -61,82 +61,54 @@ ORBextractor.minThFAST: 7
 """
 
 
-class _Matrix(ForeignTable, harmless="rows cols dt"):
-    data: documents.Numbers
+SIZE: dict[str, Any] = {"width": (documents.Size, ...), "height": (documents.Size, ...)}
+HEAD: dict[str, Any] = {"type": (str, "PinHole"), **SIZE}
 
 
-class _Camera(
-    ForeignTable,
-    harmless="fps RGB newWidth newHeight imageScale overlappingBegin overlappingEnd lappingBegin "
-    "lappingEnd bFishEye",
-):
-    """Keys that say how ORB-SLAM3 takes the images."""
+def _table(harmless: str, matrices: str = "", **fields: Any) -> Any:
+    """Schema of keys, among them those of matrices, which are required if `fields` are."""
+    inner = dict.fromkeys(matrices.split(), MatrixTable)
+    stated = (MatrixTable, ...) if fields.items() >= SIZE.items() else (MatrixTable | None, None)
+    keys: dict[str, Any] = dict.fromkeys(inner, stated) | fields
+    own: dict[str, Any] = {"inner": inner, "harmless": harmless}
+    return pydantic.create_model("Table", __base__=ForeignTable, __cls_kwargs__=own, **keys)
 
 
-class _Head(_Camera):
-    type: str = "PinHole"
-    width: documents.Size
-    height: documents.Size
-
-
-class _Raw(ForeignTable, inner=dict.fromkeys("KDRP", _Matrix), harmless="Rf"):
-    """Camera before its rectification."""
-
-    width: documents.Size
-    height: documents.Size
-    K: _Matrix
-    D: _Matrix
-    R: _Matrix
-    P: _Matrix
-
-
-class _Stereo(ForeignTable, inner={"T_c1_c2": _Matrix}, harmless="ThDepth"):
-    b: Number = 0.0
-    T_c1_c2: _Matrix | None = None
-
-
-class _Imu(
-    ForeignTable,
-    inner={"T_b_c1": _Matrix},
-    harmless="NoiseGyro NoiseAcc GyroWalk AccWalk Frequency InsertKFsWhenLost",
-):
-    T_b_c1: _Matrix | None = None
+IMAGES = (  # how ORB-SLAM3 takes them
+    "fps RGB newWidth newHeight imageScale overlappingBegin overlappingEnd lappingBegin lappingEnd "
+    "bFishEye"
+)
+OPTIONAL = {
+    "Stereo": _table("ThDepth", "T_c1_c2", b=(Number, 0.0)),
+    "IMU": _table("NoiseGyro NoiseAcc GyroWalk AccWalk Frequency InsertKFsWhenLost", "T_b_c1"),
+    "Tbc": MatrixTable,
+    "Tlr": MatrixTable,
+    **dict.fromkeys(RAW, _table("Rf", "K D R P", **SIZE)),
+}
+DEPTH = Unread("scale of depth images, whose baseline is no camera's")
 
 
 class _File(
     ForeignTable,
-    inner={
-        "Stereo": _Stereo, "IMU": _Imu, "Tbc": _Matrix, "Tlr": _Matrix, "LEFT": _Raw, "RIGHT": _Raw,
-    },
-    unread={
-        "DepthMapFactor RGBD": Unread("scale of depth images, whose baseline is no camera's"),
-    },
+    unread={"DepthMapFactor RGBD": DEPTH},
     harmless="File ORBextractor Viewer System ThDepth thFarPoints InsertKFsWhenLost loopClosing",
-):  # fmt: skip
-    """Keys, those before a point as tables; `_files` adds the cameras of a model."""
-
-    Stereo: _Stereo = _Stereo()
-    IMU: _Imu = _Imu()
-    Tbc: _Matrix | None = None
-    Tlr: _Matrix | None = None
-    LEFT: _Raw | None = None
-    RIGHT: _Raw | None = None
+):
+    """Keys, those before a point as tables; `_files` adds the tables."""
 
 
 def _files(model: str) -> tuple[type[_File], type[_File]]:
     """Schemas of a model's file of version 1.0, and before it."""
-    keys: dict[str, Any] = {key: (Number, ...) for key in FOCAL.split()}
     least = 0.0 if model == "PinHole" else ...
+    keys: dict[str, Any] = {key: (Number, ...) for key in FOCAL.split()}
     keys |= {key: (Number, least) for key in SHAPES[model].split()}
-    lens = pydantic.create_model("Lens", __base__=_Camera, **keys)
-    old = pydantic.create_model("Old", __base__=_Head, bf=(Number, 0.0), **keys)
+    lens, old = _table(IMAGES, **keys), _table(IMAGES, **HEAD, bf=(Number, 0.0), **keys)
     files = []
-    cameras: dict[str, Any]
-    for cameras in ({"Camera": _Head, "Camera1": lens}, {"Camera": old}):
-        inner: dict[str, Any] = {"inner": {**cameras, "Camera2": lens}}
-        fields: dict[str, Any] = {key: (table, ...) for key, table in cameras.items()}
-        fields["Camera2"] = (lens | None, None)
-        files.append(pydantic.create_model("File", __base__=_File, __cls_kwargs__=inner, **fields))
+    for first in ({"Camera": _table(IMAGES, **HEAD), "Camera1": lens}, {"Camera": old}):
+        others = {"Camera2": lens, **OPTIONAL}
+        fields: dict[str, Any] = {key: (table, ...) for key, table in first.items()}
+        fields |= {key: (table | None, None) for key, table in others.items()}
+        own: dict[str, Any] = {"inner": {**first, **others}}
+        files.append(pydantic.create_model("File", __base__=_File, __cls_kwargs__=own, **fields))
     return files[0], files[1]
 
 
@@ -170,15 +142,16 @@ class OrbSlam3(Format[OrbSlam3Lens]):
     def table_of(self, document: Any) -> type[ForeignTable]:
         """Schema of a document by its model and version."""
         camera = document.get("Camera")
-        model = camera.get("type", "PinHole") if isinstance(camera, dict) else "PinHole"
-        new, old = FILES[model] if model in FILES else FILES["PinHole"]
+        model = camera.get("type") if isinstance(camera, dict) else None
+        new, old = FILES.get(str(model), FILES["PinHole"])
         return new if "Camera1" in document else old
 
     def read(self, document: Any, source: str) -> list[ParsedCamera[CentralCamera]]:
         """Parse the cameras: those of the tracked images, then those before rectification."""
         head = document.get("Camera")
         if isinstance(head, dict):
-            documents.check_choice(head.get("type", "PinHole"), FILES, f"{source}: Camera.type")
+            model = str(head.get("type", "PinHole"))
+            documents.check_choice(model, FILES, f"{source}: Camera.type")
             if not {"width", "height"} & head.keys():
                 raise CalibrationError(
                     f"{source}: Camera.width, Camera.height: missing, as in settings of ORB-SLAM2: "
@@ -188,10 +161,11 @@ class OrbSlam3(Format[OrbSlam3Lens]):
         key = "Camera1" if "Camera1" in document else "Camera"
         size_px, first = (file.Camera.width, file.Camera.height), getattr(file, key)
         lens = _lens(file.Camera.type, first, size_px, f"{source}: {key}")
-        on_imu = {"IMU.T_b_c1": file.IMU.T_b_c1, "Tbc": file.Tbc}
+        stereo, imu = dict(file.Stereo or ()), dict(file.IMU or ())
+        on_imu = {"IMU.T_b_c1": imu.get("T_b_c1"), "Tbc": file.Tbc}
         cameras = [ParsedCamera(NAMES[0], lens, _poses(on_imu, "imu", NAMES[0], source))]
-        poses = _poses({"Stereo.T_c1_c2": file.Stereo.T_c1_c2, "Tlr": file.Tlr}, *NAMES, source)
-        baseline_m = file.Stereo.b or getattr(file.Camera, "bf", 0.0) / first.fx
+        poses = _poses({"Stereo.T_c1_c2": stereo.get("T_c1_c2"), "Tlr": file.Tlr}, *NAMES, source)
+        baseline_m = stereo.get("b") or getattr(file.Camera, "bf", 0.0) / first.fx
         is_depth = bool(document.get("DepthMapFactor") or document.get("RGBD"))
         beside = (NamedPose(*NAMES, pose((baseline_m, 0.0, 0.0))),) if baseline_m else ()
         if file.Camera2 is not None:
@@ -211,9 +185,8 @@ class OrbSlam3(Format[OrbSlam3Lens]):
         elif (baseline_m and not is_depth) or poses:
             note = "the pose or baseline of a second camera is not read: there is no Camera2"
             cameras[0] = dataclasses.replace(cameras[0], notes=(note,))
-        raw = {"LEFT": file.LEFT, "RIGHT": file.RIGHT}
-        parts = ((name, part) for name, part in raw.items() if part is not None)
-        return cameras + [_raw(name, part, first, source) for name, part in parts]
+        raw = {name: getattr(file, name) for name in RAW if getattr(file, name) is not None}
+        return cameras + [_raw(name, part, first, source) for name, part in raw.items()]
 
     def encode(self, cameras: Sequence[ParsedCamera[OrbSlam3Lens]]) -> str:
         """Text of a file of version 1.0 with the cameras."""
@@ -261,7 +234,7 @@ def _lens(model: str, part: Any, size_px: tuple[int, int], place: str) -> Any:
 
 
 def _poses(
-    matrices: Mapping[str, _Matrix | None], target: str, frame: str, source: str
+    matrices: Mapping[str, MatrixTable | None], target: str, frame: str, source: str
 ) -> tuple[NamedPose, ...]:
     """Poses of a frame in another from the matrices that a file states, by their keys."""
     return tuple(
@@ -271,7 +244,7 @@ def _poses(
     )
 
 
-def _raw(name: str, part: _Raw, first: Any, source: str) -> ParsedCamera[CentralCamera]:
+def _raw(name: str, part: Any, first: Any, source: str) -> ParsedCamera[CentralCamera]:
     """Camera before its rectification, on the rectified Camera1."""
     place, size_px = f"{source}: {name}", (part.width, part.height)
     intrinsics, skew_px = base.matrix_intrinsics(size_px, part.K.data, f"{place}.K")

@@ -40,7 +40,13 @@ from omnisim.cameras import (
 )
 from omnisim.cameras.calibration import documents
 from omnisim.cameras.calibration.calibrated_camera import CalibratedCamera, NamedPose, find_pose
-from omnisim.cameras.calibration.documents import ForeignTable, Unread, parse, unexpected
+from omnisim.cameras.calibration.documents import (
+    ForeignTable,
+    MatrixTable,
+    Unread,
+    parse,
+    unexpected,
+)
 from omnisim.cameras.calibration.formats import format as base
 from omnisim.cameras.calibration.formats.format import ANY, Format, ParsedCamera, error_context
 from omnisim.core.arrays import Floats
@@ -193,25 +199,21 @@ _OST_KEYS = {
 _OST_MODELS = {4: "equidistant", 5: "plumb_bob", 8: "rational_polynomial"}
 
 
-class _Matrix(ForeignTable, harmless="rows cols"):
-    data: documents.Numbers
-
-
 class _Camera(
     ForeignTable,
     inner=dict.fromkeys(
-        ("camera_matrix", "distortion_coefficients", "rectification_matrix"), _Matrix
+        ("camera_matrix", "distortion_coefficients", "rectification_matrix"), MatrixTable
     ),
 ):
     image_width: documents.Size
     image_height: documents.Size
     camera_name: str = "camera"
     camera_model: str = ""
-    camera_matrix: _Matrix
+    camera_matrix: MatrixTable
     distortion_model: str
-    distortion_coefficients: _Matrix
-    projection_matrix: _Matrix | None = None
-    rectification_matrix: _Matrix | None = None
+    distortion_coefficients: MatrixTable
+    projection_matrix: MatrixTable | None = None
+    rectification_matrix: MatrixTable | None = None
 
 
 class Ros(CameraInfo):
