@@ -134,7 +134,7 @@ class CameraFileOptions:
     camera."""
     calibration_file: Annotated[Path | None, Option(flags=("--camera",))] = None
     """Calibration file in place of a sensor file: Kalibr, OpenCV, COLMAP, … (`omnisim calibration
-    formats`), or KITTI-360's folder."""
+    formats`), or the folder of a rig's."""
     camera_name: CameraName = None
     mirrored: Mirrored = None
 

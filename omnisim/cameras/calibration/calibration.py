@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,11 +27,18 @@ from omnisim.cameras.calibration.calibrated_camera import (
     pose_contradiction,
 )
 from omnisim.cameras.calibration.calibration_formats import detect_format, format_named
-from omnisim.cameras.calibration.documents import counted, parse_number, pose, read_text
+from omnisim.cameras.calibration.documents import (
+    counted,
+    parse_number,
+    pose,
+    read_beside,
+    read_text,
+)
 from omnisim.cameras.calibration.encode import encode_cameras
 from omnisim.cameras.calibration.fit import Fit, fit_camera
 from omnisim.cameras.calibration.formats import format as base
 from omnisim.cameras.calibration.formats.format import error_context
+from omnisim.cameras.calibration.formats.ros import with_poses
 from omnisim.cameras.calibration.metadata import CameraMetadata, camera_from_lens, read_metadata
 from omnisim.cameras.catalog.lens_catalog import PREFIX, find
 from omnisim.cameras.models.field_of_view import field_notes
@@ -141,8 +149,9 @@ def load_calibration(
     """Read a calibration file; its notes are also issued as `NoticeWarning`.
 
     Args:
-        path: calibration file, the folder of KITTI-360's calibrations, or `catalog:` and the name
-            of an entry of `omnisim.cameras.catalog`.
+        path: calibration file, a folder with those of a rig (KITTI-360's, EuRoC's, Kimera's, or
+            left.yaml and right.yaml of ROS), or `catalog:` and the name of an entry of
+            `omnisim.cameras.catalog`.
         format: name of the format, one of `FORMATS`; by default detected from the content.
         camera: name of the only camera to keep; by default all are kept.
         mirrored: True if the cameras look into mirrors; by default taken from omnisim's metadata in
@@ -174,8 +183,7 @@ def load_calibration(
         camera_of_entry = CalibratedCamera(entry.title, lens, notes=notes)
         calibration = Calibration((camera_of_entry,), "catalog", f"{PREFIX}{entry.name}")
     elif is_folder:
-        cameras = read_kitti360_folder(path, mirrored, limit_rad)
-        calibration = Calibration(cameras, FORMAT, str(path))
+        calibration = read_folder(path, format, mirrored, limit_rad)
     else:
         calibration = read_cameras(path, format, mirrored, limit_rad)
     selected = calibration if camera is None else calibration.only(camera)
@@ -343,6 +351,8 @@ class Rig:
 
 GOOD_PX = 0.05  # below the accuracy of any corner detector
 MAX_NEAREST = 0.01  # residual of the nearest model, as a share of the image's shorter side
+# OpenVINS's estimator_config.yaml names the chain beside it
+_OPENVINS_CHAIN = re.compile(r"""^relative_config_imucam[ \t]*:[ \t]*["']?([^"'\s]+)""", re.M)
 MAX_CENTER_OFFSET = 0.5  # share of the image size outside it; beyond, center or size is wrong
 
 
@@ -357,17 +367,18 @@ def read_cameras(
     Raises:
         CalibrationError: the file is invalid; names file, key, actual and expected value.
     """
-    text, source = read_text(path), str(path)
+    text = read_text(path)
+    chain = _OPENVINS_CHAIN.search(text)
+    if chain is not None and format in (None, "kalibr"):
+        text, path = read_beside(str(path), "relative_config_imucam", chain[1])
+    source = str(path)
     form = detect_format(text, source, format)
     document = form.document(text, source)
     with error_context(source):
         parsed = form.read(document, source)
         notes = form.notices(document, source)
     metadata = read_metadata(text, form.metadata_place, source)
-    names = [camera.name for camera in parsed]
-    duplicate = next((name for name in names if names.count(name) > 1), None)
-    if duplicate is not None:
-        raise CalibrationError(f"{path}: expected different names, got two cameras {duplicate!r}")
+    _check_names([camera.name for camera in parsed], path)
     if not parsed:
         raise CalibrationError(f"{path}: expected a camera, got none")
     given = {"mirrored": mirrored, "theta_max_rad": theta_max_rad}
@@ -390,6 +401,12 @@ def read_cameras(
     if contradiction is not None:
         notes.append(contradiction)
     return Calibration(tuple(cameras), form.name, source, tuple(notes))
+
+
+def _check_names(names: list[str], path: Path) -> None:
+    duplicate = next((name for name in names if names.count(name) > 1), None)
+    if duplicate is not None:
+        raise CalibrationError(f"{path}: expected different names, got two cameras {duplicate!r}")
 
 
 def _nearest_model(lens: base.FovLens, source: str) -> tuple[CentralCamera, str]:
@@ -442,6 +459,43 @@ def _check_camera(camera: CentralCamera, place: str) -> None:
         raise CalibrationError(f"{place}: no pixel of this camera has a ray: check its numbers")
 
 
+# Folders with a file for each camera of a rig. A pair of ROS is on its first rectified image.
+
+
+RIG_FILES = (
+    "mav0/cam*/sensor.yaml", "cam*/sensor.yaml", "sensor.yaml", "*CameraParams.yaml",
+    "left.yaml right.yaml", "ost.yaml",
+)  # fmt: skip
+
+
+def read_folder(
+    folder: Path, format: str | None, mirrored: bool | None, theta_max_rad: float | None = None
+) -> Calibration:
+    """Read the cameras of a rig's folder, with their poses; the other arguments: `read_cameras`.
+
+    Raises:
+        CalibrationError: it is no such folder, or a file is invalid.
+    """
+    if (folder / EXTRINSICS).is_file():
+        cameras = read_kitti360_folder(folder, mirrored, theta_max_rad)
+        return Calibration(cameras, FORMAT, str(folder))
+    for patterns in RIG_FILES:
+        files = [file for one in patterns.split() for file in sorted(folder.glob(one))]
+        if files:
+            break
+    else:
+        raise CalibrationError(
+            f"{folder}: expected a calibration file, or KITTI-360's folder with {EXTRINSICS}, "
+            "EuRoC's with cam0/sensor.yaml, Kimera's with LeftCameraParams.yaml, or ROS's with "
+            "left.yaml and right.yaml, got another folder"
+        )
+    read = [read_cameras(file, format, mirrored, theta_max_rad) for file in files]
+    rig = with_poses([camera for one in read for camera in one.cameras])
+    _check_names([camera.name for camera in rig], folder)
+    notes = tuple(dict.fromkeys(note for one in read for note in one.file_notes))
+    return Calibration(tuple(rig), read[0].format, str(folder), notes)
+
+
 # KITTI-360's calibration folder: one file per fisheye camera, and the extrinsics of all cameras.
 #
 #     calib_cam_to_pose.txt   per line `image_02: ` and a 3 × 4 matrix, camera to IMU
@@ -463,16 +517,10 @@ def read_kitti360_folder(
     """Read the fisheye cameras of a folder, at least one, with their poses relative to the IMU.
 
     Raises:
-        CalibrationError: the folder does not exist, or a file is invalid.
+        CalibrationError: a file is invalid.
     """
-    path = folder / EXTRINSICS
-    if not path.is_file():
-        raise CalibrationError(
-            f"{folder}: expected a calibration file, or KITTI-360's folder with {EXTRINSICS}, got "
-            "another folder"
-        )
     cameras = []
-    for name, matrix in _extrinsics(path).items():
+    for name, matrix in _extrinsics(folder / EXTRINSICS).items():
         file = folder / f"{name}.yaml"
         if file.is_file():
             read = read_cameras(file, FORMAT, mirrored, theta_max_rad)

@@ -15,11 +15,12 @@ from omnisim.cameras.calibration.formats.foxglove import Foxglove
 from omnisim.cameras.calibration.formats.gazebo import Gazebo
 from omnisim.cameras.calibration.formats.gyroflow import Gyroflow
 from omnisim.cameras.calibration.formats.isaac import Isaac
-from omnisim.cameras.calibration.formats.kalibr import Kalibr
+from omnisim.cameras.calibration.formats.kalibr import Euroc, Kalibr
 from omnisim.cameras.calibration.formats.nerfstudio import Nerfstudio
 from omnisim.cameras.calibration.formats.ocamcalib import Ocamcalib
 from omnisim.cameras.calibration.formats.omnisim_json import OmnisimJson
 from omnisim.cameras.calibration.formats.opencv import OpencvFisheye, OpencvOmnidir, OpencvPinhole
+from omnisim.cameras.calibration.formats.orbslam3 import OrbSlam3
 from omnisim.cameras.calibration.formats.ros import Ros
 from omnisim.cameras.calibration.formats.woodscape import Woodscape
 from omnisim.core.errors import CalibrationError, did_you_mean
@@ -28,9 +29,9 @@ from omnisim.core.errors import CalibrationError, did_you_mean
 FORMATS: dict[str, Format[Any]] = {
     form.name: form
     for form in (
-        OmnisimJson(), Kalibr(), Camodocal(), OpencvOmnidir(), OpencvFisheye(), OpencvPinhole(),
-        Ros(), Basalt(), Woodscape(), Nerfstudio(), Gyroflow(), Foxglove(), Ocamcalib(), Colmap(),
-        Gazebo(), Isaac(), BlenderOsl(),
+        OmnisimJson(), Euroc(), Kalibr(), Camodocal(), OrbSlam3(), OpencvOmnidir(), OpencvFisheye(),
+        OpencvPinhole(), Ros(), Basalt(), Woodscape(), Nerfstudio(), Gyroflow(), Foxglove(),
+        Ocamcalib(), Colmap(), Gazebo(), Isaac(), BlenderOsl(),
     )
 }  # fmt: skip
 
@@ -47,8 +48,13 @@ FOREIGN_FILES = (
         "export it by Tools > Camera Calibration, as OpenCV",
     ),
     ("MATLAB's calibration", r"^[ \t]*(fc|KK)[ \t]*=[ \t]*\[", _AS_OPENCV),
-    ("ORB-SLAM's settings", r"^[ \t]*Camera1?\.(type|fx)[ \t]*:", _AS_OPENCV),
-    ("OpenVINS's settings", r"^relative_config_imucam\s*:", "pass the chain that they name"),
+    (
+        "an IMU's parameters",
+        r"^[ \t]*(accelerometer_noise_density|gyroscope_noise_density|gyr_n|acc_n)[ \t]*:",
+        "pass the file of the cameras beside it",
+    ),
+    ("Basalt's settings", r'"config\.\w+"\s*:', "pass the calibration beside them"),
+    ("KITTI's calib_cam_to_cam.txt", r"^(K_00|P_rect_00|P0):", _AS_OPENCV),
     ("Kalibr's report", r"aslam_cv|^Camera-system parameters", "pass the camchain.yaml beside it"),
     ("Kalibr's target", r"^target_type\s*:", "pass it as --board"),
     ("COLMAP's images.txt", r"IMAGE_ID, QW, QX", "pass the cameras.txt beside it"),

@@ -24,16 +24,22 @@ from omnisim.core.arrays import Floats
 from omnisim.core.errors import CalibrationError, OmnisimError, did_you_mean
 from omnisim.core.files.parameters import Number, Table, parse_table
 from omnisim.core.files.sources import note_bytes
-from omnisim.core.poses import check_pose
+from omnisim.core.poses import POSE_TOLERANCE, check_pose, nearest_rotation
 
 MAX_BYTES = 1 << 26
+MAX_ROUNDING = 2e-3  # of a rotation's squares: its numbers have three decimals or more
 MAX_GROWTH = 100_000  # nodes that the aliases of a YAML text may add
 _MATLAB = "MATLAB's data: export it with OCamCalib's Export Data, or as an opencv_pinhole file"
 _BINARY = {b"MATLAB": _MATLAB, b"\x89HDF": _MATLAB}  # by the files' first bytes
 _BINARY |= dict.fromkeys((b"glTF", b"PXR-USDC", b"ply"), "a scene: pass it as the scene")
 _IMAGE = "an image: `omnisim calibration convert` writes the calibration of one by omnisim"
+_BINARY |= dict.fromkeys(
+    (b"\x1f\x8b", b"PK\3\4"), "an archive: extract it, and pass the file or folder"
+)
 _BINARY |= dict.fromkeys((b"\x89PNG", b"\xff\xd8\xff"), _IMAGE)
 _HEADER = re.compile(r"\A\s*%YAML[ :][^\n]*\n?")
+# OpenCV's files (%YAML:1.0) may have no space after a key
+_NO_SPACE = re.compile(r"^([ \t]*[A-Za-z_][\w.]*):(?=[-+.\w\[!])", re.M)
 
 
 class _Loader(yaml.SafeLoader):
@@ -92,9 +98,20 @@ def read_text(path: Path) -> str:
     return text
 
 
+def read_beside(source: str, key: str, name: str) -> tuple[str, Path]:
+    """Text and path of a file that another one names by a key."""
+    path = Path(source).parent / name
+    try:
+        return read_text(path), path
+    except CalibrationError as reason:
+        raise CalibrationError(f"{source}: {key}: {reason}") from None
+
+
 def parse_yaml(text: str, source: str) -> dict[str, Any]:
     """Mapping in a YAML text."""
     try:
+        if text.lstrip().startswith("%YAML:"):
+            text = _NO_SPACE.sub(r"\1: ", text)
         data = _load_yaml(_HEADER.sub("", text))
     except yaml.MarkedYAMLError as reason:
         mark = reason.problem_mark
@@ -269,6 +286,12 @@ class ForeignTable(Table):
         return key in cls.model_fields or key in cls.also_read or key in cls.inner
 
 
+class MatrixTable(ForeignTable, harmless="rows cols dt"):
+    """Matrix under a key, as OpenCV and ROS write it; `data` is its rows."""
+
+    data: Numbers
+
+
 def unread_keys(
     data: Any, table: type[ForeignTable], path: str = ""
 ) -> Iterator[tuple[str, Any, Unread | None]]:
@@ -344,17 +367,37 @@ def counted(values: Sequence[float], names: str, source: str) -> list[float]:
 
 
 def pose(matrix: Sequence[Sequence[float]], source: str) -> Floats:
-    """Pose (4, 4) from rows; a fourth row is added to three."""
+    """Pose (4, 4) from rows; a fourth row is added to three.
+
+    A rotation of rounded numbers becomes the nearest rotation.
+    """
     rows = [list(row) for row in matrix]
     if len(rows) == 3:
         rows.append([0.0, 0.0, 0.0, 1.0])
     try:
         if len(rows) != 4 or any(len(row) != 4 for row in rows):
             raise CalibrationError("expected 4 × 4 numbers")
+        rotation = np.clip(np.array(rows)[:3, :3], -2.0, 2.0)
+        gap = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
+        if POSE_TOLERANCE < gap < MAX_ROUNDING:
+            for row, nearest in zip(rows, nearest_rotation(rotation).tolist(), strict=False):
+                row[:3] = nearest
         return check_pose(rows)
     except OmnisimError as reason:
         message = str(reason).removeprefix("pose: ")
         raise CalibrationError(f"{source}: {message}, got {short(rows)}") from None
+
+
+def flat_pose(numbers: Sequence[float], source: str) -> Floats:
+    """Pose (4, 4) from the numbers of three or four rows."""
+    return pose([numbers[at : at + 4] for at in range(0, len(numbers), 4)], source)
+
+
+def pose_of(rotation: Sequence[float], position_m: Sequence[float], source: str) -> Floats:
+    """Pose (4, 4) from the nine numbers of a rotation's rows and a position."""
+    r = counted(rotation, "r11 r12 r13 r21 r22 r23 r31 r32 r33", source)
+    xyz = counted(position_m, "x y z", source)
+    return pose([[*r[3 * row : 3 * row + 3], xyz[row]] for row in range(3)], source)
 
 
 def rows(matrix: Floats) -> list[list[float]]:

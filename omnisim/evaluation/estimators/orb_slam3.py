@@ -20,7 +20,10 @@ import numpy as np
 import scipy
 
 from omnisim.cameras import KannalaBrandtCamera
+from omnisim.cameras.calibration.calibrated_camera import NamedPose
 from omnisim.cameras.calibration.documents import parse_yaml
+from omnisim.cameras.calibration.formats import orbslam3
+from omnisim.cameras.calibration.formats.format import ParsedCamera, yaml_float
 from omnisim.cameras.calibration.formats.opencv import OpencvFisheye
 from omnisim.core.arrays import Bools, Bytes, Floats, Indices
 from omnisim.core.errors import EstimatorError
@@ -234,7 +237,6 @@ def _poses(path: Path) -> tuple[Floats, Floats]:
 # Sources: ORB-SLAM3's calibration tutorial, and `Settings.cc`.
 
 
-FEATURES = 1000  # per image
 # Minimum noise of the IMU: without noise, information matrices are singular.
 MIN_NOISE = {"NoiseGyro": 1e-5, "NoiseAcc": 1e-4, "GyroWalk": 1e-7, "AccWalk": 1e-6}
 # Required keys of the viewer, which is not opened.
@@ -264,41 +266,21 @@ def settings_text(
 
     `first_from_second` is the (4, 4) pose of the second camera.
     """
-    first = lenses[0]
-    lines = ["%YAML:1.0", "---", 'File.version: "1.0"', 'Camera.type: "KannalaBrandt8"']
-    for number, lens in enumerate(lenses, start=1):
-        values = *lens.focal_lengths_px, *lens.principal_point_px
-        intrinsics = zip(("fx", "fy", "cx", "cy"), values, strict=True)
-        lines += [f"Camera{number}.{key}: {_real(value)}" for key, value in intrinsics]
-        lines += [
-            f"Camera{number}.k{index}: {_real(value)}"
-            for index, value in enumerate(lens.coefficients, start=1)
-        ]
-        lines += [f"Camera{number}.overlappingBegin: 0"]
-        lines += [f"Camera{number}.overlappingEnd: {first.width_px - 1}"]
-    lines += [f"Camera.width: {first.width_px}", f"Camera.height: {first.height_px}"]
-    lines += [f"Camera.fps: {max(1, round(fps))}", "Camera.RGB: 1"]
+    poses = []
     if first_from_second is not None:
-        lines += [*_matrix("Stereo.T_c1_c2", first_from_second), "Stereo.ThDepth: 40.0"]
+        poses.append(NamedPose(*orbslam3.NAMES, first_from_second))
     if imu is not None:
-        lines += _matrix("IMU.T_b_c1", imu.imu_from_camera)
+        poses.append(NamedPose("imu", orbslam3.NAMES[0], imu.imu_from_camera))
+    cameras = [
+        ParsedCamera(name, lens, tuple(poses))
+        for name, lens in zip(orbslam3.NAMES, lenses, strict=False)
+    ]
+    text = orbslam3.OrbSlam3().encode(cameras).replace("fps: 30", f"fps: {max(1, round(fps))}")
+    if imu is not None:
         for key, least in MIN_NOISE.items():
-            lines.append(f"IMU.{key}: {_real(max(imu.noise[key], least))}")
-        lines += [f"IMU.Frequency: {_real(imu.rate_hz)}"]
-    lines += [f"ORBextractor.nFeatures: {FEATURES}", "ORBextractor.scaleFactor: 1.2"]
-    lines += ["ORBextractor.nLevels: 8", "ORBextractor.iniThFAST: 20", "ORBextractor.minThFAST: 7"]
-    lines += [f"Viewer.{key}: 1.0" for key in VIEWER]
-    return "\n".join(lines) + "\n"
-
-
-def _matrix(key: str, pose: Floats) -> list[str]:
-    numbers = ", ".join(_real(value) for value in pose.ravel())
-    return [f"{key}: !!opencv-matrix", "  rows: 4", "  cols: 4", "  dt: f", f"  data: [{numbers}]"]
-
-
-def _real(value: float) -> str:
-    """Number with a decimal point, since ORB-SLAM3 refuses integers."""
-    return f"{float(value):.17g}" if "." in f"{float(value):.17g}" else f"{float(value):.1f}"
+            text += f"IMU.{key}: {yaml_float(max(imu.noise[key], least))}\n"
+        text += f"IMU.Frequency: {yaml_float(imu.rate_hz)}\n"
+    return text + "".join(f"Viewer.{key}: 1.0\n" for key in VIEWER)
 
 
 # Gray images for estimators.

@@ -45,7 +45,9 @@ EXAMPLES = {
 EXACT = {
     "omnisim": set(CAMERA_MODELS),
     "kalibr": UNIFIED | FISHEYES | SPHERES,
+    "euroc": UNIFIED | FISHEYES | SPHERES,
     "kitti360": UNIFIED | FISHEYES | {"unified"},
+    "orbslam3": {"perspective", "planar", "unified", "hyperbolic"} | FISHEYES,
     "opencv_omnidir": UNIFIED | {"unified"},
     "opencv_fisheye": FISHEYES,
     "opencv_pinhole": {"perspective", "planar", "unified", "hyperbolic", "rational_polynomial"},

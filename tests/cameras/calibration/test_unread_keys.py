@@ -28,8 +28,11 @@ VALUES = {
                        "distortion_coeffs": [0.1] * 4},
     "lens/type": "equisolid_angle", "lens/scale_to_hfov": "false", "image_size": [7, 7],
 }  # fmt: skip
-# by field of view, intrinsics or model
-REPLACED = {"lens/custom_function/f", "lens/scale_to_hfov", "apiSchemas"}
+REPLACED = {
+    "lens/custom_function/f", "lens/scale_to_hfov",  # by field of view or intrinsics
+    "apiSchemas",  # by model
+    "Camera", "Stereo", "IMU",  # tables, whose keys are changed one by one
+}  # fmt: skip
 
 
 def changed(value):

@@ -9,7 +9,8 @@
 | kb4 | … k1 k2 k3 k4 | kannala_brandt |
 | pinhole-radtan8 | … k1 k2 p1 p2 k3 k4 k5 k6 rpmax | rational_polynomial, θ_max = atan rpmax |
 
-`T_imu_cam` maps the camera frame to the IMU frame. If the pose is unknown, the first camera stands
+`T_imu_cam` maps the camera frame to the IMU frame; a camera timestamp plus `cam_time_offset_ns` is
+IMU time. If the pose is unknown, the first camera stands
 in for the IMU, and an omnisim key in the file says so. Pixel (0, 0) is the center of the first
 pixel, as in omnisim.
 
@@ -40,6 +41,7 @@ from omnisim.cameras.calibration.calibrated_camera import NamedPose, find_pose
 from omnisim.cameras.calibration.documents import ForeignTable, Unread, parse, unexpected
 from omnisim.cameras.calibration.formats import format as base
 from omnisim.cameras.calibration.formats.format import ANY, Format, ParsedCamera, error_context
+from omnisim.core.errors import CalibrationError
 from omnisim.core.files.parameters import Number
 
 FOCAL = "fx fy cx cy"
@@ -74,7 +76,6 @@ class _Value(
     inner={"T_imu_cam": _Pose, "intrinsics": _Intrinsics},
     unread={
         "vignette": Unread("fall-off of brightness: [degradation.vignetting] of a sensor file"),
-        "cam_time_offset_ns": Unread("time shift between the cameras and the IMU"),
         "view_offset": Unread("offset between the cameras' images"),
     },
     harmless=(
@@ -86,6 +87,7 @@ class _Value(
     T_imu_cam: tuple[dict[str, Any], ...] = ()
     intrinsics: list[dict[str, Any]]
     resolution: list[list[documents.Size]]
+    cam_time_offset_ns: Number = 0.0
 
 
 class _File(ForeignTable, inner={"value0": _Value}, also_read=POSES_UNKNOWN):
@@ -103,7 +105,7 @@ class Basalt(Format[BasaltLens]):
         RationalPolynomialCamera,
     )  # fmt: skip
     fits = ((DoubleSphereCamera, ANY), (KannalaBrandtCamera, ANY), (EucmCamera, ANY))
-    signature = re.compile(r'"value0"\s*:')
+    signature = re.compile(r'"value0"\s*:(?!\s*\{\s*"config\.)')
     metadata_place = base.MetadataPlace.KEY
     several = True
     tables = (_File,)
@@ -126,7 +128,7 @@ class Basalt(Format[BasaltLens]):
                 *position, qx, qy, qz, qw = dict(at).values()
                 matrix = base.pose_from_quaternion(position, (qx, qy, qz, qw), where)
                 poses = (NamedPose("imu", name, matrix),)
-            cameras.append(ParsedCamera(name, lens, poses))
+            cameras.append(ParsedCamera(name, lens, poses, 1e-9 * value.cam_time_offset_ns))
         return cameras
 
     def encode(self, cameras: Sequence[ParsedCamera[BasaltLens]]) -> str:
@@ -141,7 +143,12 @@ class Basalt(Format[BasaltLens]):
             entries.append(dict(zip(_Pose.model_fields, (*position, *quaternion), strict=True)))
         sizes = [[camera.lens.width_px, camera.lens.height_px] for camera in cameras]
         lenses = [_intrinsics(camera.lens) for camera in cameras]
-        value = {"T_imu_cam": entries, "intrinsics": lenses, "resolution": sizes}
+        value: dict[str, Any] = {"T_imu_cam": entries, "intrinsics": lenses, "resolution": sizes}
+        shifts_s = {camera.time_shift_s for camera in cameras}
+        if len(shifts_s) > 1:
+            raise CalibrationError(f"basalt: expected one time shift, got {sorted(shifts_s)} s")
+        if shifts_s != {0.0}:
+            value["cam_time_offset_ns"] = round(1e9 * shifts_s.pop())
         data: dict[str, Any] = {"value0": value}
         if not poses:
             data[POSES_UNKNOWN] = True

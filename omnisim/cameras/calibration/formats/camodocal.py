@@ -6,9 +6,13 @@
 | PINHOLE | k1 k2 p1 p2; fx fy cx cy | perspective, unified with ξ = 0 |
 | KANNALA_BRANDT | k2 k3 k4 k5 mu mv u0 v0 | kannala_brandt, k1 … k4 |
 
-Pixel (0, 0) is the center of the first pixel, as in omnisim. The format has no poses.
+Pixel (0, 0) is the center of the first pixel, as in omnisim. The format has no poses, but VINS's
+settings have them, read only: `extrinsicRotation` and `extrinsicTranslation`, or `body_T_cam0`, map
+the camera's frame to the IMU's, and a camera timestamp plus `td` is IMU time. VINS-Fusion's
+settings name a file for each camera: `cam0_calib`, `cam1_calib`.
 
-Source: camodocal's camera_models; KITTI-360's documentation, "2D fisheye images".
+Source: camodocal's camera_models; KITTI-360's documentation, "2D fisheye images"; VINS-Fusion's
+parameters.cpp.
 """
 
 from __future__ import annotations
@@ -24,7 +28,8 @@ import pydantic
 
 from omnisim.cameras import CentralCamera, KannalaBrandtCamera, UnifiedCamera
 from omnisim.cameras.calibration import documents
-from omnisim.cameras.calibration.documents import ForeignTable, Unread, parse
+from omnisim.cameras.calibration.calibrated_camera import NamedPose
+from omnisim.cameras.calibration.documents import ForeignTable, MatrixTable, Unread, parse
 from omnisim.cameras.calibration.formats import format as base
 from omnisim.cameras.calibration.formats.format import ANY, Format, ParsedCamera, error_context
 from omnisim.core.files.parameters import Number, Table
@@ -47,9 +52,8 @@ PARTS = {
 
 class _Head(
     ForeignTable,
+    inner=dict.fromkeys(("body_T_cam0", "extrinsicRotation", "extrinsicTranslation"), MatrixTable),
     unread={
-        "extrinsicRotation extrinsicTranslation body_T_cam0": Unread("pose: a Kalibr chain has it"),
-        "td": Unread("time shift: a Kalibr chain has it"),
         "rolling_shutter rolling_shutter_tr": documents.ROLLING_SHUTTER,
         "mirror_parameters": Unread("ξ of a MEI camera, but the model is another", is_fault=True),
         "distortion_parameters": Unread("distortion of another model", is_fault=True),
@@ -61,6 +65,10 @@ class _Head(
     camera_name: str = "camera"
     image_width: documents.Size
     image_height: documents.Size
+    body_T_cam0: MatrixTable | None = None
+    extrinsicRotation: MatrixTable | None = None
+    extrinsicTranslation: MatrixTable | None = None
+    td: Number = 0.0
 
 
 def _table(model: str) -> type[_Head]:
@@ -79,22 +87,56 @@ class Camodocal(Format[CamodocalLens]):
     """Format of KITTI-360 and camodocal."""
 
     name = "kitti360"
-    title = "KITTI-360 and camodocal: MEI yaml"
+    title = "KITTI-360, camodocal and VINS: MEI yaml"
     suffix = ".yaml"
     models = (UnifiedCamera, KannalaBrandtCamera)
     fits = ((UnifiedCamera, base.NO_SKEW), (KannalaBrandtCamera, ANY))
-    signature = re.compile(r"""^[ \t]*["']?model_type["']?[ \t]*:""", re.M)
+    signature = re.compile(r"""^[ \t]*["']?(model_type|cam0_calib)["']?[ \t]*:""", re.M)
     unified_terms = frozenset({"ξ"})
     tables = tuple(TABLES.values())
 
+    def document(self, text: str, source: str) -> Any:
+        """Content of a file; cam0, … with those of VINS-Fusion's cameras, if it names them."""
+        data = super().document(text, source)
+        if "cam0_calib" not in data:
+            return data
+        cameras = {}
+        for index in range(2 if data.get("num_of_cam") == 2 else 1):
+            name = f"cam{index}"
+            if not isinstance(file := data.get(f"{name}_calib"), str):
+                raise documents.unexpected(f"{source}: {name}_calib", "the name of a file", file)
+            camera_text, path = documents.read_beside(source, f"{name}_calib", file)
+            camera = super().document(camera_text, str(path))
+            stated = {"td": data.get("td"), "body_T_cam0": data.get(f"body_T_{name}")}
+            stated = {key: value for key, value in stated.items() if value is not None}
+            cameras[name] = {**camera, **stated, "camera_name": name}
+        return cameras
+
+    def parts(self, document: Any) -> dict[str, Any]:
+        """Documents of the cameras that VINS-Fusion's settings name, or of the only one."""
+        return document if "cam0" in document else super().parts(document)
+
     def read(self, document: Any, source: str) -> list[ParsedCamera[CentralCamera]]:
-        """Parse the camera."""
+        """Parse the cameras."""
+        parts = self.parts(document).items()
+        return [self._camera(part, f"{source}: {name}" if name else source) for name, part in parts]
+
+    def _camera(self, document: Any, source: str) -> ParsedCamera[CentralCamera]:
         data = dict(document)
         if not isinstance(data.get("camera_name", ""), str):  # KITTI-360's is a string, 00 is not
             data["camera_name"] = str(data["camera_name"])
         head = parse(data, _Head, source)
+        name, poses = head.camera_name or "camera", list[NamedPose]()
+        if head.body_T_cam0 is not None:
+            matrix = documents.flat_pose(head.body_T_cam0.data, f"{source}: body_T_cam0")
+            poses.append(NamedPose("imu", name, matrix))
+        rotation, position = head.extrinsicRotation, head.extrinsicTranslation
+        if rotation is not None or position is not None:
+            place = f"{source}: extrinsicRotation, extrinsicTranslation"
+            r, xyz = (part.data if part else [] for part in (rotation, position))
+            poses.append(NamedPose("imu", name, documents.pose_of(r, xyz, place)))
         with error_context(source):
-            return [ParsedCamera(head.camera_name or "camera", _lens(head, data, source))]
+            return ParsedCamera(name, _lens(head, data, source), tuple(poses), head.td)
 
     def table_of(self, document: Any) -> type[ForeignTable]:
         """Schema of a document by its model."""

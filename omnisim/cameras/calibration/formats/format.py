@@ -13,6 +13,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import Enum
+from itertools import chain
 from typing import Any, ClassVar, Generic, NamedTuple, TypeVar
 
 import numpy as np
@@ -25,6 +26,7 @@ from omnisim.cameras import (
     RationalPolynomialCamera,
     UnifiedCamera,
 )
+from omnisim.cameras.calibration import documents
 from omnisim.cameras.calibration.calibrated_camera import NamedPose
 from omnisim.cameras.calibration.documents import (
     ForeignTable,
@@ -142,16 +144,21 @@ class Format(ABC, Generic[LensT]):
         """Schema of a document."""
         return self.tables[0] if self.tables else None
 
+    def parts(self, document: Any) -> dict[str, Any]:
+        """Documents of several files or messages that were joined, by name; "": not joined."""
+        return {"": document}
+
     def notices(self, document: Any, source: str) -> list[str]:
         """Notes on keys in a document that are not read, one sentence each.
 
         Raises:
             CalibrationError: the camera would be wrong without one of the keys.
         """
-        table = self.table_of(document)
         known: dict[str, str] = {}
         unknown: list[str] = []
-        for path, value, meaning in () if table is None else unread_keys(document, table):
+        tables = ((name, part, self.table_of(part)) for name, part in self.parts(document).items())
+        keys = (unread_keys(part, table, name) for name, part, table in tables if table is not None)
+        for path, value, meaning in chain.from_iterable(keys):
             if path == "omnisim":  # metadata, read for all formats
                 continue
             same = re.sub(r"\.\d+(?=\.)", ".*", path)  # the key in one of many equal tables
@@ -165,8 +172,8 @@ class Format(ABC, Generic[LensT]):
         notes = list(known.values())
         if unknown:
             more = f" and {len(unknown) - SHOWN_KEYS} more" if len(unknown) > SHOWN_KEYS else ""
-            keys = ", ".join(unknown[:SHOWN_KEYS]) + more
-            notes.append(f"unknown keys of a {self.name} file are not read: {keys}")
+            names = ", ".join(unknown[:SHOWN_KEYS]) + more
+            notes.append(f"unknown keys of the {self.name} file are not read: {names}")
         return notes
 
     def lens_caveats(self, lens: CentralCamera) -> tuple[str, ...]:
@@ -300,6 +307,12 @@ def pose_from_quaternion(
     if not 1e-9 < length < 1e99:
         raise unexpected(f"{place}: quaternion", "x, y, z, w of length 1", list(quaternion))
     return pose_from_rotation(rotation_from_quaternion(np.asarray(quaternion) / length), position_m)
+
+
+def rectified_pose(rotation: Sequence[float], projection: Sequence[float], place: str) -> Floats:
+    """Pose (4, 4) of a camera on a pair's first rectified camera, from R (9) and P (12)."""
+    p = counted(projection, "fx 0 cx Tx 0 fy cy Ty 0 0 1 0", f"{place}: P")
+    return documents.pose_of(rotation, (-p[3] / p[0], -p[7] / p[5], 0.0), f"{place}: R, P")
 
 
 def position_and_quaternion(pose: Floats) -> tuple[list[float], list[float]]:

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from omnisim.cameras import CentralCamera, ThinPrismFisheyeCamera
+from omnisim.cameras.calibration.calibrated_camera import find_pose
 from omnisim.cameras.calibration.formats import format as base
 from omnisim.cameras.calibration.formats import ros
 from omnisim.cameras.calibration.formats.format import ParsedCamera
@@ -45,11 +46,12 @@ class Foxglove(ros.CameraInfo):
     def encode(self, cameras: Sequence[ParsedCamera[ros.CameraInfoLens]]) -> str:
         """Text of a file with the camera."""
         (camera,) = cameras
-        model, d, k, p = ros.camera_info(camera.lens)
+        pose = find_pose(camera.poses, ros.RECTIFIED, camera.name)
+        model, d, k, r, p = ros.camera_info(camera.lens, pose)
         data = {
             "timestamp": {"sec": 0, "nsec": 0}, "frame_id": camera.name,
             "width": camera.lens.width_px, "height": camera.lens.height_px,
             "distortion_model": "kannala_brandt" if model == "equidistant" else model, "D": d,
-            "K": k, "R": list(ros.IDENTITY), "P": p,
+            "K": k, "R": r, "P": p,
         }  # fmt: skip
         return json.dumps(data, indent=2) + "\n"

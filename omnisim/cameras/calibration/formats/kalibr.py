@@ -1,4 +1,4 @@
-"""Kalibr's camchain.yaml.
+"""Kalibr's camchain.yaml, and files with its models: EuRoC's sensor.yaml, OKVIS2's settings.
 
 | camera_model | intrinsics | distortion_model | model |
 | --- | --- | --- | --- |
@@ -14,21 +14,22 @@ frame to this camera's frame, and `T_cam_imu` maps the IMU frame to it; OpenVINS
 `T_imu_cam`. A camera timestamp plus `timeshift_cam_imu` is IMU time. Kalibr reads only floats, so
 all numbers are written with a decimal point.
 
-EuRoC's mav0/cam0/sensor.yaml, read only, has the same models: `distortion_model` is
-`radial-tangential` or `equidistant`, and `T_BS` maps the camera's frame to the body's, the IMU's.
+EuRoC's mav0/cam0/sensor.yaml and Kimera's LeftCameraParams.yaml have the same models:
+`distortion_model` is `radial-tangential` or `equidistant`, and `T_BS` maps the camera's frame to
+the body's, the IMU's. OKVIS2's settings, read only, have `T_SC` for it, also eight coefficients,
+and `image_delay`, which is minus the time shift.
 
 Source: Kalibr's wiki, "YAML formats" and "Supported models"; Burri et al., "The EuRoC micro aerial
-vehicle datasets", 2016.
+vehicle datasets", 2016; Kimera's CameraParams.cpp; OKVIS2's ViParametersReader.cpp.
 """
 
 from __future__ import annotations
 
+import json
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from omnisim.cameras import (
     CentralCamera,
@@ -39,9 +40,10 @@ from omnisim.cameras import (
 )
 from omnisim.cameras.calibration import documents
 from omnisim.cameras.calibration.calibrated_camera import NamedPose, find_pose
-from omnisim.cameras.calibration.documents import ForeignTable, parse, unexpected
+from omnisim.cameras.calibration.documents import ForeignTable, MatrixTable, parse, unexpected
 from omnisim.cameras.calibration.formats import format as base
 from omnisim.cameras.calibration.formats.format import ANY, Format, ParsedCamera, error_context
+from omnisim.core.arrays import Floats
 from omnisim.core.files.parameters import Number
 from omnisim.core.poses import inverse
 
@@ -49,11 +51,23 @@ INTRINSICS = {
     "pinhole": "fu fv pu pv", "omni": "xi fu fv pu pv", "ds": "xi alpha fu fv pu pv",
     "eucm": "alpha beta fu fv pu pv",
 }  # fmt: skip
-RENAMED = {"distortion_coefficients": "distortion_coeffs"}  # keys of a sensor.yaml
-MATRIX = " ".join(f"r{row}{column}" for row in "1234" for column in "1234")
-DISTORTIONS = {"radtan": "k1 k2 p1 p2", "equidistant": "k1 k2 k3 k4", "fov": "w", "none": ""}
+# keys and models of sensor.yaml and OKVIS2's settings
+RENAMED = {
+    "distortion_coefficients": "distortion_coeffs", "image_dimension": "resolution",
+    "distortion_type": "distortion_model",
+}  # fmt: skip
+RADTAN = "radial-tangential"
+SYNONYMS = {
+    RADTAN: "radtan", "radialtangential": "radtan", "plumb_bob": "radtan",
+    "plumb_bob8": "radtan8", "radialtangential8": "radtan8",
+}  # fmt: skip
+OTHERS = {"omni": "its polynomial is that of OCamCalib: pass calib_results.txt"}
+DISTORTIONS = {
+    "radtan": "k1 k2 p1 p2", "equidistant": "k1 k2 k3 k4", "fov": "w", "none": "",
+    "radtan8": "k1 k2 p1 p2 k3 k4 k5 k6",
+}  # fmt: skip
 PAIRS = {
-    "pinhole": ("radtan", "equidistant", "fov", "none"), "omni": ("radtan", "none"),
+    "pinhole": ("radtan", "equidistant", "fov", "none", "radtan8"), "omni": ("radtan", "none"),
     "ds": ("none",), "eucm": ("none",),
 }  # fmt: skip
 KalibrLens = UnifiedCamera | KannalaBrandtCamera | EucmCamera | DoubleSphereCamera
@@ -62,7 +76,7 @@ KalibrLens = UnifiedCamera | KannalaBrandtCamera | EucmCamera | DoubleSphereCame
 class _Camera(
     ForeignTable,
     unread={"line_delay": documents.ROLLING_SHUTTER},
-    harmless="rostopic cam_overlaps sensor_type comment rate_hz",
+    harmless="rostopic cam_overlaps sensor_type comment rate_hz camera_type slam_use",
 ):
     """Camera of a chain."""
 
@@ -77,8 +91,14 @@ class _Camera(
     timeshift_cam_imu: Number = 0.0
 
 
-class _Matrix(ForeignTable):
-    data: documents.Numbers
+class _OkvisCamera(ForeignTable):
+    T_SC: documents.Numbers
+    focal_length: documents.Numbers
+    principal_point: documents.Numbers
+
+
+class _OkvisDelay(ForeignTable):
+    image_delay: Number = 0.0
 
 
 class _Chain(ForeignTable, inner={"*": _Camera}):
@@ -98,7 +118,9 @@ class Kalibr(Format[KalibrLens]):
         (UnifiedCamera, base.NO_SKEW), (KannalaBrandtCamera, ANY), (EucmCamera, ANY),
         (DoubleSphereCamera, ANY),
     )  # fmt: skip
-    signature = re.compile(r"""(?:^|[{,])[ \t]*["']?camera_model["']?[ \t]*:""", re.M)
+    signature = re.compile(
+        r"""(?:^|[{,]|^[ \t]*-)[ \t]*["']?(camera_model|T_SC)["']?[ \t]*:""", re.M
+    )
     several = True
     tables = (_Chain,)
     unified_terms = frozenset({"ξ"})
@@ -106,12 +128,17 @@ class Kalibr(Format[KalibrLens]):
     def looks_like(self, text: str) -> bool:
         """True for YAML with a camera model and intrinsics."""
         is_json = text.lstrip().startswith("{")
-        return not is_json and super().looks_like(text) and "intrinsics" in text
+        has_focal_lengths = "intrinsics" in text or "focal_length" in text
+        return not is_json and super().looks_like(text) and has_focal_lengths
 
     def document(self, text: str, source: str) -> Any:
-        """Content of a file; a sensor.yaml of EuRoC as a chain."""
+        """Content of a file; a sensor.yaml of EuRoC, and OKVIS2's settings, as a chain."""
         data = documents.parse_yaml(text, source)
-        return _chain_of_sensor(data, source) if "sensor_type" in data or "T_BS" in data else data
+        if "sensor_type" in data or "T_BS" in data:
+            folder = Path(source).parent.name
+            name = folder if re.fullmatch(r"cam\d+", folder, re.ASCII) else "cam0"
+            return {str(data.get("camera_id") or name): _chain_camera(data, source)}
+        return _chain_of_okvis(data, source) if isinstance(data.get("cameras"), list) else data
 
     def read(self, document: Any, source: str) -> list[ParsedCamera[CentralCamera]]:
         """Parse the cameras of the chain."""
@@ -148,6 +175,8 @@ class Kalibr(Format[KalibrLens]):
             text += f"  intrinsics: {base.yaml_floats(numbers)}\n"
             text += f"  resolution: [{camera.lens.width_px}, {camera.lens.height_px}]\n"
             text += f"  rostopic: /{camera.name}/image_raw\n"
+            if camera.time_shift_s:
+                text += f"  timeshift_cam_imu: {base.yaml_float(camera.time_shift_s)}\n"
             before = camera.name
         return text
 
@@ -156,30 +185,80 @@ class Kalibr(Format[KalibrLens]):
         return name if re.fullmatch(r"cam\d+", name, re.ASCII) else f"cam{index}"
 
 
-def _chain_of_sensor(sensor: dict[str, Any], source: str) -> dict[str, Any]:
-    """Chain with the camera of a sensor.yaml, whose folder has the camera's name."""
-    folder = Path(source).parent.name
-    name = folder if re.fullmatch(r"cam\d+", folder, re.ASCII) else "cam0"
-    camera = {RENAMED.get(key, key): value for key, value in sensor.items()}
+class Euroc(Kalibr):
+    """Format of EuRoC's sensor.yaml, one camera's."""
+
+    name = "euroc"
+    title = "EuRoC and Kimera: sensor.yaml"
+    several = False
+
+    def looks_like(self, text: str) -> bool:
+        """True for YAML with a camera model on a body."""
+        is_sensor = re.search(r"^(sensor_type|T_BS)[ \t]*:", text, re.M)
+        return is_sensor is not None and super().looks_like(text)
+
+    def encode(self, cameras: Sequence[ParsedCamera[KalibrLens]]) -> str:
+        """Text of a file with the camera."""
+        (camera,) = cameras
+        matrix = find_pose(camera.poses, "imu", camera.name)
+        name = f"camera_id: {json.dumps(camera.name)}"
+        return "\n".join(sensor_lines(camera.lens, matrix, name)) + "\n"
+
+    camera_name = Format.camera_name
+
+
+def sensor_lines(lens: KalibrLens, body_from_camera: Floats | None, name: str) -> list[str]:
+    """Lines of a sensor.yaml, with one that names the camera; the last five are its lens."""
+    model, numbers, distortion, coefficients = _parameters(lens)
+    lines = ["sensor_type: camera", name]
+    if body_from_camera is not None:
+        data = base.yaml_floats((body_from_camera.ravel() + 0.0).tolist())
+        lines += ["T_BS:", "  cols: 4", "  rows: 4", f"  data: {data}"]
+    return [
+        *lines, f"resolution: [{lens.width_px}, {lens.height_px}]", f"camera_model: {model}",
+        f"intrinsics: {base.yaml_floats(numbers)}",
+        f"distortion_model: {'equidistant' if distortion == 'equidistant' else RADTAN}",
+        f"distortion_coefficients: {base.yaml_floats(coefficients or (0.0,) * 4)}",
+    ]  # fmt: skip
+
+
+def _chain_camera(sensor: Mapping[str, Any], place: str) -> dict[str, Any]:
+    """Camera of a chain from one of a sensor.yaml, or of OKVIS2's settings."""
+    camera = {RENAMED.get(key, key): value for key, value in sensor.items() if key != "camera_id"}
     model = camera.get("distortion_model")
     none = camera.get("distortion_coeffs") in (None, [], [0.0] * 4)
     if none and camera.get("camera_model") in ("ds", "eucm"):
         camera.update(distortion_model="none", distortion_coeffs=[])
-    elif model in ("radial-tangential", "plumb_bob"):
-        camera["distortion_model"] = "radtan"
+    elif isinstance(model, str):
+        camera["distortion_model"] = SYNONYMS.get(model, model)
     if "T_BS" in camera:
-        place = f"{source}: T_BS"
-        data = documents.counted(
-            parse(camera.pop("T_BS"), _Matrix, place).data, MATRIX, f"{place}.data"
-        )
-        camera["T_imu_cam"] = np.reshape(data, (4, 4)).tolist()
-    return {name: camera}
+        where = f"{place}: T_BS"
+        data = parse(camera.pop("T_BS"), MatrixTable, where).data
+        camera["T_imu_cam"] = documents.flat_pose(data, f"{where}.data").tolist()
+    return camera
+
+
+def _chain_of_okvis(data: dict[str, Any], source: str) -> dict[str, Any]:
+    """Chain with the cameras of OKVIS2's settings."""
+    general = parse(data.get("camera_parameters", {}), _OkvisDelay, f"{source}: camera_parameters")
+    chain = {}
+    for index, camera in enumerate(data["cameras"]):
+        place = f"{source}: cameras.{index}"
+        stated = parse(camera, _OkvisCamera, place)
+        kept = {key: value for key, value in camera.items() if key not in _OkvisCamera.model_fields}
+        chain[f"cam{index}"] = _chain_camera({
+            **kept, "camera_model": "pinhole", "T_BS": {"data": stated.T_SC},
+            "intrinsics": [*stated.focal_length, *stated.principal_point],
+            "timeshift_cam_imu": 0.0 - general.image_delay,
+        }, place)  # fmt: skip
+    return chain
 
 
 def _lens(fields: _Camera, place: str) -> CentralCamera:
     model, distortion = fields.camera_model, fields.distortion_model
     documents.check_choice(model, INTRINSICS, f"{place}: camera_model")
-    documents.check_choice(distortion, PAIRS[model], f"{place}: distortion_model with {model}")
+    where = f"{place}: distortion_model with {model}"
+    documents.check_choice(distortion, PAIRS[model], where, OTHERS)
     numbers = documents.counted(fields.intrinsics, INTRINSICS[model], f"{place}: intrinsics")
     names = DISTORTIONS[distortion]
     coefficients = documents.counted(fields.distortion_coeffs, names, f"{place}: distortion_coeffs")
@@ -195,6 +274,8 @@ def _lens(fields: _Camera, place: str) -> CentralCamera:
             return KannalaBrandtCamera(*intrinsics, tuple(coefficients))
         if distortion == "fov":
             return base.FovLens(*intrinsics, coefficients[0])
+        if distortion == "radtan8":
+            return base.brown_pinhole(intrinsics, coefficients, f"{place}: distortion_coeffs")
         coefficients = coefficients or [0.0] * 4
         if model == "omni":
             return UnifiedCamera(*intrinsics, shape[0], tuple(coefficients))

@@ -21,6 +21,7 @@ from omnisim.cameras.calibration.fit import FITTED_MODELS
 from omnisim.cameras.calibration.formats import format as base
 from omnisim.cameras.calibration.formats.format import ANY, Format, ParsedCamera, error_context
 from omnisim.core.errors import CalibrationError
+from omnisim.core.files.parameters import Number
 
 VERSION = 1
 
@@ -35,6 +36,7 @@ class _Camera(ForeignTable, inner={"poses": _Pose}):
     name: str = "camera"
     camera: dict[str, Any]
     poses: tuple[dict[str, Any], ...] = ()
+    time_shift_s: Number = 0.0
 
 
 class _File(ForeignTable, inner={"cameras": _Camera}):
@@ -96,7 +98,8 @@ class OmnisimJson(Format[CentralCamera]):
                 for pose in camera.poses
             ]  # fmt: skip
             parameters = camera.lens.parameters()
-            entries.append({"name": camera.name, "camera": parameters, "poses": poses})
+            shift = {"time_shift_s": camera.time_shift_s} if camera.time_shift_s else {}
+            entries.append({"name": camera.name, "camera": parameters, "poses": poses, **shift})
         return json.dumps({"omnisim_calibration": VERSION, "cameras": entries}, indent=2) + "\n"
 
     def native(self, camera: CentralCamera) -> CentralCamera:
@@ -116,7 +119,7 @@ def _parsed(part: dict[str, Any], place: str) -> ParsedCamera[CentralCamera]:
         matrix = documents.pose(stated.target_from_source, f"{where}.target_from_source")
         poses.append(NamedPose(stated.target, stated.source, matrix))
     camera = _camera(fields.camera, f"{place}.camera")
-    return ParsedCamera(fields.name or "camera", camera, tuple(poses))
+    return ParsedCamera(fields.name or "camera", camera, tuple(poses), fields.time_shift_s)
 
 
 def _camera(parameters: dict[str, Any], place: str) -> CentralCamera:

@@ -46,6 +46,9 @@ DISTORTION_KEYS = (
 )  # fmt: skip
 IS_YAML = re.compile(r"\A\s*%YAML|!!opencv-matrix")
 HAS_XI = re.compile(r"^[ \t]*xi[ \t]*:", re.M)
+HAS_MATRIX = re.compile(
+    rf"^[ \t]*({'|'.join((*MATRIX_KEYS, *DISTORTION_KEYS))})[ \t]*:[ \t]*!!opencv-matrix", re.M
+)
 IS_FISHEYE = re.compile(r"^[ \t]*fisheye_model[ \t]*:[ \t]*1\b", re.M)
 IS_PINHOLE = re.compile(r"^[ \t]*fisheye_model[ \t]*:[ \t]*0\b", re.M)
 
@@ -113,7 +116,7 @@ class _Opencv(Format[base.LensT]):
 
     def looks_like(self, text: str) -> bool:
         """True for YAML of `cv2.FileStorage` with this kind of camera."""
-        if not IS_YAML.search(text) or "!!opencv-matrix" not in text:
+        if not IS_YAML.search(text) or not HAS_MATRIX.search(text):
             return False
         kind = OpencvFisheye if IS_FISHEYE.search(text) else OpencvPinhole
         return type(self) is (OpencvOmnidir if HAS_XI.search(text) else kind)

@@ -10,11 +10,15 @@ Pixel (0, 0) is the center of the first pixel, as in omnisim. Rays at or beyond 
 have no model: `P` and every rectified image lie in a plane.
 
 camera_info_manager stores a YAML file with `camera_matrix: {rows, cols, data}`; camera_calibration
-writes fisheyes with `camera_model: fisheye` in place of a distortion model; `ros2 topic echo`
-prints the message itself, with `k`, `d`, and `---` below. RealSense's T265 has five numbers in `d`,
-of which librealsense's projection reads four.
+writes fisheyes with `camera_model: fisheye` in place of a distortion model, and ost.txt, which has
+no model: four coefficients are a fisheye's. `ros2 topic echo` and `rostopic echo` print messages,
+with `k`, `d` or `K`, `D`, and `---` between them: each different one is a camera. RealSense's T265
+has five numbers in `d`, of which librealsense's projection reads four.
 
-Source: sensor_msgs/CameraInfo, image_pipeline/CameraInfo.
+`R` and the baseline in `P` of a stereo pair are a camera's pose on the frame `rectified`, that of
+the first rectified image.
+
+Source: sensor_msgs/CameraInfo, image_pipeline/CameraInfo; camera_calibration's calibrator.py.
 """
 
 from __future__ import annotations
@@ -23,7 +27,10 @@ import json
 import math
 import re
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import replace
+from typing import Any, TypeVar
+
+import numpy as np
 
 from omnisim.cameras import (
     CentralCamera,
@@ -33,9 +40,18 @@ from omnisim.cameras import (
     UnifiedCamera,
 )
 from omnisim.cameras.calibration import documents
-from omnisim.cameras.calibration.documents import ForeignTable, Unread, parse, unexpected
+from omnisim.cameras.calibration.calibrated_camera import CalibratedCamera, NamedPose, find_pose
+from omnisim.cameras.calibration.documents import (
+    ForeignTable,
+    MatrixTable,
+    Unread,
+    parse,
+    unexpected,
+)
 from omnisim.cameras.calibration.formats import format as base
 from omnisim.cameras.calibration.formats.format import ANY, Format, ParsedCamera, error_context
+from omnisim.core.arrays import Floats
+from omnisim.core.errors import CalibrationError
 from omnisim.core.files.parameters import Number
 
 OTHERS = {"fisheye62": "Foxglove's alone: ROS has equidistant"}
@@ -44,6 +60,9 @@ T265 = (
     "distortion_model: plumb_bob, but the frame is a fisheye's: early RealSense drivers named the "
     "T265's Kannala-Brandt lens so; if it is one, write equidistant"
 )
+RECTIFIED = "rectified"  # frame of the first rectified image of a stereo pair
+SIDES = ("width", "height")
+CameraT = TypeVar("CameraT", ParsedCamera[CentralCamera], CalibratedCamera)
 IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 CameraInfoLens = (
     UnifiedCamera | RationalPolynomialCamera | KannalaBrandtCamera | ThinPrismFisheyeCamera
@@ -56,7 +75,7 @@ class CameraInfoMessage(
         "binning_x binning_y": Unread("the camera has the full image size", (1,)),
         "roi": Unread("the camera has the full image size"),
     },
-    harmless="timestamp header R",
+    harmless="timestamp header",
 ):
     """sensor_msgs/CameraInfo, or Foxglove's CameraCalibration."""
 
@@ -67,6 +86,7 @@ class CameraInfoMessage(
     D: documents.Numbers
     K: documents.Numbers
     P: tuple[Number, ...] = ()
+    R: tuple[Number, ...] = ()
 
 
 class CameraInfo(Format[CameraInfoLens]):
@@ -91,10 +111,12 @@ class CameraInfo(Format[CameraInfoLens]):
         fields = parse(message, CameraInfoMessage, source)
         size_px = fields.width, fields.height
         lens = self._lens(size_px, fields.distortion_model, fields.K, fields.D, source, ("K", "D"))
-        notes = baseline_notes("P", fields.P)
+        notes = ()
         if fields.distortion_model == "plumb_bob" and "fisheye" in fields.frame_id:
-            notes += (T265,)
-        return ParsedCamera(fields.frame_id or "camera", lens, notes=notes)
+            notes = (T265,)
+        name = fields.frame_id or "camera"
+        poses = stereo_poses(name, fields.R, fields.P, source)
+        return ParsedCamera(name, lens, poses, notes=notes)
 
     def _lens(
         self,
@@ -122,48 +144,80 @@ class CameraInfo(Format[CameraInfoLens]):
             return base.brown_pinhole(intrinsics, coefficients, f"{source}: {keys[1]}")
 
 
-def baseline_notes(key: str, projection: Sequence[float]) -> tuple[str, ...]:
-    """Note on the baseline in the projection matrix (3 × 4) of a stereo pair's second camera."""
-    if len(projection) != 12 or not (projection[3] or projection[7]):
+def stereo_poses(
+    name: str, rotation: Sequence[float], projection: Sequence[float], place: str
+) -> tuple[NamedPose, ...]:
+    """Pose of a camera from R and P; none if they are those of a single camera."""
+    r = rotation if any(rotation) else IDENTITY
+    has_baseline = len(projection) == 12 and bool(projection[3] or projection[7])
+    if not any(projection) or (tuple(r) == IDENTITY and not has_baseline):
         return ()
-    return (f"{key} has the baseline of a stereo pair, which is not read as a pose",)
+    with error_context(place):
+        return (NamedPose(RECTIFIED, name, base.rectified_pose(r, projection, place)),)
 
 
-def camera_info(lens: CameraInfoLens) -> tuple[str, list[float], list[float], list[float]]:
-    """Fields of the message for a lens: distortion model in ROS's terms, D, K and P."""
+def with_poses(cameras: Sequence[CameraT]) -> list[CameraT]:
+    """Cameras of a pair, each with a pose, since that of the first may be the identity."""
+    if not any(pose.target == RECTIFIED for camera in cameras for pose in camera.poses):
+        return list(cameras)
+    alike = {camera.name: (NamedPose(RECTIFIED, camera.name, np.eye(4)),) for camera in cameras}
+    return [replace(camera, poses=camera.poses or alike[camera.name]) for camera in cameras]
+
+
+Row = list[float]
+
+
+def camera_info(
+    lens: CameraInfoLens, on_rectified: Floats | None = None
+) -> tuple[str, Row, Row, Row, Row]:
+    """Fields of the message: distortion model in ROS's terms, D, K, R and P.
+
+    `on_rectified` is the pose (4, 4) of a camera of a stereo pair on the frame `rectified`.
+    """
     (fx, fy), (cx, cy) = lens.focal_lengths_px, lens.principal_point_px
     skew_px = lens.skew_px if isinstance(lens, KannalaBrandtCamera) else 0.0
+    pose = np.eye(4) if on_rectified is None else on_rectified
+    tx, ty = (-pose[:2, 3] * (fx, fy) + 0.0).tolist()
     k = [fx, skew_px, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]
-    p = [fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0]
+    p = [fx, 0.0, cx, tx, 0.0, fy, cy, ty, 0.0, 0.0, 1.0, 0.0]
+    return *_distortion(lens), k, pose[:3, :3].ravel().tolist(), p
+
+
+def _distortion(lens: CameraInfoLens) -> tuple[str, list[float]]:
     if isinstance(lens, KannalaBrandtCamera):
-        return "equidistant", list(lens.coefficients), k, p
+        return "equidistant", list(lens.coefficients)
     if isinstance(lens, ThinPrismFisheyeCamera):
-        return FISHEYE62, [*lens.coefficients, *lens.tangential], k, p
+        return FISHEYE62, [*lens.coefficients, *lens.tangential]
     if isinstance(lens, RationalPolynomialCamera):
-        return "rational_polynomial", list(lens.distortion[:8]), k, p
-    return "plumb_bob", [*lens.distortion[:4], lens.k3], k, p
+        return "rational_polynomial", list(lens.distortion[:8])
+    return "plumb_bob", [*lens.distortion[:4], lens.k3]
 
 
 _MESSAGE = re.compile(r"^[kK][ \t]*:", re.M)
-
-
-class _Matrix(ForeignTable, harmless="rows cols"):
-    data: documents.Numbers
+_LAST = r"^roi[ \t]*:"  # key of a message
+_OST = re.compile(r"^camera matrix[ \t\r]*$", re.M)
+_OST_KEYS = {
+    "camera matrix": "camera_matrix", "distortion": "distortion_coefficients",
+    "rectification": "rectification_matrix", "projection": "projection_matrix",
+}  # fmt: skip
+_OST_MODELS = {4: "equidistant", 5: "plumb_bob", 8: "rational_polynomial"}
 
 
 class _Camera(
     ForeignTable,
-    inner=dict.fromkeys(("camera_matrix", "distortion_coefficients"), _Matrix),
-    harmless="rectification_matrix",  # turns rectified images only
+    inner=dict.fromkeys(
+        ("camera_matrix", "distortion_coefficients", "rectification_matrix"), MatrixTable
+    ),
 ):
     image_width: documents.Size
     image_height: documents.Size
     camera_name: str = "camera"
     camera_model: str = ""
-    camera_matrix: _Matrix
+    camera_matrix: MatrixTable
     distortion_model: str
-    distortion_coefficients: _Matrix
-    projection_matrix: _Matrix | None = None
+    distortion_coefficients: MatrixTable
+    projection_matrix: MatrixTable | None = None
+    rectification_matrix: MatrixTable | None = None
 
 
 class Ros(CameraInfo):
@@ -181,8 +235,8 @@ class Ros(CameraInfo):
     fisheye_skew = True
 
     def looks_like(self, text: str) -> bool:
-        """True for YAML with a camera matrix that is not OpenCV's."""
-        return (
+        """True for YAML with a camera matrix that is not OpenCV's, and for ost.txt."""
+        return bool(_OST.search(text)) or (
             not text.lstrip().startswith("{")
             and "!!opencv-matrix" not in text
             and bool(re.search(r"^(camera_matrix|[kK])[ \t]*:", text, re.M))
@@ -190,23 +244,44 @@ class Ros(CameraInfo):
         )
 
     def document(self, text: str, source: str) -> Any:
-        """Content of a file, or of the first message that `ros2 topic echo` printed."""
-        if not _MESSAGE.search(text):
+        """Content of a file, or of the different cameras in messages or in an ost.txt."""
+        if _OST.search(text):
+            parts = re.split(r"^\[image\]", text, flags=re.M)
+            cameras = [_ost_camera(part, source) for part in parts[1:] or parts]
+        elif _MESSAGE.search(text):
+            cameras = _messages(text, source)
+        else:
             return super().document(text, source)
-        first = re.split(r"^---[ \t\r]*$", text.lstrip("-\n"), maxsplit=1, flags=re.M)[0]
-        message = documents.parse_yaml(first, source)
-        header = message.get("header")
-        named = {"frame_id": header.get("frame_id")} if isinstance(header, dict) else {}
-        return named | {key.upper() if len(key) == 1 else key: message[key] for key in message}
+        if len(cameras) == 1:
+            return cameras[0]
+        key = "frame_id" if "K" in cameras[0] else "camera_name"
+        joined = dict[str, Any]()
+        for index, camera in enumerate(cameras):
+            name = str(camera.get(key) or "camera")  # both of a pair may have the first's frame
+            name = f"{name}_{index + 1}" if name in joined else name
+            joined[name] = {**camera, key: name}
+        return {"cameras": joined}
+
+    def parts(self, document: Any) -> dict[str, Any]:
+        """Documents of the cameras."""
+        cameras = document.get("cameras")
+        return cameras if isinstance(cameras, dict) else super().parts(document)
 
     def table_of(self, document: Any) -> type[ForeignTable]:
         """Schema of a file or of a message."""
         return CameraInfoMessage if "K" in document else _Camera
 
     def read(self, document: Any, source: str) -> list[ParsedCamera[CentralCamera]]:
-        """Parse the camera."""
-        if "K" in document:
-            return [self._camera(document, source)]
+        """Parse the cameras."""
+        parts = self.parts(document).items()
+        places = ((part, f"{source}: {name}" if name else source) for name, part in parts)
+        return with_poses([
+            self._camera(part, place) if "K" in part else self._file(part, place)
+            for part, place in places
+        ])  # fmt: skip
+
+    def _file(self, document: Any, source: str) -> ParsedCamera[CentralCamera]:
+        """Camera of a file."""
         is_fisheye = document.get("camera_model") == "fisheye"
         extra = {"distortion_model": "fisheye"} if is_fisheye else {}
         fields = parse({**extra, **document}, _Camera, source)
@@ -220,18 +295,53 @@ class Ros(CameraInfo):
         size_px, matrix = (fields.image_width, fields.image_height), fields.camera_matrix.data
         model, coefficients = fields.distortion_model, fields.distortion_coefficients.data
         lens = self._lens(size_px, model or "plumb_bob", matrix, coefficients, source, keys)
-        projection = fields.projection_matrix.data if fields.projection_matrix else []
-        notes = baseline_notes("projection_matrix", projection)
-        return [ParsedCamera(fields.camera_name or "camera", lens, notes=notes)]
+        name, stereo = fields.camera_name or "camera", (
+            fields.rectification_matrix, fields.projection_matrix,
+        )  # fmt: skip
+        r, p = (part.data if part else [] for part in stereo)
+        return ParsedCamera(name, lens, stereo_poses(name, r, p, source))
 
     def encode(self, cameras: Sequence[ParsedCamera[CameraInfoLens]]) -> str:
         """Text of a file with the camera."""
         (camera,) = cameras
-        model, d, k, p = camera_info(camera.lens)
+        pose = find_pose(camera.poses, RECTIFIED, camera.name)
+        model, d, k, r, p = camera_info(camera.lens, pose)
         text = f"image_width: {camera.lens.width_px}\nimage_height: {camera.lens.height_px}\n"
         text += f"camera_name: {json.dumps(camera.name)}\n"
         text += base.yaml_matrix("camera_matrix", 3, 3, k)
         text += f"distortion_model: {model}\n"
         text += base.yaml_matrix("distortion_coefficients", 1, len(d), d)
-        text += base.yaml_matrix("rectification_matrix", 3, 3, IDENTITY)
+        text += base.yaml_matrix("rectification_matrix", 3, 3, r)
         return text + base.yaml_matrix("projection_matrix", 3, 4, p)
+
+
+def _messages(text: str, source: str) -> list[dict[str, Any]]:
+    """Different messages that `ros2 topic echo` or `rostopic echo` printed."""
+    parts = [part for part in re.split(r"^---[ \t\r]*$", text, flags=re.M) if part.strip()]
+    if re.search(_LAST, parts[0], re.M) and not re.search(_LAST, parts[-1], re.M):
+        parts.pop()  # cut by Ctrl-C
+    messages = list[dict[str, Any]]()
+    for part in parts:
+        message = documents.parse_yaml(part, source)
+        header = message.pop("header", None)
+        named = {"frame_id": header.get("frame_id")} if isinstance(header, dict) else {}
+        same = {key.upper() if len(key) == 1 else key: value for key, value in message.items()}
+        if named | same not in messages:
+            messages.append(named | same)
+    return messages
+
+
+def _ost_camera(text: str, source: str) -> dict[str, Any]:
+    """Camera of an ost.txt, with the keys of a YAML file."""
+    name, values, key = re.search(r"^\[(.+)\]", text, re.M), dict[str, list[float]](), ""
+    for line in text.splitlines():
+        words = line.split()
+        if words and re.match(r"[-+.\d]", words[0]):
+            numbers = (documents.parse_number(word, f"{source}: {key}") for word in words)
+            values.setdefault(key, []).extend(numbers)
+        elif re.match(r"[A-Za-z]", line):
+            key = line.strip()
+    camera: dict[str, Any] = {f"image_{side}": values.get(side, [0.0])[0] for side in SIDES}
+    camera |= {ours: {"data": values[key]} for key, ours in _OST_KEYS.items() if key in values}
+    model = _OST_MODELS.get(len(values.get("distortion", ())), "")
+    return {**camera, "camera_name": name[1] if name else "", "distortion_model": model}

@@ -21,8 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from omnisim.cameras.calibration.documents import parse_yaml
-from omnisim.cameras.calibration.formats.format import ParsedCamera
-from omnisim.cameras.calibration.formats.kalibr import Kalibr
+from omnisim.cameras.calibration.formats.kalibr import Kalibr, sensor_lines
 from omnisim.core.arrays import Floats
 from omnisim.core.errors import RunError
 from omnisim.core.files.atomic_file import write_text
@@ -44,7 +43,6 @@ NOISE = (
     "rate_hz",
     *(f"{device}_{key}" for device in _DEVICES for key in ("noise_density", "random_walk")),
 )
-DISTORTIONS = {"radtan": "radial-tangential", "none": "radial-tangential"}
 
 
 class Euroc(ExportFormat):
@@ -97,18 +95,10 @@ def _begin_camera(
     (folder / "data").mkdir(parents=True)
     write_lines(folder / "data.csv", iter([IMAGES, *(f"{ns},{ns}.png" for ns in stamps_ns)]))
     lens = camera.encode(Kalibr(), print_note)
-    values = parse_yaml(Kalibr().encode([ParsedCamera("cam0", lens)]), "camchain")["cam0"]
-    distortion = values["distortion_model"]
-    coefficients = list(values["distortion_coeffs"]) or [0.0] * 4
+    lines = sensor_lines(lens, body_from_lens, f"comment: {camera.name}")
     intervals_s = np.diff(stamps_ns) * 1e-9
-    rate = [f"rate_hz: {1.0 / np.median(intervals_s):.6g}"] if len(intervals_s) else []
-    lines = [
-        "sensor_type: camera", f"comment: {camera.name}", *_pose_lines(body_from_lens), *rate,
-        f"resolution: [{lens.width_px}, {lens.height_px}]",
-        f"camera_model: {values['camera_model']}", f"intrinsics: {_numbers(values['intrinsics'])}",
-        f"distortion_model: {DISTORTIONS.get(distortion, distortion)}",
-        f"distortion_coefficients: {_numbers(coefficients)}",
-    ]  # fmt: skip
+    if len(intervals_s):
+        lines.insert(-5, f"rate_hz: {1.0 / np.median(intervals_s):.6g}")
     write_lines(folder / "sensor.yaml", iter(lines))
 
 

@@ -104,7 +104,7 @@ def occupancy_grid(
 
 def camera_info_message(stamp_ns: int, frame: str, lens: CameraInfoLens) -> CameraInfo:
     """CameraInfo message with the calibration of a lens."""
-    model, d, k, p = camera_info(lens)
+    model, d, k, _, p = camera_info(lens)
     return CameraInfo(
         header(stamp_ns, frame), lens.height_px, lens.width_px, model,
         np.array(d), np.array(k), np.array(IDENTITY), np.array(p),
