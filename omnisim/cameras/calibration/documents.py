@@ -315,6 +315,19 @@ def parse(data: Any, model: type[TableT], source: str) -> TableT:
         raise unexpected(source, "plain values", type(reason).__name__) from None
 
 
+def numbers_by_name(fields: Mapping[str, Any], names: str, place: str) -> dict[str, float]:
+    """Finite numbers by their space-separated names; a name is required before a `|`, else 0."""
+    required, _, optional = names.rpartition("|")
+    given = {name: fields.get(name) for name in required.split()}
+    given |= {name: fields.get(name, 0.0) for name in optional.split()}
+    for name, value in given.items():
+        if value is None:
+            raise CalibrationError(f"{place}: {name}: missing")
+        if type(value) not in (int, float) or not math.isfinite(value):
+            raise unexpected(f"{place}: {name}", "a number", value)
+    return given
+
+
 def parse_number(word: str, place: str) -> float:
     """Parse a finite number in a text file."""
     try:

@@ -124,14 +124,21 @@ BAD = [
      "distortion_coeffs: expected 4 numbers"),
     ("gyroflow.json", '"distortion_model": null', '"distortion_model": "gopro_superview"',
      "distortion_model = 'gopro_superview': another lens model: calibrate with OpenCV's"),
+    ("camera_models.json", '"fisheye_opencv",', '"fisheye63",', "expected one of perspective"),
+    ("camera_models.json", '"focal_x": 0.6868,', "", "0.6666: focal_x: missing"),
+    ("camera_models.json", '"k1": -0.0571', '"k1": "-0.0571"', "k1: expected a number, got '-"),
+    ("camera_models.json", '"height": 2688', '"height": 2700', "expected an image of 2 : 1, got"),
+    ("metashape.xml", "<projection>frame", "<projection>frames", "expected one of frame, fisheye"),
+    ("metashape.xml", "<f>3713.29</f>", "<f>x</f>", "calibration: f: expected a number"),
+    ("metashape.xml", "<f>3713.29</f>", "<fx>3713.29</fx>", "f: missing: a file of PhotoScan"),
+    ("metashape.xml", "<width>5280</width>", "", "width, height: missing"),
+    ("sfm_data.json", '"focal_length": 1791.25,', "", r"intrinsics.1: expected focal_length, .*"),
+    ("sfm_data.json", '"fisheye": [0.0241,', '"fisheye": [', "fisheye: expected 4 numbers: k1"),
+    ("sfm_data.json", '{"key": 0, "value": {"polymorphic_id": 2147483649', '{"value": {"id": 1',
+     "intrinsics: expected cereal's key and value"),
 ]  # fmt: skip
 # Texts that are no calibration, and a part of the message: many are other tools' files.
 OTHERS = {
-    '{"v2 a 4 3 brown": {"projection_type": "brown", "width": 4, "focal_x": 0.8}}':
-        "this is OpenSfM's camera_models.json: write its numbers",
-    '{"sfm_data_version": "0.3", "intrinsics": []}': "this is OpenMVG's sfm_data.json: write",
-    "<?xml version='1.0'?>\n<calibration>\n  <projection>fisheye</projection>\n</calibration>":
-        "this is Metashape's calibration: export it",
     "fc = [ 600.1 ; 600.2 ];\ncc = [ 320 ; 240 ];\n": "this is MATLAB's calibration: write",
     "%YAML:1.0\nCamera.type: KannalaBrandt8\nCamera1.fx: 190.97\n": "this is ORB-SLAM's settings",
     "%YAML:1.0\nrelative_config_imucam: kalibr_imucam_chain.yaml\n": "the chain that they name",

@@ -25,6 +25,7 @@ FISHEYES = {"equidistant", "kannala_brandt", "f_theta"}
 CAMERA_INFO = {
     "perspective", "planar", "unified", "hyperbolic", "kannala_brandt", "rational_polynomial",
 }  # fmt: skip
+SOLVED = {"perspective", "planar", "unified", "hyperbolic", "equirectangular"} | FISHEYES
 SPHERES = {"unified", "eucm", "double_sphere"}
 EXAMPLES = {
     **CAMERA_EXAMPLES,
@@ -57,6 +58,9 @@ EXACT = {
     "ocamcalib": {"perspective", "planar", "hyperbolic", "stereographic", "parabolic", "ocamcalib"},
     "colmap": UNIFIED | FISHEYES | {"unified", "eucm", "equirectangular", "rational_polynomial"}
     | {"thin_prism_fisheye", "division"},
+    "opensfm": SOLVED | {"thin_prism_fisheye"},
+    "openmvg": SOLVED - {"unified"},  # the examples have two focal lengths
+    "metashape": SOLVED | {"equisolid"},
     "gazebo": {
         "perspective", "planar", "hyperbolic", "stereographic", "parabolic", "equidistant",
         "equisolid", "orthographic", "gazebo",
