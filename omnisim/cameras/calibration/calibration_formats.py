@@ -9,6 +9,7 @@ from typing import Any
 from omnisim.cameras.calibration.formats.basalt import Basalt
 from omnisim.cameras.calibration.formats.camodocal import Camodocal
 from omnisim.cameras.calibration.formats.colmap import Colmap
+from omnisim.cameras.calibration.formats.devices import Aria, Insta360
 from omnisim.cameras.calibration.formats.format import Format
 from omnisim.cameras.calibration.formats.foxglove import Foxglove
 from omnisim.cameras.calibration.formats.gazebo import Gazebo
@@ -16,7 +17,7 @@ from omnisim.cameras.calibration.formats.gyroflow import Gyroflow
 from omnisim.cameras.calibration.formats.kalibr import Kalibr
 from omnisim.cameras.calibration.formats.metashape import Metashape
 from omnisim.cameras.calibration.formats.nerfstudio import Nerfstudio
-from omnisim.cameras.calibration.formats.ocamcalib import Ocamcalib
+from omnisim.cameras.calibration.formats.ocamcalib import Matlab, Ocamcalib
 from omnisim.cameras.calibration.formats.omnisim_json import OmnisimJson
 from omnisim.cameras.calibration.formats.opencv import OpencvFisheye, OpencvOmnidir, OpencvPinhole
 from omnisim.cameras.calibration.formats.photogrammetry import Openmvg, Opensfm
@@ -29,8 +30,8 @@ FORMATS: dict[str, Format[Any]] = {
     form.name: form
     for form in (
         OmnisimJson(), Kalibr(), Camodocal(), OpencvOmnidir(), OpencvFisheye(), OpencvPinhole(),
-        Ros(), Opensfm(), Openmvg(), Metashape(), Basalt(), Woodscape(), Nerfstudio(), Gyroflow(),
-        Foxglove(), Ocamcalib(), Colmap(), Gazebo(),
+        Ros(), Opensfm(), Openmvg(), Metashape(), Aria(), Insta360(), Basalt(), Woodscape(),
+        Nerfstudio(), Gyroflow(), Foxglove(), Matlab(), Ocamcalib(), Colmap(), Gazebo(),
     )
 }  # fmt: skip
 

@@ -7,6 +7,7 @@ constructs no Python objects.
 
 from __future__ import annotations
 
+import io
 import json
 import math
 import re
@@ -28,7 +29,10 @@ from omnisim.core.poses import check_pose
 
 MAX_BYTES = 1 << 26
 MAX_GROWTH = 100_000  # nodes that the aliases of a YAML text may add
-_MATLAB = "MATLAB's data: export it with OCamCalib's Export Data, or as an opencv_pinhole file"
+_MATLAB = (
+    "MATLAB's data without a structure of numbers: write it as JSON, with "
+    "fprintf(fopen('camera.json', 'w'), '%s', jsonencode(params.Intrinsics)), or toStruct(params)"
+)
 _BINARY = {b"MATLAB": _MATLAB, b"\x89HDF": _MATLAB}  # by the files' first bytes
 _BINARY |= dict.fromkeys((b"glTF", b"PXR-USDC", b"ply"), "a scene: pass it as the scene")
 _IMAGE = "an image: `omnisim calibration convert` writes the calibration of one by omnisim"
@@ -75,6 +79,8 @@ def read_text(path: Path) -> str:
         message = getattr(reason, "strerror", None) or str(reason)
         raise CalibrationError(f"{path}: cannot be read: {message}") from None
     note_bytes(path, data)
+    if data.startswith(b"MATLAB 5.0"):
+        data = _mat_as_json(data) or data
     if len(data) > MAX_BYTES:
         raise CalibrationError(f"{path}: expected a calibration file, got more than 64 MiB")
     try:
@@ -90,6 +96,23 @@ def read_text(path: Path) -> str:
     if not text.strip():
         raise CalibrationError(f"{path}: expected a calibration file, got an empty one")
     return text
+
+
+def _mat_as_json(data: bytes) -> bytes | None:
+    """First structure of numbers in a MAT-file of version 5, as JSON; None: it has none."""
+    from scipy.io import loadmat  # used by no other file
+
+    def plain(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {key: plain(inner) for key, inner in value.items()}
+        return value.tolist() if isinstance(value, np.ndarray | np.generic) else value
+
+    try:
+        variables = loadmat(io.BytesIO(data), simplify_cells=True)
+        structures = (plain(value) for value in variables.values() if isinstance(value, dict))
+        return json.dumps(next(structures)).encode()
+    except Exception:  # of a damaged file, any
+        return None
 
 
 def parse_yaml(text: str, source: str) -> dict[str, Any]:

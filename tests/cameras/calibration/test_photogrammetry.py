@@ -1,10 +1,11 @@
-"""Formats of photogrammetry against their tools' own formulas, written anew."""
+"""Formats of photogrammetry, MATLAB and devices against their tools' own formulas, written anew."""
 
 import json
 import math
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 from scipy.spatial.transform import Rotation
 
 from omnisim.cameras.calibration import calibration_of, load_calibration
@@ -260,3 +261,107 @@ def test_metashapes_frame_cameras_agree(name, tmp_path):
     v = fields["height"] * 0.5 + cy + yd * f
     ours = load_calibration(path).cameras[0].camera.pixel_from_ray(points).positions_px
     np.testing.assert_allclose(ours + 0.5, np.stack((u, v), axis=-1), atol=1e-9)
+
+
+def test_matlabs_rays_agree():
+    """As undistortFisheyePoints has them: pixels from 1, x right, y down, z forward."""
+    fields = json.loads((FOLDER / "matlab_fisheye.json").read_text())
+    camera = load_calibration(FOLDER / "matlab_fisheye.json").cameras[0].camera
+    u, v = np.meshgrid(np.linspace(0.0, 2047.0, 33), np.linspace(0.0, 1535.0, 25))
+    points = (
+        np.stack((u.ravel() + 1.0, v.ravel() + 1.0)) - np.array(fields["DistortionCenter"])[:, None]
+    )
+    x, y = np.linalg.solve(fields["StretchMatrix"], points)
+    rho = np.hypot(x, y)
+    a0, a2, a3, a4 = fields["MappingCoefficients"]
+    theirs = np.stack((x, y, a0 + a2 * rho**2 + a3 * rho**3 + a4 * rho**4), axis=-1)
+    theirs /= np.linalg.norm(theirs, axis=-1, keepdims=True)
+    ours = camera.ray_from_pixel(np.stack((u.ravel(), v.ravel()), axis=-1))
+    assert ours.valid.all()
+    np.testing.assert_allclose(ours.directions, theirs, atol=1e-12)
+
+
+def test_matlabs_older_matrix_is_transposed_and_structures_are_read(tmp_path):
+    fields = json.loads((FOLDER / "matlab_pinhole.json").read_text())
+    known = load_calibration(FOLDER / "matlab_pinhole.json").cameras[0].camera
+    assert known.principal_point_px == (562.6511, 354.7258)
+    fields["IntrinsicMatrix"] = np.transpose(fields.pop("K")).tolist()
+    for written in (fields, {"Intrinsics": fields}):
+        path = save(tmp_path, "a.json", json.dumps(written))
+        assert load_calibration(path).cameras[0].camera == known
+        numbers = {key: value for key, value in fields.items() if isinstance(value, list)}
+        savemat(tmp_path / "a.mat", {"params": numbers})
+        assert load_calibration(tmp_path / "a.mat").cameras[0].camera == known
+
+
+def test_a_fit_for_matlab_has_its_powers_alone(tmp_path):
+    camera = CAMERA_EXAMPLES["f-theta-woodscape-like"]
+    written = calibration_of(camera).save(tmp_path / "a.json", "matlab").cameras[0]
+    assert written.camera.polynomial[1] == 0.0
+    assert len(written.camera.polynomial) == 5
+    found = load_calibration(tmp_path / "a.json").cameras[0]
+    assert found.residuals.max_px == written.residuals.max_px < 1.0
+
+
+def test_arias_projection_agrees():
+    file = json.loads((FOLDER / "aria.json").read_text())
+    loaded = load_calibration(FOLDER / "aria.json")
+    for found, part in zip(loaded.cameras, file["CameraCalibrations"], strict=True):
+        f, u, v, *terms = part["Projection"]["Params"]
+        k, p, s = terms[:6], np.array(terms[6:8]), terms[8:]
+        points = points_around_axis(math.radians(50.0))
+        x, y = plane("fisheye", points)
+        radial = 1.0 + sum(c * (x * x + y * y) ** n for n, c in enumerate(k, start=1))
+        xy = np.stack((x * radial, y * radial), axis=-1)
+        r2 = np.sum(xy * xy, axis=-1, keepdims=True)
+        prism = np.hstack((s[0] * r2 + s[1] * r2**2, s[2] * r2 + s[3] * r2**2))
+        theirs = f * (xy + 2.0 * (xy @ p)[:, None] * xy + r2 * p + prism) + (u, v)
+        seen = found.camera.pixel_from_ray(points)
+        assert seen.valid.all()
+        np.testing.assert_allclose(seen.positions_px, theirs, atol=1e-9)
+        (pose,) = found.poses
+        assert (pose.target, pose.source) == ("device", part["Label"])
+        at = part["T_Device_Camera"]["Translation"]
+        np.testing.assert_allclose(pose.target_from_source[:3, 3], at, atol=1e-15)
+    # the image circle of the device's SLAM cameras, 330 px
+    slam = loaded.cameras[0].camera
+    edge = slam.pixel_from_ray(_ray(slam.theta_max_rad - 1e-9)).positions_px
+    assert min(slam.theta_max_rad, 1.4) == slam.theta_max_rad
+    assert edge[0] - slam.principal_point_px[0] <= 330.0
+
+
+def _ray(theta_rad):
+    return np.array([math.sin(theta_rad), 0.0, math.cos(theta_rad)])
+
+
+def test_arias_time_shift_and_circle_come_back(tmp_path):
+    file = json.loads((FOLDER / "aria.json").read_text())
+    part = file["CameraCalibrations"][0]
+    part["TimeOffsetSec_Device_Camera"] = 0.25
+    part["ConfigData"] = {"ImageWidth": 640, "ImageHeight": 480, "MaxSolidAngle": 1.2}
+    loaded = load_calibration(save(tmp_path, "a.json", json.dumps(file)))
+    assert loaded.cameras[0].time_shift_s == -0.25
+    assert loaded.cameras[0].camera.theta_max_rad == 1.2
+    loaded.save(tmp_path / "b.json", "aria")
+    back = load_calibration(tmp_path / "b.json")
+    assert [one.camera for one in back.cameras] == [one.camera for one in loaded.cameras]
+    assert back.cameras[0].time_shift_s == -0.25
+
+
+def test_insta360s_pixels_and_rig():
+    numbers = [float(word) for word in (FOLDER / "insta360.txt").read_text().split("_")]
+    loaded = load_calibration(FOLDER / "insta360.txt")
+    for index, found in enumerate(loaded.cameras):
+        xi, fx, fy, cx, cy, *_, k1, k2, k3, p1, p2, _, _, _ = numbers[1 + 19 * index :][:19]
+        points = points_around_axis(math.radians(100.0))
+        x, y, z = (points / np.linalg.norm(points, axis=-1, keepdims=True)).T
+        x, y = distorted(x / (z + xi), y / (z + xi), (k1, k2, k3), p1, p2)
+        theirs = np.stack((fx * x + cx - 5376.0 * index, fy * y + cy), axis=-1)
+        seen = found.camera.pixel_from_ray(points)
+        assert seen.valid.all()
+        np.testing.assert_allclose(seen.positions_px, theirs, atol=1e-9)
+        assert "yaw, pitch, roll" in found.notes[0]
+    (pose,) = loaded.cameras[1].poses
+    assert (pose.target, pose.source) == ("lens0", "lens1")
+    np.testing.assert_allclose(pose.target_from_source[:3, 3], (0.000792, 0.000132, -0.031986))
+    np.testing.assert_allclose(pose.target_from_source[:3, 2], (0.0, 0.0, -1.0), atol=1e-15)

@@ -61,6 +61,11 @@ EXACT = {
     "opensfm": SOLVED | {"thin_prism_fisheye"},
     "openmvg": SOLVED - {"unified"},  # the examples have two focal lengths
     "metashape": SOLVED | {"equisolid"},
+    "aria": FISHEYES | {"thin_prism_fisheye"},
+    "insta360": UNIFIED | {"unified"},
+    "matlab": {
+        "perspective", "planar", "hyperbolic", "stereographic", "parabolic", "ocamcalib", "unified",
+    },
     "gazebo": {
         "perspective", "planar", "hyperbolic", "stereographic", "parabolic", "equidistant",
         "equisolid", "orthographic", "gazebo",
