@@ -89,7 +89,9 @@ def read_text(path: Path) -> str:
         text = "\0"
     if "\0" in text:
         got = "COLMAP's binary model: convert it with colmap model_converter --output_type TXT"
-        if path.suffix != ".bin":
+        if path.suffix.lower() in (".insv", ".insp"):
+            got = "Insta360's recording: write the offset_v3 of its metadata as a text file"
+        elif path.suffix != ".bin":
             kinds = (kind for start, kind in _BINARY.items() if data.startswith(start))
             got = next(kinds, "no text in UTF-8")
         raise CalibrationError(f"{path}: expected a calibration file, got {got}")
@@ -108,7 +110,8 @@ def _mat_as_json(data: bytes) -> bytes | None:
         return value.tolist() if isinstance(value, np.ndarray | np.generic) else value
 
     try:
-        variables = loadmat(io.BytesIO(data), simplify_cells=True)
+        file: Any = io.BytesIO(data)
+        variables = loadmat(file, simplify_cells=True)
         structures = (plain(value) for value in variables.values() if isinstance(value, dict))
         return json.dumps(next(structures)).encode()
     except Exception:  # of a damaged file, any
@@ -341,7 +344,7 @@ def parse(data: Any, model: type[TableT], source: str) -> TableT:
 def numbers_by_name(fields: Mapping[str, Any], names: str, place: str) -> dict[str, float]:
     """Finite numbers by their space-separated names; a name is required before a `|`, else 0."""
     required, _, optional = names.rpartition("|")
-    given = {name: fields.get(name) for name in required.split()}
+    given: dict[str, Any] = {name: fields.get(name) for name in required.split()}
     given |= {name: fields.get(name, 0.0) for name in optional.split()}
     for name, value in given.items():
         if value is None:

@@ -142,7 +142,7 @@ BAD = [
     ("sfm_data.json", '"focal_length": 1791.25,', "", r"intrinsics.1: expected focal_length, .*"),
     ("sfm_data.json", '"fisheye": [0.0241,', '"fisheye": [', "fisheye: expected 4 numbers: k1"),
     ("sfm_data.json", '{"key": 0, "value": {"polymorphic_id": 2147483649', '{"value": {"id": 1',
-     "intrinsics: expected cereal's key and value"),
+     "intrinsics: expected cereal's list"),
 ]  # fmt: skip
 # Texts that are no calibration, and a part of the message: many are other tools' files.
 OTHERS = {

@@ -164,15 +164,8 @@ def test_a_reconstruction_has_poses_and_a_rig(tmp_path):
     np.testing.assert_allclose(np.diag(front_from_back)[:3], [-1.0, 1.0, -1.0], atol=1e-12)
 
 
-def test_openmvgs_poses_and_panoramas():
+def test_openmvgs_panoramas():
     cameras = load_calibration(FOLDER / "sfm_data.json").cameras
-    (pose,) = cameras[1].poses
-    assert (pose.target, pose.source) == ("world", "GOPR0012.JPG")
-    np.testing.assert_allclose(pose.target_from_source[:3, 3], (1.5, 0.75, 2.0))
-    # x_camera = R (X − C), with R as in the file
-    np.testing.assert_allclose(
-        pose.target_from_source[:3, :3].T, [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
-    )
     assert cameras[2].notes == (HALF_A_PIXEL,)
     points = points_around_axis(math.radians(60.0))
     size = np.array([5376.0, 2688.0])

@@ -221,7 +221,7 @@ class Aria(Format[AriaLens]):
             if radius is not None and radius > 0.0:
                 ray = lens.ray_from_pixel((u + radius, v)).directions
                 widest = min(widest, math.atan2(math.hypot(ray[0], ray[1]), ray[2]))
-            return lens.ending_at(min(widest, math.pi))
+            return lens.ending_at(min(widest, math.pi)) or lens
 
 
 LENS = "xi fx fy cx cy yaw pitch roll tx ty tz k1 k2 k3 p1 p2 width height type"
@@ -252,7 +252,7 @@ class Insta360(Format[UnifiedCamera]):
         if len(numbers) != expected:
             got = f"{len(numbers)}: offset and offset_v2 have other models"
             raise unexpected(source, f"offset_v3, {expected} numbers of {count} lenses", got)
-        cameras = []
+        cameras: list[ParsedCamera[CentralCamera]] = []
         for index in range(count):
             values = numbers[1 + index * len(names) :][: len(names)]
             part = dict(zip(names, values, strict=True))

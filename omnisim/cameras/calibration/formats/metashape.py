@@ -119,15 +119,14 @@ class Metashape(solved.SolvedFormat):
                 scale = float((*_numbers(transform, "scale", source), 1.0)[0])
             sensors = _items(chunk, "sensors", "sensor")
             labels = [str(sensor.get("label", "sensor")) for sensor in sensors]
+            keys = [str(sensor.get("id")) for sensor in sensors]
             names = {
-                sensor.get("id"): label
-                if labels.count(label) == 1
-                else f"{label} {sensor.get('id')}"
-                for sensor, label in zip(sensors, labels, strict=True)
+                key: label if labels.count(label) == 1 else f"{label} {key}"
+                for key, label in zip(keys, labels, strict=True)
             }
             shots = _items(chunk, "cameras", "camera") + _items(chunk, "cameras", "group", "camera")
-            for sensor in sensors:
-                own, master = sensor.get("id"), sensor.get("master_id")
+            for own, sensor in zip(keys, sensors, strict=True):
+                master = str(sensor.get("master_id"))
                 found = sorted(
                     _items(sensor, "calibration"), key=lambda one: one.get("class") != "adjusted"
                 )
@@ -135,7 +134,7 @@ class Metashape(solved.SolvedFormat):
                 if master in names and master != own:
                     at = _rotation_and(sensor, "location", f"{place}: {names[own]}")
                     poses.append(NamedPose(names[master], names[own], at))
-                for shot in (shot for shot in shots if shot.get("sensor_id") == own):
+                for shot in (shot for shot in shots if str(shot.get("sensor_id")) == own):
                     numbers = _numbers(shot, "transform", source)
                     if numbers:
                         where = f"{source}: camera {shot.get('label')}: transform"

@@ -229,17 +229,16 @@ class Matlab(Format[OcamcalibCamera | UnifiedCamera]):
         fields = document.get("Intrinsics", document)
         part = parse(fields, _Parameters, source)
         height, width = documents.counted(part.ImageSize, "rows columns", f"{source}: ImageSize")
-        size = tuple(
-            documents.parse_size(str(side), f"{source}: ImageSize") for side in (width, height)
-        )
+        place = f"{source}: ImageSize"
+        columns, rows = (documents.parse_size(str(side), place) for side in (width, height))
         is_fisheye = part.MappingCoefficients is not None
-        others = PINHOLE_KEYS if is_fisheye else FISHEYE_KEYS
-        foreign = [key for key in others if getattr(part, key) is not None]
+        keys = PINHOLE_KEYS if is_fisheye else FISHEYE_KEYS
+        foreign = [key for key in keys if getattr(part, key) is not None]
         if foreign:
             kind = "a fisheye's" if is_fisheye else "a pinhole camera's"
             raise unexpected(source, f"{kind} keys alone", ", ".join(foreign))
         if part.MappingCoefficients is None:
-            return [ParsedCamera("camera", _pinhole(part, size, source))]
+            return [ParsedCamera("camera", _pinhole(part, (columns, rows), source))]
         place = f"{source}: MappingCoefficients"
         a0, *others = documents.counted(part.MappingCoefficients, "a0 a2 a3 a4", place)
         center = documents.counted(
@@ -252,7 +251,7 @@ class Matlab(Format[OcamcalibCamera | UnifiedCamera]):
         with error_context(source):
             terms = (-a * c ** (1 - n) for n, a in enumerate((a0, 0.0, *others)))
             u, v = np.subtract(center, FIRST_PX).tolist()
-            lens = OcamcalibCamera(*size, (u, v), tuple(terms), (1.0 / c, e / c, d / c))
+            lens = OcamcalibCamera(columns, rows, (u, v), tuple(terms), (1.0 / c, e / c, d / c))
         return [ParsedCamera("camera", lens)]
 
     def encode(self, cameras: Sequence[ParsedCamera[OcamcalibCamera | UnifiedCamera]]) -> str:
@@ -282,7 +281,7 @@ class Matlab(Format[OcamcalibCamera | UnifiedCamera]):
         return "its polynomial is of a0, a2, a3 and a4" if is_other else None
 
 
-def _pinhole(part: _Parameters, size: tuple[int, ...], source: str) -> CentralCamera:
+def _pinhole(part: _Parameters, size: tuple[int, int], source: str) -> CentralCamera:
     """Pinhole camera of a cameraParameters; its older matrix is the transposed one."""
     matrix, key = (part.K, "K") if part.K is not None else (part.IntrinsicMatrix, "IntrinsicMatrix")
     if matrix is None:
@@ -290,7 +289,7 @@ def _pinhole(part: _Parameters, size: tuple[int, ...], source: str) -> CentralCa
     values = np.ravel(matrix if key == "K" else np.transpose(matrix)).tolist()
     if part.IntrinsicMatrix and values != np.ravel(np.transpose(part.IntrinsicMatrix)).tolist():
         raise unexpected(f"{source}: IntrinsicMatrix", "the transposed K", part.IntrinsicMatrix)
-    intrinsics, skew = base.matrix_intrinsics((size[0], size[1]), values, f"{source}: {key}")
+    intrinsics, skew = base.matrix_intrinsics(size, values, f"{source}: {key}")
     u, v = np.subtract(intrinsics.principal_point_px, FIRST_PX).tolist()
     radial = part.RadialDistortion or [0.0, 0.0]
     names = "k1 k2 k3" if len(radial) == 3 else "k1 k2"

@@ -33,7 +33,7 @@ A camera of OpenMVG has one focal length, in pixels; (0, 0) is the center of the
 | spherical | | equirectangular of 2 : 1 |
 
 Its own code has panoramas half a pixel up and left of this. The keys tell the lens, as cereal names
-only the first of each type. A pose has the rotation from the world, and the camera's center.
+only the first of each type.
 
 Source: OpenSfM's modules io and geometry; OpenMVG's modules cameras, geometry and sfm, and cereal;
 Metashape's manual, "Camera models".
@@ -66,7 +66,7 @@ from omnisim.cameras import (
 )
 from omnisim.cameras.calibration import documents
 from omnisim.cameras.calibration.calibrated_camera import WORLD, NamedPose
-from omnisim.cameras.calibration.documents import ForeignTable, parse, unexpected
+from omnisim.cameras.calibration.documents import ForeignTable, Unread, parse, unexpected
 from omnisim.cameras.calibration.formats import format as base
 from omnisim.cameras.calibration.formats.format import ANY, Fixed, Format, Intrinsics, ParsedCamera
 from omnisim.cameras.camera import Rays
@@ -236,8 +236,13 @@ def by_name(table: type[ForeignTable]) -> type[ForeignTable]:
 class SolvedFormat(Format[SolvedLens]):
     """Base of the formats: fisheyes without tangential terms, panoramas of 2 : 1."""
 
-    models = (UnifiedCamera, KannalaBrandtCamera, ThinPrismFisheyeCamera, EquirectangularCamera)
-    fits = ((KannalaBrandtCamera, ANY), (UnifiedCamera, {**base.PINHOLE, **base.NO_SKEW}))
+    models: tuple[type[SolvedLens], ...] = (
+        UnifiedCamera, KannalaBrandtCamera, ThinPrismFisheyeCamera, EquirectangularCamera,
+    )  # fmt: skip
+    fits: tuple[tuple[type[SolvedLens], Fixed], ...] = (
+        (KannalaBrandtCamera, ANY),
+        (UnifiedCamera, {**base.PINHOLE, **base.NO_SKEW}),
+    )
     several = True
 
     def unsupported(self, lens: SolvedLens) -> str | None:
@@ -419,7 +424,7 @@ OPENMVG = {  # polymorphic_name, and the coefficients
     "fisheye": ("fisheye", "k1 k2 k3 k4"),
 }
 ONE_FOCAL: Fixed = {"focal_lengths_px": None}
-NO_NAME, WITH_NAME = 1 << 30, 1 << 31  # cereal's marks
+FIRST_ID = 1 << 31  # cereal's mark of the first object of a type
 HALF_A_PIXEL = "OpenMVG's own panoramas are half a pixel up and left"
 
 
@@ -434,33 +439,13 @@ class _OpenmvgLens(ForeignTable):
     fisheye: documents.Numbers | None = None
 
 
-class _View(
-    ForeignTable,
-    harmless="local_path width height id_view center center_weight rotation rotation_weight "
-    "use_pose_center_prior use_pose_rotation_prior",
-):
-    filename: str
-    id_intrinsic: int
-    id_pose: int
-
-
-class _OpenmvgPose(ForeignTable):
-    rotation: documents.Matrix
-    center: documents.Numbers
-
-
 class _Scene(
     ForeignTable,
-    inner={
-        "intrinsics": by_name(_OpenmvgLens),
-        "views": by_name(_View),
-        "extrinsics": by_name(_OpenmvgPose),
-    },
-    harmless="sfm_data_version root_path structure control_points",
+    inner={"intrinsics": by_name(_OpenmvgLens)},
+    unread={"extrinsics": Unread("poses of the images")},
+    harmless="sfm_data_version root_path views structure control_points",
 ):
     intrinsics: dict[str, _OpenmvgLens]
-    views: dict[str, _View] = Field(default_factory=dict)
-    extrinsics: dict[str, _OpenmvgPose] = Field(default_factory=dict)
 
 
 class Openmvg(SolvedFormat):
@@ -479,70 +464,50 @@ class Openmvg(SolvedFormat):
     tables = (_Scene,)
 
     def document(self, text: str, source: str) -> Any:
-        """Content of a file, with tables by key in place of cereal's lists."""
-        data = documents.parse_json(text, source)
-        for name in _Scene.inner.keys() & data.keys():
-            place, entries = f"{source}: {name}", data[name]
-            if not isinstance(entries, list):
-                raise unexpected(place, "a list", entries)
-            data[name] = dict(_unwrapped(entry, place) for entry in entries)
+        """Content of a file, with intrinsics by key in place of cereal's list."""
+        data, place = documents.parse_json(text, source), f"{source}: intrinsics"
+        try:
+            entries = {str(one["key"]): one["value"]["ptr_wrapper"] for one in data["intrinsics"]}
+            parts = {key: wrapper["data"] for key, wrapper in entries.items()}
+            data["intrinsics"] = {key: part.get("value0", part) for key, part in parts.items()}
+        except (KeyError, TypeError, AttributeError):
+            raise unexpected(place, "cereal's list", data.get("intrinsics")) from None
         return data
 
     def read(self, document: Any, source: str) -> list[ParsedCamera[CentralCamera]]:
-        """Parse the cameras, with the poses of their views."""
-        scene = parse(document, _Scene, source)
-        cameras = []
-        for key, part in scene.intrinsics.items():
-            lens = _openmvg_lens(part, f"{source}: intrinsics.{key}")
-            poses = []
-            for view in scene.views.values():
-                pose = scene.extrinsics.get(str(view.id_pose))
-                if pose is not None and str(view.id_intrinsic) == key:
-                    place = f"{source}: extrinsics.{view.id_pose}"
-                    turned = documents.pose([[*row, 0.0] for row in pose.rotation], place)
-                    center = documents.counted(pose.center, "x y z", f"{place}: center")
-                    matrix = pose_from_rotation(turned[:3, :3].T, center)
-                    poses.append(NamedPose(WORLD, view.filename, matrix))
-            cameras.append(ParsedCamera(key, lens, tuple(poses), notes=self.lens_caveats(lens)))
-        return cameras
+        """Parse the cameras."""
+        parts = parse(document, _Scene, source).intrinsics.items()
+        lenses = {key: _openmvg_lens(part, f"{source}: intrinsics.{key}") for key, part in parts}
+        return [
+            ParsedCamera(key, lens, notes=self.lens_caveats(lens)) for key, lens in lenses.items()
+        ]
 
     def encode(self, cameras: Sequence[ParsedCamera[SolvedLens]]) -> str:
-        """Text of a file with the cameras, and a view for each of their poses in the world."""
-        views, intrinsics, extrinsics, names = [], [], [], list[str]()
-        for camera in cameras:
-            lens, key = camera.lens, int(camera.name)
+        """Text of a file with the cameras."""
+        entries: list[dict[str, Any]] = []
+        types_known: list[str] = []
+        for lens in (camera.lens for camera in cameras):
             data: dict[str, Any] = {"width": lens.width_px, "height": lens.height_px}
-            for pose in (pose for pose in camera.poses if pose.target == WORLD):
-                at, number = pose.target_from_source, len(views)
-                view = {"local_path": "", "filename": pose.source, **data, "id_view": number}
-                view |= {"id_intrinsic": key, "id_pose": number}
-                views.append((number, {"polymorphic_id": NO_NAME}, view))
-                turned = {"rotation": documents.rows(at[:3, :3].T), "center": at[:3, 3].tolist()}
-                extrinsics.append({"key": number, "value": turned})
             projection, terms, _ = terms_of(lens)
             kind = "fisheye" if projection == "fisheye" else "disto_t2"
+            name = "spherical" if projection == "spherical" else OPENMVG[kind][0]
             if isinstance(lens, UnifiedCamera | KannalaBrandtCamera):
                 data["focal_length"] = lens.focal_lengths_px[0]
                 data["principal_point"] = list(lens.principal_point_px)
-                data[kind] = [terms[name] for name in OPENMVG[kind][1].split()]
-            else:
-                data = {"value0": data}
-            name = "spherical" if "value0" in data else OPENMVG[kind][0]
-            mark: dict[str, Any] = {"polymorphic_id": WITH_NAME, "polymorphic_name": name}
-            if name in names:
-                mark = {"polymorphic_id": 0}
-            else:
-                names.append(name)
-            mark["polymorphic_id"] += names.index(name) + 1
-            intrinsics.append((key, mark, data))
-        wrapped = [
-            {"key": key, "value": {**mark, "ptr_wrapper": {"id": WITH_NAME + n, "data": data}}}
-            for n, (key, mark, data) in enumerate((*views, *intrinsics), start=1)
-        ]
+                data[kind] = [terms[term] for term in OPENMVG[kind][1].split()]
+            wrapper = {"id": FIRST_ID + 1 + len(entries), "data": data}
+            if name == "spherical":
+                wrapper["data"] = {"value0": data}
+            mark: dict[str, Any] = {}
+            if name not in types_known:
+                types_known.append(name)
+                mark = {"polymorphic_name": name}
+            number = 1 + types_known.index(name) + (FIRST_ID if mark else 0)
+            value = {"polymorphic_id": number, **mark, "ptr_wrapper": wrapper}
+            entries.append({"key": int(cameras[len(entries)].name), "value": value})
         scene = {
-            "sfm_data_version": "0.3", "root_path": "", "views": wrapped[: len(views)],
-            "intrinsics": wrapped[len(views) :], "extrinsics": extrinsics, "structure": [],
-            "control_points": [],
+            "sfm_data_version": "0.3", "root_path": "", "views": [], "intrinsics": entries,
+            "extrinsics": [], "structure": [], "control_points": [],
         }  # fmt: skip
         return json.dumps(scene, indent=4) + "\n"
 
@@ -558,16 +523,6 @@ class Openmvg(SolvedFormat):
     def camera_name(self, index: int, name: str) -> str:
         """Number, as OpenMVG names its intrinsics."""
         return name if name.isascii() and name.isdecimal() else str(index)
-
-
-def _unwrapped(entry: Any, place: str) -> tuple[str, Any]:
-    """Key of an entry of cereal's, and its data."""
-    try:
-        value = entry["value"]
-        value = value["ptr_wrapper"]["data"] if "ptr_wrapper" in value else value
-        return str(entry["key"]), value.get("value0", value)
-    except (KeyError, TypeError, AttributeError):
-        raise unexpected(place, "cereal's key and value", entry) from None
 
 
 def _openmvg_lens(part: _OpenmvgLens, place: str) -> CentralCamera:
