@@ -190,8 +190,9 @@ class Aria(Format[AriaLens]):
     def unsupported(self, lens: AriaLens) -> str | None:
         """Rejects thin prism fisheyes with two focal lengths."""
         fx, fy = lens.focal_lengths_px
-        is_kannala_brandt = isinstance(lens, KannalaBrandtCamera)
-        return None if is_kannala_brandt or fx == fy else "it has one focal length"
+        if isinstance(lens, ThinPrismFisheyeCamera) and fx != fy:
+            return "it has one focal length"
+        return super().unsupported(lens)
 
     def _lens(self, part: _Camera, file: _File, index: int, place: str) -> CentralCamera:
         model, where = part.Projection.Name, f"{place}: Projection"

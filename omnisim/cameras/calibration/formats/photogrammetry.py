@@ -518,7 +518,8 @@ class Openmvg(SolvedFormat):
 
     def lens_caveats(self, lens: CentralCamera) -> tuple[str, ...]:
         """Note on panoramas."""
-        return (HALF_A_PIXEL,) if isinstance(lens, EquirectangularCamera) else ()
+        is_panorama = isinstance(lens, EquirectangularCamera)
+        return (HALF_A_PIXEL,) if is_panorama else super().lens_caveats(lens)
 
     def camera_name(self, index: int, name: str) -> str:
         """Number, as OpenMVG names its intrinsics."""
