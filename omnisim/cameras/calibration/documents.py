@@ -70,6 +70,24 @@ _Loader.add_implicit_resolver(
 _Loader.add_constructor("tag:yaml.org,2002:opencv-matrix", _opencv_matrix)
 
 
+def _mat_as_json(data: bytes) -> bytes | None:
+    """First structure of numbers in a MAT-file of version 5, as JSON; None: it has none."""
+    from scipy.io import loadmat  # used by no other file
+
+    def plain(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {key: plain(inner) for key, inner in value.items()}
+        return value.tolist() if isinstance(value, np.ndarray | np.generic) else value
+
+    try:
+        file: Any = io.BytesIO(data)
+        variables = loadmat(file, simplify_cells=True)
+        structures = (plain(value) for value in variables.values() if isinstance(value, dict))
+        return json.dumps(next(structures)).encode()
+    except Exception:  # of a damaged file, any
+        return None
+
+
 def read_text(path: Path) -> str:
     """Read a text file."""
     try:
@@ -98,24 +116,6 @@ def read_text(path: Path) -> str:
     if not text.strip():
         raise CalibrationError(f"{path}: expected a calibration file, got an empty one")
     return text
-
-
-def _mat_as_json(data: bytes) -> bytes | None:
-    """First structure of numbers in a MAT-file of version 5, as JSON; None: it has none."""
-    from scipy.io import loadmat  # used by no other file
-
-    def plain(value: Any) -> Any:
-        if isinstance(value, dict):
-            return {key: plain(inner) for key, inner in value.items()}
-        return value.tolist() if isinstance(value, np.ndarray | np.generic) else value
-
-    try:
-        file: Any = io.BytesIO(data)
-        variables = loadmat(file, simplify_cells=True)
-        structures = (plain(value) for value in variables.values() if isinstance(value, dict))
-        return json.dumps(next(structures)).encode()
-    except Exception:  # of a damaged file, any
-        return None
 
 
 def parse_yaml(text: str, source: str) -> dict[str, Any]:

@@ -70,8 +70,7 @@ def encode_cameras(
         )  # fmt: skip
         named = dataclasses.replace(camera, name=new[camera.name], poses=poses)
         encoded = encode(named, form, f"{source}: {camera.name}", model)
-        shift_s = named.time_shift_s
-        parsed.append(ParsedCamera(named.name, encoded.lens, named.poses, shift_s))
+        parsed.append(ParsedCamera(named.name, encoded.lens, named.poses, named.time_shift_s))
         metadata.append(encoded.metadata.with_poses(named.poses))
         kept = camera_from_lens(encoded.lens, encoded.metadata)
         notes, model_name = caveats(encoded.lens, form), encoded.lens.model_name
