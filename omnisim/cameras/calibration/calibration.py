@@ -14,9 +14,6 @@ import numpy as np
 from omnisim.cameras import (
     CameraSensor,
     CentralCamera,
-    EucmCamera,
-    KannalaBrandtCamera,
-    UnifiedCamera,
     summary,
 )
 from omnisim.cameras.calibration.calibrated_camera import (
@@ -387,7 +384,7 @@ def read_cameras(
     for entry in parsed:
         own = metadata.get(entry.name, CameraMetadata(camera=entry.name)).model_copy(update=given)
         place, lens, own_notes = f"{source}: {entry.name}", entry.lens, entry.notes
-        if isinstance(lens, base.FovLens):
+        if isinstance(lens, base.ForeignLens):
             lens, note = _nearest_model(lens, place)
             own_notes = (*own_notes, note)
         with error_context(place):
@@ -409,15 +406,11 @@ def _check_names(names: list[str], path: Path) -> None:
         raise CalibrationError(f"{path}: expected different names, got two cameras {duplicate!r}")
 
 
-def _nearest_model(lens: base.FovLens, source: str) -> tuple[CentralCamera, str]:
+def _nearest_model(lens: base.ForeignLens, source: str) -> tuple[CentralCamera, str]:
     """Model of omnisim nearest to a lens of another model, and a note about its residuals."""
     place = f"{source}: {lens.model_name}"
     best: Fit[CentralCamera] | None = None
-    candidates: tuple[tuple[type[CentralCamera], base.Fixed], ...] = (
-        (UnifiedCamera, base.ANY), (UnifiedCamera, base.PINHOLE), (KannalaBrandtCamera, base.ANY),
-        (EucmCamera, base.ANY),
-    )  # fmt: skip
-    for model, fixed in candidates:
+    for model, fixed in lens.nearest_models:
         try:
             fit = fit_camera(lens, model, fixed=fixed)
         except CalibrationError:

@@ -10,17 +10,20 @@ from omnisim.cameras.calibration.formats.basalt import Basalt
 from omnisim.cameras.calibration.formats.blender_osl import BlenderOsl
 from omnisim.cameras.calibration.formats.camodocal import Camodocal
 from omnisim.cameras.calibration.formats.colmap import Colmap
+from omnisim.cameras.calibration.formats.devices import Aria, Insta360
 from omnisim.cameras.calibration.formats.format import Format
 from omnisim.cameras.calibration.formats.foxglove import Foxglove
 from omnisim.cameras.calibration.formats.gazebo import Gazebo
 from omnisim.cameras.calibration.formats.gyroflow import Gyroflow
 from omnisim.cameras.calibration.formats.isaac import Isaac
 from omnisim.cameras.calibration.formats.kalibr import Euroc, Kalibr
+from omnisim.cameras.calibration.formats.metashape import Metashape
 from omnisim.cameras.calibration.formats.nerfstudio import Nerfstudio
-from omnisim.cameras.calibration.formats.ocamcalib import Ocamcalib
+from omnisim.cameras.calibration.formats.ocamcalib import Matlab, Ocamcalib
 from omnisim.cameras.calibration.formats.omnisim_json import OmnisimJson
 from omnisim.cameras.calibration.formats.opencv import OpencvFisheye, OpencvOmnidir, OpencvPinhole
 from omnisim.cameras.calibration.formats.orbslam3 import OrbSlam3
+from omnisim.cameras.calibration.formats.photogrammetry import Openmvg, Opensfm
 from omnisim.cameras.calibration.formats.ros import Ros
 from omnisim.cameras.calibration.formats.woodscape import Woodscape
 from omnisim.core.errors import CalibrationError, did_you_mean
@@ -30,8 +33,9 @@ FORMATS: dict[str, Format[Any]] = {
     form.name: form
     for form in (
         OmnisimJson(), Euroc(), Kalibr(), Camodocal(), OrbSlam3(), OpencvOmnidir(), OpencvFisheye(),
-        OpencvPinhole(), Ros(), Basalt(), Woodscape(), Nerfstudio(), Gyroflow(), Foxglove(),
-        Ocamcalib(), Colmap(), Gazebo(), Isaac(), BlenderOsl(),
+        OpencvPinhole(), Ros(), Opensfm(), Openmvg(), Metashape(), Aria(), Insta360(), Basalt(),
+        Woodscape(), Nerfstudio(), Gyroflow(), Foxglove(), Matlab(), Ocamcalib(), Colmap(), Gazebo(),
+        Isaac(), BlenderOsl(),
     )
 }  # fmt: skip
 
@@ -40,13 +44,6 @@ _AS_OPENCV = "write its numbers as an opencv_fisheye or opencv_pinhole file, in 
 _AS_SCENE = "pass it as the scene"
 # Files of other tools that are recognized, but not read: name, signature, and the remedy.
 FOREIGN_FILES = (
-    ("OpenSfM's camera_models.json", r'"projection_type"\s*:', _AS_OPENCV),
-    ("OpenMVG's sfm_data.json", r'"sfm_data_version"\s*:', _AS_OPENCV),
-    (
-        "Metashape's calibration",
-        r"<calibration>\s*<projection>|<document version(?s:.*)<sensors\b",
-        "export it by Tools > Camera Calibration, as OpenCV",
-    ),
     ("MATLAB's calibration", r"^[ \t]*(fc|KK)[ \t]*=[ \t]*\[", _AS_OPENCV),
     (
         "an IMU's parameters",

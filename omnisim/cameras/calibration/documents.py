@@ -7,6 +7,7 @@ constructs no Python objects.
 
 from __future__ import annotations
 
+import io
 import json
 import math
 import re
@@ -29,7 +30,10 @@ from omnisim.core.poses import POSE_TOLERANCE, check_pose, nearest_rotation
 MAX_BYTES = 1 << 26
 MAX_ROUNDING = 2e-3  # of a rotation's squares: its numbers have three decimals or more
 MAX_GROWTH = 100_000  # nodes that the aliases of a YAML text may add
-_MATLAB = "MATLAB's data: export it with OCamCalib's Export Data, or as an opencv_pinhole file"
+_MATLAB = (
+    "MATLAB's data without a structure of numbers: write it as JSON, with "
+    "fprintf(fopen('camera.json', 'w'), '%s', jsonencode(params.Intrinsics)), or toStruct(params)"
+)
 _BINARY = {b"MATLAB": _MATLAB, b"\x89HDF": _MATLAB}  # by the files' first bytes
 _BINARY |= dict.fromkeys((b"glTF", b"PXR-USDC", b"ply"), "a scene: pass it as the scene")
 _IMAGE = "an image: `omnisim calibration convert` writes the calibration of one by omnisim"
@@ -72,6 +76,24 @@ _Loader.add_implicit_resolver(
 _Loader.add_constructor("tag:yaml.org,2002:opencv-matrix", _opencv_matrix)
 
 
+def _mat_as_json(data: bytes) -> bytes | None:
+    """First structure of numbers in a MAT-file of version 5, as JSON; None: it has none."""
+    from scipy.io import loadmat  # used by no other file
+
+    def plain(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {key: plain(inner) for key, inner in value.items()}
+        return value.tolist() if isinstance(value, np.ndarray | np.generic) else value
+
+    try:
+        file: Any = io.BytesIO(data)
+        variables = loadmat(file, simplify_cells=True)
+        structures = (plain(value) for value in variables.values() if isinstance(value, dict))
+        return json.dumps(next(structures)).encode()
+    except Exception:  # of a damaged file, any
+        return None
+
+
 def read_text(path: Path) -> str:
     """Read a text file."""
     try:
@@ -81,6 +103,8 @@ def read_text(path: Path) -> str:
         message = getattr(reason, "strerror", None) or str(reason)
         raise CalibrationError(f"{path}: cannot be read: {message}") from None
     note_bytes(path, data)
+    if data.startswith(b"MATLAB 5.0"):
+        data = _mat_as_json(data) or data
     if len(data) > MAX_BYTES:
         raise CalibrationError(f"{path}: expected a calibration file, got more than 64 MiB")
     try:
@@ -89,7 +113,9 @@ def read_text(path: Path) -> str:
         text = "\0"
     if "\0" in text:
         got = "COLMAP's binary model: convert it with colmap model_converter --output_type TXT"
-        if path.suffix != ".bin":
+        if path.suffix.lower() in (".insv", ".insp"):
+            got = "Insta360's recording: write the offset_v3 of its metadata as a text file"
+        elif path.suffix != ".bin":
             kinds = (kind for start, kind in _BINARY.items() if data.startswith(start))
             got = next(kinds, "no text in UTF-8")
         raise CalibrationError(f"{path}: expected a calibration file, got {got}")
@@ -336,6 +362,19 @@ def parse(data: Any, model: type[TableT], source: str) -> TableT:
         raise CalibrationError("\n".join(lines)) from None
     except (RecursionError, OverflowError) as reason:
         raise unexpected(source, "plain values", type(reason).__name__) from None
+
+
+def numbers_by_name(fields: Mapping[str, Any], names: str, place: str) -> dict[str, float]:
+    """Finite numbers by their space-separated names; a name is required before a `|`, else 0."""
+    required, _, optional = names.rpartition("|")
+    given: dict[str, Any] = {name: fields.get(name) for name in required.split()}
+    given |= {name: fields.get(name, 0.0) for name in optional.split()}
+    for name, value in given.items():
+        if value is None:
+            raise CalibrationError(f"{place}: {name}: missing")
+        if type(value) not in (int, float) or not math.isfinite(value):
+            raise unexpected(f"{place}: {name}", "a number", value)
+    return given
 
 
 def parse_number(word: str, place: str) -> float:

@@ -82,7 +82,8 @@ def fit_camera(
         mirrored: express the source's rays in a mirrored frame, see `mirrored_frame`. Mirrors look
             along −z of their optical frame, where most models see nothing.
         fixed: attributes of the fitted camera that are held constant: `{"xi": 0.0}` makes the
-            unified model a pinhole camera with radial and tangential distortion.
+            unified model a pinhole camera with radial and tangential distortion. None holds the
+            value of the linear initialization, also of one number, such as `polynomial.1`.
         rotated: also fit the orientation of the axes, for a source whose axis is not its z.
 
     Raises:
@@ -213,7 +214,8 @@ def _fitted(
     samples = samples.rotated(rotation)
     is_pinhole = model is UnifiedCamera and fixed.get("xi") == 0.0
     profile = radial_profile(source, samples, fixed.get("principal_point_px", center_px))
-    camera = dataclasses.replace(linear_fit(model, profile, is_pinhole), **fixed)
+    given = {name: value for name, value in fixed.items() if value is not None}
+    camera = dataclasses.replace(linear_fit(model, profile, is_pinhole, fixed), **given)
     seen = camera.pixel_from_ray(samples.directions)
     if not (seen.valid.all() and np.abs(seen.positions_px - samples.pixels_px).max() <= EXACT_PX):
         used = seen.valid
@@ -238,7 +240,7 @@ def _refined(
 ) -> tuple[ParametricCamera, Floats]:
     """Camera at the local minimum of the squared errors near `start`, and its rotation (3, 3)."""
     varied = {name: bounds for name, bounds in free.items() if name not in fixed}
-    parameters = ParameterVector(start, varied)
+    parameters = ParameterVector(start, varied, fixed)
     count = len(parameters.start)
     turns = [np.zeros(3)] if rotated else []
     first = np.concatenate([parameters.start, *turns])

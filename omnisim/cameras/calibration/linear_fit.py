@@ -112,9 +112,17 @@ def radial_profile(
 
 
 def linear_fit(
-    model: type[ParametricCamera], profile: Profile, is_pinhole: bool
+    model: type[ParametricCamera],
+    profile: Profile,
+    is_pinhole: bool,
+    held: Collection[str] = (),
 ) -> ParametricCamera:
-    """Initial camera of a model in `FITTED`; a unified one with ξ = 0 for a pinhole."""
+    """Initial camera of a model in `FITTED`; a unified one with ξ = 0 for a pinhole.
+
+    OCamCalib's polynomial lacks the powers whose labels, such as `polynomial.5`, are in `held`.
+    """
+    if model is OcamcalibCamera:
+        return _ocamcalib(profile, held)
     return _pinhole(profile) if is_pinhole else FITTED[model].initialize(profile)
 
 
@@ -237,10 +245,11 @@ def _f_theta_inverse(profile: Profile) -> FThetaInverseCamera:
     return FThetaInverseCamera(*profile.size, profile.center_px, coefficients)
 
 
-def _ocamcalib(profile: Profile) -> OcamcalibCamera:
+def _ocamcalib(profile: Profile, held: Collection[str] = ()) -> OcamcalibCamera:
     # F(ρ) sin θ = −ρ cos θ
     sine, cosine = np.sin(profile.theta_rad), np.cos(profile.theta_rad)
-    columns = [sine * profile.radii_px**power for power in OCAMCALIB_POWERS]
+    powers = [power for power in OCAMCALIB_POWERS if f"polynomial.{power}" not in held]
+    columns = [sine * profile.radii_px**power for power in powers]
     a0, *others = _solve(columns, -profile.radii_px * cosine).tolist()
     affine = (profile.aspect, 0.0, 0.0)
     return OcamcalibCamera(*profile.size, profile.center_px, (a0, 0.0, *others), affine)

@@ -136,6 +136,11 @@ def embed_metadata(text: str, metadata: Sequence[CameraMetadata], place: Metadat
         return text
     if place is MetadataPlace.KEY:
         return json.dumps({**json.loads(text), "omnisim": entries}, indent=2) + "\n"
+    if place is MetadataPlace.CAMERA:
+        cameras = json.loads(text)
+        for entry in entries:
+            cameras[entry["camera"]]["omnisim"] = entry
+        return json.dumps(cameras, indent=2) + "\n"
     opening, closing, _ = _COMMENTS[place]
     # XML comments must not contain "--"
     lines = ["omnisim " + json.dumps(entry).replace("--", "-\\u002d") for entry in entries]
@@ -151,7 +156,12 @@ def read_metadata(text: str, place: MetadataPlace, source: str) -> dict[str, Cam
         CalibrationError: the metadata is malformed.
     """
     where = f"{source}: omnisim's metadata"
-    if place is MetadataPlace.KEY:
+    if place is MetadataPlace.CAMERA:
+        cameras = (
+            () if text.lstrip().startswith("[") else documents.parse_json(text, source).values()
+        )
+        entries = [camera["omnisim"] for camera in cameras if "omnisim" in camera]
+    elif place is MetadataPlace.KEY:
         entries = documents.parse_json(text, source).get("omnisim", [])
         if not isinstance(entries, list):
             raise CalibrationError(f"{where}: expected a list, got {type(entries).__name__}")

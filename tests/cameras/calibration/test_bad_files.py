@@ -142,14 +142,28 @@ BAD = [
      "distortion_coeffs: expected 4 numbers"),
     ("gyroflow.json", '"distortion_model": null', '"distortion_model": "gopro_superview"',
      "distortion_model = 'gopro_superview': another lens model: calibrate with OpenCV's"),
+    ("camera_models.json", '"fisheye_opencv",', '"fisheye63",', "expected one of perspective"),
+    ("camera_models.json", '"focal_x": 0.6868,', "", "0.6666: focal_x: missing"),
+    ("camera_models.json", '"k1": -0.0571', '"k1": "-0.0571"', "k1: expected a number, got '-"),
+    ("camera_models.json", '"height": 2688', '"height": 2700', "expected an image of 2 : 1, got"),
+    ("metashape.xml", "<projection>frame", "<projection>frames", "expected one of frame, fisheye"),
+    ("metashape.xml", "<f>3713.29</f>", "<f>x</f>", "calibration: f: expected a number"),
+    ("metashape.xml", "<f>3713.29</f>", "<fx>3713.29</fx>", "f: missing: a file of PhotoScan"),
+    ("metashape.xml", "<width>5280</width>", "", "width, height: missing"),
+    ("aria.json", '"FisheyeRadTanThinPrism"', '"Fisheye63"', "left: Projection: Name: expected"),
+    ("aria.json", '"Label": "camera-slam-left"', '"Label": "front"', "front: ConfigData: expected"),
+    ("insta360.txt", "113_2.0", "2.0", "offset_v3, 40 numbers of 2 lenses, got '39: "),
+    ("insta360.txt", "2_2.000", "2_-2.000", "lens0: xi: expected a number ≥ 0, got -2"),
+    ("matlab_fisheye.json", "[880.25, ", "[", "MappingCoefficients: expected 4 numbers: a0, a2"),
+    ("matlab_fisheye.json", "-0.0004, 1]", "-0.0004, 2]", "StretchMatrix: expected"),
+    ("matlab_pinhole.json", '"K": [[714', '"C": [[714', "K: missing"),
+    ("sfm_data.json", '"focal_length": 1791.25,', "", r"intrinsics.1: expected focal_length, .*"),
+    ("sfm_data.json", '"fisheye": [0.0241,', '"fisheye": [', "fisheye: expected 4 numbers: k1"),
+    ("sfm_data.json", '{"key": 0, "value": {"polymorphic_id": 2147483649', '{"value": {"id": 1',
+     "intrinsics: expected cereal's list"),
 ]  # fmt: skip
 # Texts that are no calibration, and a part of the message: many are other tools' files.
 OTHERS = {
-    '{"v2 a 4 3 brown": {"projection_type": "brown", "width": 4, "focal_x": 0.8}}':
-        "this is OpenSfM's camera_models.json: write its numbers",
-    '{"sfm_data_version": "0.3", "intrinsics": []}': "this is OpenMVG's sfm_data.json: write",
-    "<?xml version='1.0'?>\n<calibration>\n  <projection>fisheye</projection>\n</calibration>":
-        "this is Metashape's calibration: export it",
     "fc = [ 600.1 ; 600.2 ];\ncc = [ 320 ; 240 ];\n": "this is MATLAB's calibration: write",
     "%YAML:1.0\nCamera.fx: 190.97\n": "Camera.width, Camera.height: missing, as in settings of ORB",
     "%YAML:1.0\nrelative_config_imucam: 'chain.yaml'\n": "relative_config_imucam: /",
@@ -167,7 +181,7 @@ OTHERS = {
     "#usda 1.0\n": "this is a USD scene: pass it as the scene",
     "mtllib a.mtl\nv 0 0 0\n": "this is an OBJ scene: pass it as the scene",
     "<robot name='a'/>": "this is a scene or a robot: pass it as the scene",
-    "MATLAB 5.0 MAT-file\0": "got MATLAB's data: export it with OCamCalib's Export Data",
+    "MATLAB 5.0 MAT-file\0": "got MATLAB's data without a structure of numbers: write it as JSON",
     "glTF\2\0": "got a scene: pass it as the scene",
     "cam0:\n\tcamera_model: pinhole\n\tintrinsics: [1]\n":
         "not YAML in line 2: expected spaces, got a tab",

@@ -26,6 +26,7 @@ FISHEYES = {"equidistant", "kannala_brandt", "f_theta"}
 CAMERA_INFO = {
     "perspective", "planar", "unified", "hyperbolic", "kannala_brandt", "rational_polynomial",
 }  # fmt: skip
+SOLVED = {"perspective", "planar", "unified", "hyperbolic", "equirectangular"} | FISHEYES
 SPHERES = {"unified", "eucm", "double_sphere"}
 EXAMPLES = {
     **CAMERA_EXAMPLES,
@@ -63,6 +64,14 @@ EXACT = {
     "isaac": {"perspective", "planar", "hyperbolic", "unified", "rational_polynomial",
               "f_theta_inverse"} | FISHEYES,
     "blender_osl": set(CAMERA_MODELS) - {"cylindrical", "equirectangular"},
+    "opensfm": SOLVED | {"thin_prism_fisheye"},
+    "openmvg": SOLVED - {"unified"},  # the examples have two focal lengths
+    "metashape": SOLVED | {"equisolid"},
+    "aria": FISHEYES | {"thin_prism_fisheye"},
+    "insta360": UNIFIED | {"unified"},
+    "matlab": {
+        "perspective", "planar", "hyperbolic", "stereographic", "parabolic", "ocamcalib", "unified",
+    },
     "gazebo": {
         "perspective", "planar", "hyperbolic", "stereographic", "parabolic", "equidistant",
         "equisolid", "orthographic", "gazebo",

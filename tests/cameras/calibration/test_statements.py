@@ -7,7 +7,12 @@ import math
 import numpy as np
 import pytest
 
-from omnisim.cameras import KannalaBrandtCamera, PerspectiveCamera, UnifiedCamera
+from omnisim.cameras import (
+    EquirectangularCamera,
+    KannalaBrandtCamera,
+    PerspectiveCamera,
+    UnifiedCamera,
+)
 from omnisim.cameras.calibration import calibration_of, load_calibration
 from omnisim.cameras.calibration.formats.ocamcalib import inverse_polynomial
 from omnisim.cameras.models.field_of_view import field_of_view
@@ -39,9 +44,26 @@ def test_a_fisheye_of_instant_ngp_is_no_pinhole(tmp_path):
             CalibrationError, match=r"camera_model: expected .* as is_fisheye states"
         ):
             read_transforms(tmp_path, is_fisheye=stated, camera_model=model, **FISHEYE)
-    for key in ("latlong", "ftheta_p0"):
+    for key in ("equirectangular", "k5"):
         with pytest.raises(CalibrationError, match=f"{key} = .*is not read: state a camera_model"):
             read_transforms(tmp_path, **{key: 1.5}, **FISHEYE)
+
+
+def test_other_lenses_of_instant_ngp(tmp_path):
+    panorama = read_transforms(tmp_path, latlong=True, w=200, h=100).cameras[0].camera
+    assert panorama == EquirectangularCamera(200, 100)
+    keys = {f"ftheta_p{power}": value for power, value in enumerate((0.0, 2e-3, 0.0, 1e-9, 0.0))}
+    lens = read_transforms(tmp_path, cx=650.0, cy=470.0, w=1280, h=960, **keys).cameras[0].camera
+    pixels = np.stack(np.meshgrid(np.arange(0.0, 1280.0, 99.0), np.arange(0.0, 960.0, 99.0)), -1)
+    offset = pixels + 0.5 - (650.0, 470.0)
+    r = np.hypot(*offset.transpose(2, 0, 1))
+    alpha = r * (2e-3 + r * r * 1e-9)
+    theirs = np.stack((*(np.sin(alpha) / r * offset.transpose(2, 0, 1)), np.cos(alpha)), axis=-1)
+    np.testing.assert_allclose(lens.ray_from_pixel(pixels).directions, theirs, atol=1e-12)
+    with pytest.raises(CalibrationError, match=r"ftheta_p0: expected 0, .* got 0.1"):
+        read_transforms(tmp_path, **{**keys, "ftheta_p0": 0.1}, w=1280, h=960)
+    with pytest.raises(CalibrationError, match="camera_model: expected none beside latlong"):
+        read_transforms(tmp_path, latlong=True, camera_model="OPENCV", w=200, h=100)
 
 
 @pytest.mark.parametrize(

@@ -21,6 +21,7 @@ from scipy.spatial.transform import Rotation
 
 from omnisim.cameras import (
     CentralCamera,
+    EucmCamera,
     KannalaBrandtCamera,
     PerspectiveCamera,
     RationalPolynomialCamera,
@@ -39,7 +40,7 @@ from omnisim.cameras.calibration.documents import (
 )
 from omnisim.cameras.calibration.equivalents import equivalent
 from omnisim.cameras.camera import without_prefix
-from omnisim.cameras.parametric_camera import RadialCamera, TwoFocalCamera
+from omnisim.cameras.parametric_camera import ParametricCamera, RadialCamera, TwoFocalCamera
 from omnisim.core.arrays import Floats
 from omnisim.core.errors import CalibrationError, OpticsError
 from omnisim.core.poses import pose_from_rotation, rotation_from_quaternion
@@ -60,6 +61,7 @@ class MetadataPlace(Enum):
     SLASHES = "// omnisim {…}"
     XML = "<!-- omnisim {…} -->"
     KEY = '"omnisim": […]'
+    CAMERA = '"omnisim": {…} in each camera'  # of files whose keys are cameras
 
 
 @dataclass(frozen=True, eq=False)
@@ -345,11 +347,23 @@ def yaml_matrix(
     )
 
 
+class ForeignLens(ParametricCamera):
+    """Mixin of lenses that omnisim has no model for: they are read as the nearest one."""
+
+    @property
+    def nearest_models(self) -> tuple[tuple[type[CentralCamera], Fixed], ...]:
+        """Models that may be near, the likeliest first, and the parameters that are fixed."""
+        return (
+            (UnifiedCamera, ANY), (UnifiedCamera, PINHOLE), (KannalaBrandtCamera, ANY),
+            (EucmCamera, ANY),
+        )  # fmt: skip
+
+
 MAX_THETA_RAD = math.radians(88.9)
 
 
 @dataclass(frozen=True)
-class FovLens(TwoFocalCamera, RadialCamera):
+class FovLens(TwoFocalCamera, RadialCamera, ForeignLens):
     """FOV lens of Kalibr and COLMAP, r = atan(2 tan θ tan(w/2))/w; read as the nearest model.
 
     Source: Devernay & Faugeras, "Straight lines have to be straight", 2001.

@@ -4,7 +4,8 @@
 | --- | --- | --- |
 | PINHOLE, OPENCV (k4 = 0) | fl_x fl_y cx cy k1 k2 p1 p2 k3 | perspective, unified |
 | OPENCV_FISHEYE, FISHEYE | fl_x fl_y cx cy k1 k2 k3 k4 | kannala_brandt |
-| EQUIRECTANGULAR | | equirectangular |
+| EQUIRECTANGULAR, instant-ngp's latlong | | equirectangular |
+| instant-ngp's ftheta_p0 = 0, ftheta_p1 … ftheta_p4 | cx cy | f_theta_inverse; read only |
 
 Rays pass through (u + 0.5, v + 0.5): the center of the first pixel is (0.5, 0.5); omnisim's is
 (0, 0). `transform_matrix` maps the camera frame to the world. The camera frame has OpenGL's axes (y
@@ -30,7 +31,13 @@ from typing import Any
 
 import numpy as np
 
-from omnisim.cameras import CentralCamera, EquirectangularCamera, KannalaBrandtCamera, UnifiedCamera
+from omnisim.cameras import (
+    CentralCamera,
+    EquirectangularCamera,
+    FThetaInverseCamera,
+    KannalaBrandtCamera,
+    UnifiedCamera,
+)
 from omnisim.cameras.calibration import documents
 from omnisim.cameras.calibration.calibrated_camera import NamedPose
 from omnisim.cameras.calibration.documents import ForeignTable, Unread, parse, unexpected
@@ -54,8 +61,7 @@ class _Intrinsics(
         "fisheye_crop_radius": Unread("black beyond it: theta_max_deg of a sensor file"),
         "distortion_params": Unread("state k1, k2, k3, k4, p1, p2 in its place", is_fault=True),
         "rolling_shutter transform_matrix_start transform_matrix_end": documents.ROLLING_SHUTTER,
-        "latlong equirectangular k5 k6": OTHER_LENS,
-        "ftheta_p0 ftheta_p1 ftheta_p2 ftheta_p3 ftheta_p4": OTHER_LENS,
+        "equirectangular k5 k6": OTHER_LENS,
     },
 ):
     """Intrinsics of all frames or of one."""
@@ -78,6 +84,12 @@ class _Intrinsics(
     camera_angle_y: Number | None = None
     x_fov: Number | None = None
     y_fov: Number | None = None
+    latlong: Any = None
+    ftheta_p0: Number = 0.0
+    ftheta_p1: Number = 0.0
+    ftheta_p2: Number = 0.0
+    ftheta_p3: Number = 0.0
+    ftheta_p4: Number = 0.0
 
 
 class _Frame(
@@ -210,22 +222,30 @@ def _focal_px(
 
 
 def _lens(part: _Intrinsics, size: tuple[int, int], place: str, notes: list[str]) -> CentralCamera:
-    model = part.camera_model or ("OPENCV_FISHEYE" if part.is_fisheye else "OPENCV")
-    documents.check_choice(
-        model, (*PINHOLES, *FISHEYES, "EQUIRECTANGULAR"), f"{place}: camera_model"
-    )
-    if part.is_fisheye is not None and part.is_fisheye != (model in FISHEYES):
+    f_theta = tuple(getattr(part, f"ftheta_p{power}") for power in range(5))
+    stated = "EQUIRECTANGULAR" if part.latlong else "FTHETA" if any(f_theta) else None
+    model = part.camera_model or stated or ("OPENCV_FISHEYE" if part.is_fisheye else "OPENCV")
+    if stated not in (None, model):
+        raise unexpected(f"{place}: camera_model", "none beside latlong or ftheta_p0", model)
+    models = (*PINHOLES, *FISHEYES, "EQUIRECTANGULAR", *([stated] if stated else ()))
+    documents.check_choice(model, models, f"{place}: camera_model")
+    if stated is None and part.is_fisheye is not None and part.is_fisheye != (model in FISHEYES):
         kind = "a fisheye" if part.is_fisheye else "no fisheye"
         raise unexpected(f"{place}: camera_model", f"{kind}, as is_fisheye states", model)
     width, height = size
     if model == "EQUIRECTANGULAR":
         return EquirectangularCamera(width, height)
+    u = 0.5 * width if part.cx is None else part.cx
+    v = 0.5 * height if part.cy is None else part.cy
+    if model == "FTHETA":
+        if f_theta[0]:
+            raise unexpected(f"{place}: ftheta_p0", "0, the axis at cx, cy", f_theta[0])
+        with error_context(place):
+            return FThetaInverseCamera(width, height, (u - CENTER_PX, v - CENTER_PX), f_theta[1:])
     focal = _focal_px(part, "x", width, place, notes)
     other = _focal_px(part, "y", height, place, notes)
     if focal is None and (other is None or part.fl_y is not None):
         raise CalibrationError(f"{place}: fl_x: missing")
-    u = 0.5 * width if part.cx is None else part.cx
-    v = 0.5 * height if part.cy is None else part.cy
     focal, other = (px for px in (focal or other, other or focal) if px is not None)
     intrinsics = base.Intrinsics(width, height, (focal, other), (u - CENTER_PX, v - CENTER_PX))
     with error_context(place):
