@@ -25,7 +25,7 @@ from omnisim.cameras.calibration.calibrated_camera import (
     find_pose,
     pose_contradiction,
 )
-from omnisim.cameras.calibration.calibration_formats import detect_format, format_named
+from omnisim.cameras.calibration.calibration_formats import detect_format, format_named, tool_of
 from omnisim.cameras.calibration.documents import counted, parse_number, pose, read_text
 from omnisim.cameras.calibration.encode import encode_cameras
 from omnisim.cameras.calibration.fit import Fit, fit_camera
@@ -51,12 +51,14 @@ class Calibration:
         cameras: cameras of the file, at least one, with distinct names.
         format, source: names of the file format, and of the file, for messages.
         file_notes: notes on the whole file, one sentence each.
+        tool: name of the tool that the file is from; empty if unknown.
     """
 
     cameras: tuple[CalibratedCamera, ...]
     format: str = "omnisim"
     source: str = "calibration"
     file_notes: tuple[str, ...] = ()
+    tool: str = ""
 
     def __repr__(self) -> str:
         cameras = [f"{camera.name}: {summary(camera.camera)}" for camera in self.cameras]
@@ -172,10 +174,11 @@ def load_calibration(
         lens = entry.lens if limit_rad is None else entry.lens.ending_at(limit_rad) or entry.lens
         notes = (*entry.notes, *field_notes(lens))
         camera_of_entry = CalibratedCamera(entry.title, lens, notes=notes)
-        calibration = Calibration((camera_of_entry,), "catalog", f"{PREFIX}{entry.name}")
+        name = f"{PREFIX}{entry.name}"
+        calibration = Calibration((camera_of_entry,), "catalog", name, tool="Gyroflow")
     elif is_folder:
         cameras = read_kitti360_folder(path, mirrored, limit_rad)
-        calibration = Calibration(cameras, FORMAT, str(path))
+        calibration = Calibration(cameras, FORMAT, str(path), tool="KITTI-360")
     else:
         calibration = read_cameras(path, format, mirrored, limit_rad)
     selected = calibration if camera is None else calibration.only(camera)
@@ -389,7 +392,8 @@ def read_cameras(
     contradiction = pose_contradiction([pose for camera in cameras for pose in camera.poses])
     if contradiction is not None:
         notes.append(contradiction)
-    return Calibration(tuple(cameras), form.name, source, tuple(notes))
+    tool = tool_of(form, text)
+    return Calibration(tuple(cameras), form.name, source, tuple(notes), tool)
 
 
 def _nearest_model(lens: base.FovLens, source: str) -> tuple[CentralCamera, str]:
