@@ -1,0 +1,133 @@
+"""Plots of `omnisim calibration check`: fields, other formats, and straight lines in an image."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from omnisim.cameras import CentralCamera, PerspectiveCamera
+from omnisim.cameras.calibration.calibration_check import OtherFormats, is_reached, pixels_over
+from omnisim.cameras.models.field_of_view import angles_from_axis, edge_pixels, optical_axis
+from omnisim.core.arrays import Bytes
+from omnisim.perception.unwarping import Unwarping
+from omnisim.plots.style import BLUE, DPI, GRAY, ORANGE, common_legend, label_axes, show_between
+
+_GRID, _BINS = 97, 48  # pixels per side, and angles
+_STEP_DEG = 15  # between lines, and between circles of equal angle
+_MAX_VIEW_DEG = 100.0  # wider perspective views stretch their edges
+_LABEL_COLUMNS = 44
+
+
+def check_figure(
+    cameras: Mapping[str, tuple[CentralCamera, object, Sequence[OtherFormats]]],
+) -> Figure:
+    """Angles over each camera's image, and the other formats' differences by angle."""
+    figure = Figure(figsize=(15.0, 4.4 * len(cameras) + 0.4), dpi=DPI, layout="constrained")
+    rows = figure.subplots(len(cameras), 2, squeeze=False, width_ratios=(1.0, 1.3))
+    colors: dict[str, str] = {}  # by the first format: the same for all cameras
+    for (field, difference), (name, (camera, _, others)) in zip(rows, cameras.items(), strict=True):
+        label_axes(field, f"{name}: angle from the axis", "u (px)", "v (px)")
+        _draw_field(field, camera)
+        title, y_label = f"{name} in other formats", "largest difference (px)"
+        label_axes(difference, title, "angle from the axis (°)", y_label)
+        exact = [name for each in others if each.is_exact for name in each.formats]
+        labels = [(f"exact: {', '.join(exact)}", [], [], "none")]
+        for each in (each for each in others if each.residuals is not None):
+            label = f"{each.model}: {', '.join(each.formats)}"
+            color = colors.setdefault(each.formats[0], f"C{len(colors)}")
+            labels.append((label, *_differences(camera, each), color))
+        for label, thetas, largest_px, color in labels:
+            label = "\n".join(textwrap.wrap(label, _LABEL_COLUMNS))
+            difference.plot(thetas, largest_px, color=color, label=label)
+        difference.set_yscale("log" if len(labels) > 1 else "linear")
+        difference.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.01, 0.5))
+    shown = rows[0, 0].get_legend_handles_labels()
+    figure.legend(*shown, loc="outside lower left", ncols=4, fontsize=8)
+    return figure
+
+
+def _draw_field(axes: Axes, camera: CentralCamera) -> None:
+    """Draw circles of equal angle; black: invalid, white: in reach of a board's corners."""
+    pixels = pixels_over(camera, _GRID)
+    rays = camera.ray_from_pixel(pixels)
+    u, v, thetas = (
+        values.reshape(_GRID, _GRID)
+        for values in (*pixels.T, angles_from_axis(rays.directions, optical_axis(camera)))
+    )
+    valid, reached = (
+        mask.reshape(_GRID, _GRID) for mask in (rays.valid, is_reached(camera, pixels))
+    )
+    axes.grid(visible=False)
+    extent = (-0.5, camera.width_px - 0.5, camera.height_px - 0.5, -0.5)
+    shades = np.where(reached, 1.0, np.where(valid, 0.85, 0.15))
+    axes.imshow(shades, cmap="gray", vmin=0.0, vmax=1.0, extent=extent)
+    levels, degrees = (
+        np.arange(_STEP_DEG, 180, _STEP_DEG),
+        np.where(valid, np.degrees(thetas), np.nan),
+    )
+    lines = axes.contour(u, v, degrees, levels, colors=BLUE, linewidths=0.9)
+    axes.clabel(lines, fmt="%d°", fontsize=8)
+    edge, middle = edge_pixels(camera, 360), 0.5 * (np.array(extent[1:3]) - 0.5)
+    axes.plot(*edge.T, color=ORANGE, linewidth=1.2, label="edge of the valid pixels")
+    axes.plot(*camera.principal_point_px, "+", color=ORANGE, markersize=10, label="principal point")
+    axes.plot(*middle, "x", color=GRAY, markersize=7, label="middle of the image")
+    axes.fill([], [], color="0.85", label="out of reach of a board's corners")
+
+
+def _differences(camera: CentralCamera, other: OtherFormats) -> tuple[list[float], list[float]]:
+    """Angles (n,) from the axis, in degrees, and the largest difference about each, in pixels."""
+    assert other.camera is not None
+    pixels = pixels_over(camera, _GRID)
+    rays = camera.ray_from_pixel(pixels)
+    seen = other.camera.pixel_from_ray(rays.directions)
+    both = rays.valid & seen.valid
+    thetas = np.degrees(angles_from_axis(rays.directions[both], optical_axis(camera)))
+    apart_px = np.linalg.norm(seen.positions_px - pixels, axis=-1)[both]
+    edges = np.linspace(0.0, float(thetas.max(initial=0.0)) + 1e-9, _BINS + 1)
+    largest_px = np.full(_BINS, np.nan)
+    np.fmax.at(largest_px, np.digitize(thetas, edges) - 1, apart_px)
+    return (0.5 * (edges[1:] + edges[:-1])).tolist(), largest_px.tolist()
+
+
+def lines_figure(name: str, image: Bytes, camera: CentralCamera) -> Figure:
+    """Image (height, width, 3) with lines that are straight in the world, and without distortion.
+
+    If the calibration is right, straight edges of the scene follow such lines in the image, and are
+    straight in the perspective view along the axis.
+    """
+    axis = optical_axis(camera)
+    edge = edge_pixels(camera, 720)
+    thetas = angles_from_axis(camera.ray_from_pixel(edge).directions, axis)
+    view_rad = min(math.radians(_MAX_VIEW_DEG), 2.0 * float(thetas.max()))
+    side_px = min(camera.width_px, camera.height_px)
+    view = PerspectiveCamera.with_field_of_view(side_px, side_px, view_rad)
+    turn = np.diag([1.0, axis, axis])  # a mirror looks back
+    straight = Unwarping(camera, view, turn)(image)
+    height_in = 7.0 * max(1.0, camera.height_px / camera.width_px) + 0.8
+    figure = Figure(figsize=(14.0, height_in), dpi=DPI, layout="constrained")
+    left, right = figure.subplots(1, 2)
+    left.plot(*edge.T, color=ORANGE, linewidth=1.4, label="edge of the valid pixels")
+    left.plot(*camera.principal_point_px, "+", color=ORANGE, ms=12, label="principal point")
+    left.plot([], [], color=BLUE, label=f"lines that are straight in the world, every {_STEP_DEG}°")
+    title = f"perspective view of {math.degrees(view_rad):.0f}°: straight edges are straight"
+    along = np.radians(np.linspace(-89.9, 89.9, 721))
+    for axes, pixels, lens, rotation, text in (
+        (left, image, camera, np.eye(3), name), (right, straight, view, turn, title),
+    ):  # fmt: skip
+        axes.set_title(text, fontsize=10)
+        axes.imshow(pixels)
+        for angle in np.radians(np.arange(-75, 76, _STEP_DEG)):
+            across, ahead = math.sin(angle) * np.cos(along), math.cos(angle) * np.cos(along)
+            for x, y in ((across, np.sin(along)), (np.sin(along), across)):
+                seen = lens.pixel_from_ray(np.stack((x, y, axis * ahead), axis=-1) @ rotation)
+                shown = np.where(seen.valid[:, None], seen.positions_px, np.nan)
+                axes.plot(*shown.T, color=BLUE, linewidth=0.9)
+        show_between(axes, (-0.5, lens.height_px - 0.5), (lens.width_px - 0.5, -0.5))
+        axes.set_axis_off()
+    common_legend(figure, loc="outside lower left", ncols=3, fontsize=9)
+    return figure
