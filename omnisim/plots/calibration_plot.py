@@ -17,10 +17,10 @@ from omnisim.core.arrays import Bytes
 from omnisim.perception.unwarping import Unwarping
 from omnisim.plots.style import BLUE, DPI, GRAY, ORANGE, common_legend, label_axes, show_between
 
-_GRID, _BINS = 97, 48  # pixels per side, and angles
+_GRID, _BINS = 193, 48  # pixels per side, and angles
 _STEP_DEG = 15  # between lines, and between circles of equal angle
 _MAX_VIEW_DEG = 100.0  # wider perspective views stretch their edges
-_LABEL_COLUMNS = 44
+_LABEL_COLUMNS, _MIN_PX = 44, 1e-4  # smaller differences matter to nobody
 
 
 def check_figure(
@@ -29,26 +29,34 @@ def check_figure(
     """Angles over each camera's image, and the other formats' differences by angle."""
     figure = Figure(figsize=(15.0, 4.4 * len(cameras) + 0.4), dpi=DPI, layout="constrained")
     rows = figure.subplots(len(cameras), 2, squeeze=False, width_ratios=(1.0, 1.3))
-    colors: dict[str, str] = {}  # by the first format: the same for all cameras
+    colors: dict[str, str] = {}  # by model: the same for all cameras
     for (field, difference), (name, (camera, _, others)) in zip(rows, cameras.items(), strict=True):
         label_axes(field, f"{name}: angle from the axis", "u (px)", "v (px)")
         _draw_field(field, camera)
         title, y_label = f"{name} in other formats", "largest difference (px)"
         label_axes(difference, title, "angle from the axis (°)", y_label)
         exact = [name for each in others if each.is_exact for name in each.formats]
-        labels = [(f"exact: {', '.join(exact)}", [], [], "none")]
+        difference.plot([], [], " ", label=_label("exact", exact))
+        fitted: dict[tuple[str, float], list[OtherFormats]] = {}
         for each in (each for each in others if each.residuals is not None):
-            label = f"{each.model}: {', '.join(each.formats)}"
-            color = colors.setdefault(each.formats[0], f"C{len(colors)}")
-            labels.append((label, *_differences(camera, each), color))
-        for label, thetas, largest_px, color in labels:
-            label = "\n".join(textwrap.wrap(label, _LABEL_COLUMNS))
-            difference.plot(thetas, largest_px, color=color, label=label)
-        difference.set_yscale("log" if len(labels) > 1 else "linear")
+            fitted.setdefault((each.model, each.residuals.max_px), []).append(each)
+        for (model, _), same in fitted.items():
+            label = _label(model, [name for each in same for name in each.formats])
+            color = colors.setdefault(model, f"C{len(colors)}")
+            difference.plot(*_differences(camera, same[0]), color=color, label=label)
+        if difference.dataLim.intervaly[1] > _MIN_PX:  # whole decades: their ticks have labels
+            difference.set_yscale("log")
+            ends = np.log10(np.maximum(difference.dataLim.intervaly, _MIN_PX))
+            difference.set_ylim(10.0 ** math.floor(ends[0]), 10.0 ** math.ceil(ends[1] + 1e-9))
+            difference.yaxis.set_major_formatter("{x:g}")
         difference.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.01, 0.5))
     shown = rows[0, 0].get_legend_handles_labels()
     figure.legend(*shown, loc="outside lower left", ncols=4, fontsize=8)
     return figure
+
+
+def _label(title: str, names: Sequence[str]) -> str:
+    return "\n".join(textwrap.wrap(f"{title}: {', '.join(names)}", _LABEL_COLUMNS))
 
 
 def _draw_field(axes: Axes, camera: CentralCamera) -> None:
@@ -103,18 +111,19 @@ def lines_figure(name: str, image: Bytes, camera: CentralCamera) -> Figure:
     axis = optical_axis(camera)
     edge = edge_pixels(camera, 720)
     thetas = angles_from_axis(camera.ray_from_pixel(edge).directions, axis)
+    size_px = camera.width_px, camera.height_px
     view_rad = min(math.radians(_MAX_VIEW_DEG), 2.0 * float(thetas.max()))
-    side_px = min(camera.width_px, camera.height_px)
-    view = PerspectiveCamera.with_field_of_view(side_px, side_px, view_rad)
+    focal_px = 0.5 * max(size_px) / math.tan(0.5 * view_rad)
+    view = PerspectiveCamera(*size_px, focal_px, (0.5 * size_px[0] - 0.5, 0.5 * size_px[1] - 0.5))
     turn = np.diag([1.0, axis, axis])  # a mirror looks back
     straight = Unwarping(camera, view, turn)(image)
-    height_in = 7.0 * max(1.0, camera.height_px / camera.width_px) + 0.8
+    height_in = 7.0 * camera.height_px / camera.width_px + 0.8
     figure = Figure(figsize=(14.0, height_in), dpi=DPI, layout="constrained")
     left, right = figure.subplots(1, 2)
     left.plot(*edge.T, color=ORANGE, linewidth=1.4, label="edge of the valid pixels")
     left.plot(*camera.principal_point_px, "+", color=ORANGE, ms=12, label="principal point")
     left.plot([], [], color=BLUE, label=f"lines that are straight in the world, every {_STEP_DEG}°")
-    title = f"perspective view of {math.degrees(view_rad):.0f}°: straight edges are straight"
+    title = f"without distortion, {math.degrees(view_rad):.0f}°: straight edges are straight"
     along = np.radians(np.linspace(-89.9, 89.9, 721))
     for axes, pixels, lens, rotation, text in (
         (left, image, camera, np.eye(3), name), (right, straight, view, turn, title),
