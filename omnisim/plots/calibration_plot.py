@@ -5,15 +5,17 @@ from __future__ import annotations
 import math
 import textwrap
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera, PerspectiveCamera
 from omnisim.cameras.calibration.calibration_check import OtherFormats, is_reached, pixels_over
 from omnisim.cameras.models.field_of_view import angles_from_axis, edge_pixels, optical_axis
-from omnisim.core.arrays import Bytes
+from omnisim.core.srgb import srgb8_from_linear
 from omnisim.perception.unwarping import Unwarping
 from omnisim.plots.style import BLUE, DPI, GRAY, ORANGE, common_legend, label_axes, show_between
 
@@ -102,12 +104,19 @@ def _differences(camera: CentralCamera, other: OtherFormats) -> tuple[list[float
     return (0.5 * (edges[1:] + edges[:-1])).tolist(), largest_px.tolist()
 
 
-def lines_figure(name: str, image: Bytes, camera: CentralCamera) -> Figure:
-    """Image (height, width, 3) with lines that are straight in the world, and without distortion.
+def lines_figure(name: str, photo: NDArray[Any], camera: CentralCamera) -> Figure:
+    """Image with lines that are straight in the world, and without distortion.
 
     If the calibration is right, straight edges of the scene follow such lines in the image, and are
     straight in the perspective view along the axis.
+
+    Args:
+        photo: (height, width, channels) of the camera's size: 8 or 16 bits, or linear floats.
     """
+    image = photo[..., [0] * 3] if photo.shape[2] < 3 else photo[..., :3]
+    if image.dtype == np.uint16:
+        image = (image >> 8).astype(np.uint8)
+    image = image if image.dtype == np.uint8 else srgb8_from_linear(image)
     axis = optical_axis(camera)
     edge = edge_pixels(camera, 720)
     thetas = angles_from_axis(camera.ray_from_pixel(edge).directions, axis)
