@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera, PerspectiveCamera
+from omnisim.cameras.calibration.calibrated_camera import Residuals
 from omnisim.cameras.calibration.calibration_check import OtherFormats, is_reached, pixels_over
 from omnisim.cameras.models.field_of_view import angles_from_axis, edge_pixels, optical_axis
 from omnisim.core.srgb import srgb8_from_linear
@@ -39,10 +40,12 @@ def check_figure(
         label_axes(difference, title, "angle from the axis (°)", y_label)
         exact = [name for each in others if each.is_exact for name in each.formats]
         difference.plot([], [], " ", label=_label("exact", exact))
-        fitted: dict[tuple[str, float], list[OtherFormats]] = {}
-        for each in (each for each in others if each.residuals is not None):
-            fitted.setdefault((each.model, each.residuals.max_px), []).append(each)
-        for (model, _), same in fitted.items():
+        fitted: dict[Residuals, list[OtherFormats]] = {}
+        for each in others:
+            if each.residuals is not None:
+                fitted.setdefault(each.residuals, []).append(each)
+        for same in fitted.values():
+            model = same[0].model
             label = _label(model, [name for each in same for name in each.formats])
             color = colors.setdefault(model, f"C{len(colors)}")
             difference.plot(*_differences(camera, same[0]), color=color, label=label)

@@ -60,10 +60,10 @@ def check(request: CalibrationCheckRequest) -> bool:
     findings = [finding for each in cameras.values() for finding in each.findings] + rig
     statuses = [finding.status for finding in findings]
     if request.json:
-        content = {"file": read.source, "format": read.format, "tool": read.tool}
-        parts = {name: _content(each) for name, each in cameras.items()}
-        rig_parts = [finding._asdict() for finding in rig]
-        content |= {"cameras": parts, "rig": rig_parts, "plots": list(map(str, plots))}
+        content: dict[str, Any] = {"file": read.source, "format": read.format, "tool": read.tool}
+        content["cameras"] = {name: _content(each) for name, each in cameras.items()}
+        content["rig"] = [finding._asdict() for finding in rig]
+        content["plots"] = list(map(str, plots))
         out.print(json.dumps(content, indent=1, ensure_ascii=False))
         return checks.WRONG not in statuses
     out.print(headline(read))

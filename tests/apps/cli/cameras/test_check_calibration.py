@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+from omnisim.cameras.calibration import load_calibration
 from omnisim.core.files.image_files import read_image, write_image
 from tests.cameras.calibration.sample_files import FOLDER
 
@@ -77,6 +78,24 @@ def test_plots_show_formats_and_straight_lines(ran, tmp_path):
     right = is_line[:, is_line.shape[1] // 2 :]
     assert (right.mean(axis=0) > 0.6).sum() >= 5
     assert not (is_line[:, : is_line.shape[1] // 2].mean(axis=0) > 0.6).sum() >= 5
+
+
+@pytest.mark.parametrize(
+    ("shape", "kind"),
+    [((48, 64, 1), np.uint8), ((48, 64, 3), np.uint16), ((48, 64, 4), np.float32)],
+)
+def test_lines_are_drawn_on_any_photo(shape, kind):
+    pytest.importorskip("matplotlib")
+    from omnisim.plots.calibration_plot import lines_figure
+
+    camera = load_calibration(FOLDER / "opencv_pinhole.yaml").cameras[0].camera.scaled(0.1)
+    level = 0.5 if kind is np.float32 else np.iinfo(kind).max // 2
+    figure = lines_figure("photo", np.full(shape, level, kind), camera)
+    for axes in figure.axes:
+        (image,) = axes.get_images()
+        shown = np.asarray(image.get_array())
+        assert (shown.shape, shown.dtype) == ((48, 64, 3), np.uint8)
+        assert shown.max() == (127 if kind is not np.float32 else 188)
 
 
 @pytest.mark.parametrize(
