@@ -28,7 +28,8 @@ LONG = {
         "any-optics", "calibrations", "change-scene", "choose", "data-sets", "drives", "evaluate",
         "ground-truth", "light", "live", "measure-camera", "measure-noise", "measure-sharpness",
         "mirror-mesh", "moving-objects", "own-camera-model", "own-scene", "own-world", "python",
-        "rays", "rigs", "robots", "troubleshooting", "unwarp", "use-with", "your-simulator",
+        "rays", "rigs", "robots", "troubleshooting", "unwarp", "use-with",
+        "which-model-is-my-camera", "your-simulator",
     )),
     *(f"docs/reference/{name}.md" for name in ("calibration-formats", "channels")),
     *(f"docs/tutorials/{name}.md" for name in (

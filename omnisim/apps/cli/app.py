@@ -50,7 +50,7 @@ GROUPS = {  # help texts of the groups
     "robot": "Robots: list, show, check, or import from USARSim, Gazebo, URDF or MuJoCo.",
     "dataset": "Data sets: summarize, check the hashes, view samples, convert.",
     "scene": "Scenes: summarize (`omnisim scene SCENE`), or convert to GLB.",
-    "calibration": "Calibration files of other tools: convert, show, list the formats.",
+    "calibration": "Calibration files of other tools: convert, show, check, list the formats.",
     "measure": "Measure a camera from its own images.",
     "optics": "Non-central optical systems: check, plot, design, calibrate.",
 }

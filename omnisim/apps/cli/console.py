@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
+import textwrap
 import time
 from collections.abc import Callable, Iterable, Iterator, Sized
 from contextlib import contextmanager
@@ -133,3 +135,13 @@ def table(*headings: str) -> Table:
 def pluralize(count: int, noun: str) -> str:
     """Format a count with its noun: 1 step, 2 steps."""
     return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
+def wrapped(text: str, head: str = "") -> str:
+    """Text after a head, in lines of a terminal's width; elsewhere one line."""
+    if not out.is_terminal:
+        return head + text
+    return textwrap.fill(
+        head + text, shutil.get_terminal_size().columns, subsequent_indent=" " * len(head),
+        break_long_words=False, break_on_hyphens=False,
+    )  # fmt: skip

@@ -23,7 +23,7 @@ from omnisim.cameras.calibration.calibrated_camera import (
     find_pose,
     pose_contradiction,
 )
-from omnisim.cameras.calibration.calibration_formats import detect_format, format_named
+from omnisim.cameras.calibration.calibration_formats import detect_format, format_named, tool_of
 from omnisim.cameras.calibration.documents import (
     counted,
     parse_number,
@@ -56,12 +56,14 @@ class Calibration:
         cameras: cameras of the file, at least one, with distinct names.
         format, source: names of the file format, and of the file, for messages.
         file_notes: notes on the whole file, one sentence each.
+        tool: name of the tool that the file is from; empty if unknown.
     """
 
     cameras: tuple[CalibratedCamera, ...]
     format: str = "omnisim"
     source: str = "calibration"
     file_notes: tuple[str, ...] = ()
+    tool: str = ""
 
     def __repr__(self) -> str:
         cameras = [f"{camera.name}: {summary(camera.camera)}" for camera in self.cameras]
@@ -178,7 +180,8 @@ def load_calibration(
         lens = entry.lens if limit_rad is None else entry.lens.ending_at(limit_rad) or entry.lens
         notes = (*entry.notes, *field_notes(lens))
         camera_of_entry = CalibratedCamera(entry.title, lens, notes=notes)
-        calibration = Calibration((camera_of_entry,), "catalog", f"{PREFIX}{entry.name}")
+        name = f"{PREFIX}{entry.name}"
+        calibration = Calibration((camera_of_entry,), "catalog", name, tool="Gyroflow")
     elif is_folder:
         calibration = read_folder(path, format, mirrored, limit_rad)
     else:
@@ -397,7 +400,8 @@ def read_cameras(
     contradiction = pose_contradiction([pose for camera in cameras for pose in camera.poses])
     if contradiction is not None:
         notes.append(contradiction)
-    return Calibration(tuple(cameras), form.name, source, tuple(notes))
+    tool = tool_of(form, text)
+    return Calibration(tuple(cameras), form.name, source, tuple(notes), tool)
 
 
 def _check_names(names: list[str], path: Path) -> None:
@@ -471,7 +475,7 @@ def read_folder(
     """
     if (folder / EXTRINSICS).is_file():
         cameras = read_kitti360_folder(folder, mirrored, theta_max_rad)
-        return Calibration(cameras, FORMAT, str(folder))
+        return Calibration(cameras, FORMAT, str(folder), tool="KITTI-360")
     for patterns in RIG_FILES:
         files = [file for one in patterns.split() for file in sorted(folder.glob(one))]
         if files:
@@ -486,7 +490,7 @@ def read_folder(
     rig = with_poses([camera for one in read for camera in one.cameras])
     _check_names([camera.name for camera in rig], folder)
     notes = tuple(dict.fromkeys(note for one in read for note in one.file_notes))
-    return Calibration(tuple(rig), read[0].format, str(folder), notes)
+    return Calibration(tuple(rig), read[0].format, str(folder), notes, read[0].tool)
 
 
 # KITTI-360's calibration folder: one file per fisheye camera, and the extrinsics of all cameras.

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import re
 import tomllib
+from collections.abc import Iterator
 from typing import Any
 
+from omnisim.cameras.calibration.documents import ForeignTable
 from omnisim.cameras.calibration.formats.basalt import Basalt
 from omnisim.cameras.calibration.formats.blender_osl import BlenderOsl
 from omnisim.cameras.calibration.formats.camodocal import Camodocal
@@ -61,6 +63,22 @@ FOREIGN_FILES = (
     ("a scene or a robot", r"<(robot|mujoco|sdf|COLLADA)\b", _AS_SCENE),
 )  # fmt: skip
 
+# Tools by their marks in files: format ("": any), tool, pattern. Others are those of the title.
+TOOLS = (
+    ("", "omnisim", r"^# omnisim \{|<!-- omnisim \{|\"omnisim(_calibration)?\"\s*:"),
+    ("kalibr", "OpenVINS", r"^\s*T_imu_cam\s*:"),
+    ("kalibr", "EuRoC's data set", r"^sensor_type\s*:|^T_BS\s*:"),
+    ("kitti360", "KITTI-360", r"^camera_name\s*:\s*[\"']?image_0\d"),
+    ("kitti360", "VINS-Fusion", r"^(body_T_cam\d|extrinsicRotation|estimate_extrinsic)\s*:"),
+    ("opencv", "OpenCV's calibration sample", r"^calibration_time\s*:"),
+    ("ros", "ros2 topic echo", r"^header\s*:"),
+    ("ros", "ROS's camera_calibration", r"^camera_name\s*:"),
+    ("nerfstudio", "instant-ngp's colmap2nerf", r'"aabb_scale"\s*:'),
+    ("nerfstudio", "nerfstudio's ns-process-data", r'"(applied_transform|ply_file_path)"\s*:'),
+)  # fmt: skip
+SHOWN_FORMATS = 3  # in the message about an unknown file
+_KINDS = {".json": "JSON", ".yaml": "YAML", ".sdf": "XML", ".xml": "XML"}
+
 
 def format_named(name: str) -> Format[Any]:
     """Format with the given name.
@@ -94,8 +112,9 @@ def detect_format(text: str, source: str, name: str | None = None) -> Format[Any
             raise CalibrationError(
                 f"{source}: this looks like a sensor file: pass --sensor {source}"
             )
+        nearest = "".join(f"; not {name}: {reason}" for name, reason in _nearest_formats(text))
         raise CalibrationError(
-            f"{source}: expected a calibration in one of the formats {', '.join(FORMATS)}"
+            f"{source}: expected a calibration in one of the formats {', '.join(FORMATS)}{nearest}"
         )
     form = format_named(name)
     # the name that the user gives tells OpenCV's three formats apart
@@ -106,6 +125,50 @@ def detect_format(text: str, source: str, name: str | None = None) -> Format[Any
             f"pass --format {foreign[0].name}"
         )
     return form
+
+
+def tool_of(form: Format[Any], text: str) -> str:
+    """Name of the tool that a file of a format is from, as far as its keys tell."""
+    for name, tool, mark in TOOLS:
+        if name in ("", form.name, _family(form)) and re.search(mark, text, re.M):
+            return tool
+    return form.title.partition(":")[0].replace(" and ", " or ")
+
+
+def _nearest_formats(text: str) -> list[tuple[str, str]]:
+    """Formats that share most keys with a text, the nearest first, each with one thing it lacks."""
+    kind = {"{": "JSON", "<": "XML"}.get(text.lstrip()[:1], "YAML")
+    pattern = r"<(\w+)" if kind == "XML" else r"""(?:^|[{,])[-\s]*["']?([A-Za-z_][\w.]*)["']?\s*:"""
+    present = set(re.findall(pattern, text, re.M))
+    ranked = []
+    for form in FORMATS.values():
+        keys = {key: needed for table in form.tables for key, needed in _keys_of(table)}
+        shared = present & {key.rpartition("/")[2] if kind == "XML" else key for key in keys}
+        own_kind = _KINDS.get(form.suffix, "text")
+        signature = getattr(form, "signature", re.compile("!!opencv-matrix"))
+        signs = re.findall(r"(?:!!)?[a-z][\w-]{3,}", signature.pattern)
+        missing = [key for key, is_needed in keys.items() if is_needed and key not in present]
+        missing += [sign for sign in signs if sign not in text]
+        reason = f"no {missing[0]}" if missing else f"not as in {form.title}"
+        reason = reason if kind == own_kind else f"{kind}, not {own_kind}"
+        if shared:
+            ranked.append((-len(shared), kind != own_kind, len(missing), form, reason))
+    own_most = min((count for count, is_other, *_ in ranked if not is_other), default=0)
+    ranked = [entry for entry in ranked if not entry[1] or entry[0] < own_most]
+    ranked.sort(key=lambda entry: entry[:3])
+    nearest = dict.fromkeys((_family(form), reason) for *_, form, reason in ranked)
+    return list(nearest)[:SHOWN_FORMATS]
+
+
+def _keys_of(table: type[ForeignTable]) -> Iterator[tuple[str, bool]]:
+    """Keys that a table and the tables in it read, and whether each is required."""
+    for name, field in table.model_fields.items():
+        yield field.alias or name, field.is_required()
+    for key in table.also_read:
+        yield key, False
+    for inner in table.inner.values():
+        if inner is not table:
+            yield from _keys_of(inner)
 
 
 def _is_sensor_file(text: str) -> bool:

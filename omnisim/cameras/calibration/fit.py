@@ -102,7 +102,7 @@ def fit_camera(
     samples = samples_of(camera, mirrored)
     try:
         axis = _axis_of(camera, mirrored) if rotated else None
-        fitted, rotation = _fitted(camera, target, samples, fixed, axis)
+        fitted, rotation = fitted_to_samples(camera, target, samples, fixed, axis)
     except OpticsError as reason:
         raise _failure(camera, model, f"{reason}{_hint(camera, mirrored)}") from None
     assert isinstance(fitted, model)
@@ -201,7 +201,7 @@ def _equidistant_axis(source: CentralCamera, samples: FitSamples) -> _Axis:
     return axis
 
 
-def _fitted(
+def fitted_to_samples(
     source: CentralCamera,
     model: type[ParametricCamera],
     samples: FitSamples,

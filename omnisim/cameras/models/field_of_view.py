@@ -45,7 +45,7 @@ class FieldOfView:
 def field_of_view(camera: CentralCamera) -> FieldOfView:
     """Field of view of a camera's image."""
     axis = optical_axis(camera)
-    left, right, up, down, *corners = _sweeps(camera)
+    left, right, up, down, *corners = sweeps(camera)
     widest_rad, limit_rad = largest_theta_rad(camera), _model_limit_rad(camera, axis)
     diagonal = max(corners[0] + corners[3], corners[1] + corners[2])
     angles = widest_rad, limit_rad, left + right, up + down, diagonal
@@ -157,7 +157,7 @@ def corner_pixels(camera: CentralCamera) -> Floats:
     return np.array([[-0.5, -0.5], [u, -0.5], [-0.5, v], [u, v]])
 
 
-def _sweeps(camera: CentralCamera) -> list[float]:
+def sweeps(camera: CentralCamera) -> list[float]:
     """Angles swept by a ray from the axis to the left, right, up, down, and to the corners."""
     start = _start(camera)
     (u, v), (last_u, last_v) = start, _last(camera)

@@ -223,6 +223,27 @@ def test_files_that_are_no_calibration(content, words, tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("image_width: 4\nimage_height: 4\ncamera_name: a\n", "; not ros: no camera_matrix"),
+        (
+            "cam0:\n  intrinsics: [1, 2, 3, 4]\n  resolution: [2, 3]\n",
+            "; not kalibr: no camera_model",
+        ),
+        ("camera_matrix: [[1, 0, 0]]\ndist_coeffs: [0]\n", "; not opencv: no !!opencv-matrix"),
+        ('{"image_width": 4, "camera_matrix": {"data": [1]}}', "; not ros: JSON, not YAML"),
+        ("<camera><image><width>3</width></image></camera>", "; not gazebo: no lens"),
+    ],
+)
+def test_an_unknown_file_says_why_the_nearest_formats_are_not_its_own(text, reason, tmp_path):
+    path = tmp_path / "file"
+    path.write_text(text)
+    message = _message(path)
+    assert reason in message
+    assert message.count("; not ") <= 3
+
+
+@pytest.mark.parametrize(
     ("file", "format", "camera", "words"),
     [
         ("colmap_cameras.txt", "kalibr", None, "looks like a colmap file .*pass --format colmap"),

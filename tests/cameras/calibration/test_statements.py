@@ -234,3 +234,20 @@ def test_the_five_numbers_of_a_t265_are_four(tmp_path):
     path.write_text(T265.format(model="plumb_bob", last="0.0"))
     with pytest.warns(NoticeWarning, match="early RealSense drivers .* write equidistant"):
         load_calibration(path)
+
+
+@pytest.mark.parametrize(
+    ("file", "tool"),
+    [
+        ("kalibr_tum_vi.yaml", "Kalibr"), ("kalibr_openvins.yaml", "OpenVINS"),
+        ("euroc_sensor.yaml", "EuRoC's data set"), ("ros_echo.yaml", "ros2 topic echo"),
+        ("camera_info.yaml", "ROS's camera_calibration"), ("kitti360_image_02.yaml", "KITTI-360"),
+        ("transforms.json", "Nerfstudio"),
+    ],
+)  # fmt: skip
+def test_a_file_tells_the_tool_that_it_is_from(file, tool, tmp_path):
+    calibration = load_calibration(FOLDER / file)
+    assert calibration.tool == tool
+    ours = dataclasses.replace(calibration, cameras=calibration.cameras[:1])
+    ours.save(tmp_path / "fitted.json", "omnisim")
+    assert load_calibration(tmp_path / "fitted.json").tool == "omnisim"

@@ -161,8 +161,7 @@ def error_table(errors: Sequence[CentralError]) -> Table:
 def show(request: ShowRequest) -> None:
     """Print the cameras of a calibration file."""
     read = read_calibration(request.source, request.camera_name, request.format, request.mirrored)
-    cameras = pluralize(len(read.cameras), "camera")
-    out.print(f"{request.source}: {read.format}, {cameras}")
+    out.print(headline(read))
     for camera in read.cameras:
         shown = Table(box=None, pad_edge=False, show_header=False)
         shown.add_column(style="bold", no_wrap=True)
@@ -171,6 +170,12 @@ def show(request: ShowRequest) -> None:
         out.print()
         out.print(camera.name, style="bold")
         out.print(shown)
+
+
+def headline(read: calibrations.Calibration) -> str:
+    """File, format, number of cameras, and the tool that the file is from."""
+    tool = f", from {read.tool}" if read.tool else ""
+    return f"{read.source}: {read.format}, {pluralize(len(read.cameras), 'camera')}{tool}"
 
 
 def read_calibration(
@@ -205,7 +210,11 @@ def read_calibration(
             hint = "`omnisim calibration convert` fits one to it"
             raise CalibrationError(f"{path}: expected a central camera, got optics: {hint}")
         return calibrations.Calibration(
-            calibrations.calibration_of(camera, "camera").cameras, "omnisim", str(path)
+            calibrations.calibration_of(camera, "camera").cameras,
+            "omnisim",
+            str(path),
+            (),
+            "omnisim",
         )
     return calibrations.load_calibration(path, format, camera_name, mirrored)
 

@@ -103,6 +103,28 @@ class ShowRequest:
     mirrored: Mirrored = None
 
 
+@command("calibration check", "cameras.check_calibration.check")
+class CalibrationCheckRequest:
+    """Check a calibration: lens, field, rig, and what other formats make of it; exits with 1 if it
+    contradicts itself.
+
+    omnisim calibration check kalibr.yaml
+    omnisim calibration check kalibr.yaml photo.png --camera-name cam0 -o check
+    """
+
+    source: Annotated[Path, Argument(metavar="FILE")]
+    """Calibration file, sensor file, or image by omnisim."""
+    images: Annotated[list[Path] | None, Argument(metavar="IMAGE")] = None
+    """Images of the camera, to be drawn with lines that are straight in the world."""
+    output: Annotated[Path | None, Option(metavar="DIR")] = None
+    """Folder for the plots: check.png, and one of each image. Default: none."""
+    camera_name: CameraName = None
+    format: Format = None
+    mirrored: Mirrored = None
+    json: bool = False
+    """Print only JSON, with all findings."""
+
+
 @command("calibration search", "cameras.calibration.search")
 class SearchRequest:
     """Search the catalog of measured cameras; --camera catalog:NAME takes one.

@@ -5,12 +5,10 @@ from __future__ import annotations
 import json
 import os
 import re
-import shutil
 import signal
 import socket
 import sys
 import tempfile
-import textwrap
 import time
 from collections.abc import Collection, Sequence
 from pathlib import Path
@@ -20,7 +18,7 @@ from rich.markup import escape
 
 from omnisim.apps import doctor
 from omnisim.apps.cli.checks.requests import DoctorRequest
-from omnisim.apps.cli.console import out
+from omnisim.apps.cli.console import out, wrapped
 from omnisim.apps.cli.info import PACKAGE, installation
 from omnisim.apps.doctor import FAILED, LIMIT_S, OK, OTHER_DRIVER, STEPS, WARNING, Finding
 from omnisim.core.files.atomic_file import check_target, write_text
@@ -51,12 +49,12 @@ def run(request: DoctorRequest) -> bool:
         steps.append(run_step(name, request.device, known))
         status, text, remedy, _ = steps[-1].result
         head = f"{status:9}{name:13}{steps[-1].seconds:5.1f} s  "
-        line = _wrapped(text + (f": {remedy}" if remedy else ""), head)[len(status) :]
+        line = wrapped(text + (f": {remedy}" if remedy else ""), head)[len(status) :]
         out.print(f"[{_COLORS[status]}]{status}[/]{escape(line)}", markup=True)
         if name in NEEDED and steps[-1].result.status == FAILED:
             break
     lines = verdict(steps)
-    out.print("\n" + "\n".join(map(_wrapped, lines)))
+    out.print("\n" + "\n".join(map(wrapped, lines)))
     if request.report is not None:
         write_text(request.report, report(steps, lines))
         out.print(f"{request.report}: the report, for a bug report")
@@ -146,13 +144,3 @@ def report(steps: Sequence[DoctorStep], lines: Sequence[str]) -> str:
     for name, instead in {socket.gethostname(): "<host>", **names}.items():
         text = re.sub(rf"(?<![\w-]){re.escape(name)}(?![\w-])", instead, text)
     return text
-
-
-def _wrapped(text: str, head: str = "") -> str:
-    """Text after a head, in lines of a terminal's width."""
-    if not out.is_terminal:
-        return head + text
-    return textwrap.fill(
-        head + text, shutil.get_terminal_size().columns, subsequent_indent=" " * len(head),
-        break_long_words=False, break_on_hyphens=False,
-    )  # fmt: skip

@@ -66,7 +66,7 @@ def test_a_sensor_file_is_a_calibration(ran, refused, tmp_path):
     [
         (KITTI, ["kitti360, 1 camera", "image_02", "unified", "1400 × 1400 px", "2.213404751",
                  "field of view    198.2° × 197.9°", "116.86°", "86.8 %"]),
-        (TUM_VI, ["kalibr, 2 cameras", "cam0_from_imu", "512 × 512 px", "100.0 %"]),
+        (TUM_VI, ["kalibr, 2 cameras, from Kalibr", "cam0_from_imu", "512 × 512 px", "100.0 %"]),
         (FOLDER / "transforms.json", ["world_from_images/frame_00002.jpeg"]),
         (FOLDER / "ocamcalib.txt", ["model's limit"]),
     ],
