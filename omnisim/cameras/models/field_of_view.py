@@ -53,6 +53,12 @@ def field_of_view(camera: CentralCamera) -> FieldOfView:
     return FieldOfView(covered_share(camera), (0.0, 0.0, axis), *angles)
 
 
+def angles_of_view(camera: CentralCamera) -> tuple[float, float]:
+    """Angles of view along the row and along the column of the axis, in radians."""
+    left, right, up, down, *_ = _sweeps(camera)
+    return left + right, up + down
+
+
 def field_notes(camera: CentralCamera) -> tuple[str, ...]:
     """Notes on a lens that ends inside its image, or before its stated θ_max."""
     stated_rad = camera.domain_limit_rad
