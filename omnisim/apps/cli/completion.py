@@ -96,43 +96,17 @@ def _beginning(incomplete: str, words: Iterable[str]) -> list[str]:
     return [word for word in words if word.startswith(incomplete)]
 
 
-# Scripts of the shells: a level of the catalog gets no blank behind it.
-
-
 class Bash(BashComplete):
-    """Bash, for which a word also ends at : and =, and which completes names and files together."""
+    """Completes names beside files, and names with colons, unlike the script of click."""
 
-    source_template = r"""%(complete_func)s() {
-    local IFS=$'\n' line="${COMP_LINE:0:COMP_POINT}" item file files= before=
-    local given="${line##*[[:blank:]]}"
-    [[ -z $given ]] && line+="''"
-    given="${given##*=}"
-    [[ $given == *:* ]] && before="${given%%:*}:"
-    for item in $(env COMP_WORDS="$line" COMP_CWORD=-1 %(complete_var)s=bash_complete "$1"); do
-        if [[ $item == plain,* ]]; then
-            item="${item#plain,}"
-            COMPREPLY+=("${item#"$before"}")
-        else
-            files="${item%%%%,*}"
-        fi
-    done
-    if [[ -n $files && ${#COMPREPLY[@]} == 0 ]]; then
-        [[ $files == dir ]] && compopt -o dirnames || compopt -o default
-    elif [[ -n $files ]]; then
-        for file in $(compgen -f -- "$given"); do
-            [[ -d $file ]] && file+=/
-            COMPREPLY+=("$(printf %%q "${file#"$before"}")")
-        done
-    fi
-    [[ ${#COMPREPLY[@]} == 1 && ${COMPREPLY[0]} == *[:/] ]] && compopt -o nospace
-    return 0
-}
-complete -o nosort -F %(complete_func)s %(prog_name)s
-"""
+    def source(self) -> str:
+        """Script of the shell."""
+        self._check_version()
+        return Path(__file__).with_name("completion.bash").read_text(encoding="utf-8")
 
 
 class Zsh(ZshComplete):
-    """Zsh: a word that ends in : or / is not the whole word."""
+    """Leaves the cursor behind a part of a name, which ends in : or /, without a blank."""
 
     source_template = ZshComplete.source_template.replace(
         "compadd -U -V unsorted -a completions",
