@@ -44,27 +44,27 @@ VALUES = {
 }  # fmt: skip
 REPLACED = {"lens/custom_function/f", "lens/scale_to_hfov"}  # by field of view or intrinsics
 
+TURNED = [[0.0, -1.0, 0.0, 0.1], [1.0, 0.0, 0.0, 0.2], [0.0, 0.0, 1.0, 0.3], [0.0, 0.0, 0.0, 1.0]]
 FISHEYE = KannalaBrandtCamera(640, 480, (300.0, 301.0), (319.5, 240.5), (0.01, 0.002, 1e-3, 1e-4))
 PINHOLE = UnifiedCamera(640, 480, (400.0, 401.0), (319.5, 240.5), 0.0, (0.1, 0.02, 1e-3, 2e-3))
 
 
 def written(form, lens):
     """Text that omnisim writes of a lens with a pose."""
-    camera = CalibratedCamera("cam0", lens, (NamedPose("imu", "cam0", np.array(POSE)),))
+    camera = CalibratedCamera("cam0", lens, (NamedPose("imu", "cam0", np.array(TURNED)),))
     return calibration_text(Calibration((camera,)), form)[0]
 
 
-# Texts by name: the samples, and files of kinds that they lack.
+# Texts by name: the samples, what omnisim writes, and kinds of files that both lack.
 TEXTS = {path.name: read_text(path) for path in EXACT_SAMPLES} | {
-    "omnisim": written("omnisim", FISHEYE),
-    "run": json.dumps({"camera": PINHOLE.parameters(), "base_from_optical": POSE}),
-    "kitti360-fisheye": written("kitti360", FISHEYE),
-    "kitti360-pinhole": written("kitti360", PINHOLE),
-    "nerf-synthetic": json.dumps(
-        {"camera_angle_x": 0.7, "w": 800, "h": 600,
-         "frames": [{"file_path": "a", "transform_matrix": POSE}]}
-    ),
-}  # fmt: skip
+    f"{name}-{lens.model_name}": written(name, lens)
+    for name, form in FORMATS.items()
+    for lens in (FISHEYE, PINHOLE)
+    if isinstance(lens, tuple(form.models)) and form.unsupported(lens) is None
+}
+TEXTS["run"] = json.dumps({"camera": PINHOLE.parameters(), "base_from_optical": POSE})
+FRAME = {"file_path": "a", "transform_matrix": POSE}
+TEXTS["nerf-synthetic"] = json.dumps({"camera_angle_x": 0.7, "w": 8, "h": 6, "frames": [FRAME]})
 
 
 def changed(value):
@@ -219,7 +219,12 @@ def test_readme_lists_the_keys_of_each_format():
 # What makes silent keys impossible in formats to come, too.
 
 
-KEYLESS = {"colmap", "ocamcalib"}  # formats whose numbers stand in a fixed order, without keys
+KEYLESS = {
+    "colmap",
+    "ocamcalib",
+    "insta360",
+    "blender_osl",
+}  # formats whose numbers stand in a fixed order, without keys
 # Tables that tell by themselves which of their keys are cameras.
 OWN_READS = {"kalibr._Chain", "gazebo._Cameras"}
 # Keys of which one value says what holds without them.
@@ -230,7 +235,7 @@ NAMES = {"file_path"}
 ANY_VALUES = (0.37, 7, True, "other", [0.1] * 4, POSE, {"rows": 1}, [[640, 480]])
 # Words of keys that change rays, poses or times, unless a reason says why they do not.
 GEOMETRY = re.compile(
-    r"foc|fov|f[xy]$|c[xy]$|angle|theta|lens|dist|fish|pose|transf|rotat|transl|posit|orient|ax[ie]s"
+    r"foc|fov|f[xy]$|c[xy]$|angle|theta|lens|dist|fish|(?<!pur)pose|transf|rotat|transl|posit|orient|ax[ie]s"
     r"|^up$|skew|crop|roi|matrix|intrin|extrin|offset|scale|center|princip|resol|size|dim|width"
     r"|height|aspect|aperture|shutter|rolling|time|baseline|stretch|radial|mirror|flip|k\d$|p\d$"
     r"|^T_|^R$|lens/.*/t[xy]$|stereo|bf$",
