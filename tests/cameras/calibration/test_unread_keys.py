@@ -75,7 +75,7 @@ def changed(value):
         case int():
             return value + 1
         case float():
-            return value * 1.01 + 0.01
+            return value * 1.01 + 0.0123
         case str():
             return value + "x"
         case [first, *others]:
@@ -226,7 +226,10 @@ KEYLESS = {
     "blender_osl",
 }  # formats whose numbers stand in a fixed order, without keys
 # Tables that tell by themselves which of their keys are cameras.
-OWN_READS = {"kalibr._Chain", "gazebo._Cameras"}
+OWN_READS = {
+    "kalibr._Chain", "gazebo._Cameras", "opensfm._ByName", "opensfm._OpensfmCamera",
+    "openmvg._ByName",
+}  # fmt: skip
 # Keys of which one value says what holds without them.
 SWITCHES = {"is_fisheye", "omnisim_poses_not_known"}
 # Keys that name a pose, and nothing without one.
@@ -274,6 +277,21 @@ REASONS = {
         "lens/env_texture_size": "resolution of the cube map",
         "lens/projection/p_cx lens/projection/p_cy lens/projection/p_fx lens/projection/p_fy "
         "lens/projection/tx lens/projection/ty": "of the CameraInfo, not of the image",
+    },
+    "opensfm": {
+        "capture_time gps_position orientation scale": "of an image, and of a mesh",
+        "focal_prior focal_x_prior focal_y_prior": "where the bundle adjustment started",
+    },
+    "aria": {"tracking_timestamp_us utc_timestamp_ns": "when it was calibrated"},
+    "matlab": {
+        "FocalLength PrincipalPoint Skew": "K states them, and is required",
+        "EstimateSkew EstimateTangentialDistortion NumRadialDistortionCoefficients": "options",
+        "PatternExtrinsics RotationMatrices RotationVectors TranslationVectors": "of the board",
+    },
+    "isaac": {
+        "focalLength focusDistance horizontalAperture horizontalApertureOffset verticalAperture "
+        "verticalApertureOffset": "USD's own pinhole camera, which the lens's schema replaces",
+        "xformOp:scale": "moves no ray of a camera",
     },
 }
 
@@ -388,8 +406,8 @@ def sample_document(request):
 @pytest.mark.parametrize("name", TEXTS)
 def test_a_number_without_a_key_changes_the_camera(name):
     form, document = form_and_document(name)
-    if form.tables:
-        pytest.skip("with keys")
+    if form.tables or name.startswith("blender_osl"):
+        pytest.skip("with keys, or a program")
     before, ignored = outcome(form, document), []
     for found in re.finditer(r"(?<![\w.+-])[-+]?\d[\d.]*(e[-+]?\d+)?(?![\w.])", document):
         line = document[document.rfind("\n", 0, found.start()) + 1 : found.start()]
