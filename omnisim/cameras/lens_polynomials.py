@@ -9,7 +9,6 @@ from functools import cached_property, lru_cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.polynomial import polynomial
 from numpy.typing import NDArray
 
 from omnisim.cameras.parametric_camera import PlanePoints, RadialCamera, unit_vectors
@@ -58,7 +57,7 @@ def solve_increasing(
 
 def solve_polynomial(coefficients: Coefficients, values: Floats, low: float, high: float) -> Floats:
     """Arguments (...,) as of `solve_increasing`, for a polynomial with its constant term first."""
-    slopes = polynomial.polyder(coefficients)
+    slopes = _derivative(coefficients)
     return solve_increasing(
         partial(polyval, coefficients), partial(polyval, slopes), values, low, high
     )
@@ -72,6 +71,10 @@ def polyval(coefficients: Coefficients, arguments: Floats) -> Floats:
         values *= arguments
         values += term
     return values
+
+
+def _derivative(coefficients: Coefficients) -> list[float]:
+    return [order * float(term) for order, term in enumerate(coefficients)][1:] or [0.0]
 
 
 def first_root(coefficients: Coefficients, highest: float = math.inf) -> float:
@@ -218,7 +221,7 @@ class PolynomialLens(RadialCamera):
     @cached_property
     def fold_rad(self) -> float:
         """Angle of the fold; 2π if there is none below 2π."""
-        return first_root(polynomial.polyder(self.theta_polynomial), math.tau)
+        return first_root(_derivative(self.theta_polynomial), math.tau)
 
     @property
     def theta_edge_rad(self) -> float:

@@ -106,6 +106,10 @@ class ParametricCamera(Parameters, ABC, name="camera"):
     def pixel_from_ray(self, directions: ArrayLike) -> Pixels:
         """Pixels of directions (..., 3) in the optical frame; valid in the domain."""
 
+    def sees(self, pixels_px: ArrayLike) -> Bools:
+        """Mask (...,) of the pixels (..., 2) whose rays are valid; rays may cost far more."""
+        return self.ray_from_pixel(pixels_px).valid
+
     @abstractmethod
     def uniforms(self) -> Uniforms:
         """Uniforms for `shaders/camera/<model>.glsl`."""
@@ -245,6 +249,13 @@ class RadialCamera(PlaneCamera):
         ends = np.array([self.theta_min_rad, self.theta_edge_rad])
         first, last = self._radius_from_theta(ends).tolist()
         return first, last
+
+    def sees(self, pixels_px: ArrayLike) -> Bools:
+        """Mask (...,) of the pixels (..., 2) whose rays are valid, without these rays."""
+        plane = self._plane_from_pixels(as_pixels(pixels_px))
+        radius = np.hypot(plane[..., 0], plane[..., 1])
+        first, last = self.radius_limits
+        return np.asarray((radius >= first) & (radius <= last))
 
     def _rays_from_plane(self, plane: Floats) -> Rays:
         radius = np.hypot(plane[..., 0], plane[..., 1])

@@ -13,6 +13,7 @@ def _folder(name: str) -> Path:
 
 
 PRESETS = _PACKAGE / "rendering" / "camera" / "presets"  # presets of degradations
+LENSES = _PACKAGE / "cameras" / "catalog" / "lenses.tsv.xz"  # catalog of measured cameras
 SWEEPS = _PACKAGE / "evaluation" / "sweeps"  # plans of the benchmark set
 # The package's own omnisim/sensors is code; only these two folders are at the top level.
 SHADERS = _folder("shaders")

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from omnisim.cameras import camera_from_parameters, pixel_grid
+from omnisim.cameras.parametric_camera import RadialCamera
 from omnisim.core.errors import OpticsError
 from tests.camera_examples import CAMERA_EXAMPLES, FIRST_EXAMPLES
 
@@ -31,6 +32,15 @@ def test_pixel_to_ray_to_pixel(camera):
     rays = _check_round_trip(camera, pixels)
     assert rays.directions.shape == (*pixels.shape[:-1], 3)
     assert rays.valid.any()
+
+
+@examples
+def test_pixels_that_it_sees_are_those_with_valid_rays(camera, monkeypatch):
+    pixels = pixel_grid(camera.width_px + 60, camera.height_px + 60)[::3, ::3] - 30.0
+    valid = camera.ray_from_pixel(pixels).valid
+    if isinstance(camera, RadialCamera):  # the radius alone decides: nothing is inverted
+        monkeypatch.setattr(type(camera), "_theta_from_radius", None)
+    assert np.array_equal(camera.sees(pixels), valid)
 
 
 @examples

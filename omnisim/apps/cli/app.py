@@ -16,14 +16,17 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 import click
-from click.shell_completion import get_completion_class, shell_complete
+from click.shell_completion import add_completion_class, get_completion_class, shell_complete
 
+from omnisim.apps.cli import completion
 from omnisim.apps.cli.command import Command, Group
 from omnisim.apps.cli.console import print_note
 from omnisim.apps.cli.options import ENTRIES, CommandLineError
 from omnisim.core.errors import NoticeWarning, OmnisimError
 from omnisim.core.version import __version__
 
+for _kind in (completion.Bash, completion.Zsh):
+    add_completion_class(_kind)
 COMPLETE = "_OMNISIM_COMPLETE"  # variable by which a shell asks for completions
 # By shell: the file with its script, the file that runs it, and how.
 _SHELLS = {

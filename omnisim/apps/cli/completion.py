@@ -12,11 +12,14 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from omnisim.core.package_files import SCENES, built_in
+from click.shell_completion import BashComplete, ZshComplete
+
+from omnisim.core.package_files import LENSES, SCENES, built_in
 
 if TYPE_CHECKING:
     import click
 
+CATALOG = "catalog:"  # before the name of a camera of the catalog
 CAMERA = "omnicamera"  # type of an omnidirectional camera in a run's manifest
 
 
@@ -28,6 +31,20 @@ def complete_scene(ctx: click.Context, incomplete: str) -> list[str]:
 def complete_robot(ctx: click.Context, incomplete: str) -> list[str]:
     """Complete the name of a built-in robot."""
     return _beginning(incomplete, built_in("robot.toml"))
+
+
+def complete_camera(ctx: click.Context, incomplete: str) -> list[str]:
+    """Complete a camera of the catalog level by level: its maker, its model, its mode."""
+    wanted = incomplete.removeprefix(CATALOG)
+    if wanted == incomplete:
+        return _beginning(incomplete, [CATALOG])
+    import lzma  # for cameras alone
+
+    lines = lzma.decompress(LENSES.read_bytes()).decode().splitlines()
+    found = _beginning(wanted, (line.partition("\t")[0] for line in lines))
+    ends = (name.find("/", len(wanted)) + 1 or len(name) for name in found)
+    levels = (CATALOG + name[:end] for name, end in zip(found, ends, strict=True))
+    return list(dict.fromkeys(levels))
 
 
 def complete_path(ctx: click.Context, incomplete: str) -> list[str]:
@@ -77,3 +94,22 @@ def _argument(ctx: click.Context, *names: str) -> Path:
 
 def _beginning(incomplete: str, words: Iterable[str]) -> list[str]:
     return [word for word in words if word.startswith(incomplete)]
+
+
+class Bash(BashComplete):
+    """Completes names beside files, and names with colons, unlike the script of click."""
+
+    def source(self) -> str:
+        """Script of the shell."""
+        self._check_version()
+        return Path(__file__).with_name("completion.bash").read_text(encoding="utf-8")
+
+
+class Zsh(ZshComplete):
+    """Leaves the cursor behind a part of a name, which ends in : or /, without a blank."""
+
+    source_template = ZshComplete.source_template.replace(
+        "compadd -U -V unsorted -a completions",
+        "compadd -U -S '' -V unsorted -- ${(M)completions:#*[:/]}\n"
+        "        compadd -U -V unsorted -- ${completions:#*[:/]}",
+    )

@@ -132,7 +132,9 @@ class CameraFileOptions:
     optics: Path | None = None
     """Optics file in place of a sensor file: mirrors and refracting surfaces in front of a
     camera."""
-    calibration_file: Annotated[Path | None, Option(flags=("--camera",))] = None
+    calibration_file: Annotated[
+        Path | None, Option(flags=("--camera",), complete=completion.complete_camera)
+    ] = None
     """Calibration file in place of a sensor file: Kalibr, OpenCV, COLMAP, … (`omnisim calibration
     formats`), or the folder of a rig's."""
     camera_name: CameraName = None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import dataclasses
 import json
+import math
 import tempfile
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
@@ -16,6 +17,8 @@ from typing import Any
 import pydantic
 
 from omnisim.cameras import HyperbolicCamera
+from omnisim.cameras.catalog.lens_catalog import PREFIX, search
+from omnisim.cameras.models.field_of_view import angles_of_view
 from omnisim.cameras.optics.system_file import AlignmentTable, OpticsFile
 from omnisim.core.errors import OutputError, SceneError, SensorFileError, did_you_mean
 from omnisim.core.files.file_keys import keys_of
@@ -37,7 +40,9 @@ SENSOR, LIGHT, SIZE = "sensor", "scene", "size_px"  # first parts of the paths o
 SIZES_PX = (16, 2048)  # range of the shorter side
 PRESETS_FILE = Path(__file__).with_name("presets.json")
 PAPER, HYPERBOLIC = "paper", "hyperbolic"  # the same camera
-KINDS = ("lens", "optics", "degradation")
+CATALOG = "catalog"  # kind of a preset: a camera of the catalog
+KINDS = ("lens", "optics", "degradation", CATALOG)
+SHOWN = 12  # cameras of a search
 OPTICS_CAMERA = f"{SENSOR}.optics.camera"  # table of an optical system's camera
 MODEL_PATHS = (f"{SENSOR}.lens.model", f"{OPTICS_CAMERA}.model")
 
@@ -299,8 +304,12 @@ def _make_optics_absolute(table: Table, folder: Path) -> None:
 
 
 def _make_absolute(table: Table | None, key: str, folder: Path) -> None:
-    if table is not None and isinstance(table.get(key), str):
-        table[key] = str((folder / table[key]).resolve())
+    if (
+        table is not None
+        and isinstance(file := table.get(key), str)
+        and not file.startswith(PREFIX)
+    ):
+        table[key] = str((folder / file).resolve())
 
 
 @cache
@@ -323,7 +332,10 @@ def with_preset(document: CameraDocument, kind: str, name: str) -> CameraDocumen
 
     Raises:
         OutputError: no such kind or preset.
+        CalibrationError: no such camera of the catalog.
     """
+    if kind == CATALOG:
+        return _with_catalog_camera(document, name)
     names = preset_lists().get(kind)
     if names is None:
         raise OutputError(f"preset {kind!r}: {did_you_mean(kind, KINDS)}")
@@ -334,6 +346,29 @@ def with_preset(document: CameraDocument, kind: str, name: str) -> CameraDocumen
     if name == PAPER:
         return document.with_camera("mirror", {})
     return document.with_camera(kind, _presets()[kind][name])
+
+
+def _with_catalog_camera(document: CameraDocument, name: str) -> CameraDocument:
+    """Copy of a document with a camera of the catalog: its lens, and its readout if measured."""
+    camera, path = OmniCamera.of_catalog(name), f"{SENSOR}.degradation.shutter"
+    changed = document.with_camera("lens", CameraDocument.of_camera(camera).sensor["lens"])
+    own = changed.value(path) or {}
+    shutter = {key: value for key, value in own.items() if key != "readout_s"}
+    if camera.degradation.shutter is not None:
+        shutter["readout_s"] = camera.degradation.shutter.readout_s
+    return changed if shutter == own else changed.with_value(path, shutter or None)
+
+
+def found_cameras(words: str) -> dict[str, Any]:
+    """Cameras of the catalog that have all words: their number, and what the page shows of some."""
+    found = search(words) if words.strip() else []
+    shown = []
+    for entry in found[:SHOWN]:
+        size = f"{entry.lens.width_px} × {entry.lens.height_px} px"
+        wide, high = (f"{math.degrees(angle):.0f}°" for angle in angles_of_view(entry.lens))
+        detail = f"{size}, {wide} × {high}"
+        shown.append({"name": entry.name, "title": entry.title, "detail": detail})
+    return {"words": words, "count": len(found), "cameras": shown}
 
 
 def with_model(document: CameraDocument, path: str, model: Any) -> CameraDocument:

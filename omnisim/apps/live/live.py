@@ -26,7 +26,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
 from omnisim.apps.live import live_messages as messages
-from omnisim.apps.live.camera_document import CameraDocument, preset_lists
+from omnisim.apps.live.camera_document import CameraDocument, found_cameras, preset_lists
 from omnisim.apps.live.engine import AnySource, Engine
 from omnisim.apps.live.live_source import LiveSettings, LiveSource, RunSource, start_place
 from omnisim.apps.live.session import Session
@@ -250,6 +250,9 @@ class LiveServer:
                 self._session.rest()
                 self._driver = page
                 self._tell_roles()
+            elif isinstance(message, messages.SearchCatalog):
+                loop = asyncio.get_running_loop()  # which goes on: the first search takes a while
+                loop.run_in_executor(None, _answer_search, message.words, reply)
             elif isinstance(message, messages.Save | messages.RequestStatistics):
                 self._session.look_up(message, reply)
             elif isinstance(message, messages.ProbePoint):
@@ -272,6 +275,10 @@ class LiveServer:
         for page in self._pages:
             content = {"drives": page is self._driver, "pages": len(self._pages)}
             self._send(page, messages.pack("roles", content))
+
+
+def _answer_search(words: str, reply: Callable[[bytes], None]) -> None:
+    reply(messages.pack("found", found_cameras(words)))
 
 
 def new_token() -> str:

@@ -86,10 +86,16 @@ class SetValue(Message):
 
 
 class Preset(Message):
-    """Preset to apply: its kind (lens, optics or degradation) and its name."""
+    """Preset to apply: its kind (lens, optics, degradation or catalog) and its name."""
 
     kind: Name
     name: Name
+
+
+class SearchCatalog(Message):
+    """Words of a search in the catalog of measured cameras."""
+
+    words: Name
 
 
 class Undo(Message):
@@ -167,6 +173,7 @@ MESSAGES: dict[str, type[Message]] = {
     "walls": Walls,
     "set": SetValue,
     "preset": Preset,
+    "search": SearchCatalog,
     "undo": Undo,
     "redo": Redo,
     "reset": Reset,

@@ -15,6 +15,7 @@ from omnisim.apps.live.live_messages import Gaze, ProbePoint
 from omnisim.apps.live.viewpoint_motion import Place
 from omnisim.cameras import CentralCamera, HyperbolicCamera, NonCentralCamera, PerspectiveCamera
 from omnisim.cameras.mirrors import HyperbolicMirror
+from omnisim.cameras.models.field_of_view import corner_pixels
 from omnisim.cameras.optics import OpticalSystem, Surface, caustic_points
 from omnisim.cameras.optics.surface import Fate
 from omnisim.core.arrays import Bytes, Floats
@@ -383,13 +384,19 @@ def _curve(surface: Surface, hits_m: Floats) -> Floats:
 
 
 def _mapping(model: CentralCamera) -> Json:
-    """Mapping of a lens: radius from the principal point, px, over the angle from the axis."""
+    """Mapping of a lens: radius from the principal point, px, over the angle from the axis.
+
+    It ends at the first degree beyond the image, where the polynomials of many lenses rise steeply.
+    """
     theta = np.linspace(0.0, math.pi, 181)
     directions = np.stack((np.sin(theta), np.zeros_like(theta), np.cos(theta)), axis=-1)
     pixels = model.pixel_from_ray(directions)
     middle = getattr(model, "principal_point_px", (0.5 * model.width_px, 0.5 * model.height_px))
     radii = np.hypot(*(pixels.positions_px - middle).T)
-    points = np.column_stack((np.degrees(theta), radii))[pixels.valid & np.isfinite(radii)]
+    shown = pixels.valid & (radii <= np.hypot(*(corner_pixels(model) - middle).T).max())
+    shown[1:] |= shown[:-1].copy()
+    shown &= pixels.valid & np.isfinite(radii)
+    points = np.column_stack((np.degrees(theta), radii))[shown]
     return {"kind": "mapping", "points": np.round(points, 2).tolist()}
 
 

@@ -83,6 +83,13 @@ class CatalogEntry:
         size = int(of.width_px), int(of.height_px)
         return KannalaBrandtCamera(*size, focal_lengths, center, coefficients)
 
+    @cached_property
+    def words(self) -> list[str]:
+        """Words by which a search finds it: its name, lens, setting and image size."""
+        of, width = self.fields, int(self.fields.width_px)
+        sizes = f"{round(width / 100) / 10:g}k {_NAMED_WIDTHS.get(width, '')} {of.height_px}p"
+        return _words(f"{self.name.partition('~')[0]} {of.lens} {of.setting} {sizes}")
+
     @property
     def error_px(self) -> float:
         """Reprojection error of its calibration, root mean square."""
@@ -93,7 +100,7 @@ class CatalogEntry:
         """Time from the first row to the last one; 0: global shutter; None: not measured."""
         if self.fields.shutter:
             return 0.0
-        return float(self.fields.readout_ms) * 1e-3 if self.fields.readout_ms else None
+        return float(self.fields.readout_ms) / 1e3 if self.fields.readout_ms else None
 
     @property
     def notes(self) -> list[str]:
@@ -137,10 +144,7 @@ def search(words: str, limit: int | None = None) -> list[CatalogEntry]:
     wanted = _words(words)
     found = []
     for entry in catalog().values():
-        of = entry.fields
-        width, height = int(of.width_px), int(of.height_px)
-        sizes = f"{round(width / 100) / 10:g}k {_NAMED_WIDTHS.get(width, '')} {height}p"
-        have = _words(f"{entry.name.partition('~')[0]} {of.lens} {of.setting} {sizes}")
+        have = entry.words
         if all(any(one.startswith(word) for one in have) for word in wanted):
             exact = sum(word in have for word in wanted)
             found.append(((-exact, "~" in entry.name, len(have)), entry))

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from omnisim.cameras.camera import CentralCamera
+from omnisim.cameras.parametric_camera import ParametricCamera
 from omnisim.core.arrays import Bools, Floats
 
 SAMPLES = 129  # per line from the image center
@@ -52,12 +53,18 @@ def field_of_view(camera: CentralCamera) -> FieldOfView:
     return FieldOfView(covered_share(camera), (0.0, 0.0, axis), *angles)
 
 
+def angles_of_view(camera: CentralCamera) -> tuple[float, float]:
+    """Angles of view along the row and along the column of the axis, in radians."""
+    left, right, up, down, *_ = _sweeps(camera)
+    return left + right, up + down
+
+
 def field_notes(camera: CentralCamera) -> tuple[str, ...]:
     """Notes on a lens that ends inside its image, or before its stated θ_max."""
     stated_rad = camera.domain_limit_rad
     shares = (np.arange(GRID) + 0.5) / GRID
     u, v = (side * shares - 0.5 for side in (camera.width_px, camera.height_px))
-    unseen = 1.0 - float(camera.ray_from_pixel(np.stack(np.meshgrid(u, v), axis=-1)).valid.mean())
+    unseen = 1.0 - float(_sees(camera, np.stack(np.meshgrid(u, v), axis=-1)).mean())
     if stated_rad is None and unseen < MIN_UNSEEN:
         return ()
     limit_rad = _model_limit_rad(camera, optical_axis(camera))
@@ -87,7 +94,14 @@ def covered_share(camera: CentralCamera) -> float:
     columns = np.arange(0, camera.width_px, skip, dtype=np.float64)
     rows = np.arange(0, camera.height_px, skip, dtype=np.float64)
     pixels = np.stack(np.meshgrid(columns, rows), axis=-1)
-    return float(camera.ray_from_pixel(pixels).valid.mean())
+    return float(_sees(camera, pixels).mean())
+
+
+def _sees(camera: CentralCamera, pixels: Floats) -> Bools:
+    """Mask (...,) of the valid pixels (..., 2)."""
+    if isinstance(camera, ParametricCamera):
+        return camera.sees(pixels)
+    return camera.ray_from_pixel(pixels).valid
 
 
 def largest_theta_rad(camera: CentralCamera) -> float:
@@ -125,7 +139,7 @@ def _last_seen(camera: CentralCamera, start: Floats, ends: Floats) -> tuple[Floa
     Also returns the mask (n,) of the lines with a valid position.
     """
     share = np.linspace(0.0, 1.0, SAMPLES)[:, None, None]
-    valid = camera.ray_from_pixel(start + share * (ends - start)).valid
+    valid = _sees(camera, start + share * (ends - start))
     meets: Bools = np.any(valid, axis=0)
     ends, valid = ends[meets], valid[:, meets]
     last = SAMPLES - 1 - np.argmax(valid[::-1], axis=0)
@@ -136,7 +150,7 @@ def _last_seen(camera: CentralCamera, start: Floats, ends: Floats) -> tuple[Floa
         unseen = seen + 1.0 / (SAMPLES - 1.0)
         for _ in range(HALVINGS):
             middle = 0.5 * (seen + unseen)
-            inside = camera.ray_from_pixel(start + middle[:, None] * ways).valid
+            inside = _sees(camera, start + middle[:, None] * ways)
             seen, unseen = np.where(inside, middle, seen), np.where(inside, unseen, middle)
         shares[before_end] = seen
     return start + shares[:, None] * (ends - start), meets

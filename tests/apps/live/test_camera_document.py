@@ -11,12 +11,15 @@ import pytest
 from omnisim.apps.live.camera_document import (
     PRESETS_FILE,
     CameraDocument,
+    found_cameras,
     preset_lists,
     with_preset,
 )
 from omnisim.apps.live.view_maker import profile
-from omnisim.cameras import pixel_grid
-from omnisim.core.errors import OutputError, SensorFileError
+from omnisim.cameras import PerspectiveCamera, pixel_grid
+from omnisim.cameras.catalog.lens_catalog import catalog
+from omnisim.cameras.models.field_of_view import field_of_view
+from omnisim.core.errors import CalibrationError, OutputError, SensorFileError
 from omnisim.core.files.toml_file import toml_text
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from tests.cameras.optics.examples import SYSTEMS
@@ -121,6 +124,58 @@ def test_another_camera_keeps_mounting_quality_and_effects():
     assert lens.with_camera("mirror", {}).value("sensor.mirror") == {
         "mounting": {"position_m": [0.1, 0.0, 0.5]}
     }
+
+
+NAME = "gopro/hero11-black/wide-3840x2160"
+
+
+def test_a_camera_of_the_catalog_keeps_mounting_and_size_and_brings_its_readout():
+    document = CameraDocument({"mirror": {"mounting": {"position_m": [0.1, 0.0, 0.5]}}}, 240)
+    gopro = with_preset(document, "catalog", NAME)
+    expected = OmniCamera.of_catalog(NAME).resized(240).model
+    assert gopro.camera().model.parameters() == expected.parameters()
+    assert gopro.value("sensor.lens.mounting") == {"position_m": [0.1, 0.0, 0.5]}
+    measured = next(entry for entry in catalog().values() if entry.readout_s)
+    bad_day = gopro.with_degradation("bad-day").camera().degradation.shutter
+    rolling = with_preset(gopro.with_degradation("bad-day"), "catalog", measured.name)
+    assert rolling.camera().degradation.shutter.readout_s == measured.readout_s
+    assert rolling.camera().degradation.noise is not None
+    unknown = with_preset(rolling, "catalog", NAME).camera().degradation.shutter
+    assert (unknown.readout_s, unknown.exposure_s) == (0.0, bad_day.exposure_s)
+    bare = with_preset(with_preset(gopro, "catalog", measured.name), "catalog", NAME)
+    assert bare.camera().degradation.shutter is None
+    with pytest.raises(CalibrationError, match="no such camera"):
+        with_preset(document, "catalog", "gopro/none")
+
+
+def test_a_sensor_file_with_a_camera_of_the_catalog_is_its_document(tmp_path):
+    (tmp_path / "sensor.toml").write_text(f'[lens]\ncalibration = "catalog:{NAME}"\n')
+    document = CameraDocument.of_sensor_file(tmp_path / "sensor.toml")
+    assert document.camera().model == OmniCamera.of_catalog(NAME).model
+
+
+def test_the_radius_is_drawn_as_far_as_the_image():
+    lens = with_preset(CameraDocument(size_px=400), "catalog", NAME).camera().model
+    angles_deg, radii_px = np.array(profile(lens)["points"]).T
+    corner_px = 0.5 * np.hypot(lens.width_px, lens.height_px)  # from the image's center
+    assert radii_px[-2] < corner_px + 10.0
+    assert radii_px[-1] > corner_px - 10.0
+    assert angles_deg[-1] < 80.0
+    narrow = profile(PerspectiveCamera(64, 48, 5000.0, (32.0, 24.0)))["points"]
+    assert [angle for angle, _ in narrow] == [0.0, 1.0]
+
+
+def test_a_search_shows_sizes_and_angles_of_view():
+    found = found_cameras("hero 11 black wide 4k")
+    assert found["count"] == len(found["cameras"]) == 1
+    camera = found["cameras"][0]
+    assert (camera["name"], camera["title"]) == (NAME, "GoPro HERO11 Black Wide")
+    seen = field_of_view(OmniCamera.of_catalog(NAME).model)
+    wide, high = np.degrees((seen.horizontal_rad, seen.vertical_rad))
+    assert camera["detail"] == f"3840 × 2160 px, {wide:.0f}° × {high:.0f}°"
+    many = found_cameras("hero")
+    assert many["count"] > 100 > len(many["cameras"])
+    assert found_cameras(" ") == {"words": " ", "count": 0, "cameras": []}
 
 
 def test_a_document_is_json_and_toml():

@@ -192,6 +192,37 @@ def test_a_lens_is_one_click_away_and_the_menu_switches_and_shows_its_model(page
     assert shown_png(page) == first
 
 
+def test_a_camera_of_the_catalog_is_found_and_chosen(page, tmp_path):
+    first = shown_png(page)
+    page.fill("#search", "hero 11 wide")
+    options = page.locator("#found li")
+    options.first.wait_for()
+    titles = options.locator("span").all_inner_texts()
+    assert titles[0] == "GoPro HERO11 Black Wide"
+    assert all("HERO11" in title and "Wide" in title for title in titles)
+    assert page.get_attribute("#search", "aria-expanded") == "true"
+    chosen = page.locator("#found li[aria-selected=true] small")
+    while "3840 × 2160 px" not in chosen.inner_text():
+        page.press("#search", "ArrowDown")  # drives nothing, since the box has the focus
+    with settled(page):
+        page.press("#search", "Enter")
+    assert page.evaluate("omnisim.state.camera.model") == "kannala_brandt"
+    focal_px = page.locator("[data-path='sensor.lens.focal_lengths_px'] input").first
+    assert float(focal_px.input_value()) == pytest.approx(1796.32082)
+    assert shown_png(page) == rendered_png(page, tmp_path)
+    page.fill("#search", "hero")
+    page.wait_for_selector("#more:has-text(' more: add words')")
+    page.fill("#search", "no such camera")
+    page.wait_for_selector("#more:has-text('No camera has all of these words.')")
+    assert options.count() == 0
+    page.press("#search", "Escape")
+    assert page.input_value("#search") == ""
+    assert page.locator("#more").is_hidden()
+    with settled(page):
+        page.click("#reset")
+    assert shown_png(page) == first
+
+
 def test_each_lens_has_an_image_of_its_own(page):
     rows = page.eval_on_selector_all(
         ".lenses i", "icons => icons.map((one) => one.style.backgroundPosition)"

@@ -163,6 +163,15 @@ def test_a_saved_camera_renders_the_same_image(page, tmp_path):
         assert "cat > camera.toml" in frame["command"]
 
 
+def test_any_page_searches_the_catalog(page):
+    with Client(page) as driver, Client(page) as watcher:
+        for client, words in ((watcher, "hero 11 wide"), (driver, "no such camera")):
+            client.send("search", words=words)
+            found = client.receive("found")
+            assert found["words"] == words
+            assert bool(found["cameras"]) == (client is watcher)
+
+
 def test_a_saved_image_has_all_channels(page, tmp_path):
     with Client(page) as client:
         frame = client.fine_frame()

@@ -1,17 +1,31 @@
-"""Each key of each format changes the camera, is named in a notice, or is known to be harmless."""
+"""Each key of each format changes the camera, is named in a notice, or is known to be harmless.
+
+The tables of the formats state their keys, and README.md lists them. A new format fails here until
+each of its tables is in a sample, and each key without effect that sounds like geometry has a
+reason.
+"""
 
 import copy
+import json
 import re
 from itertools import chain
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement
 
+import numpy as np
+import pydantic
 import pytest
 
-from omnisim.cameras import calibration
-from omnisim.cameras.calibration import FORMATS
+from omnisim.cameras import KannalaBrandtCamera, UnifiedCamera, calibration
+from omnisim.cameras.calibration import (
+    FORMATS,
+    CalibratedCamera,
+    Calibration,
+    NamedPose,
+    calibration_text,
+)
 from omnisim.cameras.calibration.calibration_formats import detect_format
-from omnisim.cameras.calibration.documents import read_text
+from omnisim.cameras.calibration.documents import ForeignTable, read_text
 from omnisim.core.errors import CalibrationError
 from tests.cameras.calibration.sample_files import EXACT_SAMPLES
 
@@ -34,6 +48,28 @@ REPLACED = {
     "Camera", "Stereo", "IMU",  # tables, whose keys are changed one by one
 }  # fmt: skip
 
+TURNED = [[0.0, -1.0, 0.0, 0.1], [1.0, 0.0, 0.0, 0.2], [0.0, 0.0, 1.0, 0.3], [0.0, 0.0, 0.0, 1.0]]
+FISHEYE = KannalaBrandtCamera(640, 480, (300.0, 301.0), (319.5, 240.5), (0.01, 0.002, 1e-3, 1e-4))
+PINHOLE = UnifiedCamera(640, 480, (400.0, 401.0), (319.5, 240.5), 0.0, (0.1, 0.02, 1e-3, 2e-3))
+
+
+def written(form, lens):
+    """Text that omnisim writes of a lens with a pose."""
+    camera = CalibratedCamera("cam0", lens, (NamedPose("imu", "cam0", np.array(TURNED)),))
+    return calibration_text(Calibration((camera,)), form)[0]
+
+
+# Texts by name: the samples, what omnisim writes, and kinds of files that both lack.
+TEXTS = {path.name: read_text(path) for path in EXACT_SAMPLES} | {
+    f"{name}-{lens.model_name}": written(name, lens)
+    for name, form in FORMATS.items()
+    for lens in (FISHEYE, PINHOLE)
+    if isinstance(lens, tuple(form.models)) and form.unsupported(lens) is None
+}
+TEXTS["run"] = json.dumps({"camera": PINHOLE.parameters(), "base_from_optical": POSE})
+FRAME = {"file_path": "a", "transform_matrix": POSE}
+TEXTS["nerf-synthetic"] = json.dumps({"camera_angle_x": 0.7, "w": 8, "h": 6, "frames": [FRAME]})
+
 
 def changed(value):
     """Another value of the same kind."""
@@ -43,7 +79,7 @@ def changed(value):
         case int():
             return value + 1
         case float():
-            return value * 1.01 + 0.01
+            return value * 1.01 + 0.0123
         case str():
             return value + "x"
         case [first, *others]:
@@ -103,12 +139,15 @@ def outcome(form, document):
     return described, notices
 
 
-@pytest.fixture(params=EXACT_SAMPLES, ids=lambda path: path.name)
+def form_and_document(name):
+    form = detect_format(TEXTS[name], name)
+    return form, form.document(TEXTS[name], name)
+
+
+@pytest.fixture(params=TEXTS)
 def sample(request):
-    """Format, document, and outcome of the document with another key."""
-    text = read_text(request.param)
-    form = detect_format(text, str(request.param))
-    document = form.document(text, str(request.param))
+    """Format, outcome, tables, and outcome with another key."""
+    form, document = form_and_document(request.param)
 
     def outcome_with(number, key, value=None):
         other = copy.deepcopy(document)
@@ -126,7 +165,7 @@ def test_a_key_that_is_read_changes_the_camera_or_is_named(sample):
         (number, key)
         for number, table in enumerate(tables)
         for key in table.model_fields.keys() | table.also_read
-        if key not in REPLACED and outcome_with(number, key, VALUES.get(key)) == before
+        if key not in REPLACED | SWITCHES and outcome_with(number, key, VALUES.get(key)) == before
     ]
     assert ignored == []
 
@@ -179,3 +218,213 @@ def test_readme_lists_the_keys_of_each_format():
             {key for one in tables for key in one.harmless} - read,
         ]
         assert documented == [read - {"*"}, *expected], name
+
+
+# What makes silent keys impossible in formats to come, too.
+
+
+KEYLESS = {
+    "colmap",
+    "ocamcalib",
+    "insta360",
+    "blender_osl",
+}  # formats whose numbers stand in a fixed order, without keys
+# Tables that tell by themselves which of their keys are cameras.
+OWN_READS = {
+    "kalibr._Chain", "gazebo._Cameras", "opensfm._ByName", "opensfm._OpensfmCamera",
+    "openmvg._ByName",
+}  # fmt: skip
+# Keys of which one value says what holds without them.
+SWITCHES = {"is_fisheye", "omnisim_poses_not_known"}
+# Keys that name a pose, and nothing without one.
+NAMES = {"file_path"}
+# Values of keys without a sample: those that a key takes are tried.
+ANY_VALUES = (0.37, 7, True, "other", [0.1] * 4, POSE, {"rows": 1}, [[640, 480]])
+# Words of keys that change rays, poses or times, unless a reason says why they do not.
+GEOMETRY = re.compile(
+    r"foc|fov|f[xy]$|c[xy]$|angle|theta|lens|dist|fish|(?<!pur)pose|transf|rotat|transl|posit|orient|ax[ie]s"
+    r"|^up$|skew|crop|roi|matrix|intrin|extrin|offset|scale|center|princip|resol|size|dim|width"
+    r"|height|aspect|aperture|shutter|rolling|time|baseline|stretch|radial|mirror|flip|k\d$|p\d$"
+    r"|^T_|^R$|lens/.*/t[xy]$|stereo|bf$",
+    re.I,
+)
+# Keys that sound so and have no effect, by their formats, and why.
+REASONS = {
+    "ros foxglove": {
+        "R rectification_matrix": "turns rectified images, not the camera's",
+        "timestamp": "when it was calibrated",
+    },
+    "opencv_omnidir opencv_fisheye opencv_pinhole": {
+        "Board_Height Board_Width Square_Size board_height board_size board_width square_size "
+        "Extrinsic_Parameters extrinsic_parameters": "the board, and its poses",
+        "aspectRatio fixed_aspectRatio": "constraint of the calibration; the matrix is its result",
+        "calibration_time": "when it was calibrated",
+    },
+    "basalt": {
+        "T_imu_marker T_mocap_world mocap_time_offset_ns mocap_to_imu_offset_ns": "motion capture",
+    },
+    "nerfstudio": {
+        "aabb_scale scale offset up render_aabb": "the volume of instant-ngp around the cameras",
+        "applied_transform auto_scale_poses_override orientation_override": "poses are the file's",
+        "integer_depth_scale n_extra_learnable_dims": "depth images, and learned appearance",
+        "rotation time timestamp": "of instant-ngp's volume; when an image was taken",
+    },
+    "gyroflow": {
+        "crop_factor focal_length": "in millimeters; the matrix is in pixels",
+        "global_shutter": "no rolling shutter, as of any camera in omnisim without one",
+        "orig_dimension output_dimension": "the matrix is of images of calib_dimension",
+        "radial_distortion_limit": "the fold, which follows from the coefficients",
+        "use_opencv_fisheye": "the lens that is read",
+    },
+    "gazebo": {
+        "distortion/center": "of a distortion, which is refused",
+        "lens/env_texture_size": "resolution of the cube map",
+        "lens/projection/p_cx lens/projection/p_cy lens/projection/p_fx lens/projection/p_fy "
+        "lens/projection/tx lens/projection/ty": "of the CameraInfo, not of the image",
+    },
+    "opensfm": {
+        "capture_time gps_position orientation scale": "of an image, and of a mesh",
+        "focal_prior focal_x_prior focal_y_prior": "where the bundle adjustment started",
+    },
+    "aria": {"tracking_timestamp_us utc_timestamp_ns": "when it was calibrated"},
+    "matlab": {
+        "FocalLength PrincipalPoint Skew": "K states them, and is required",
+        "EstimateSkew EstimateTangentialDistortion NumRadialDistortionCoefficients": "options",
+        "PatternExtrinsics RotationMatrices RotationVectors TranslationVectors": "of the board",
+    },
+    "isaac": {
+        "focalLength focusDistance horizontalAperture horizontalApertureOffset verticalAperture "
+        "verticalApertureOffset": "USD's own pinhole camera, which the lens's schema replaces",
+        "xformOp:scale": "moves no ray of a camera",
+    },
+}
+
+
+def called(form, table):
+    return f"{form.name}.{table.__name__}"
+
+
+def lines(items):
+    return "\n".join(sorted(map(str, items)))
+
+
+def test_a_format_without_keys_is_known():
+    assert {form.name for form in FORMATS.values() if not form.tables} <= KEYLESS
+
+
+def test_a_table_that_decides_by_itself_is_known():
+    own = {
+        called(form, table)
+        for form in FORMATS.values()
+        for table in all_tables(form.tables)
+        if table.reads.__func__ is not ForeignTable.reads.__func__
+    }
+    assert own <= OWN_READS
+
+
+def test_each_table_of_each_format_is_in_a_sample():
+    tried = set(OWN_READS)
+    for name in TEXTS:
+        form, document = form_and_document(name)
+        tried |= {called(form, table) for _, table in places(form, document) if form.tables}
+    tables = {called(form, table) for form in FORMATS.values() for table in all_tables(form.tables)}
+    assert lines(tables - tried) == ""
+
+
+@pytest.mark.parametrize("form", FORMATS.values(), ids=FORMATS)
+def test_a_key_that_sounds_like_geometry_has_a_reason_to_be_harmless(form):
+    given = (keys for names, keys in REASONS.items() if form.name in names.split())
+    reasons = set(" ".join(" ".join(keys) for keys in given).split())
+    harmless = {key for table in all_tables(form.tables) for key in table.harmless}
+    read = {key for table in all_tables(form.tables) for key in table.model_fields}
+    suspicious = {key for key in harmless - read if GEOMETRY.search(key)}
+    assert lines(suspicious - reasons) == ""
+
+
+def values_of(table, key, current):
+    """Values to try in place of the current one, or of none."""
+    if key in SWITCHES:
+        return [True, False]
+    if key in VALUES and VALUES[key] != current:
+        return [VALUES[key]]
+    field = table.model_fields.get(key)
+    if current is not None or field is None:
+        return [changed(current)]
+    adapter = pydantic.TypeAdapter(table)
+    known = {name: None for name in table.model_fields}
+    found = []
+    for value in ANY_VALUES:
+        try:
+            adapter.validate_python({**known, key: value})
+        except pydantic.ValidationError as error:
+            if any(part["loc"][0] == key for part in error.errors()):
+                continue
+        if value != field.default:
+            found.append(value)
+    return found or [changed(None)]
+
+
+def test_a_key_is_read_or_named_where_others_are_left_out(sample_document):
+    """As `camera_angle_y` is in a file with `camera_angle_x` and without focal lengths."""
+    form, document = sample_document
+    tables = [table for _, table in places(form, document)]
+    ignored = set()
+    for number, table in enumerate(tables):
+        keys = sorted((table.model_fields.keys() | table.also_read) - REPLACED - NAMES)
+        here = places(form, document)[number][0]
+        bases = [document]
+        for left_out in (key for key in keys if key in here):
+            less = copy.deepcopy(document)
+            del places(form, less)[number][0][left_out]
+            if outcome(form, less)[0] != "error":
+                bases.append(less)
+                continue
+            for instead in (key for key in keys if key not in here):
+                other = copy.deepcopy(less)
+                value = values_of(table, instead, None)[0]
+                value = 1.5 * value if isinstance(value, float) else value  # as no other has
+                with_key(places(form, other)[number][0], instead, value)
+                if outcome(form, other)[0] != "error":
+                    bases.append(other)
+        for base in bases:
+            before, at = outcome(form, base), places(form, base)[number][0]
+            for key in keys:
+                effects = []
+                for value in values_of(table, key, at.get(key)):
+                    other = copy.deepcopy(base)
+                    with_key(places(form, other)[number][0], key, value)
+                    effects.append(outcome(form, other) != before)
+                if not effects or not (any if key in SWITCHES else all)(effects):
+                    ignored.add((called(form, table), key, *sorted(here.keys() - at.keys())))
+    assert lines(ignored) == ""
+
+
+@pytest.fixture(params=TEXTS)
+def sample_document(request):
+    form, document = form_and_document(request.param)
+    if not isinstance(document, dict):
+        pytest.skip("without keys, or of elements, which are tried one by one")
+    return form, document
+
+
+@pytest.mark.parametrize("name", TEXTS)
+def test_a_number_without_a_key_changes_the_camera(name):
+    form, document = form_and_document(name)
+    if form.tables or name.startswith("blender_osl"):
+        pytest.skip("with keys, or a program")
+    before, ignored = outcome(form, document), []
+    for found in re.finditer(r"(?<![\w.+-])[-+]?\d[\d.]*(e[-+]?\d+)?(?![\w.])", document):
+        line = document[document.rfind("\n", 0, found.start()) + 1 : found.start()]
+        number = float(found[0])
+        other = str(int(number) + 1) if found[0].isdecimal() else repr(2.0 * number + 1.0)
+        text = f"{document[: found.start()]}{other}{document[found.end() :]}"
+        if "#" not in line and outcome(form, text) == before:
+            ignored.append((found.start(), found[0]))
+    assert ignored == []
+
+
+def test_an_unknown_key_among_cameras_is_named_or_refused(sample):
+    _, before, tables, outcome_with = sample
+    for number, table in enumerate(tables):
+        if "*" in table.inner:
+            assert outcome_with(number, "no_such_key", 1) != before

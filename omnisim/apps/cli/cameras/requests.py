@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated, Literal
 
-from omnisim.apps.cli.completion import names_of
+from omnisim.apps.cli.completion import complete_camera, names_of
 from omnisim.apps.cli.option_groups import CameraName, Mirrored
 from omnisim.apps.cli.options import Argument, Option, command
 
@@ -83,7 +83,7 @@ class ConvertRequest:
     at_distance: Distances = None
     right_at: Annotated[float | None, Option(metavar="M")] = None
     """Optics: distance of the fitted points from the viewpoint. Default: infinity."""
-    source: Annotated[str | None, Argument(metavar="FILE")] = None
+    source: Annotated[str | None, Argument(metavar="FILE", complete=complete_camera)] = None
     """Calibration file, sensor file, or image by omnisim."""
     more_distances: MoreDistances = None
 
@@ -96,7 +96,7 @@ class ShowRequest:
     omnisim calibration show kalibr.yaml --camera-name cam1
     """
 
-    source: Annotated[Path, Argument(metavar="FILE")]
+    source: Annotated[Path, Argument(metavar="FILE", complete=complete_camera)]
     """Calibration file, sensor file, or image by omnisim."""
     camera_name: CameraName = None
     format: Format = None

@@ -1,5 +1,6 @@
 // The page: shows the server's messages and sends user input; the server acts on the newest one.
 
+import { Catalog } from "./catalog.js";
 import { Controls } from "./controls.js";
 import { byId, download, make, short, toast } from "./dom.js";
 import { Drive, isTyping } from "./drive.js";
@@ -36,11 +37,19 @@ const stream = new Stream({
     state.counted = counted;
     showTimes();
   },
+  found: (message) => catalog.show(message),
   saved: (message) => download(message.name, message.parts[0].blob),
   error: showFault,
 });
 const send = (type, content) => stream.send(type, content);
 const controls = new Controls((path, value) => send("set", { path, value }));
+const catalog = new Catalog(
+  (words) => send("search", { words }),
+  ({ name, title }) => {
+    send("preset", { kind: "catalog", name });
+    toast(title);
+  },
+);
 new Drive((type, command) => state.drives && send(type, command));
 listen();
 
@@ -359,7 +368,7 @@ function listen() {
   byId("walls").onclick = toggleWalls;
   byId("play").onclick = () => setPlaying(!state.playing);
   addEventListener("keydown", (event) => {
-    if ((event.ctrlKey || event.metaKey) && event.key.toLowerCase() === "z" && !event.target.matches("input[type=text], input[type=number]")) {
+    if ((event.ctrlKey || event.metaKey) && event.key.toLowerCase() === "z" && !event.target.matches("input[type=text], input[type=number], input[type=search]")) {
       event.preventDefault();
       send(event.shiftKey ? "redo" : "undo");
     } else if (isTyping(event)) return;
