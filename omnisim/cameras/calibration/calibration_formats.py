@@ -36,8 +36,8 @@ FORMATS: dict[str, Format[Any]] = {
     for form in (
         OmnisimJson(), Euroc(), Kalibr(), Camodocal(), OrbSlam3(), OpencvOmnidir(), OpencvFisheye(),
         OpencvPinhole(), Ros(), Opensfm(), Openmvg(), Metashape(), Aria(), Insta360(), Basalt(),
-        Woodscape(), Nerfstudio(), Gyroflow(), Foxglove(), Matlab(), Ocamcalib(), Colmap(), Gazebo(),
-        Isaac(), BlenderOsl(),
+        Woodscape(), Nerfstudio(), Gyroflow(), Foxglove(), Matlab(), Ocamcalib(), Colmap(),
+        Gazebo(), Isaac(), BlenderOsl(),
     )
 }  # fmt: skip
 

@@ -55,7 +55,7 @@ def field_of_view(camera: CentralCamera) -> FieldOfView:
 
 def angles_of_view(camera: CentralCamera) -> tuple[float, float]:
     """Angles of view along the row and along the column of the axis, in radians."""
-    left, right, up, down, *_ = _sweeps(camera)
+    left, right, up, down, *_ = sweeps(camera)
     return left + right, up + down
 
 

@@ -51,7 +51,6 @@ from omnisim.cameras.calibration.documents import (
 from omnisim.cameras.calibration.formats import format as base
 from omnisim.cameras.calibration.formats.format import ANY, Format, ParsedCamera, error_context
 from omnisim.core.arrays import Floats
-from omnisim.core.errors import CalibrationError
 from omnisim.core.files.parameters import Number
 
 OTHERS = {"fisheye62": "Foxglove's alone: ROS has equidistant"}
