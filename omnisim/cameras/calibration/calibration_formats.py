@@ -67,7 +67,7 @@ FOREIGN_FILES = (
 TOOLS = (
     ("", "omnisim", r"^# omnisim \{|<!-- omnisim \{|\"omnisim(_calibration)?\"\s*:"),
     ("kalibr", "OpenVINS", r"^\s*T_imu_cam\s*:"),
-    ("kalibr", "EuRoC's data set", r"^sensor_type\s*:|^T_BS\s*:"),
+    ("euroc", "EuRoC's data set", r"^sensor_type\s*:|^T_BS\s*:"),
     ("kitti360", "KITTI-360", r"^camera_name\s*:\s*[\"']?image_0\d"),
     ("kitti360", "VINS-Fusion", r"^(body_T_cam\d|extrinsicRotation|estimate_extrinsic)\s*:"),
     ("opencv", "OpenCV's calibration sample", r"^calibration_time\s*:"),
