@@ -103,6 +103,10 @@ def test_a_baseline_is_that_of_a_second_rectified_camera(tmp_path):
     rectified = rewritten("orbslam3_old.yaml", tmp_path, *changes)
     assert rectified.names == ["Camera1", "Camera2"]
     assert rectified.notes == []
+    # OpenCV reads keys without a space, which some of the examples have
+    tight = rewritten("orbslam3_old.yaml", tmp_path, ("PointSize: 2", "PointSize:2"),
+                      ("data: ", "data:"), ("Camera.cx: ", "Camera.cx:"))  # fmt: skip
+    assert [one.camera for one in tight.cameras] == [first.model, second.model]
 
 
 def test_contradicting_and_spare_baselines_are_named(tmp_path):
