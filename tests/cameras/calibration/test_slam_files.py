@@ -481,3 +481,13 @@ def test_the_files_of_a_pair_are_a_rig(tmp_path):
         right.poses[0].target_from_source,
         calibration.camera("stereo/right").poses[0].target_from_source, atol=1e-12,
     )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["model_type: MEI\ncam0: 3\n", "k: [1]\ncameras: {a: 1}\ndistortion_model: plumb_bob\n"],
+)
+def test_other_keys_are_no_joined_files(tmp_path, text):
+    (tmp_path / "a.yaml").write_text(text)
+    with pytest.raises(CalibrationError, match=r"(image_width|width): missing"):
+        load_calibration(tmp_path / "a.yaml")
