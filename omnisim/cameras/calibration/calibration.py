@@ -16,6 +16,7 @@ from omnisim.cameras import (
     CentralCamera,
     summary,
 )
+from omnisim.cameras.calibration import documents
 from omnisim.cameras.calibration.calibrated_camera import (
     WORLD,
     CalibratedCamera,
@@ -24,13 +25,6 @@ from omnisim.cameras.calibration.calibrated_camera import (
     pose_contradiction,
 )
 from omnisim.cameras.calibration.calibration_formats import detect_format, format_named, tool_of
-from omnisim.cameras.calibration.documents import (
-    counted,
-    parse_number,
-    pose,
-    read_beside,
-    read_text,
-)
 from omnisim.cameras.calibration.encode import encode_cameras
 from omnisim.cameras.calibration.fit import Fit, fit_camera
 from omnisim.cameras.calibration.formats import format as base
@@ -367,10 +361,10 @@ def read_cameras(
     Raises:
         CalibrationError: the file is invalid; names file, key, actual and expected value.
     """
-    text = read_text(path)
+    text = documents.read_text(path)
     chain = _OPENVINS_CHAIN.search(text)
     if chain is not None and format in (None, "kalibr"):
-        text, path = read_beside(str(path), "relative_config_imucam", chain[1])
+        text, path = documents.read_beside(str(path), "relative_config_imucam", chain[1])
     source = str(path)
     form = detect_format(text, source, format)
     document = form.document(text, source)
@@ -487,9 +481,8 @@ def read_folder(
             break
     else:
         raise CalibrationError(
-            f"{folder}: expected a calibration file, or KITTI-360's folder with {EXTRINSICS}, "
-            "EuRoC's with cam0/sensor.yaml, Kimera's with LeftCameraParams.yaml, or ROS's with "
-            "left.yaml and right.yaml, got another folder"
+            f"{folder}: expected a calibration file, or KITTI-360's folder with {EXTRINSICS}, or "
+            "one with cam0/sensor.yaml, LeftCameraParams.yaml, or left.yaml and right.yaml"
         )
     read = [read_cameras(file, format, mirrored, theta_max_rad) for file in files]
     rig = with_poses([camera for one in read for camera in one.cameras])
@@ -537,13 +530,15 @@ def read_kitti360_folder(
 def _extrinsics(path: Path) -> dict[str, Floats]:
     """Poses (4, 4) imu_from_camera by camera name."""
     poses = {}
-    for number, line in enumerate(read_text(path).splitlines(), start=1):
+    for number, line in enumerate(documents.read_text(path).splitlines(), start=1):
         name, colon, text = line.partition(":")
         if not line.strip():
             continue
         place = f"{path}:{number}"
         if not colon:
             raise CalibrationError(f"{place}: expected image_00: and 12 numbers, got {line[:40]!r}")
-        values = counted([parse_number(word, place) for word in text.split()], NUMBERS, place)
-        poses[name.strip()] = pose(np.reshape(values, (3, 4)).tolist(), place)
+        values = documents.counted(
+            [documents.parse_number(word, place) for word in text.split()], NUMBERS, place
+        )
+        poses[name.strip()] = documents.pose(np.reshape(values, (3, 4)).tolist(), place)
     return poses

@@ -53,6 +53,7 @@ FOREIGN_FILES = (
         "pass the file of the cameras beside it",
     ),
     ("Basalt's settings", r'"config\.\w+"\s*:', "pass the calibration beside them"),
+    ("a headset's calibration (Windows Mixed Reality)", r'"ModelParameters"\s*:', _AS_OPENCV),
     ("KITTI's calib_cam_to_cam.txt", r"^(K_00|P_rect_00|P0):", _AS_OPENCV),
     ("Kalibr's report", r"aslam_cv|^Camera-system parameters", "pass the camchain.yaml beside it"),
     ("Kalibr's target", r"^target_type\s*:", "pass it as --board"),

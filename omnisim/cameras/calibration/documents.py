@@ -124,6 +124,10 @@ def read_text(path: Path) -> str:
     return text
 
 
+class Joined(dict[str, Any]):
+    """Documents of several files or messages, by the names of their cameras."""
+
+
 def read_beside(source: str, key: str, name: str) -> tuple[str, Path]:
     """Text and path of a file that another one names by a key."""
     path = Path(source).parent / name

@@ -171,6 +171,8 @@ OTHERS = {
     "%YAML:1.0\ncam0_calib: 3\n": "cam0_calib: expected the name of a file, got 3",
     "imu0:\n  accelerometer_noise_density: 0.002\n": "this is an IMU's parameters: pass the file",
     '{"value0": {"config.optical_flow_type": "patch"}}': "this is Basalt's settings: pass the",
+    '{"CalibrationInformation": {"Cameras": [{"Intrinsics": {"ModelParameters": [0.5]}}]}}':
+        "this is a headset's calibration (Windows Mixed Reality): write its numbers",
     "calib_time: 2012\nS_00: 1392 512\nK_00: 984 0 690\n": "KITTI's calib_cam_to_cam.txt: write",
     b"\x1f\x8b\x08\x00": "got an archive: extract it, and pass the file or folder",
     "sensor_type: camera\ncamera_model: omni\nintrinsics: []\nresolution: [9, 9]\n"

@@ -103,6 +103,10 @@ def test_a_baseline_is_that_of_a_second_rectified_camera(tmp_path):
     rectified = rewritten("orbslam3_old.yaml", tmp_path, *changes)
     assert rectified.names == ["Camera1", "Camera2"]
     assert rectified.notes == []
+    # OpenCV reads keys without a space, which some of the examples have
+    tight = rewritten("orbslam3_old.yaml", tmp_path, ("PointSize: 2", "PointSize:2"),
+                      ("data: ", "data:"), ("Camera.cx: ", "Camera.cx:"))  # fmt: skip
+    assert [one.camera for one in tight.cameras] == [first.model, second.model]
 
 
 def test_contradicting_and_spare_baselines_are_named(tmp_path):
@@ -477,3 +481,13 @@ def test_the_files_of_a_pair_are_a_rig(tmp_path):
         right.poses[0].target_from_source,
         calibration.camera("stereo/right").poses[0].target_from_source, atol=1e-12,
     )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["model_type: MEI\ncam0: 3\n", "k: [1]\ncameras: {a: 1}\ndistortion_model: plumb_bob\n"],
+)
+def test_other_keys_are_no_joined_files(tmp_path, text):
+    (tmp_path / "a.yaml").write_text(text)
+    with pytest.raises(CalibrationError, match=r"(image_width|width): missing"):
+        load_calibration(tmp_path / "a.yaml")

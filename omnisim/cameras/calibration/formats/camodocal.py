@@ -100,7 +100,7 @@ class Camodocal(Format[CamodocalLens]):
         data = super().document(text, source)
         if "cam0_calib" not in data:
             return data
-        cameras = {}
+        cameras = documents.Joined()
         for index in range(2 if data.get("num_of_cam") == 2 else 1):
             name = f"cam{index}"
             if not isinstance(file := data.get(f"{name}_calib"), str):
@@ -112,16 +112,8 @@ class Camodocal(Format[CamodocalLens]):
             cameras[name] = {**camera, **stated, "camera_name": name}
         return cameras
 
-    def parts(self, document: Any) -> dict[str, Any]:
-        """Documents of the cameras that VINS-Fusion's settings name, or of the only one."""
-        return document if "cam0" in document else super().parts(document)
-
-    def read(self, document: Any, source: str) -> list[ParsedCamera[CentralCamera]]:
-        """Parse the cameras."""
-        parts = self.parts(document).items()
-        return [self._camera(part, f"{source}: {name}" if name else source) for name, part in parts]
-
-    def _camera(self, document: Any, source: str) -> ParsedCamera[CentralCamera]:
+    def camera(self, document: Any, source: str) -> ParsedCamera[CentralCamera]:
+        """Parse a camera."""
         data = dict(document)
         if not isinstance(data.get("camera_name", ""), str):  # KITTI-360's is a string, 00 is not
             data["camera_name"] = str(data["camera_name"])

@@ -77,6 +77,11 @@ class ParsedCamera(Generic[LensT_co]):
     notes: tuple[str, ...] = ()  # contradictions in the file, one sentence each
 
 
+def _parts(document: Any) -> dict[str, Any]:
+    """Documents that were joined, by name; "": it is a single one."""
+    return document if isinstance(document, documents.Joined) else {"": document}
+
+
 class Format(ABC, Generic[LensT]):
     """File format for lenses of the models `LensT`.
 
@@ -134,21 +139,22 @@ class Format(ABC, Generic[LensT]):
             return text
         return {".yaml": parse_yaml, ".json": parse_json}[self.suffix](text, source)
 
-    @abstractmethod
     def read(self, document: Any, source: str) -> list[ParsedCamera[CentralCamera]]:
         """Parse the cameras of a document; `source` names the file in messages.
 
         Raises:
             CalibrationError: the file is invalid; names file, key, actual and expected value.
         """
+        parts = _parts(document).items()
+        return [self.camera(part, f"{source}: {name}" if name else source) for name, part in parts]
+
+    def camera(self, document: Any, source: str) -> ParsedCamera[CentralCamera]:
+        """Parse the only camera of a document, in formats with a file for each camera."""
+        raise NotImplementedError
 
     def table_of(self, document: Any) -> type[ForeignTable] | None:
         """Schema of a document."""
         return self.tables[0] if self.tables else None
-
-    def parts(self, document: Any) -> dict[str, Any]:
-        """Documents of several files or messages that were joined, by name; "": not joined."""
-        return {"": document}
 
     def notices(self, document: Any, source: str) -> list[str]:
         """Notes on keys in a document that are not read, one sentence each.
@@ -158,7 +164,7 @@ class Format(ABC, Generic[LensT]):
         """
         known: dict[str, str] = {}
         unknown: list[str] = []
-        tables = ((name, part, self.table_of(part)) for name, part in self.parts(document).items())
+        tables = ((name, part, self.table_of(part)) for name, part in _parts(document).items())
         keys = (unread_keys(part, table, name) for name, part, table in tables if table is not None)
         for path, value, meaning in chain.from_iterable(keys):
             if path == "omnisim":  # metadata, read for all formats

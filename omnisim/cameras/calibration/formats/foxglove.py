@@ -11,9 +11,8 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Sequence
-from typing import Any
 
-from omnisim.cameras import CentralCamera, ThinPrismFisheyeCamera
+from omnisim.cameras import ThinPrismFisheyeCamera
 from omnisim.cameras.calibration.calibrated_camera import find_pose
 from omnisim.cameras.calibration.formats import format as base
 from omnisim.cameras.calibration.formats import ros
@@ -38,10 +37,6 @@ class Foxglove(ros.CameraInfo):
         if isinstance(lens, ThinPrismFisheyeCamera) and any(lens.prism):
             return "it has no thin prism"
         return super().unsupported(lens)
-
-    def read(self, document: Any, source: str) -> list[ParsedCamera[CentralCamera]]:
-        """Parse the camera."""
-        return [self._camera(document, source)]
 
     def encode(self, cameras: Sequence[ParsedCamera[ros.CameraInfoLens]]) -> str:
         """Text of a file with the camera."""

@@ -105,9 +105,9 @@ class CameraInfo(Format[CameraInfoLens]):
     distortion_models: tuple[str, ...]
     fisheye_models: tuple[str, ...]
 
-    def _camera(self, message: Any, source: str) -> ParsedCamera[CentralCamera]:
-        """Camera of a message."""
-        fields = parse(message, CameraInfoMessage, source)
+    def camera(self, document: Any, source: str) -> ParsedCamera[CentralCamera]:
+        """Parse the camera of a message."""
+        fields = parse(document, CameraInfoMessage, source)
         size_px = fields.width, fields.height
         lens = self._lens(size_px, fields.distortion_model, fields.K, fields.D, source, ("K", "D"))
         notes = ()
@@ -254,33 +254,25 @@ class Ros(CameraInfo):
         if len(cameras) == 1:
             return cameras[0]
         key = "frame_id" if "K" in cameras[0] else "camera_name"
-        joined = dict[str, Any]()
+        joined = documents.Joined()
         for index, camera in enumerate(cameras):
             name = str(camera.get(key) or "camera")  # both of a pair may have the first's frame
             name = f"{name}_{index + 1}" if name in joined else name
             joined[name] = {**camera, key: name}
-        return {"cameras": joined}
-
-    def parts(self, document: Any) -> dict[str, Any]:
-        """Documents of the cameras."""
-        cameras = document.get("cameras")
-        return cameras if isinstance(cameras, dict) else super().parts(document)
+        return joined
 
     def table_of(self, document: Any) -> type[ForeignTable]:
         """Schema of a file or of a message."""
         return CameraInfoMessage if "K" in document else _Camera
 
     def read(self, document: Any, source: str) -> list[ParsedCamera[CentralCamera]]:
-        """Parse the cameras."""
-        parts = self.parts(document).items()
-        places = ((part, f"{source}: {name}" if name else source) for name, part in parts)
-        return with_poses([
-            self._camera(part, place) if "K" in part else self._file(part, place)
-            for part, place in places
-        ])  # fmt: skip
+        """Parse the cameras, with their poses if they are a pair."""
+        return with_poses(super().read(document, source))
 
-    def _file(self, document: Any, source: str) -> ParsedCamera[CentralCamera]:
-        """Camera of a file."""
+    def camera(self, document: Any, source: str) -> ParsedCamera[CentralCamera]:
+        """Parse the camera of a file or of a message."""
+        if "K" in document:
+            return super().camera(document, source)
         is_fisheye = document.get("camera_model") == "fisheye"
         extra = {"distortion_model": "fisheye"} if is_fisheye else {}
         fields = parse({**extra, **document}, _Camera, source)
