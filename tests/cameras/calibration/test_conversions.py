@@ -18,7 +18,10 @@ from tests.camera_examples import CAMERA_EXAMPLES
 from tests.cameras.calibration.sample_files import EXACT_SAMPLES, FOLDER, rig_rays
 
 # Cameras that are like others' of the samples: files are read in other tests.
-ALIKE = {"euroc_sensor.yaml", "kalibr_openvins.yaml", "kitti360_image_03.yaml", "ros_echo.yaml"}
+ALIKE = {
+    "euroc_sensor.yaml", "kalibr_openvins.yaml", "kitti360_image_03.yaml", "matlab_pinhole.json",
+    "ros_echo.yaml", "sfm_data.json",
+}  # fmt: skip
 CONVERTED = [path for path in EXACT_SAMPLES if path.name not in ALIKE]
 
 
