@@ -357,6 +357,16 @@ def test_arias_time_shift_and_circle_come_back(tmp_path):
     assert back.cameras[0].time_shift_s == -0.25
 
 
+def test_arias_online_calibrations_are_refused_and_world_poses_are_no_rig(tmp_path):
+    line = json.dumps(json.loads((FOLDER / "aria.json").read_text()))
+    path = save(tmp_path, "online_calibration.jsonl", f"{line}\n{line}\n")
+    with pytest.raises(CalibrationError, match=r"expected one calibration: .* got '2 of them'"):
+        load_calibration(path)
+    assert len(load_calibration(save(tmp_path, "a.json", line)).cameras) == 3
+    load_calibration(FOLDER / "transforms.json").save(tmp_path / "b.json", "aria")
+    assert load_calibration(tmp_path / "b.json").cameras[0].poses == ()
+
+
 def test_insta360s_pixels_and_rig():
     numbers = [float(word) for word in (FOLDER / "insta360.txt").read_text().split("_")]
     loaded = load_calibration(FOLDER / "insta360.txt")
