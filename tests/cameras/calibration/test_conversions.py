@@ -19,8 +19,8 @@ from tests.cameras.calibration.sample_files import EXACT_SAMPLES, FOLDER, rig_ra
 
 # Cameras that are like others' of the samples: files are read in other tests.
 ALIKE = {
-    "euroc_sensor.yaml", "kalibr_openvins.yaml", "kitti360_image_03.yaml", "ros_echo.yaml",
-    "orbslam3_tum_vi.yaml", "orbslam3_old.yaml",
+    "euroc_sensor.yaml", "kalibr_openvins.yaml", "kitti360_image_03.yaml", "matlab_pinhole.json",
+    "orbslam3_old.yaml", "orbslam3_tum_vi.yaml", "ros_echo.yaml", "sfm_data.json",
 }  # fmt: skip
 CONVERTED = [path for path in EXACT_SAMPLES if path.name not in ALIKE]
 

@@ -18,7 +18,7 @@ from omnisim.cameras.calibration.formats.photogrammetry import (
     BrownLens,
     lens_from_terms,
 )
-from omnisim.core.errors import NoticeWarning
+from omnisim.core.errors import CalibrationError, NoticeWarning
 from omnisim.core.poses import inverse
 from tests.camera_examples import CAMERA_EXAMPLES, points_around_axis
 from tests.cameras.calibration.sample_files import FOLDER
@@ -235,6 +235,22 @@ def test_metashapes_projects_have_poses_and_slave_sensors(tmp_path):
     np.testing.assert_allclose(rig.target_from_source[:3, 3], (0.0, 0.01, -0.03))
 
 
+def test_keys_of_metashapes_projects_are_named(tmp_path):
+    text = METASHAPE.replace(
+        "<f>120</f>", "<f>120</f><corrections><coeffs>1 2</coeffs></corrections>"
+    )
+    shutter = '<property name="rolling_shutter" value="true"/><rotation'
+    path = save(tmp_path, "cameras.xml", text.replace("<rotation fixed", f"{shutter} fixed"))
+    first, second = load_calibration(path).camera("back").notes[:2]
+    assert first.startswith("calibration.corrections = ")
+    assert (
+        second == "rolling_shutter = true: rolling shutter: [degradation.shutter] of a sensor file"
+    )
+    path = save(tmp_path, "cameras.xml", METASHAPE.replace("<f>120</f>", "<f>120</f><p3>0.1</p3>"))
+    with pytest.raises(CalibrationError, match=r"back: calibration.p3 = 0.1: higher tangential"):
+        load_calibration(path)
+
+
 @pytest.mark.parametrize("name", ["unified-pinhole-with-k3", "metashape.xml"])
 def test_metashapes_frame_cameras_agree(name, tmp_path):
     path = FOLDER / name
@@ -339,6 +355,16 @@ def test_arias_time_shift_and_circle_come_back(tmp_path):
     back = load_calibration(tmp_path / "b.json")
     assert [one.camera for one in back.cameras] == [one.camera for one in loaded.cameras]
     assert back.cameras[0].time_shift_s == -0.25
+
+
+def test_arias_online_calibrations_are_refused_and_world_poses_are_no_rig(tmp_path):
+    line = json.dumps(json.loads((FOLDER / "aria.json").read_text()))
+    path = save(tmp_path, "online_calibration.jsonl", f"{line}\n{line}\n")
+    with pytest.raises(CalibrationError, match=r"expected one calibration: .* got '2 of them'"):
+        load_calibration(path)
+    assert len(load_calibration(save(tmp_path, "a.json", line)).cameras) == 3
+    load_calibration(FOLDER / "transforms.json").save(tmp_path / "b.json", "aria")
+    assert load_calibration(tmp_path / "b.json").cameras[0].poses == ()
 
 
 def test_insta360s_pixels_and_rig():

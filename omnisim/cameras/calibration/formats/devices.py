@@ -38,7 +38,7 @@ from omnisim.cameras import (
     UnifiedCamera,
 )
 from omnisim.cameras.calibration import documents
-from omnisim.cameras.calibration.calibrated_camera import NamedPose, find_pose
+from omnisim.cameras.calibration.calibrated_camera import WORLD, NamedPose, find_pose
 from omnisim.cameras.calibration.documents import ForeignTable, parse, unexpected
 from omnisim.cameras.calibration.formats import format as base
 from omnisim.cameras.calibration.formats.basalt import POSES_UNKNOWN
@@ -131,6 +131,13 @@ class Aria(Format[AriaLens]):
     several = True
     tables = (_File,)
 
+    def document(self, text: str, source: str) -> Any:
+        """Content of a file; refuses the lines of an online_calibration.jsonl."""
+        lines = len(re.findall(r"^\{", text, re.M))
+        if lines > 1:
+            raise unexpected(source, "one calibration: keep one line of these", f"{lines} of them")
+        return super().document(text, source)
+
     def read(self, document: Any, source: str) -> list[ParsedCamera[CentralCamera]]:
         """Parse the cameras."""
         file = parse(document, _File, source)
@@ -153,10 +160,10 @@ class Aria(Format[AriaLens]):
 
     def encode(self, cameras: Sequence[ParsedCamera[AriaLens]]) -> str:
         """Text of a file with the cameras on one device."""
-        poses = [pose for camera in cameras for pose in camera.poses]
+        poses = [pose for camera in cameras for pose in camera.poses if pose.target != WORLD]
         names = [camera.name for camera in cameras]
         frames = [frame for pose in poses for frame in (pose.target, pose.source)]
-        body = next((one for one in frames if one not in (*names, "world")), names[0])
+        body = next((frame for frame in frames if frame not in names), names[0])
         entries = []
         for camera in cameras:
             lens, (u, v) = camera.lens, camera.lens.principal_point_px

@@ -144,8 +144,17 @@ class Metashape(solved.SolvedFormat):
                         at[:3, 3] *= scale
                         poses.append(NamedPose(WORLD, str(shot.get("label")), to_world @ at))
                 if found:
-                    lens = _lens(found[0], f"{place}: {names[own]}")
-                    cameras.append(ParsedCamera(names[own], lens, tuple(poses)))
+                    where = f"{place}: {names[own]}"
+                    lens, notes = (
+                        _lens(found[0], where),
+                        self.notices({"calibration": found[0]}, where),
+                    )
+                    for shown in _items(sensor, "property"):
+                        if shown.get("name") == "rolling_shutter" and shown.get("value") == "true":
+                            notes.append(
+                                f"rolling_shutter = true: {documents.ROLLING_SHUTTER.effect}"
+                            )
+                    cameras.append(ParsedCamera(names[own], lens, tuple(poses), notes=tuple(notes)))
         return cameras
 
     def encode(self, cameras: Sequence[ParsedCamera[solved.SolvedLens]]) -> str:
