@@ -17,6 +17,7 @@ from omnisim.cameras.calibration.formats.gyroflow import Gyroflow
 from omnisim.cameras.calibration.formats.isaac import Isaac
 from omnisim.cameras.calibration.formats.kalibr import Kalibr
 from omnisim.cameras.calibration.formats.nerfstudio import Nerfstudio
+from omnisim.cameras.calibration.formats.nurec import Nurec
 from omnisim.cameras.calibration.formats.ocamcalib import Ocamcalib
 from omnisim.cameras.calibration.formats.omnisim_json import OmnisimJson
 from omnisim.cameras.calibration.formats.opencv import OpencvFisheye, OpencvOmnidir, OpencvPinhole
@@ -30,7 +31,7 @@ FORMATS: dict[str, Format[Any]] = {
     for form in (
         OmnisimJson(), Kalibr(), Camodocal(), OpencvOmnidir(), OpencvFisheye(), OpencvPinhole(),
         Ros(), Basalt(), Woodscape(), Nerfstudio(), Gyroflow(), Foxglove(), Ocamcalib(), Colmap(),
-        Gazebo(), Isaac(), BlenderOsl(),
+        Gazebo(), Isaac(), BlenderOsl(), Nurec(),
     )
 }  # fmt: skip
 

@@ -232,6 +232,8 @@ class Isaac(Format[IsaacLens]):
     def unsupported(self, lens: IsaacLens) -> str | None:
         """Rejects a skew, a tilt and long f-theta polynomials."""
         if isinstance(lens, FThetaInverseCamera):
+            if lens.affine != (1.0, 0.0, 0.0):
+                return "its f-theta lens has no affine map"
             long = len(lens.coefficients) > 4
             return "its f-theta lens has four coefficients" if long else None
         if isinstance(lens, RationalPolynomialCamera) and any(lens.tilt_rad):
