@@ -231,7 +231,7 @@ class AffineCamera(PlaneCamera):
 
     @property
     def _axes_from_pixels(self) -> Floats:
-        return np.linalg.inv(self.pixels_from_axes)
+        return np.asarray(np.linalg.inv(self.pixels_from_axes), dtype=np.float64)
 
     def _plane_from_pixels(self, pixels: Floats) -> Floats:
         return (pixels - self.principal_point_px) @ self._axes_from_pixels.T

@@ -23,7 +23,7 @@ import numpy as np
 
 from omnisim.cameras import CentralCamera, FThetaCamera, FThetaInverseCamera
 from omnisim.cameras.calibration import documents
-from omnisim.cameras.calibration.calibrated_camera import NamedPose, find_pose
+from omnisim.cameras.calibration.calibrated_camera import NamedPose
 from omnisim.cameras.calibration.documents import ForeignTable, Unread, parse, unexpected
 from omnisim.cameras.calibration.formats import format as base
 from omnisim.cameras.calibration.formats.format import ANY, Format, ParsedCamera, error_context
@@ -98,7 +98,7 @@ class Nurec(Format[NurecLens]):
 
     def read(self, document: Any, source: str) -> list[ParsedCamera[CentralCamera]]:
         """Parse the cameras of the rig."""
-        cameras = []
+        cameras: list[ParsedCamera[CentralCamera]] = []
         for key, entry in parse(document, _File, source).camera_calibrations.items():
             place = f"{source}: camera_calibrations.{key}"
             calibration = parse(entry, _Calibration, place)
@@ -115,17 +115,11 @@ class Nurec(Format[NurecLens]):
 
     def encode(self, cameras: Sequence[ParsedCamera[NurecLens]]) -> str:
         """Text of a file with the cameras."""
-        poses = [pose for camera in cameras for pose in camera.poses]
-        names = [camera.name for camera in cameras]
-        frames = [frame for pose in poses for frame in (pose.target, pose.source)]
-        body = next((frame for frame in frames if frame not in names), names[0])
         entries = {}
-        for index, camera in enumerate(cameras):
+        for camera, pose in zip(cameras, base.body_poses(cameras)[1], strict=True):
             model = {"type": "ftheta", "parameters": _parameters(camera.lens)}
-            entry = {"logical_sensor_name": camera.name, "unique_sensor_idx": index}
-            pose = find_pose(poses, body, camera.name) if poses else None
             placed = {} if pose is None else {"T_sensor_rig": documents.rows(pose)}
-            entries[camera.name] = {**entry, **placed, "camera_model": model}
+            entries[camera.name] = {**placed, "camera_model": model}
         return json.dumps({"camera_calibrations": entries}, indent=2) + "\n"
 
     def unsupported(self, lens: NurecLens) -> str | None:
@@ -175,14 +169,13 @@ def _parameters(lens: NurecLens) -> dict[str, Any]:
     rays = np.stack((np.sin(theta), 0.0 * theta, np.cos(theta)), axis=-1)
     offset = lens.pixel_from_ray(rays).positions_px - lens.principal_point_px
     radius = scale * (offset @ np.linalg.inv(matrix).T)[:, 0]
-    terms = np.array(_reference(lens))
-    powers = np.arange(1, TERMS)
+    terms, powers = np.array(_reference(lens)), np.arange(1, TERMS)
+    forward, backward, reference = terms * scale, terms, REFERENCES[1]
     if isinstance(lens, FThetaCamera):
-        reference, forward = REFERENCES[1], terms * scale
-        backward = np.linalg.lstsq(radius[:, None] ** powers, theta, rcond=None)[0]
+        backward = np.asarray(np.linalg.lstsq(radius[:, None] ** powers, theta, rcond=None)[0])
     else:
-        reference, backward = REFERENCES[0], terms / scale ** np.arange(1, len(terms) + 1)
-        forward = np.linalg.lstsq(theta[:, None] ** powers, radius, rcond=None)[0]
+        reference, backward = REFERENCES[0], terms / scale ** powers[: len(terms)]
+        forward = np.asarray(np.linalg.lstsq(theta[:, None] ** powers, radius, rcond=None)[0])
     return {
         "resolution": [lens.width_px, lens.height_px], "shutter_type": "GLOBAL",
         "external_distortion_parameters": None, "principal_point": list(lens.principal_point_px),
