@@ -125,6 +125,12 @@ CAMERA_EXAMPLES = {
     "f-theta-inverse": FThetaInverseCamera(
         320, 240, (158.5, 121.25), (0.0105, 1e-6, 4e-9), theta_max_rad=math.radians(105.0)
     ),
+    "f-theta-inverse-nurec": FThetaInverseCamera(
+        300, 200, (150.5, 98.25), (8.5e-3, 1e-6, -3e-8), math.radians(75.0), (1.01, 2e-3, -5e-3)
+    ),
+    "f-theta-nurec": FThetaCamera(
+        300, 200, (150.5, 98.25), (118.0, -4.0, 9.0), math.radians(75.0), 0.95, (0.99, -2e-3, 5e-3)
+    ),
     "f-theta-inverse-to-its-end": FThetaInverseCamera(300, 300, (149.5, 149.5), (0.02, 0.0, -3e-7)),
     "parabolic": ParabolicCamera(360, 360, 140.0, (179.5, 179.5)),
     "parabolic-off-center": ParabolicCamera(

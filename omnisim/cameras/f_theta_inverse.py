@@ -1,6 +1,7 @@
 """Inverse f-theta lens: the angle is a polynomial of the radius in pixels.
 
     θ = k1 r + k2 r² + … + kn rⁿ, r in pixels around the principal point
+    (u, v) = [[c, d], [e, 1]] r (cos φ, sin φ) + (u0, v0)
 
 Domain: 0 ≤ θ ≤ θ_max and r before the first radius where dθ/dr has fallen to a thousandth of k1.
 Beyond it, many pixels share nearly the same ray, and the inverse is ill-conditioned. `f_theta` is
@@ -24,7 +25,14 @@ from pydantic import Field
 
 from omnisim.cameras.camera import Uniforms
 from omnisim.cameras.lens_polynomials import MAX_RADIUS_PX, first_root, polyval, solve_polynomial
-from omnisim.cameras.parametric_camera import Coefficients, PrincipalPoint, RadialCamera, WideTheta
+from omnisim.cameras.parametric_camera import (
+    Affine,
+    AffineCamera,
+    Coefficients,
+    PrincipalPoint,
+    RadialCamera,
+    WideTheta,
+)
 from omnisim.core.arrays import Floats
 
 MAX_COEFFICIENTS = 8  # u_coefficients of the GLSL twin
@@ -32,7 +40,7 @@ MIN_SLOPE = 1e-3  # share of the slope at the axis
 
 
 @dataclass(frozen=True)
-class FThetaInverseCamera(RadialCamera):
+class FThetaInverseCamera(AffineCamera, RadialCamera):
     """Fisheye lens whose angle is a polynomial of the radius."""
 
     principal_point_px: PrincipalPoint
@@ -41,7 +49,10 @@ class FThetaInverseCamera(RadialCamera):
     """k1 … kn of r, r², …, at most 8; k1 > 0."""
     theta_max_rad: WideTheta = math.pi
     """Angle from the axis where the domain ends."""
+    affine: Affine = (1.0, 0.0, 0.0)
+    """c, d, e of the affine map; typically 1, 0, 0."""
     model_name = "f_theta_inverse"
+    added_later = frozenset({"affine"})
     pixels_per_plane = 1.0  # the plane is in pixels
 
     def scaled(self, scale: float) -> FThetaInverseCamera:
@@ -54,6 +65,13 @@ class FThetaInverseCamera(RadialCamera):
         super()._check()
         if self.coefficients[0] <= 0.0:
             raise self._error("coefficients", "numbers, the first of them more than 0")
+        if self.affine[0] - self.affine[1] * self.affine[2] <= 0.0:
+            raise self._error("affine", "c, d, e with c > d e")
+
+    @property
+    def pixels_from_axes(self) -> Floats:
+        """Matrix (2, 2) from the plane to (u, v), both in pixels."""
+        return np.array([self.affine[:2], (self.affine[2], 1.0)])
 
     @cached_property
     def radius_max_px(self) -> float:
@@ -84,7 +102,7 @@ class FThetaInverseCamera(RadialCamera):
         powers = range(1, MAX_COEFFICIENTS + 1)
         coefficients = self.coefficients + (0.0,) * (MAX_COEFFICIENTS - len(self.coefficients))
         return {
-            "u_principal_point_px": self.principal_point_px,
+            **super().uniforms(),
             "u_coefficients": tuple(
                 k * self.radius_max_px**n for k, n in zip(coefficients, powers, strict=True)
             ),

@@ -31,7 +31,14 @@ from omnisim.cameras.camera import (
 from omnisim.core.arrays import Bools, Floats
 from omnisim.core.coordinate_frames import BASE_FROM_OPTICAL_LOOKING_AHEAD
 from omnisim.core.errors import OpticsError
-from omnisim.core.files.parameters import Number, Parameters, Typical, mapped, parse_table
+from omnisim.core.files.parameters import (
+    Number,
+    Parameters,
+    Typical,
+    described,
+    mapped,
+    parse_table,
+)
 from omnisim.core.short_repr import short_repr
 
 # The ray of a pixel on the edge of the domain is rounded; its projection must still be valid.
@@ -216,6 +223,35 @@ class PlaneCamera(ParametricCamera):
 
     def _pixels_from_plane(self, plane: Floats) -> Floats:
         return plane * self.pixels_per_plane + self.principal_point_px
+
+
+class AffineCamera(PlaneCamera):
+    """Mixin for lenses whose sensor is not square to its axis: a linear map of the plane."""
+
+    @property
+    @abstractmethod
+    def pixels_from_axes(self) -> Floats:
+        """Matrix (2, 2) from the plane to offsets (u, v) from the principal point."""
+
+    @property
+    def _axes_from_pixels(self) -> Floats:
+        return np.asarray(np.linalg.inv(self.pixels_from_axes), dtype=np.float64)
+
+    def _plane_from_pixels(self, pixels: Floats) -> Floats:
+        return (pixels - self.principal_point_px) @ self._axes_from_pixels.T
+
+    def _pixels_from_plane(self, plane: Floats) -> Floats:
+        return plane @ self.pixels_from_axes.T + self.principal_point_px
+
+    def uniforms(self) -> Uniforms:
+        """Uniforms for `shaders/camera/<model>.glsl`."""
+        return {
+            "u_principal_point_px": self.principal_point_px,
+            "u_axes_from_pixels": tuple(self._axes_from_pixels.T.ravel().tolist()),
+        }
+
+
+Affine = Annotated[Coefficients, Field(min_length=3, max_length=3), described("c, d, e")]
 
 
 class RadialCamera(PlaneCamera):

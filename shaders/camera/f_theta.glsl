@@ -7,7 +7,7 @@
 const int COEFFICIENTS = 8;
 
 uniform vec2 u_principal_point_px;
-uniform float u_aspect_ratio;  // ratio of lengths along v to lengths along u
+uniform mat2 u_axes_from_pixels;
 uniform float u_coefficients_px[COEFFICIENTS];  // k1 ... k8
 uniform float u_theta_edge_rad;
 uniform float u_radius_max_px;
@@ -28,7 +28,7 @@ float slope_from_theta(float theta_rad) {
 #include "camera/parts/theta_from_radius.glsl"
 
 bool ray_from_pixel(vec2 pixel_px, out vec3 ray) {
-    vec2 offset_px = (pixel_px - u_principal_point_px) / vec2(1.0, u_aspect_ratio);
+    vec2 offset_px = u_axes_from_pixels * (pixel_px - u_principal_point_px);
     float radius_px = length(offset_px);
     float theta = theta_from_radius(min(radius_px, u_radius_max_px), 0.0, u_theta_edge_rad);
     ray = polar_ray(offset_px, radius_px, theta);

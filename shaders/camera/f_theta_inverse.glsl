@@ -7,11 +7,12 @@
 const int COEFFICIENTS = 8;
 
 uniform vec2 u_principal_point_px;
+uniform mat2 u_axes_from_pixels;
 uniform float u_coefficients[COEFFICIENTS];  // coefficients of the powers of r/r_max
 uniform float u_radius_max_px;
 
 bool ray_from_pixel(vec2 pixel_px, out vec3 ray) {
-    vec2 offset_px = pixel_px - u_principal_point_px;
+    vec2 offset_px = u_axes_from_pixels * (pixel_px - u_principal_point_px);
     float radius_px = length(offset_px);
     float share = min(radius_px / u_radius_max_px, 1.0);
     float theta = 0.0;

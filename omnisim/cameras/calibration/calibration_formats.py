@@ -21,6 +21,7 @@ from omnisim.cameras.calibration.formats.isaac import Isaac
 from omnisim.cameras.calibration.formats.kalibr import Euroc, Kalibr
 from omnisim.cameras.calibration.formats.metashape import Metashape
 from omnisim.cameras.calibration.formats.nerfstudio import Nerfstudio
+from omnisim.cameras.calibration.formats.nurec import Nurec
 from omnisim.cameras.calibration.formats.ocamcalib import Matlab, Ocamcalib
 from omnisim.cameras.calibration.formats.omnisim_json import OmnisimJson
 from omnisim.cameras.calibration.formats.opencv import OpencvFisheye, OpencvOmnidir, OpencvPinhole
@@ -37,7 +38,7 @@ FORMATS: dict[str, Format[Any]] = {
         OmnisimJson(), Euroc(), Kalibr(), Camodocal(), OrbSlam3(), OpencvOmnidir(), OpencvFisheye(),
         OpencvPinhole(), Ros(), Opensfm(), Openmvg(), Metashape(), Aria(), Insta360(), Basalt(),
         Woodscape(), Nerfstudio(), Gyroflow(), Foxglove(), Matlab(), Ocamcalib(), Colmap(),
-        Gazebo(), Isaac(), BlenderOsl(),
+        Gazebo(), Isaac(), BlenderOsl(), Nurec(),
     )
 }  # fmt: skip
 

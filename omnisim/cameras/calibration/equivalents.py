@@ -128,7 +128,11 @@ def _kannala_brandt(camera: CentralCamera) -> KannalaBrandtCamera | None:
     coefficients: tuple[float, ...] = ()
     if isinstance(camera, EquidistantCamera):
         focals = camera.focal_length_px, camera.focal_length_px
-    elif isinstance(camera, FThetaCamera) and not any(camera.coefficients_px[1::2]):
+    elif (
+        isinstance(camera, FThetaCamera)
+        and not any(camera.coefficients_px[1::2])
+        and camera.affine == (1.0, 0.0, 0.0)
+    ):
         focal, *others = camera.coefficients_px[::2]
         focals = focal, focal * camera.aspect_ratio
         coefficients = tuple(coefficient / focal for coefficient in others)

@@ -1,6 +1,7 @@
 """F-theta lens: the radius in pixels is a polynomial of the angle.
 
     r = k1 θ + k2 θ² + … + kn θⁿ, in pixels along u; along v times the aspect ratio
+    (u, v) = [[c, d], [e, 1]] r (cos φ, sin φ) + (u0, v0), for square pixels
 
 Domain: 0 ≤ θ ≤ min(θ_max, θ_fold), θ_fold the first θ > 0 with dr/dθ = 0. `f_theta_inverse` is the
 opposite model, with θ as a polynomial of r.
@@ -15,11 +16,19 @@ import math
 from dataclasses import dataclass
 from typing import Annotated
 
+import numpy as np
 from pydantic import Field
 
 from omnisim.cameras.camera import Uniforms
 from omnisim.cameras.lens_polynomials import PolynomialLens
-from omnisim.cameras.parametric_camera import Coefficients, PrincipalPoint, ThetaMax
+from omnisim.cameras.parametric_camera import (
+    Affine,
+    AffineCamera,
+    Coefficients,
+    PrincipalPoint,
+    ThetaMax,
+)
+from omnisim.core.arrays import Floats
 from omnisim.core.files.parameters import Number, Typical
 
 ASPECT_RATIOS = (0.1, 10.0)
@@ -27,7 +36,7 @@ MAX_COEFFICIENTS = 8  # u_coefficients of the GLSL twin
 
 
 @dataclass(frozen=True)
-class FThetaCamera(PolynomialLens):
+class FThetaCamera(AffineCamera, PolynomialLens):
     """Fisheye lens whose radius is a polynomial of the angle."""
 
     principal_point_px: PrincipalPoint
@@ -38,13 +47,23 @@ class FThetaCamera(PolynomialLens):
     """Angle from the axis where the domain ends, unless the fold comes first."""
     aspect_ratio: Annotated[Number, Field(ge=ASPECT_RATIOS[0], le=ASPECT_RATIOS[1])] = 1.0
     """Pixels along v per pixel along u at the same radius; 1: square pixels."""
+    affine: Affine = (1.0, 0.0, 0.0)
+    """c, d, e of the affine map; typically 1, 0, 0."""
     model_name = "f_theta"
-    added_later = frozenset({"aspect_ratio"})
+    added_later = frozenset({"aspect_ratio", "affine"})
 
     def _check(self) -> None:
         super()._check()
         if self.coefficients_px[0] <= 0.0:
             raise self._error("coefficients_px", "numbers, the first of them more than 0")
+        if self.affine[0] - self.affine[1] * self.affine[2] <= 0.0:
+            raise self._error("affine", "c, d, e with c > d e")
+
+    @property
+    def pixels_from_axes(self) -> Floats:
+        """Matrix (2, 2) from the plane, in pixels along u, to (u, v)."""
+        c, d, e = self.affine
+        return np.array([[c, d], [e * self.aspect_ratio, self.aspect_ratio]])
 
     @property
     def pixels_per_plane(self) -> tuple[float, float]:
@@ -60,8 +79,7 @@ class FThetaCamera(PolynomialLens):
         """Values for `shaders/camera/f_theta.glsl`."""
         missing = MAX_COEFFICIENTS - len(self.coefficients_px)
         return {
-            "u_principal_point_px": self.principal_point_px,
-            "u_aspect_ratio": self.aspect_ratio,
+            **super().uniforms(),
             "u_coefficients_px": self.coefficients_px + (0.0,) * missing,
             "u_theta_edge_rad": self.theta_edge_rad,
             "u_radius_max_px": self.radius_limits[1],

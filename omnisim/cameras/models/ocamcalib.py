@@ -31,25 +31,29 @@ from pydantic import Field
 
 from omnisim.cameras.camera import Uniforms
 from omnisim.cameras.lens_polynomials import MAX_RADIUS_PX, first_root, polyval, solve_increasing
-from omnisim.cameras.parametric_camera import Coefficients, PrincipalPoint, RadialCamera, WideTheta
+from omnisim.cameras.parametric_camera import (
+    Affine,
+    AffineCamera,
+    PrincipalPoint,
+    RadialCamera,
+    WideTheta,
+)
 from omnisim.core.arrays import Floats
-from omnisim.core.files.parameters import Signed, described
+from omnisim.core.files.parameters import Signed
 
 MAX_COEFFICIENTS = 8  # u_polynomial of the GLSL twin
 MIN_SLOPE = 1e-3  # share of the slope at the axis
 
 
 @dataclass(frozen=True)
-class OcamcalibCamera(RadialCamera):
+class OcamcalibCamera(AffineCamera, RadialCamera):
     """Mirror or fisheye lens with a polynomial along the axis."""
 
     principal_point_px: PrincipalPoint
     """(u, v) of the optical axis in the image; typically its center."""
     polynomial: Annotated[tuple[Signed, ...], Field(min_length=1, max_length=MAX_COEFFICIENTS)]
     """a0 … aN, N at most 7; typically a0 = −200, a1 = 0 and a2 = 1e-3."""
-    affine: Annotated[Coefficients, Field(min_length=3, max_length=3), described("c, d, e")] = (
-        1.0, 0.0, 0.0,
-    )  # fmt: skip
+    affine: Affine = (1.0, 0.0, 0.0)
     """c, d, e of the affine map; typically 1, 0, 0."""
     theta_max_rad: WideTheta = math.pi
     """Angle from the axis where the domain ends."""
@@ -107,25 +111,17 @@ class OcamcalibCamera(RadialCamera):
         return solve_increasing(self._theta, self._slope, theta, 0.0, self.radius_max_px)
 
     @property
-    def _pixels_from_axes(self) -> Floats:
+    def pixels_from_axes(self) -> Floats:
         """Matrix (2, 2) from (y', x') to (column, row)."""
         c, d, e = self.affine
         return np.array([[1.0, e], [d, c]])
-
-    def _plane_from_pixels(self, pixels: Floats) -> Floats:
-        return (pixels - self.principal_point_px) @ np.linalg.inv(self._pixels_from_axes).T
-
-    def _pixels_from_plane(self, plane: Floats) -> Floats:
-        return plane @ self._pixels_from_axes.T + self.principal_point_px
 
     def uniforms(self) -> Uniforms:
         """Values for `shaders/camera/ocamcalib.glsl`, scaled to ρ/ρ_max for precision."""
         scale = self.radius_max_px
         coefficients = self.polynomial + (0.0,) * (MAX_COEFFICIENTS - len(self.polynomial))
-        axes_from_pixels = np.linalg.inv(self._pixels_from_axes)
         return {
-            "u_principal_point_px": self.principal_point_px,
-            "u_axes_from_pixels": tuple(axes_from_pixels.T.ravel().tolist()),
+            **super().uniforms(),
             "u_polynomial": tuple(a * scale ** (n - 1) for n, a in enumerate(coefficients)),
             "u_radius_max_px": scale,
         }

@@ -139,6 +139,41 @@ def test_isaacs_f_theta_is_its_polynomial_of_the_radius():
     np.testing.assert_array_equal(pose.target_from_source[:3, 3], (1.5, 0.25, 1.125))
 
 
+@pytest.mark.parametrize("reference", ["ANGLE_TO_PIXELDIST", "PIXELDIST_TO_ANGLE"])
+def test_nurecs_f_theta_is_gsplats(reference, tmp_path):
+    """Polynomials in both directions, and the matrix [[c, d], [e, 1]] after them."""
+    document = json.loads((FOLDER / "nurec.json").read_text())
+    (entry,) = document["camera_calibrations"].values()
+    values = entry["camera_model"]["parameters"]
+    values["reference_poly"] = reference
+    (tmp_path / "a.json").write_text(json.dumps(document))
+    loaded = load_calibration(tmp_path / "a.json").cameras[0]
+    camera, end = loaded.camera, values["max_angle"]
+    c, d, e = values["linear_cde"]
+    azimuth = np.linspace(0.0, math.tau, 60)
+    across = np.stack((np.cos(azimuth), np.sin(azimuth)), axis=-1)
+    if reference == "ANGLE_TO_PIXELDIST":
+        theta = np.linspace(0.0, end - 1e-9, 50)
+        radius = np.polynomial.polynomial.polyval(theta, values["angle_to_pixeldist_poly"])
+    else:
+        radius = np.linspace(0.0, 500.0, 50)
+        theta = np.polynomial.polynomial.polyval(radius, values["pixeldist_to_angle_poly"])
+        assert theta.max() < end
+    x, y = (radius[:, None, None] * across).transpose(2, 0, 1)
+    pixels = np.stack((c * x + d * y, e * x + y), axis=-1) + values["principal_point"]
+    sine, cosine = np.sin(theta)[:, None, None], np.cos(theta)[:, None, None]
+    rays = np.concatenate((sine * across, np.broadcast_to(cosine, (50, 60, 1))), axis=-1)
+    _assert_same(camera, rays.reshape(-1, 3), pixels, 1e-9)
+    back = camera.ray_from_pixel(pixels)
+    assert back.valid.all()
+    assert np.abs(back.directions - rays)[1:].max() * 473.0 < 1e-9
+    # written, with the other polynomial fitted: no note on it
+    written = calibration_of(camera).save(tmp_path / "b.json", "nurec")
+    again = load_calibration(tmp_path / "b.json").cameras[0]
+    assert written.cameras[0].residuals is None
+    assert (again.camera, again.notes) == (camera, ())
+
+
 @pytest.mark.parametrize("unit", ["1", "0.01"])
 def test_isaacs_values_that_are_left_out_are_the_schemas(unit, tmp_path):
     path = tmp_path / "a.usda"

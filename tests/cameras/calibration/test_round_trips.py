@@ -63,6 +63,7 @@ EXACT = {
     | {"thin_prism_fisheye", "division"},
     "isaac": {"perspective", "planar", "hyperbolic", "unified", "rational_polynomial",
               "f_theta_inverse"} | FISHEYES,
+    "nurec": {"equidistant", "kannala_brandt", "f_theta", "f_theta_inverse"},
     "blender_osl": set(CAMERA_MODELS) - {"cylindrical", "equirectangular"},
     "opensfm": SOLVED | {"thin_prism_fisheye"},
     "openmvg": SOLVED - {"unified"},  # the examples have two focal lengths

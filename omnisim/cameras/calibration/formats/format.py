@@ -28,7 +28,7 @@ from omnisim.cameras import (
     UnifiedCamera,
 )
 from omnisim.cameras.calibration import documents
-from omnisim.cameras.calibration.calibrated_camera import NamedPose
+from omnisim.cameras.calibration.calibrated_camera import NamedPose, find_pose
 from omnisim.cameras.calibration.documents import (
     ForeignTable,
     counted,
@@ -304,7 +304,16 @@ def brown_pinhole(
     return pinhole(intrinsics, used[:5] if used[4] else used[:4])
 
 
-# Poses as a position and a quaternion x, y, z, w.
+# Poses on one body, and as a position and a quaternion x, y, z, w.
+
+
+def body_poses(cameras: Sequence[ParsedCamera[Any]]) -> tuple[str, list[Floats | None]]:
+    """Body of the cameras, or the first camera, and body_from_camera (4, 4) of each if known."""
+    names = [camera.name for camera in cameras]
+    poses = [pose for camera in cameras for pose in camera.poses]
+    frames = [frame for pose in poses for frame in (pose.target, pose.source)]
+    body = next((frame for frame in frames if frame not in names), names[0])
+    return body, [find_pose(poses, body, name) if poses else None for name in names]
 
 
 def pose_from_quaternion(

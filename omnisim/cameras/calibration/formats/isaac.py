@@ -37,7 +37,7 @@ from omnisim.cameras import (
     UnifiedCamera,
 )
 from omnisim.cameras.calibration import documents
-from omnisim.cameras.calibration.calibrated_camera import WORLD, NamedPose, find_pose
+from omnisim.cameras.calibration.calibrated_camera import WORLD, NamedPose
 from omnisim.cameras.calibration.documents import ForeignTable, Unread, unexpected
 from omnisim.cameras.calibration.formats import format as base
 from omnisim.cameras.calibration.formats.format import ANY, Format, ParsedCamera, error_context
@@ -216,12 +216,9 @@ class Isaac(Format[IsaacLens]):
     def encode(self, cameras: Sequence[ParsedCamera[IsaacLens]]) -> str:
         """Text of a stage with the cameras, below a prim of their body if they have poses."""
         names = [camera.name for camera in cameras]
-        poses = [pose for camera in cameras for pose in camera.poses]
-        frames = [frame for pose in poses for frame in (pose.target, pose.source)]
-        body = next((frame for frame in frames if frame not in names), names[0])
+        body, placed = base.body_poses(cameras)
         parent = self.camera_name(0, body if body not in names else "rig")
-        has_parent = bool(poses) and body != WORLD
-        placed = [find_pose(poses, body, name) if poses else None for name in names]
+        has_parent = body != WORLD and any(pose is not None for pose in placed)
         text = "\n\n".join(map(_prim, cameras, placed))
         if has_parent:
             text = f'def Xform "{parent}"\n{{\n{indent(text, "    ")}\n}}'
@@ -232,6 +229,8 @@ class Isaac(Format[IsaacLens]):
     def unsupported(self, lens: IsaacLens) -> str | None:
         """Rejects a skew, a tilt and long f-theta polynomials."""
         if isinstance(lens, FThetaInverseCamera):
+            if lens.affine != (1.0, 0.0, 0.0):
+                return "its f-theta lens has no affine map"
             long = len(lens.coefficients) > 4
             return "its f-theta lens has four coefficients" if long else None
         if isinstance(lens, RationalPolynomialCamera) and any(lens.tilt_rad):

@@ -101,7 +101,9 @@ class Woodscape(Format[FThetaCamera]):
         return json.dumps(data, indent=2) + "\n"
 
     def unsupported(self, lens: FThetaCamera) -> str | None:
-        """Rejects more than four coefficients."""
+        """Rejects more than four coefficients, and an affine map."""
+        if lens.affine != (1.0, 0.0, 0.0):
+            return "its f-theta lens has no affine map"
         return "it has four coefficients" if len(lens.coefficients_px) > 4 else None
 
 
