@@ -92,6 +92,7 @@ sheets: setup
 	$(BIN)/python .ci/make_image_figures.py
 	$(BIN)/python -m omnisim generate examples/plan.toml --preview 2 -o docs/how-to/data-set.jpg
 	$(BIN)/python .ci/make_world_image.py docs/how-to/match.jpg
+	$(BIN)/python .ci/make_catalog_sheet.py docs/how-to/catalog.jpg
 	$(MAKE) live-image
 	$(BIN)/python .ci/make_light_images.py docs/how-to/light.jpg
 	$(BIN)/python .ci/make_baked_image.py docs/how-to/baked.jpg
