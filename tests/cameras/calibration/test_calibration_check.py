@@ -182,8 +182,11 @@ def test_cameras_without_poses_are_no_rig():
     assert found == (checks.OK, "poses", "no rig: 2 has no pose on a body", "")
 
 
-def test_a_fitted_lens_that_ends_at_its_edge_gives_no_warning():
-    assert checks.other_formats(CalibratedCamera("cam0", CAMERA_EXAMPLES["orthographic-full"]))
+def test_a_fitted_lens_that_ends_at_its_edge_gives_no_warning(monkeypatch):
+    monkeypatch.setattr(checks, "FORMATS", {"colmap": checks.FORMATS["colmap"]})
+    full = CAMERA_EXAMPLES["orthographic-full"]
+    (found,) = checks.other_formats(CalibratedCamera("cam0", full))
+    assert found.formats == ["colmap"]
 
 
 def test_other_formats_hold_a_lens_exactly_fitted_or_not():
