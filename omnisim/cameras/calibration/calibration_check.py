@@ -85,7 +85,11 @@ def check_camera(calibrated: CalibratedCamera) -> list[Finding]:
     errors_px = np.linalg.norm(seen.positions_px - pixels, axis=-1)[rays.valid & seen.valid]
     most_px = float(errors_px.max(initial=0.0))
     text = f"pixel to ray and back: {number_text(most_px, 2)} px off at most"
-    findings.append(Finding(WRONG if most_px > MAX_ROUND_TRIP_PX else OK, "inverse", text))
+    is_wrong, remedy = (
+        most_px > MAX_ROUND_TRIP_PX,
+        "two directions of it share a pixel: calibrate again",
+    )
+    findings.append(Finding(WRONG if is_wrong else OK, "inverse", text, remedy if is_wrong else ""))
     known = fields.field_notes(camera)
     for note in (note for note in calibrated.notes if note not in known):
         is_wrong = note.startswith("the inverse polynomial")
@@ -201,13 +205,13 @@ def other_formats(calibrated: CalibratedCamera) -> list[OtherFormats]:
     found: list[OtherFormats] = []
     for name, form in FORMATS.items():
         try:
-            encoded = encode(calibrated, form, name)
+            with np.errstate(all="ignore"):  # at the edge of a fitted lens
+                encoded = encode(calibrated, form, name)
+                note = _shortened("; ".join(caveats(encoded.lens, form)), name)
         except CalibrationError as reason:
             found.append(OtherFormats([name], None, note=_shortened(str(reason), name)))
             continue
-        is_exact = encoded.residuals is calibrated.residuals
-        residuals = None if is_exact else encoded.residuals
-        note = _shortened("; ".join(caveats(encoded.lens, form)), name)
+        residuals = None if encoded.residuals is calibrated.residuals else encoded.residuals
         camera = camera_from_lens(encoded.lens, encoded.metadata)
         found.append(OtherFormats([name], camera, encoded.lens.model_name, residuals, note))
 
@@ -227,21 +231,27 @@ def _shortened(reason: str, name: str) -> str:
 
 
 def check_rig(calibration: Calibration) -> list[Finding]:
-    """Findings on the poses: contradictions, baselines, left and right, inverted poses."""
+    """Findings on the whole file: its notes, and the poses of its cameras.
+
+    They are about contradictions, baselines, left and right, and inverted poses.
+    """
     poses = [pose for camera in calibration.cameras for pose in camera.poses]
     contradiction = pose_contradiction(poses)
+    notes = (note for note in calibration.file_notes if note != contradiction)
+    findings = [Finding(UNUSUAL, "file", note) for note in notes]
     if contradiction is not None:
-        return [Finding(WRONG, "poses", contradiction, "remove one of the two, or calibrate again")]
+        remedy = "remove one of the two, or calibrate again"
+        return [*findings, Finding(WRONG, "poses", contradiction, remedy)]
     if len(calibration.cameras) < 2:
-        return []
+        return findings
     try:
         rig = Rig.of(calibration)
     except CalibrationError as reason:
         name = str(reason).removeprefix(f"{calibration.source}: ").partition(":")[0]
-        return [Finding(OK, "poses", f"no rig: {name} has no pose on a body")]
+        return [*findings, Finding(OK, "poses", f"no rig: {name} has no pose on a body")]
     is_small = len(rig.cameras) <= MAX_ALL_PAIRS
     pairs = itertools.combinations(rig.cameras, 2) if is_small else itertools.pairwise(rig.cameras)
-    findings = [_pair(first, second) for first, second in pairs]
+    findings += [_pair(first, second, len(rig.cameras) == 2) for first, second in pairs]
     stated = np.stack([camera.body_from_camera for camera in rig.cameras])
     axes = np.array([fields.optical_axis(camera.model) for camera in rig.cameras])
     outward_m, inverted_m = (
@@ -255,8 +265,8 @@ def check_rig(calibration: Calibration) -> list[Finding]:
     return findings
 
 
-def _pair(first: RigCamera, second: RigCamera) -> Finding:
-    """Finding on two cameras of a rig."""
+def _pair(first: RigCamera, second: RigCamera, is_stereo: bool) -> Finding:
+    """Finding on two cameras of a rig; a stereo pair's first camera usually is the left one."""
     pose = inverse(first.body_from_camera) @ second.body_from_camera  # first from second
     cosine = float(pose[2, 2]) * np.prod(
         [fields.optical_axis(each.model) for each in (first, second)]
@@ -285,7 +295,7 @@ def _pair(first: RigCamera, second: RigCamera) -> Finding:
             remedy = (
                 f"the offset is {1e3 * value_m:.4g} mm {axis}: are these poses of optical frames?"
             )
-        elif right_m < -0.5 * baseline_m:
+        elif right_m < -0.5 * baseline_m and (is_stereo or is_left is not None):
             left, right = reversed(names) if is_left is False else names
             remedy = f"suspicion: {right} is left of {left}: exchanged, or an inverted pose?"
     return _finding(" – ".join(names), text, remedy, bool(remedy))

@@ -140,6 +140,17 @@ def test_a_usual_pair_is_ok(names):
     assert checks.check_rig(rig_of(poses, names))[0].status == checks.OK
 
 
+def test_the_order_of_more_than_two_cameras_means_nothing():
+    poses = [np.eye(4), pose_at(-0.11), pose_at(-0.22)]
+    found = checks.check_rig(rig_of(poses, ("cam0", "cam1", "cam2")))
+    assert [each.status for each in found] == [checks.OK] * 3
+
+
+def test_notes_on_the_file_are_findings():
+    calibration = dataclasses.replace(rig_of([np.eye(4)], ("cam0",)), file_notes=("unknown keys",))
+    assert checks.check_rig(calibration) == [(checks.UNUSUAL, "file", "unknown keys", "")]
+
+
 def test_inverted_poses_of_a_ring_are_suspected():
     angles = (0.0, 90.0, 180.0, 270.0)
     ring = [
@@ -169,6 +180,13 @@ def test_cameras_without_poses_are_no_rig():
     cameras = (CalibratedCamera("1", PINHOLE), CalibratedCamera("2", PINHOLE))
     (found,) = checks.check_rig(Calibration(cameras))
     assert found == (checks.OK, "poses", "no rig: 2 has no pose on a body", "")
+
+
+def test_a_fitted_lens_that_ends_at_its_edge_gives_no_warning(monkeypatch):
+    monkeypatch.setattr(checks, "FORMATS", {"colmap": checks.FORMATS["colmap"]})
+    full = CAMERA_EXAMPLES["orthographic-full"]
+    (found,) = checks.other_formats(CalibratedCamera("cam0", full))
+    assert found.formats == ["colmap"]
 
 
 def test_other_formats_hold_a_lens_exactly_fitted_or_not():

@@ -73,7 +73,7 @@ def check(request: CalibrationCheckRequest) -> bool:
         _print_findings(each.findings)
         _print_formats(each.others)
     if rig:
-        out.print("\nrig", style="bold")
+        out.print("\nfile and rig", style="bold")
         _print_findings(rig)
     out.print("\n" + ", ".join(f"{statuses.count(each)} {each}" for each in _COLORS))
     for path in plots:
