@@ -6,7 +6,6 @@ Nothing is rendered: an instrument that needs no OpenGL stands for all.
 import dataclasses
 from concurrent.futures import ThreadPoolExecutor
 
-import numpy as np
 import pytest
 
 from omnisim.core.errors import ServeError
