@@ -107,9 +107,7 @@ class PlainPublisher(Publisher):
         self._readers: list[_Reader] = []
         self._latched: dict[str, bytes] = {}
         self._topics: dict[str, Topic] = {}
-        self._loop = asyncio.new_event_loop()
         self._thread: threading.Thread | None = None
-        self._end = asyncio.Event()
 
     def open(self, topics: Sequence[Topic], controls: Controls) -> str:
         """Begin to serve.
@@ -118,6 +116,7 @@ class PlainPublisher(Publisher):
             OutputError: the port is taken, or the address does not belong to this machine.
         """
         self._topics, self._controls = {topic.name: topic for topic in topics}, controls
+        self._loop, self._end = asyncio.new_event_loop(), asyncio.Event()
         started, errors = threading.Event(), list[BaseException]()
         self._thread = threading.Thread(
             target=self._run, args=(started, errors), name="omnisim-plain", daemon=True

@@ -160,9 +160,13 @@ class Simulation(Served):
 
     Raises:
         RobotFileError: a robot without kinematic limits.
+        ServeError: a start that is not finite, or too far away.
     """
 
     def __init__(self, settings: ServeSettings, publishers: Sequence[Publisher] = ()):
+        for name, start in settings.starts.items():
+            for key, value in zip(("x_m", "y_m", "yaw_rad"), start, strict=True):
+                _check_number(f"robot {name!r}: start: {key}", value)
         self.settings, self.publishers = settings, list(publishers)
         self.now_s = 0.0
         self.topics: list[Topic] = []
