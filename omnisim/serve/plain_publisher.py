@@ -1,5 +1,7 @@
 """Served robots on a plain WebSocket, for programs in any language; see `plain_messages`.
 
+The same port serves a page, which drives the robots: `pages/robot`.
+
 Requests are JSON texts; those with an "id" are answered, with "done" or "error":
 
     {"op": "subscribe", "topics": ["/omnicam/image_raw"], "id": 1}      topics ["*"]: all
@@ -7,6 +9,7 @@ Requests are JSON texts; those with an "id" are answered, with "done" or "error"
     {"op": "step", "seconds": 0.1, "id": 2}      the answer follows its messages
     {"op": "pause", "is_paused": true}    {"op": "reset"}
     {"op": "set_pose", "robot": "", "x_m": 0, "y_m": 0, "yaw_rad": 0}
+    {"op": "state"}      answered with the time, and the clients of all protocols
 """
 
 from __future__ import annotations
@@ -26,9 +29,11 @@ from websockets.http11 import Request, Response
 
 from omnisim.core.errors import OmnisimError, OutputError, ServeError
 from omnisim.serve.access import Access, PacedConnection
+from omnisim.serve.page_files import PAGES, PageFiles
 from omnisim.serve.plain_messages import pack, pack_message
 from omnisim.serve.publisher import Client, Controls, Publisher, Topic
 
+PAGE_FILES = PageFiles(PAGES / "robot")
 MAX_QUEUE = 256  # messages that wait for a client
 MAX_QUEUE_BYTES = 64 << 20
 MAX_CLIENTS = 32
@@ -41,6 +46,7 @@ _REQUESTS: dict[str, dict[str, type]] = {
     "step": {"seconds": float},
     "pause": {"is_paused": bool},
     "reset": {},
+    "state": {},
     "set_pose": {"robot": str, "x_m": float, "y_m": float, "yaw_rad": float},
 }
 
@@ -50,6 +56,7 @@ class _Reader:
 
     def __init__(self, connection: ServerConnection, keeps_all: bool):
         self.connection, self._keeps_all = connection, keeps_all
+        self.name = ":".join(map(str, (connection.remote_address or ("?",))[:2]))
         self.topics: frozenset[str] = frozenset()
         self.dropped = 0
         self._queue: deque[bytes] = deque()
@@ -111,7 +118,7 @@ class PlainPublisher(Publisher):
         self._end = asyncio.Event()
 
     def open(self, topics: Sequence[Topic], controls: Controls) -> str:
-        """Begin to serve.
+        """Begin to serve; returns the address.
 
         Raises:
             OutputError: the port is taken, or the address does not belong to this machine.
@@ -127,8 +134,14 @@ class PlainPublisher(Publisher):
             cause = getattr(errors[0], "strerror", None) or str(errors[0])
             where = f"--port {self._port}: cannot listen on {self._host}: {cause}"
             raise OutputError(where) from None
-        host = f"[{self._host}]" if ":" in self._host else self._host
-        return f"ws://{host}:{self._port}{self._access.query}"
+        return f"page and plain protocol: {self.url}"
+
+    @property
+    def url(self) -> str:
+        """Address of the page, including the token; it is that of the WebSocket, too."""
+        host = "localhost" if self._host in ("", "0.0.0.0", "::") else self._host
+        host = f"[{host}]" if ":" in host else host
+        return f"http://{host}:{self._port}{self._access.query or '/'}"
 
     def wants(self, topic: str) -> bool:
         """True if a client subscribes to the topic; latched ones are kept for later."""
@@ -148,12 +161,7 @@ class PlainPublisher(Publisher):
     def clients(self) -> list[Client]:
         """Connected clients."""
         return [
-            Client(
-                self.protocol,
-                ":".join(map(str, (reader.connection.remote_address or ("?",))[:2])),
-                tuple(sorted(reader.topics)),
-                reader.dropped,
-            )
+            Client(self.protocol, reader.name, tuple(sorted(reader.topics)), reader.dropped)
             for reader in tuple(self._readers)
         ]
 
@@ -186,8 +194,11 @@ class PlainPublisher(Publisher):
             await self._end.wait()
 
     def _check(self, connection: ServerConnection, request: Request) -> Response | None:
+        if "Upgrade" not in request.headers:  # no WebSocket
+            answer = self._access.check_host(connection, request) or PAGE_FILES.answer(request)
+            return answer or self._access.refuse(connection, 404, "no such file")
         if len(self._readers) >= MAX_CLIENTS:
-            return connection.respond(503, "omnisim serve: too many clients\n")
+            return self._access.refuse(connection, 503, "too many clients")
         return self._access.check(connection, request)
 
     def _spread(self, topic: str, data: bytes) -> None:
@@ -200,7 +211,8 @@ class PlainPublisher(Publisher):
     async def _talk(self, connection: ServerConnection) -> None:
         reader = _Reader(connection, self._keeps_all)
         topics = [dataclasses.asdict(topic) for topic in self._topics.values()]
-        reader.put(pack({"op": "hello", "robots": list(self._controls.robots), "topics": topics}))
+        robots = list(self._controls.robots)
+        reader.put(pack({"op": "hello", "robots": robots, "topics": topics, "client": reader.name}))
         self._readers.append(reader)
         sending = asyncio.ensure_future(reader.send_all())
         try:
@@ -223,6 +235,9 @@ class PlainPublisher(Publisher):
             elif op == "step":
                 self._controls.step(request["seconds"], self._answer(reader, number))
                 return
+            elif op == "state":
+                reader.put(pack({"op": "state", "id": number, **self._state()}))
+                return
             else:
                 getattr(self._controls, op)(**request)
         except OmnisimError as reason:
@@ -238,6 +253,11 @@ class PlainPublisher(Publisher):
                 self._loop.call_soon_threadsafe(reader.put, data)
 
         return done
+
+    def _state(self) -> dict[str, Any]:
+        controls = self._controls
+        clients = [dataclasses.asdict(client) for client in controls.clients]
+        return {"now_s": controls.now_s, "is_paused": controls.is_paused, "clients": clients}
 
     def _subscribe(self, reader: _Reader, names: list[Any]) -> None:
         unknown = [name for name in names if name != ALL and name not in self._topics]

@@ -17,6 +17,7 @@ class FakeControls:
 
     def __init__(self, *robots):
         self.robots, self.calls, self.is_paused = robots or ("robot",), [], False
+        self.now_s, self.clients = 0.0, []
 
     def command(self, robot, speed_mps, turn_rate_radps):
         self.calls.append(("command", robot, speed_mps, turn_rate_radps))

@@ -28,13 +28,13 @@ export class View {
   blob = null;
 
   /** @param hooks callbacks `probe`, `drag`, `click`, `wheel` and `close` of this view. */
-  constructor(name, hooks) {
+  constructor(name, hooks, title = titleOf(name)) {
     this.name = name;
-    this.#canvas.setAttribute("aria-label", titleOf(name));
+    this.#canvas.setAttribute("aria-label", title);
     this.#canvas.setAttribute("role", "img");
-    const caption = make("figcaption", {}, make("b", { text: titleOf(name) }), this.#detail, make("span", { class: "spread" }));
+    const caption = make("figcaption", {}, make("b", { text: title }), this.#detail, make("span", { class: "spread" }));
     if (name === "camera") caption.append(this.#state, make("span"));
-    else caption.append(make("button", { class: "close", "aria-label": `Hide ${titleOf(name)}`, text: "×", onclick: () => hooks.close(name) }));
+    else caption.append(make("button", { class: "close", "aria-label": `Hide ${title}`, text: "×", onclick: () => hooks.close(name) }));
     this.box = make("div", { class: "box" }, this.#canvas, this.#mark, this.#reason);
     this.element = make("figure", { class: `view${WIDE.has(name) ? " wide" : ""}`, "data-view": name }, caption, this.box, this.#legend);
     this.#listen(hooks);
