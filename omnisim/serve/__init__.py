@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from omnisim.serve.plain_publisher import PlainPublisher
     from omnisim.serve.publisher import Client, Controls, Publisher, Topic
     from omnisim.serve.serve_loop import ServeLoop
-    from omnisim.serve.simulation import ServeSettings, Simulation
+    from omnisim.serve.served_world import ServeSettings, Simulation
 
 _MODULES = {
     "Client": "publisher",
@@ -33,10 +33,10 @@ _MODULES = {
     "Publisher": "publisher",
     "ServeConnectionError": "client",
     "ServeLoop": "serve_loop",
-    "ServeSettings": "simulation",
+    "ServeSettings": "served_world",
     "ServedMessage": "client",
     "ServedRobotClient": "client",
-    "Simulation": "simulation",
+    "Simulation": "served_world",
     "Topic": "publisher",
     "connect": "client",
 }

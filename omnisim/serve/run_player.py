@@ -15,7 +15,7 @@ from omnisim.datasets.export.ros2.bag_format import StampedMessage, open_streams
 from omnisim.runs.run_folder import MANIFEST
 from omnisim.serve.publisher import Publisher, Topic
 from omnisim.serve.served_robot import is_best_effort
-from omnisim.serve.simulation import Served
+from omnisim.serve.served_world import Served
 
 PLAYED = "a run is played back: expected none of the requests that change it"
 

@@ -12,7 +12,7 @@ from typing import Literal
 from omnisim.core.errors import ServeError
 from omnisim.runs.commanded_motion import TICK_S, TICKS_PER_S
 from omnisim.serve.publisher import Client
-from omnisim.serve.simulation import Served
+from omnisim.serve.served_world import Served
 
 ClockMode = Literal["wall", "fast", "lockstep"]
 MAX_STEP_S = 3600.0  # of one request

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from xml.etree import ElementTree
 
 import numpy as np
+import scipy  # its submodules load when first used
 
 from omnisim.core.arrays import Floats
 from omnisim.core.errors import PlanError
@@ -22,8 +23,8 @@ FREE, OCCUPIED, UNKNOWN = 0, 100, -1  # of nav_msgs/OccupancyGrid
 def map_message(scene: Scene, stamp_ns: int, frame: str, boxes: BodyBoxes | None) -> object | None:
     """OccupancyGrid of a scene's floor for a robot's height; None: the scene has no floor.
 
-    Cells whose surfaces are higher than the robot's clearance are occupied; without a floor they
-    are unknown.
+    It ends one cell beyond the floor. Cells whose surfaces are higher than the robot's clearance
+    are occupied; without a floor they are unknown.
     """
     height_m, step_m = (1.0, 0.05) if boxes is None else (float(boxes.high_m[2]), boxes.clearance_m)
     try:
@@ -32,7 +33,10 @@ def map_message(scene: Scene, stamp_ns: int, frame: str, boxes: BodyBoxes | None
         return None
     cells = np.where(np.isfinite(free.floor_m), FREE, UNKNOWN)
     cells[free.clearance_m <= 0.75 * free.cell_m] = OCCUPIED
-    return ros.occupancy_grid(stamp_ns, frame, cells.astype(np.int8), free.low_m, free.cell_m)
+    floor = scipy.ndimage.binary_dilation(cells == FREE)
+    (around,) = scipy.ndimage.find_objects(floor.astype(np.int8))
+    low_m = free.low_m + free.cell_m * np.array((around[1].start, around[0].start))
+    return ros.occupancy_grid(stamp_ns, frame, cells[around].astype(np.int8), low_m, free.cell_m)
 
 
 def robot_description(

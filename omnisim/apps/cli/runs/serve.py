@@ -29,7 +29,7 @@ def run(request: ServeRequest) -> None:
     require_extra("ros", "omnisim serve")  # its messages
     from omnisim.serve.run_player import RunPlayer, is_run
     from omnisim.serve.serve_loop import ServeLoop
-    from omnisim.serve.simulation import ServeSettings, Simulation
+    from omnisim.serve.served_world import ServeSettings, Simulation
 
     clock, streams = request.clock, request.streams
     if clock.fast and clock.lockstep:

@@ -98,7 +98,7 @@ def occupancy_grid(
     """Map message of cells (rows, columns), rows along y; `low_m` (2,) is its lower corner."""
     height, width = cells.shape
     origin = _pose(pose_at((*low_m.tolist(), 0.0)))
-    about = MapMetaData(_time(stamp_ns), cell_m, width, height, origin)
+    about = MapMetaData(Time(*divmod(stamp_ns, NANOSECONDS)), cell_m, width, height, origin)
     return OccupancyGrid(header(stamp_ns, frame), about, cells.ravel())
 
 
