@@ -18,6 +18,7 @@ import asyncio
 import dataclasses
 import json
 import threading
+import time
 from collections import deque
 from collections.abc import Sequence
 from contextlib import suppress
@@ -257,7 +258,8 @@ class PlainPublisher(Publisher):
     def _state(self) -> dict[str, Any]:
         controls = self._controls
         clients = [dataclasses.asdict(client) for client in controls.clients]
-        return {"now_s": controls.now_s, "is_paused": controls.is_paused, "clients": clients}
+        times_s = {"now_s": controls.now_s, "wall_s": time.monotonic()}
+        return {**times_s, "is_paused": controls.is_paused, "clients": clients}
 
     def _subscribe(self, reader: _Reader, names: list[Any]) -> None:
         unknown = [name for name in names if name != ALL and name not in self._topics]

@@ -1,6 +1,6 @@
 // Page of served robots: shows what one measures, drives it, and lists the clients of all protocols.
 
-import { byId, listenToHeader, make, short, toast } from "./dom.js";
+import { byId, listenToHeader, make, toast } from "./dom.js";
 import { Drive, isTyping } from "./drive.js";
 import { FloorMap } from "./map.js";
 import { hitsOf, imageOf, mapOf, onMap, outlineOf, placeAt, placeOf } from "./messages.js";
@@ -11,11 +11,13 @@ const IMAGES = ["sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/Image"];
 const HITS = ["sensor_msgs/msg/LaserScan", "sensor_msgs/msg/PointCloud2"];
 const POLL_MS = 500; // between questions for the state
 const STEP_S = 0.1;
+const RATE_MS = 4000; // over which rates are counted
 const KEPT = 100; // places, to draw scans where they were measured
 const FIRST_IMAGES = 4; // that are shown on a first visit
+const LEAST_PX = 200; // width of a view beside the first
 const MAP = "/map";
 // Speeds of keys and sticks; the robot's own limits clamp them.
-const LIMITS = { speed_mps: { label: "keys: speed", unit: "m/s", value: 0.5, most: 3 }, turn_rate_radps: { label: "keys: turn rate", unit: "rad/s", value: 0.8, most: 3 } };
+const LIMITS = { speed_mps: { label: "keys drive at", unit: "m/s", value: 0.5, most: 3 }, turn_rate_radps: { label: "keys turn at", unit: "rad/s", value: 0.8, most: 3 } };
 
 const views = new Map(); // by topic
 const state = { hello: null, robot: "", isPaused: false, nowS: 0, polled: [], shown: {}, main: "", images: {}, hits: {}, frames: {}, places: [], map: null, mapImage: null, outline: undefined, clients: [] };
@@ -63,7 +65,7 @@ function chooseRobot(name) {
 
 const prefix = () => (state.hello.robots.length > 1 ? `/${state.robot}` : "");
 const topicsOf = (types) => state.hello.topics.filter(({ name, type }) => types.includes(type) && name.startsWith(`${prefix()}/`)).map(({ name }) => name);
-const titleOf = (topic) => (topic === MAP ? "Map" : topic.slice(prefix().length + 1).replace(/\/(image_raw(\/compressed)?|scan|points)$/, ""));
+const titleOf = (topic) => (topic === MAP ? "Map" : topic.slice(prefix().length + 1).replace(/\/(image_raw(\/compressed)?|depth\/image_rect|scan|points)$/, ""));
 
 /** Topics of images; those of pixels only where there are none that are compressed. */
 function imageTopics() {
@@ -124,7 +126,7 @@ function showHits() {
 /** Draw the newest image of a topic; those that come while one is decoded are left out. */
 async function showImage(topic, image) {
   const known = (state.images[topic] ??= { times: [], isBusy: false });
-  known.times = [...known.times, performance.now()].filter((ms) => ms > performance.now() - 2000);
+  known.times = [...known.times, performance.now()].filter((ms) => ms > performance.now() - RATE_MS);
   known.newest = image;
   if (known.isBusy) return;
   known.isBusy = true;
@@ -141,7 +143,7 @@ async function draw(topic) {
   const { last, times } = state.images[topic];
   if (!view) return;
   await view.show({ blob: last }, true);
-  const rate = times.length > 2 ? ` · ${((1000 * (times.length - 1)) / (times.at(-1) - times[0])).toFixed(1)} /s` : "";
+  const rate = times.length > 1 ? ` · ${((1000 * (times.length - 1)) / (times.at(-1) - times[0])).toFixed(1)} /s` : "";
   view.detail = `${view.canvas.width} × ${view.canvas.height} px${rate}`;
   fit();
 }
@@ -207,22 +209,22 @@ let arranged = "";
 function fit() {
   const shapes = [...views].map(([topic, { canvas }]) => `${topic} ${(canvas.width / canvas.height).toFixed(2)}`);
   const key = [innerWidth, innerHeight, ...shapes].join();
-  if (key !== arranged && views.size) arrange(new Map([...views.values()].map((view) => [view.name, view])), byId("stage"));
+  if (key !== arranged && views.size) arrange(new Map([...views.values()].map((view) => [view.name, view])), byId("stage"), LEAST_PX);
   arranged = key;
 }
 
 // Time and clients
 
-function showState({ now_s: nowS, is_paused: isPaused, clients }) {
+function showState({ now_s: nowS, wall_s: wallS, is_paused: isPaused, clients }) {
   Object.assign(state, { nowS, isPaused, clients });
-  state.polled = [...state.polled, [performance.now(), nowS]].slice(-5);
-  if (isPaused || nowS < state.polled[0][1]) state.polled = [[performance.now(), nowS]];
+  state.polled = [...state.polled, [wallS, nowS]].slice(-5);
+  if (isPaused || nowS < state.polled[0][1]) state.polled = [[wallS, nowS]];
   byId("pause").setAttribute("aria-pressed", String(isPaused));
   byId("step").disabled = !isPaused;
   showTime();
   const row = ({ protocol, name, topics, dropped }) => make("tr", {},
     make("td", { class: name === state.hello.client ? "own" : "" }, name === state.hello.client ? "this page" : name, make("small", { text: protocol })),
-    make("td", { text: String(topics.length), title: topics.join("\n") }),
+    make("td", { text: topics.includes("*") ? "all" : String(topics.length), title: topics.join("\n") }),
     make("td", { class: dropped ? "lost" : "", text: dropped.toLocaleString("en") }),
   );
   byId("clients").tBodies[0].replaceChildren(...clients.map(row));
@@ -231,7 +233,7 @@ function showState({ now_s: nowS, is_paused: isPaused, clients }) {
 function showTime() {
   const [first, last] = [state.polled[0], state.polled.at(-1)];
   const isKnown = state.polled.length > 1 && !state.isPaused;
-  const pace = isKnown ? ` · ${short((1000 * (last[1] - first[1])) / (last[0] - first[0]), 2)}×` : "";
+  const pace = isKnown ? ` · ${((last[1] - first[1]) / (last[0] - first[0])).toFixed(2)}×` : "";
   byId("time").textContent = `${state.nowS.toFixed(1)} s${state.isPaused ? " · paused" : pace}`;
 }
 

@@ -146,8 +146,11 @@ export class View {
   }
 }
 
-/** Divide the window between the camera and the other views: as much image as fits without scrolling. */
-export function arrange(views, stage) {
+/**
+ * Divide the window between the camera and the other views: as much image as fits without scrolling.
+ * @param least minimum width of a column of other views.
+ */
+export function arrange(views, stage, least = 0) {
   const box = byId("views");
   const [width, height] = [box.clientWidth, stage.getBoundingClientRect().bottom - box.getBoundingClientRect().top - stage.scrollTop - 16];
   const shapes = [...views.values()].map(({ element, canvas, name }) => ({
@@ -156,7 +159,7 @@ export function arrange(views, stage) {
   const [camera, ...others] = shapes.sort((one, other) => (other.name === "camera") - (one.name === "camera"));
   let best = null;
   for (let columns = 1; innerWidth > 760 && columns <= Math.min(3, others.length); columns++) {
-    for (let side = 160; side < width - 240; side += 4) {
+    for (let side = Math.max(160, least * columns); side < width - 240; side += 4) {
       const [used, area] = column(others, side, columns);
       const shown = Math.min(width - GAP_PX - side, (height - camera.rest) * camera.aspect);
       const total = area + (shown * shown) / camera.aspect;
