@@ -1,6 +1,12 @@
-"""Served robots on a plain WebSocket, for programs in any language; see `plain_messages`.
+"""Served robots on a plain WebSocket, for programs in any language, and a page on the same port.
 
-The same port serves a page, which drives the robots: `pages/robot`.
+A message to a client is 4 bytes with the length of a JSON header, little-endian, the header, and
+the bytes of its arrays, one after the other:
+
+    {"op": "message", "topic": "/scan", "type": "sensor_msgs/msg/LaserScan", "stamp_ns": 100000000,
+     "message": {…, "ranges": {"array": 0}}, "arrays": [{"dtype": "<f4", "shape": [361]}]}
+
+The message has the fields of the ROS 2 type; arrays of more than 64 numbers are in the bytes.
 
 Requests are JSON texts; those with an "id" are answered, with "done" or "error":
 
@@ -17,6 +23,7 @@ from __future__ import annotations
 import asyncio
 import dataclasses
 import json
+import math
 import threading
 import time
 from collections import deque
@@ -24,14 +31,15 @@ from collections.abc import Sequence
 from contextlib import suppress
 from typing import Any
 
+import numpy as np
 from websockets.asyncio.server import ServerConnection, serve
 from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
 from omnisim.core.errors import OmnisimError, OutputError, ServeError
+from omnisim.datasets.export.ros2 import ros_messages as ros
 from omnisim.serve.access import Access, PacedConnection
 from omnisim.serve.page_files import PAGES, PageFiles
-from omnisim.serve.plain_messages import pack, pack_message
 from omnisim.serve.publisher import Client, Controls, Publisher, Topic
 
 PAGE_FILES = PageFiles(PAGES / "robot")
@@ -39,6 +47,7 @@ MAX_QUEUE = 256  # messages that wait for a client
 MAX_QUEUE_BYTES = 64 << 20
 MAX_CLIENTS = 32
 MAX_MESSAGE_BYTES = 1 << 16  # of a client
+MAX_LISTED = 64  # longer arrays follow the header as bytes
 ALL = "*"
 # Requests with the names and types of their values, besides op and id.
 _REQUESTS: dict[str, dict[str, type]] = {
@@ -300,3 +309,40 @@ def _parse(text: str | bytes) -> dict[str, Any]:
     if number is not None and not isinstance(number, int):
         raise ServeError(f"{op}: id: expected an integer")
     return {**values, "id": number}
+
+
+def pack_message(topic: str, stamp_ns: int, message: object) -> bytes:
+    """Bytes of a ROS 2 message of `omnisim.datasets.export.ros2.ros_messages`."""
+    arrays: list[np.ndarray[Any, Any]] = []
+    content = _plain(message, arrays)
+    about = [{"dtype": array.dtype.str, "shape": list(array.shape)} for array in arrays]
+    kind = ros.message_type(message)
+    header = {"op": "message", "topic": topic, "type": kind, "stamp_ns": stamp_ns}
+    parts = [np.ascontiguousarray(array).tobytes() for array in arrays]
+    return pack({**header, "message": content, "arrays": about}, parts)
+
+
+def pack(header: dict[str, Any], parts: list[bytes] | tuple[bytes, ...] = ()) -> bytes:
+    """Bytes of a header and what follows it."""
+    text = json.dumps(header, allow_nan=False).encode()
+    return b"".join((len(text).to_bytes(4, "little"), text, *parts))
+
+
+def _plain(value: Any, arrays: list[np.ndarray[Any, Any]]) -> Any:
+    """Value in JSON types; long arrays are moved to `arrays`."""
+    if dataclasses.is_dataclass(value):
+        return {
+            field.name: _plain(getattr(value, field.name), arrays)
+            for field in dataclasses.fields(value)
+            if not field.name.startswith("__")
+        }
+    if isinstance(value, np.ndarray):
+        if value.size > MAX_LISTED or not np.all(np.isfinite(value)):
+            arrays.append(value)
+            return {"array": len(arrays) - 1}
+        return value.tolist()
+    if isinstance(value, list | tuple):
+        return [_plain(item, arrays) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)  # JSON has no infinity
+    return value.item() if isinstance(value, np.generic) else value
