@@ -15,7 +15,7 @@ Requests are JSON texts; those with an "id" are answered, with "done" or "error"
     {"op": "step", "seconds": 0.1, "id": 2}      the answer follows its messages
     {"op": "pause", "is_paused": true}    {"op": "reset"}
     {"op": "set_pose", "robot": "", "x_m": 0, "y_m": 0, "yaw_rad": 0}
-    {"op": "state"}      answered with the time, and the clients of all protocols
+    {"op": "state"}      soon a message "state" comes: the time, and the clients of all protocols
 """
 
 from __future__ import annotations
@@ -47,6 +47,7 @@ MAX_QUEUE = 256  # messages that wait for a client
 MAX_QUEUE_BYTES = 64 << 20
 MAX_CLIENTS = 32
 MAX_MESSAGE_BYTES = 1 << 16  # of a client
+STATE_S = 0.05  # after which many requests for the state have one answer
 MAX_LISTED = 64  # longer arrays follow the header as bytes
 ALL = "*"
 # Requests with the names and types of their values, besides op and id.
@@ -69,6 +70,7 @@ class _Reader:
         self.name = ":".join(map(str, (connection.remote_address or ("?",))[:2]))
         self.topics: frozenset[str] = frozenset()
         self.dropped = 0
+        self.waits_for_state = False
         self._queue: deque[bytes] = deque()
         self._bytes = 0
         self._news = asyncio.Event()
@@ -246,7 +248,9 @@ class PlainPublisher(Publisher):
                 self._controls.step(request["seconds"], self._answer(reader, number))
                 return
             elif op == "state":
-                reader.put(pack({"op": "state", "id": number, **self._state()}))
+                if not reader.waits_for_state:
+                    reader.waits_for_state = True
+                    self._loop.call_later(STATE_S, self._tell_state, reader)
                 return
             else:
                 getattr(self._controls, op)(**request)
@@ -264,11 +268,12 @@ class PlainPublisher(Publisher):
 
         return done
 
-    def _state(self) -> dict[str, Any]:
-        controls = self._controls
+    def _tell_state(self, reader: _Reader) -> None:
+        controls, reader.waits_for_state = self._controls, False
         clients = [dataclasses.asdict(client) for client in controls.clients]
         times_s = {"now_s": controls.now_s, "wall_s": time.monotonic()}
-        return {**times_s, "is_paused": controls.is_paused, "clients": clients}
+        paused = {"is_paused": controls.is_paused}
+        reader.put(pack({"op": "state", **times_s, **paused, "clients": clients}))
 
     def _subscribe(self, reader: _Reader, names: list[Any]) -> None:
         unknown = [name for name in names if name != ALL and name not in self._topics]

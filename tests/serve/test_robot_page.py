@@ -50,13 +50,6 @@ def _read(socket):
     return json.loads(data[4 : 4 + int.from_bytes(data[:4], "little")])
 
 
-def _ask(socket, op):
-    socket.send(json.dumps({"op": op, "id": 7}))
-    while (answer := _read(socket)).get("id") != 7:
-        pass
-    return answer
-
-
 def test_the_port_serves_a_page_with_the_headers_of_live(publisher):
     answer, body = _get(publisher)
     assert (answer.status, answer.headers["Content-Type"]) == (200, "text/html; charset=utf-8")
@@ -111,7 +104,14 @@ def test_the_state_lists_the_clients_of_all_protocols(publisher, controls):
     with _socket(publisher) as socket:
         own = _read(socket)["client"]
         controls.clients = [other, *publisher.clients]
-        state = _ask(socket, "state")
+        for _ in range(100):  # a flood has few answers
+            socket.send('{"op": "state"}')
+        socket.send('{"op": "pause", "is_paused": false, "id": 1}')
+        answers = [_read(socket)]
+        while answers[-1]["op"] != "done":
+            answers.append(_read(socket))
+        state = answers[0] if len(answers) > 1 else _read(socket)
+    assert len(answers) < 20
     assert (state["op"], state["now_s"], state["is_paused"]) == ("state", 1.25, False)
     assert state["clients"] == [
         {"protocol": "foxglove", "name": "127.0.0.1:4321", "topics": ["/odom"], "dropped": 12},
