@@ -16,11 +16,12 @@ const KEPT = 100; // places, to draw scans where they were measured
 const FIRST_IMAGES = 4; // that are shown on a first visit
 const LEAST_PX = 200; // width of a view beside the first
 const MAP = "/map";
+const TRUTH = "/ground_truth/odom";
 // Speeds of keys and sticks; the robot's own limits clamp them.
 const LIMITS = { speed_mps: { label: "keys drive at", unit: "m/s", value: 0.5, most: 3 }, turn_rate_radps: { label: "keys turn at", unit: "rad/s", value: 0.8, most: 3 } };
 
 const views = new Map(); // by topic
-const state = { hello: null, robot: "", isPaused: false, nowS: 0, polled: [], shown: {}, main: "", images: {}, hits: {}, frames: {}, places: [], map: null, mapImage: null, outline: undefined, clients: [] };
+const state = { hello: null, robot: "", isPaused: false, nowS: 0, polled: [], shown: {}, main: "", images: {}, hits: {}, frames: {}, others: {}, places: [], map: null, mapImage: null, outline: undefined, clients: [] };
 
 const stream = new Stream("", {
   closed: () => (byId("title").textContent = "connection lost; reconnecting …"),
@@ -58,7 +59,7 @@ function chooseRobot(name) {
   const first = [...colors.slice(0, FIRST_IMAGES), ...topicsOf(HITS), MAP];
   const saved = JSON.parse(localStorage.getItem("omnisim-streams") ?? "{}");
   state.shown = Object.fromEntries([...images, ...topicsOf(HITS), MAP].map((topic) => [topic, saved[topic] ?? first.includes(topic)]));
-  Object.assign(state, { main: colors[0] ?? images[0], images: {}, hits: {}, outline: undefined });
+  Object.assign(state, { main: colors[0] ?? images[0], images: {}, hits: {}, others: {}, outline: undefined });
   forgetMotion();
   showViews();
 }
@@ -74,7 +75,8 @@ function imageTopics() {
 }
 
 function subscribe() {
-  const always = [MAP, "/tf_static", `${prefix()}/robot_description`, `${prefix()}/ground_truth/odom`];
+  const truths = state.hello.topics.map(({ name }) => name).filter((name) => name.endsWith(TRUTH));
+  const always = [MAP, "/tf_static", `${prefix()}/robot_description`, ...truths];
   const shown = Object.keys(state.shown).filter((topic) => state.shown[topic] && (views.has(MAP) || !topicsOf(HITS).includes(topic)));
   const known = new Set(state.hello.topics.map(({ name }) => name));
   send("subscribe", { topics: [...new Set([...always, ...shown])].filter((topic) => known.has(topic)) });
@@ -87,7 +89,8 @@ function take({ topic, stamp_ns: stampNs, message }) {
     state.map?.setImage(...state.mapImage);
   } else if (topic === "/tf_static") state.frames = Object.fromEntries(message.transforms.map((each) => [each.child_frame_id, each.transform]));
   else if (name === "/robot_description") state.map?.update({ outline_m: (state.outline = outlineOf(message.data)) });
-  else if (name === "/ground_truth/odom") showMotion(message, stampNs);
+  else if (name === TRUTH) showMotion(message, stampNs);
+  else if (topic.endsWith(TRUTH)) state.others[topic] = poseOf(placeOf(message, stampNs));
   else if (topic in state.shown && topicsOf(HITS).includes(topic)) {
     state.hits[topic] = { points: hitsOf(message), frame: message.header.frame_id, isCloud: !message.ranges, stampNs };
     showHits();
@@ -112,9 +115,11 @@ function showMotion(message, stampNs) {
   state.nowS = 1e-9 * stampNs;
   showTime();
   state.map?.follow([place.x, place.y]);
-  state.map?.update({ place: { position_m: [place.x, place.y], yaw_deg: degrees } });
+  state.map?.update({ place: poseOf(place), others: Object.values(state.others) });
   showHits();
 }
+
+const poseOf = ({ x, y, yaw }) => ({ position_m: [x, y], yaw_deg: (yaw * 180) / Math.PI });
 
 function showHits() {
   if (!state.places.length) return;
@@ -130,12 +135,15 @@ async function showImage(topic, image) {
   known.newest = image;
   if (known.isBusy) return;
   known.isBusy = true;
-  while (known.newest) {
-    known.last = known.newest;
-    known.newest = null;
-    await draw(topic);
+  try {
+    while (known.newest) {
+      known.last = known.newest;
+      known.newest = null;
+      await draw(topic);
+    }
+  } finally {
+    known.isBusy = false;
   }
-  known.isBusy = false;
 }
 
 async function draw(topic) {
@@ -180,7 +188,7 @@ function addMap(view) {
   state.map = new FloorMap(view);
   if (state.mapImage) state.map.setImage(...state.mapImage);
   const place = state.places.at(-1);
-  state.map.update({ outline_m: state.outline, ...(place && { place: { position_m: [place.x, place.y], yaw_deg: (place.yaw * 180) / Math.PI } }) });
+  state.map.update({ outline_m: state.outline, ...(place && { place: poseOf(place) }) });
   showHits();
 }
 

@@ -36,7 +36,7 @@ export class FloorMap {
     this.#pixelsPerM = Math.min(width / size[0], height / size[1]);
   }
 
-  /** @param state changed values among `place`, `seen_m`, `outline_m`, `driven_m`, `goal`, `point`, `hits_m`. */
+  /** @param state changed values among `place`, `seen_m`, `outline_m`, `driven_m`, `goal`, `point`, `hits_m`, `others`. */
   update(state) {
     Object.assign(this.#state, state);
     if (state.place) this.#extendTrail(state.place.position_m);
@@ -108,7 +108,7 @@ export class FloorMap {
       context.imageSmoothingQuality = "high";
       context.drawImage(this.#image, left, top, right - left, bottom - top);
     }
-    const { place, seen_m: seen, driven_m: driven, goal, point, hits_m: hits } = this.#state;
+    const { place, seen_m: seen, driven_m: driven, goal, point, hits_m: hits, others } = this.#state;
     if (seen?.length) {
       this.#line(context, seen);
       context.closePath();
@@ -126,7 +126,8 @@ export class FloorMap {
       context.fillRect(x - 1.5, y - 1.5, 3, 3);
     }
     if (goal) this.#dot(context, goal, 6, "rgb(20 184 166)", true);
-    if (place) this.#vehicle(context, place);
+    for (const other of others ?? []) this.#vehicle(context, other, null, "#8b5cf6");
+    if (place) this.#vehicle(context, place, this.#state.outline_m);
     if (point) this.#dot(context, point, 7, "#ff3d71", true);
   }
 
@@ -152,12 +153,11 @@ export class FloorMap {
     else context.fill();
   }
 
-  #vehicle(context, place) {
+  #vehicle(context, place, outline, color = "#14b8a6") {
     context.save();
     context.translate(...this.#pixel(place.position_m));
     context.rotate((-place.yaw_deg * Math.PI) / 180);
-    const outline = this.#state.outline_m;
-    context.fillStyle = "#14b8a6";
+    context.fillStyle = color;
     context.strokeStyle = "#ffffff";
     context.lineWidth = 2;
     if (outline) {
@@ -176,7 +176,7 @@ export class FloorMap {
     context.lineTo(-size * 0.35, 0);
     context.lineTo(-size * 0.7, -size * 0.7);
     context.closePath();
-    context.fillStyle = outline ? "#ffffff" : "#14b8a6";
+    context.fillStyle = outline ? "#ffffff" : color;
     context.fill();
     if (!outline) context.stroke();
     context.restore();
