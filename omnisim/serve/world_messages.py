@@ -23,8 +23,8 @@ FREE, OCCUPIED, UNKNOWN = 0, 100, -1  # of nav_msgs/OccupancyGrid
 def map_message(scene: Scene, stamp_ns: int, frame: str, boxes: BodyBoxes | None) -> object | None:
     """OccupancyGrid of a scene's floor for a robot's height; None: the scene has no floor.
 
-    It ends one cell beyond the floor. Cells whose surfaces are higher than the robot's clearance are occupied; without a floor they
-    are unknown.
+    It ends one cell beyond the floor. Cells whose surfaces are higher than the robot's clearance
+    are occupied; without a floor they are unknown.
     """
     height_m, step_m = (1.0, 0.05) if boxes is None else (float(boxes.high_m[2]), boxes.clearance_m)
     try:
