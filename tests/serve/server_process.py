@@ -1,6 +1,7 @@
 """`omnisim serve` in a process of its own."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -13,7 +14,7 @@ READY = "Ctrl-C ends it."
 
 @contextmanager
 def serving(folder, *words):
-    """Lines that a server prints until it is ready; it runs in a folder, on free ports."""
+    """Address of the last protocol of a server that runs in a folder, on free ports."""
     command = [sys.executable, "-m", "omnisim", "serve", *map(str, words), "--port", "0"]
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     with subprocess.Popen(
@@ -29,7 +30,7 @@ def serving(folder, *words):
                     break
             else:
                 raise AssertionError("\n".join(lines))
-            yield lines
+            yield re.findall(r"(?:ws|http)://\S+", " ".join(lines))[-1]
             server.send_signal(signal.SIGTERM)
             lines += server.stdout.read().splitlines()
             assert server.wait(60.0) == 0, lines

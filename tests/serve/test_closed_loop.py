@@ -83,10 +83,10 @@ def test_a_controller_drives_the_lap_by_what_it_sees(protocol, model, tmp_path):
     else:
         words += ["--protocols", "plain"]
     with (
-        serving(tmp_path, *words) as lines,
-        connect(lines[0], topics=["/ground_truth/odom"]) as watcher,
+        serving(tmp_path, *words) as address,
+        connect(address, topics=["/ground_truth/odom"]) as watcher,
     ):
-        start += ["--address", lines[0]]
+        start += ["--address", address]
         done = subprocess.run(
             [sys.executable, "-W", "error", *start], cwd=tmp_path,
             env={**os.environ, "PYTHONPATH": str(ROOT)}, stdout=subprocess.PIPE,

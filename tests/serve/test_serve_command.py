@@ -48,7 +48,7 @@ def test_several_robots_have_prefixes_and_a_drive_repeats_the_first(tmp_path):
     pytest.importorskip("foxglove", reason="foxglove-sdk is not installed")
     words = ("red=p2at", "blue=p2at", *LOCKSTEP, *IMAGE, "--rate", 5, "--at", -1, 0, "--yaw", 30)
     files = ("--commands", "red.csv", "--record", "both.mcap")
-    with serving(tmp_path, *words, *files) as lines, connect(lines[0], ["*"]) as robots:
+    with serving(tmp_path, *words, *files) as address, connect(address, ["*"]) as robots:
         assert robots.about["robots"] == ["red", "blue"]
         for command in ((0.5, 0.4), (0.3, -0.6)):
             robots.command(*command)  # the first
@@ -101,8 +101,8 @@ def test_a_run_is_played_back(tmp_path):
     truth = np.loadtxt(tmp_path / "run/ground_truth.tum")
     end_s = float(truth[-1, 0])
     with (
-        serving(tmp_path, "run", *LOCKSTEP, "--record", "run.mcap") as lines,
-        connect(lines[0], ["*"]) as robot,
+        serving(tmp_path, "run", *LOCKSTEP, "--record", "run.mcap") as address,
+        connect(address, ["*"]) as robot,
     ):
         with pytest.raises(ServeConnectionError, match="a run is played back"):
             robot.set_pose(0.0, 0.0, 0.0)
