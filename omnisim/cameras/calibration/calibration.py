@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,6 +16,11 @@ from omnisim.cameras import (
     CentralCamera,
     EucmCamera,
     KannalaBrandtCamera,
+    MirroredCamera,
+    OcamcalibCamera,
+    RadialTableCamera,
+    RationalPolynomialCamera,
+    ThinPrismFisheyeCamera,
     UnifiedCamera,
     summary,
 )
@@ -34,6 +40,7 @@ from omnisim.cameras.calibration.formats.format import error_context
 from omnisim.cameras.calibration.metadata import CameraMetadata, camera_from_lens, read_metadata
 from omnisim.cameras.catalog.lens_catalog import PREFIX, find
 from omnisim.cameras.models.field_of_view import field_notes
+from omnisim.cameras.parametric_camera import ParametricCamera
 from omnisim.core.arrays import Floats
 from omnisim.core.errors import CalibrationError, NoticeWarning, OutputError, did_you_mean
 from omnisim.core.files.atomic_file import atomic_write, check_target
@@ -141,8 +148,9 @@ def load_calibration(
     """Read a calibration file; its notes are also issued as `NoticeWarning`.
 
     Args:
-        path: calibration file, the folder of KITTI-360's calibrations, or `catalog:` and the name
-            of an entry of `omnisim.cameras.catalog`.
+        path: calibration file, the folder of KITTI-360's calibrations, rays per pixel (EXR or CSV,
+            read as the nearest model), or `catalog:` and the name of an entry of
+            `omnisim.cameras.catalog`.
         format: name of the format, one of `FORMATS`; by default detected from the content.
         camera: name of the only camera to keep; by default all are kept.
         mirrored: True if the cameras look into mirrors; by default taken from omnisim's metadata in
@@ -176,6 +184,8 @@ def load_calibration(
     elif is_folder:
         cameras = read_kitti360_folder(path, mirrored, limit_rad)
         calibration = Calibration(cameras, FORMAT, str(path))
+    elif path.suffix.lower() in (".exr", ".csv") and format is None:
+        calibration = _read_table(path, limit_rad)
     else:
         calibration = read_cameras(path, format, mirrored, limit_rad)
     selected = calibration if camera is None else calibration.only(camera)
@@ -392,13 +402,29 @@ def read_cameras(
     return Calibration(tuple(cameras), form.name, source, tuple(notes))
 
 
-def _nearest_model(lens: base.FovLens, source: str) -> tuple[CentralCamera, str]:
+def _read_table(path: Path, theta_max_rad: float | None) -> Calibration:
+    """Read a table of rays as the nearest model."""
+    from omnisim.cameras.calibration.ray_table import read_table_lens  # loads OpenImageIO
+
+    table, mirrored = read_table_lens(path)
+    models = RationalPolynomialCamera, ThinPrismFisheyeCamera, OcamcalibCamera, RadialTableCamera
+    lens, note = _nearest_model(table, str(path), models)
+    if theta_max_rad is not None and isinstance(lens, ParametricCamera):
+        lens = lens.ending_at(theta_max_rad) or lens
+    camera = MirroredCamera(lens) if mirrored else lens
+    notes = (note, *field_notes(camera))
+    return Calibration((CalibratedCamera("camera", camera, notes=notes),), "ray_table", str(path))
+
+
+def _nearest_model(
+    lens: CentralCamera, source: str, more: Sequence[type[CentralCamera]] = ()
+) -> tuple[CentralCamera, str]:
     """Model of omnisim nearest to a lens of another model, and a note about its residuals."""
     place = f"{source}: {lens.model_name}"
     best: Fit[CentralCamera] | None = None
     candidates: tuple[tuple[type[CentralCamera], base.Fixed], ...] = (
         (UnifiedCamera, base.ANY), (UnifiedCamera, base.PINHOLE), (KannalaBrandtCamera, base.ANY),
-        (EucmCamera, base.ANY),
+        (EucmCamera, base.ANY), *((model, base.ANY) for model in more),
     )  # fmt: skip
     for model, fixed in candidates:
         try:
