@@ -242,6 +242,8 @@ def _own_camera(path: Path) -> CentralCamera | None:
     _, metadata = read_image(path)
     parameters = None if metadata is None else metadata.get("camera")
     if not isinstance(parameters, dict):
+        if suffix == ".exr":  # it may be a table of rays
+            return None
         raise CalibrationError(f"{path}: expected an image by omnisim, got one without its camera")
     try:
         return camera_of_parameters(parameters)
