@@ -40,7 +40,8 @@ VALUES = {
     "omnisim_poses_not_known": True, "distortion_coeffs": [0.1] * 4, "lens/cutoff_angle": "0.3",
     "fisheye_params": {"camera_matrix": [[9, 0, 3], [0, 9, 3], [0, 0, 1]],
                        "distortion_coeffs": [0.1] * 4},
-    "MaxSolidAngle": 1.0, "lens/type": "equisolid_angle", "lens/scale_to_hfov": "false", "image_size": [7, 7],
+    "lens/type": "equisolid_angle", "lens/scale_to_hfov": "false", "image_size": [7, 7],
+    "MaxSolidAngle": 1.0,
 }  # fmt: skip
 REPLACED = {"lens/custom_function/f", "lens/scale_to_hfov"}  # by field of view or intrinsics
 
