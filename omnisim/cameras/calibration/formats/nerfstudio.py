@@ -171,11 +171,13 @@ def _unread_notes(part: _Intrinsics, lens: CentralCamera) -> list[str]:
     """Note on the keys of another lens, which are placeholders in files of panoramas."""
     own = ("w", "h", "camera_model", *_KEYS_OF.get(lens.model_name, ()))
     usual = intrinsics(lens) if isinstance(lens, EquirectangularCamera) else {}
-    others = [key for key, value in part if value and value != usual.get(key)]
-    others = [key for key in others if not key.startswith(own)]
+    others = [
+        f"{key} = {value}" for key, value in part
+        if value and value != usual.get(key) and not key.startswith(own)
+    ]  # fmt: skip
     if lens.model_name not in _KEYS_OF or not others:
         return []
-    return [f"{', '.join(others)}: not read, since the lens is {lens.model_name}"]
+    return [f"not read, since the lens is {lens.model_name}: {', '.join(others)}"]
 
 
 def _size(
