@@ -210,8 +210,10 @@ class LiveServer:
                 self._driver = page
                 self._tell_roles()
             elif isinstance(message, messages.SearchCatalog):
-                loop = asyncio.get_running_loop()  # which goes on: the first search takes a while
-                loop.run_in_executor(None, _answer_search, message.words, reply)
+                words, loop = message.words, asyncio.get_running_loop()
+                loop.run_in_executor(  # a search takes a while
+                    None, lambda: reply(messages.pack("found", found_cameras(words)))
+                )
             elif isinstance(message, messages.Save | messages.RequestStatistics):
                 self._session.look_up(message, reply)
             elif isinstance(message, messages.ProbePoint):
@@ -236,8 +238,6 @@ class LiveServer:
             self._send(page, messages.pack("roles", content))
 
 
-def _answer_search(words: str, reply: Callable[[bytes], None]) -> None:
-    reply(messages.pack("found", found_cameras(words)))
 
 
 def page_bytes() -> int:

@@ -478,17 +478,13 @@ def _check_camera(camera: CentralCamera, place: str) -> None:
             f"{place}: center: expected in or near the image of {size[0]:g} × {size[1]:g} px, "
             f"got ({u:g}, {v:g}): do both belong to the same image size?"
         )
-    if _has_ray(camera, np.rint(center)):  # unless the numbers are invalid
-        return
     steps = np.linspace(0.0, 1.0, 33)
     grid = np.stack(np.meshgrid(*(steps * (side - 1.0) for side in size)), axis=-1)
-    if not _has_ray(camera, grid):
-        raise CalibrationError(f"{place}: no pixel of this camera has a ray: check its numbers")
-
-
-def _has_ray(camera: CentralCamera, pixels: Floats) -> bool:
-    rays = camera.ray_from_pixel(pixels)
-    return bool((rays.valid & np.isfinite(rays.directions).all(axis=-1)).any())
+    for pixels in (np.rint(center), grid):  # the center has a ray, unless the numbers are invalid
+        rays = camera.ray_from_pixel(pixels)
+        if (rays.valid & np.isfinite(rays.directions).all(axis=-1)).any():
+            return
+    raise CalibrationError(f"{place}: no pixel of this camera has a ray: check its numbers")
 
 
 # Folders with a file for each camera of a rig. A pair of ROS is on its first rectified image.

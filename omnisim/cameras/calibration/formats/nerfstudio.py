@@ -158,6 +158,7 @@ class Nerfstudio(Format[NerfstudioLens]):
             notes: list[str] = []
             size = _size(part, Path(source).parent, image, place, notes)
             lens = _lens(part, size, place, notes)
+            notes += _unread_notes(part, lens)
             if len(groups) > 1 and len(poses) == 1:  # one camera per image: it takes its name
                 name = poses[0].source
             cameras.append(ParsedCamera(name, lens, tuple(poses), notes=tuple(notes)))
@@ -172,6 +173,23 @@ class Nerfstudio(Format[NerfstudioLens]):
             for pose in camera.poses if pose.target == "world"
         ]  # fmt: skip
         return json.dumps({**intrinsics(camera.lens), "frames": frames}, indent=2) + "\n"
+
+
+# Keys of the lenses that have hardly any, or the beginnings of these keys.
+_KEYS_OF = {"equirectangular": ("latlong",), "f_theta_inverse": ("ftheta_", "cx", "cy")}
+
+
+def _unread_notes(part: _Intrinsics, lens: CentralCamera) -> list[str]:
+    """Note on the keys of another lens, which are placeholders in files of panoramas."""
+    own = ("w", "h", "camera_model", *_KEYS_OF.get(lens.model_name, ()))
+    usual = intrinsics(lens) if isinstance(lens, EquirectangularCamera) else {}
+    others = [
+        f"{key} = {value}" for key, value in part
+        if value and value != usual.get(key) and not key.startswith(own)
+    ]  # fmt: skip
+    if lens.model_name not in _KEYS_OF or not others:
+        return []
+    return [f"not read, since the lens is {lens.model_name}: {', '.join(others)}"]
 
 
 def _size(
