@@ -84,7 +84,7 @@ def check_camera(calibrated: CalibratedCamera) -> list[Finding]:
     seen = camera.pixel_from_ray(rays.directions)
     errors_px = np.linalg.norm(seen.positions_px - pixels, axis=-1)[rays.valid & seen.valid]
     most_px = float(errors_px.max(initial=0.0))
-    text = f"pixel to ray and back: {number_text(most_px, 2)} px off at most"
+    text = f"pixel to ray and back: at most {number_text(most_px, 2)} px off"
     is_wrong, remedy = (
         most_px > MAX_ROUND_TRIP_PX,
         "two directions of it share a pixel: calibrate again",

@@ -133,7 +133,9 @@ def tool_of(form: Format[Any], text: str) -> str:
 def _nearest_formats(text: str) -> list[tuple[str, str]]:
     """Formats that share most keys with a text, the nearest first, each with one thing it lacks."""
     kind = {"{": "JSON", "<": "XML"}.get(text.lstrip()[:1], "YAML")
-    pattern = r"<(\w+)" if kind == "XML" else r"""(?:^|[{,])[-\s]*["']?([A-Za-z_][\w.]*)["']?\s*:"""
+    pattern = (
+        r"<(\w+)" if kind == "XML" else r"""(?:^|[{,])[- \t]*["']?([A-Za-z_][\w.]*)["']?\s*:"""
+    )
     present = set(re.findall(pattern, text, re.M))
     ranked = []
     for form in FORMATS.values():
