@@ -238,8 +238,6 @@ class LiveServer:
             self._send(page, messages.pack("roles", content))
 
 
-
-
 def page_bytes() -> int:
     """Total size of the page's files, uncompressed."""
     return sum(map(len, PAGE_FILES.contents.values()))
