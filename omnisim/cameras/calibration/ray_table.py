@@ -17,16 +17,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
+from scipy.spatial import KDTree
 
 from omnisim.cameras import CentralCamera, Pixels, Rays, pixel_grid
 from omnisim.cameras.calibration.documents import MAX_SIZE_PX
-from omnisim.cameras.camera import Uniforms, as_pixels
+from omnisim.cameras.camera import Uniforms, as_directions, as_pixels
 from omnisim.cameras.parametric_camera import ParametricCamera, PrincipalPoint
 from omnisim.core.arrays import Bools, Floats, Floats32
 from omnisim.core.errors import OutputError
@@ -43,6 +45,7 @@ ATTRIBUTES = {
 BAND_PIXELS = 1 << 20  # pixels computed at once, to bound the memory of intermediate results
 RIM = 5  # pixels within which a spline feels that there is no ray
 PAD = 7  # pixels beyond the border, where splines go on smoothly
+NEWTON_STEPS = 8  # from the nearest pixel
 MIN_SIDE = 8  # pixels of a table that a lens can be fitted to
 UNIT_TOLERANCE = 1e-5  # a hundred times a float's rounding
 
@@ -154,7 +157,8 @@ class TableLens(ParametricCamera):
 
     def ray_from_pixel(self, pixels_px: ArrayLike) -> Rays:
         """Rays of pixels (..., 2): unit directions in the optical frame; valid in the domain."""
-        u, v = np.moveaxis(as_pixels(pixels_px), -1, 0)
+        pixels = as_pixels(pixels_px)
+        u, v = pixels.reshape(-1, 2).T
         splines: list[Floats] = getattr(self, "_splines")  # noqa: B009  no field of the dataclass
         at = np.stack((v + PAD, u + PAD))
         directions = np.stack(
@@ -164,15 +168,38 @@ class TableLens(ParametricCamera):
         directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
         inside = (u >= 0.0) & (u <= self.width_px - 1.0) & (v >= 0.0) & (v <= self.height_px - 1.0)
         seen = ndimage.map_coordinates(getattr(self, "_valid"), (v, u), order=0, mode="nearest")  # noqa: B009
-        return Rays(directions, inside & (seen > 0))
+        shape = pixels.shape[:-1]
+        return Rays(directions.reshape(*shape, 3), (inside & (seen > 0)).reshape(shape))
+
+    @cached_property
+    def _nearest(self) -> tuple[KDTree, Floats]:
+        """Search tree of the rays of valid pixels, and these pixels (n, 2)."""
+        pixels = pixel_grid(self.width_px, self.height_px).reshape(-1, 2)
+        rays = self.ray_from_pixel(pixels)
+        return KDTree(rays.directions[rays.valid]), pixels[rays.valid]
 
     def pixel_from_ray(self, directions: ArrayLike) -> Pixels:
-        """Not needed: the model that is fitted to the rays has the inverse."""
-        raise NotImplementedError
+        """Pixels of directions (..., 3), by Newton's method from the pixel with the nearest ray."""
+        rays = as_directions(directions)
+        rays = rays / np.maximum(np.linalg.norm(rays, axis=-1, keepdims=True), 1e-300)
+        tree, pixels = self._nearest
+        found = pixels[tree.query(rays)[1]]
+        for _ in range(NEWTON_STEPS):
+            sides = (
+                self.ray_from_pixel(found + step).directions
+                - self.ray_from_pixel(found - step).directions
+                for step in (0.25 * np.eye(2))
+            )
+            jacobian = 2.0 * np.stack(tuple(sides), axis=-1)  # (..., 3, 2)
+            error = (rays - self.ray_from_pixel(found).directions)[..., None]
+            found = found + np.clip((np.linalg.pinv(jacobian) @ error)[..., 0], -1.0, 1.0)
+        seen = self.ray_from_pixel(found)
+        off = np.abs(seen.directions - rays).max(axis=-1)
+        return Pixels(found, seen.valid & (off < UNIT_TOLERANCE))
 
     def uniforms(self) -> Uniforms:
-        """Not needed: the model that is fitted to the rays is drawn."""
-        raise NotImplementedError
+        """Nothing: a table has no GLSL twin. The model that is fitted to it is drawn."""
+        return {}
 
 
 def read_table_lens(path: Path) -> tuple[TableLens, bool]:

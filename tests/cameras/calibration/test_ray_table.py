@@ -5,7 +5,7 @@ import pytest
 
 from omnisim.cameras import MirroredCamera, pixel_grid
 from omnisim.cameras.calibration import load_calibration
-from omnisim.cameras.calibration.ray_table import read_ray_table, write_ray_table
+from omnisim.cameras.calibration.ray_table import read_ray_table, read_table_lens, write_ray_table
 from omnisim.core.errors import NoticeWarning, OmnisimError, OutputError
 from omnisim.core.files.image_files import read_channels, write_channels
 from tests.camera_examples import CAMERA_EXAMPLES
@@ -74,6 +74,19 @@ def test_rays_of_other_programs_are_read_as_the_nearest_model(tmp_path, name, su
     grid = pixel_grid(camera.width_px, camera.height_px)[seen & valid]
     # 0.05 px: at which the search for a better model ends
     assert np.percentile(np.linalg.norm(pixels - grid, axis=-1), 99.0) < 0.05
+
+
+def test_a_tables_inverse_returns_to_the_pixel(tmp_path):
+    camera = CAMERA_EXAMPLES["f-theta-inverse"].scaled(0.4)
+    _table_of(tmp_path / "rays.exr", camera)
+    table, mirrored = read_table_lens(tmp_path / "rays.exr")
+    assert not mirrored
+    pixels = pixel_grid(camera.width_px, camera.height_px)[:-1, :-1] + (0.3, 0.6)
+    rays = table.ray_from_pixel(pixels)
+    seen = table.pixel_from_ray(3.0 * rays.directions[rays.valid])
+    assert seen.valid.all()
+    assert np.abs(seen.positions_px - pixels[rays.valid]).max() < 1e-6
+    assert not table.pixel_from_ray((0.0, 0.0, -1.0)).valid
 
 
 def test_a_table_of_a_mirror_looks_into_it(tmp_path):

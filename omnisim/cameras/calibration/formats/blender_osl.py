@@ -23,7 +23,6 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from omnisim.cameras import (
     CAMERA_MODELS,
@@ -91,6 +90,8 @@ def expansion(camera: CentralCamera) -> tuple[Expansion, float]:
     Raises:
         CalibrationError: the residual is too large, or no pixel is valid.
     """
+    from scipy.interpolate import CubicSpline  # slow to import
+
     scale = camera.pixels_per_plane if isinstance(camera, PlaneCamera) else 1.0
     aspect = scale[1] / scale[0] if isinstance(scale, tuple) else 1.0
     center, axis = camera.principal_point_px, optical_axis(camera)
