@@ -215,7 +215,8 @@ def connect(
     """Connect to a served robot.
 
     Args:
-        address: address that `omnisim serve` prints, with its token if it has one.
+        address: address that `omnisim serve` prints, with its token if it has one; that of the
+            page in a browser will do.
         topics: topics to receive; ["*"]: all.
         timeout_s: time to wait for an answer.
 
@@ -223,7 +224,8 @@ def connect(
         ServeConnectionError: no server there, or it refuses the client.
     """
     try:
-        opened = open_connection(address, max_size=None, open_timeout=timeout_s, proxy=None)
+        url = f"ws{address.removeprefix('http')}" if address.startswith("http") else address
+        opened = open_connection(url, max_size=None, open_timeout=timeout_s, proxy=None)
         client = ServedRobotClient(opened.__enter__(), timeout_s)
     except (OSError, InvalidHandshake, InvalidURI, ConnectionClosed) as reason:
         raise ServeConnectionError(f"{address}: {reason}") from None

@@ -1,4 +1,12 @@
-"""Served robots on a plain WebSocket, for programs in any language; see `plain_messages`.
+"""Served robots on a plain WebSocket, for programs in any language, and a page on the same port.
+
+A message to a client is 4 bytes with the length of a JSON header, little-endian, the header, and
+the bytes of its arrays, one after the other:
+
+    {"op": "message", "topic": "/scan", "type": "sensor_msgs/msg/LaserScan", "stamp_ns": 100000000,
+     "message": {…, "ranges": {"array": 0}}, "arrays": [{"dtype": "<f4", "shape": [361]}]}
+
+The message has the fields of the ROS 2 type; arrays of more than 64 numbers are in the bytes.
 
 Requests are JSON texts; those with an "id" are answered, with "done" or "error":
 
@@ -7,34 +15,43 @@ Requests are JSON texts; those with an "id" are answered, with "done" or "error"
     {"op": "step", "seconds": 0.1, "id": 2}      the answer follows its messages
     {"op": "pause", "is_paused": true}    {"op": "reset"}
     {"op": "set_pose", "robot": "", "x_m": 0, "y_m": 0, "yaw_rad": 0}
+    {"op": "state"}      soon a message "state" comes: the time, and the clients of all protocols
 """
 
 from __future__ import annotations
 
 import asyncio
 import dataclasses
+import functools
 import json
 import logging
+import math
 import threading
+import time
 from collections import deque
 from collections.abc import Sequence
 from contextlib import suppress
 from typing import Any
 
+import numpy as np
 from websockets.asyncio.server import ServerConnection, serve
 from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
 from omnisim.core.errors import OmnisimError, OutputError, ServeError
+from omnisim.datasets.export.ros2 import ros_messages as ros
 from omnisim.serve.access import Access, PacedConnection
-from omnisim.serve.plain_messages import pack, pack_message
+from omnisim.serve.page_files import PAGES, PageFiles
 from omnisim.serve.publisher import Client, Controls, Publisher, Topic
 
+PAGE_FILES = PageFiles(PAGES / "robot")
 MAX_QUEUE = 1024  # messages that wait for a client: seconds of a robot with an IMU
 MAX_QUEUE_BYTES = 64 << 20
 MAX_KEPT_BYTES = 1 << 30  # in lockstep, where only a client that reads nothing loses messages
 MAX_CLIENTS = 32
 MAX_MESSAGE_BYTES = 1 << 16  # of a client
+STATE_S = 0.05  # after which many requests for the state have one answer
+MAX_LISTED = 64  # longer arrays follow the header as bytes
 ALL = "*"
 # Requests with the names and types of their values, besides op and id.
 _REQUESTS: dict[str, dict[str, type]] = {
@@ -43,6 +60,7 @@ _REQUESTS: dict[str, dict[str, type]] = {
     "step": {"seconds": float},
     "pause": {"is_paused": bool},
     "reset": {},
+    "state": {},
     "set_pose": {"robot": str, "x_m": float, "y_m": float, "yaw_rad": float},
 }
 
@@ -52,8 +70,10 @@ class _Reader:
 
     def __init__(self, connection: ServerConnection, keeps_all: bool):
         self.connection, self._keeps_all = connection, keeps_all
+        self.name = ":".join(map(str, (connection.remote_address or ("?",))[:2]))
         self.topics: frozenset[str] = frozenset()
         self.dropped = 0
+        self.waits_for_state = False
         self._queue: deque[bytes] = deque()
         self._bytes = 0
         self._news = asyncio.Event()
@@ -110,7 +130,7 @@ class PlainPublisher(Publisher):
         self._thread: threading.Thread | None = None
 
     def open(self, topics: Sequence[Topic], controls: Controls) -> str:
-        """Begin to serve.
+        """Begin to serve; returns the address.
 
         Raises:
             OutputError: the port is taken, or the address does not belong to this machine.
@@ -127,8 +147,14 @@ class PlainPublisher(Publisher):
             cause = getattr(errors[0], "strerror", None) or str(errors[0])
             where = f"--port {self._port}: cannot listen on {self._host}: {cause}"
             raise OutputError(where) from None
-        host = f"[{self._host}]" if ":" in self._host else self._host
-        return f"ws://{host}:{self._port}{self._access.query}"
+        return f"page and plain protocol: {self.url}"
+
+    @property
+    def url(self) -> str:
+        """Address of the page, including the token; it is that of the WebSocket, too."""
+        host = "localhost" if self._host in ("", "0.0.0.0", "::") else self._host
+        host = f"[{host}]" if ":" in host else host
+        return f"http://{host}:{self._port}{self._access.query or '/'}"
 
     def wants(self, topic: str) -> bool:
         """True if a client subscribes to the topic; latched ones are kept for later."""
@@ -148,12 +174,7 @@ class PlainPublisher(Publisher):
     def clients(self) -> list[Client]:
         """Connected clients."""
         return [
-            Client(
-                self.protocol,
-                ":".join(map(str, (reader.connection.remote_address or ("?",))[:2])),
-                tuple(sorted(reader.topics)),
-                reader.dropped,
-            )
+            Client(self.protocol, reader.name, tuple(sorted(reader.topics)), reader.dropped)
             for reader in tuple(self._readers)
         ]
 
@@ -187,8 +208,11 @@ class PlainPublisher(Publisher):
             await self._end.wait()
 
     def _check(self, connection: ServerConnection, request: Request) -> Response | None:
+        if "Upgrade" not in request.headers:  # no WebSocket
+            answer = self._access.check_host(connection, request) or PAGE_FILES.answer(request)
+            return answer or self._access.refuse(connection, 404, "no such file")
         if len(self._readers) >= MAX_CLIENTS:
-            return connection.respond(503, "omnisim serve: too many clients\n")
+            return self._access.refuse(connection, 503, "too many clients")
         return self._access.check(connection, request)
 
     def _spread(self, topic: str, data: bytes) -> None:
@@ -203,7 +227,8 @@ class PlainPublisher(Publisher):
             return await connection.close(1013, f"expected at most {MAX_CLIENTS} clients")
         reader = _Reader(connection, self._keeps_all)
         topics = [dataclasses.asdict(topic) for topic in self._topics.values()]
-        reader.put(pack({"op": "hello", "robots": list(self._controls.robots), "topics": topics}))
+        robots = list(self._controls.robots)
+        reader.put(pack({"op": "hello", "robots": robots, "topics": topics, "client": reader.name}))
         self._readers.append(reader)
         sending = asyncio.ensure_future(reader.send_all())
         try:
@@ -226,6 +251,11 @@ class PlainPublisher(Publisher):
             elif op == "step":
                 self._controls.step(request["seconds"], self._answer(reader, number))
                 return
+            elif op == "state":
+                if not reader.waits_for_state:
+                    reader.waits_for_state = True
+                    self._loop.call_later(STATE_S, self._tell_state, reader)
+                return
             else:
                 getattr(self._controls, op)(**request)
         except OmnisimError as reason:
@@ -241,6 +271,13 @@ class PlainPublisher(Publisher):
                 self._loop.call_soon_threadsafe(reader.put, data)
 
         return done
+
+    def _tell_state(self, reader: _Reader) -> None:
+        controls, reader.waits_for_state = self._controls, False
+        clients = [dataclasses.asdict(client) for client in controls.clients]
+        times_s = {"now_s": controls.now_s, "wall_s": time.monotonic()}
+        paused = {"is_paused": controls.is_paused}
+        reader.put(pack({"op": "state", **times_s, **paused, "clients": clients}))
 
     def _subscribe(self, reader: _Reader, names: list[Any]) -> None:
         for name in names:
@@ -281,3 +318,44 @@ def _parse(text: str | bytes) -> dict[str, Any]:
     if number is not None and not isinstance(number, int):
         raise ServeError(f"{op}: id: expected an integer")
     return {**values, "id": number}
+
+
+def pack_message(topic: str, stamp_ns: int, message: object) -> bytes:
+    """Bytes of a ROS 2 message of `omnisim.datasets.export.ros2.ros_messages`."""
+    arrays: list[np.ndarray[Any, Any]] = []
+    content = _plain(message, arrays)
+    about = [{"dtype": array.dtype.str, "shape": list(array.shape)} for array in arrays]
+    kind = ros.message_type(message)
+    header = {"op": "message", "topic": topic, "type": kind, "stamp_ns": stamp_ns}
+    parts = [np.ascontiguousarray(array).tobytes() for array in arrays]
+    return pack({**header, "message": content, "arrays": about}, parts)
+
+
+def pack(header: dict[str, Any], parts: list[bytes] | tuple[bytes, ...] = ()) -> bytes:
+    """Bytes of a header and what follows it."""
+    text = json.dumps(header, allow_nan=False).encode()
+    return b"".join((len(text).to_bytes(4, "little"), text, *parts))
+
+
+@functools.cache
+def _names(kind: Any) -> tuple[str, ...]:
+    """Names of a message's fields."""
+    return tuple(
+        field.name for field in dataclasses.fields(kind) if not field.name.startswith("__")
+    )
+
+
+def _plain(value: Any, arrays: list[np.ndarray[Any, Any]]) -> Any:
+    """Value in JSON types; long arrays are moved to `arrays`."""
+    if dataclasses.is_dataclass(value):
+        return {name: _plain(getattr(value, name), arrays) for name in _names(type(value))}
+    if isinstance(value, np.ndarray):
+        if value.size > MAX_LISTED or not np.all(np.isfinite(value)):
+            arrays.append(value)
+            return {"array": len(arrays) - 1}
+        return value.tolist()
+    if isinstance(value, list | tuple):
+        return [_plain(item, arrays) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)  # JSON has no infinity
+    return value.item() if isinstance(value, np.generic) else value

@@ -12,6 +12,7 @@ from typing import Literal
 
 from omnisim.core.errors import ServeError
 from omnisim.runs.commanded_motion import TICK_S, TICKS_PER_S
+from omnisim.serve.publisher import Client
 from omnisim.serve.served_world import Served
 
 ClockMode = Literal["wall", "fast", "lockstep"]
@@ -91,6 +92,16 @@ class ServeLoop:
     def is_paused(self) -> bool:
         """True while only `step` advances simulated time."""
         return self._is_paused
+
+    @property
+    def now_s(self) -> float:
+        """Simulated time."""
+        return self._simulation.now_s
+
+    @property
+    def clients(self) -> Sequence[Client]:
+        """Connected clients of all protocols."""
+        return [each for server in self._simulation.publishers for each in server.clients]
 
     def end(self) -> None:
         """End `run`."""

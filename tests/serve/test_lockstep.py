@@ -58,7 +58,8 @@ def served(vehicle, clock="lockstep", **settings):
 
     def run():
         simulation.open()
-        addresses.append(publisher.open(simulation.topics, loop))
+        publisher.open(simulation.topics, loop)
+        addresses.append(publisher.url)
         simulation.announce()
         ready.set()
         loop.run()
