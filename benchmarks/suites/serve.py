@@ -168,9 +168,11 @@ def _served(scene: str, robot: Path, options: Options, *more: str) -> Iterator[t
     ) as process:
         try:
             assert process.stdout is not None
-            address = process.stdout.readline().strip()
-            if not address.startswith("ws://"):
-                raise BenchmarkError(f"omnisim serve: expected an address, got {address!r}")
+            line = process.stdout.readline()
+            address = line.partition("http")[2].strip()
+            if not address:
+                raise BenchmarkError(f"omnisim serve: expected an address, got {line!r}")
+            address = f"ws{address}"
             process.stdout.readline()  # it is ready
             yield address, process.pid
         finally:
@@ -186,7 +188,10 @@ def _rates(address: str) -> dict[str, dict[str, float]]:
     """Rate of each stream while the robot drives in a circle, and messages that are missing."""
     stamps: dict[str, list[float]] = {topic: [] for topic in _topics()}
     with connect(address, _topics()) as robot:
-        _drive_for(robot, 2.0, lambda topic, stamp_s: None)  # shaders compile
+        missing = set(stamps)
+        while missing:  # shaders compile
+            _drive_for(robot, 1.0, lambda topic, stamp_s: missing.discard(topic))
+        _drive_for(robot, 2.0, lambda topic, stamp_s: None)
         dropped = robot.dropped
         seconds = _drive_for(robot, STREAM_S, lambda topic, at: stamps[topic].append(at))
         dropped = robot.dropped - dropped

@@ -70,7 +70,8 @@ class Ground:
         """
         if self._boxes is None or not self._is_small:
             return ""
-        new = self._touched(target) - self._touched(current)
+        touched = self._touched(target)
+        new = touched - self._touched(current) if touched else touched
         return min((self._scene.instances[index].name for index in new), default="")
 
     def _touched(self, world_from_base: Floats) -> set[int]:

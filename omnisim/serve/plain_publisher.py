@@ -22,6 +22,7 @@ from __future__ import annotations
 
 import asyncio
 import dataclasses
+import functools
 import json
 import logging
 import math
@@ -336,14 +337,18 @@ def pack(header: dict[str, Any], parts: list[bytes] | tuple[bytes, ...] = ()) ->
     return b"".join((len(text).to_bytes(4, "little"), text, *parts))
 
 
+@functools.cache
+def _names(kind: Any) -> tuple[str, ...]:
+    """Names of a message's fields."""
+    return tuple(
+        field.name for field in dataclasses.fields(kind) if not field.name.startswith("__")
+    )
+
+
 def _plain(value: Any, arrays: list[np.ndarray[Any, Any]]) -> Any:
     """Value in JSON types; long arrays are moved to `arrays`."""
     if dataclasses.is_dataclass(value):
-        return {
-            field.name: _plain(getattr(value, field.name), arrays)
-            for field in dataclasses.fields(value)
-            if not field.name.startswith("__")
-        }
+        return {name: _plain(getattr(value, name), arrays) for name in _names(type(value))}
     if isinstance(value, np.ndarray):
         if value.size > MAX_LISTED or not np.all(np.isfinite(value)):
             arrays.append(value)

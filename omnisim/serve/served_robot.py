@@ -113,20 +113,35 @@ class Eye(SensorClock):
 class InertialUnit(SensorClock):
     """Inertial measurement unit, whose biases walk on."""
 
-    biases: Floats = field(default_factory=lambda: np.zeros(6))
+    _begin: int = 0  # index of the first reading whose errors are drawn, which many share
+    _errors: tuple[Floats, Floats] = (np.zeros((0, 6)), np.zeros((0, 6)))
 
-    def readings(self, motion: CommandedMotion, now_s: float) -> list[tuple[float, list[float]]]:
-        """Stamps and values (6,) of the readings that are due at a simulated time."""
+    def begin_again(self) -> None:
+        """Make the first reading next."""
+        self.index = self._begin = 0
+        self._errors = np.zeros((0, 6)), np.zeros((0, 6))
+
+    def readings(
+        self, motion: CommandedMotion, now_s: float, is_wanted: bool
+    ) -> list[tuple[float, list[float]]]:
+        """Stamps and values (6,) of the readings that are due at a simulated time, if wanted."""
         first, imu = self.index, self.mount.sensor
         assert isinstance(imu, Imu)
         while self.is_ready(now_s):
+            if self.index == self._begin + len(self._errors[0]):
+                before = self._errors[0][-1] if self.index else np.zeros(6)
+                drawn = imu.next_errors(self.mount, self.seed, self.index, BLOCK, before)
+                kept = slice(first - self._begin, None)  # of readings that are due, too
+                pairs = zip(self._errors, drawn, strict=True)
+                biases, noise = (np.concatenate((old[kept], new)) for old, new in pairs)
+                self._begin, self._errors = first, (biases, noise)
             self.index += 1
-        if self.index == first:
+        if self.index == first or not is_wanted:
             return []
         times_s = np.array([self.time_s(index) for index in range(first, self.index)])
-        values, self.biases = imu.next_readings(
-            self.mount, motion, self.seed, times_s, first, self.biases
-        )
+        rows = slice(first - self._begin, self.index - self._begin)
+        biases, noise = (errors[rows] for errors in self._errors)
+        values = imu.readings_at(self.mount, motion, times_s, biases, noise)
         return list(zip(times_s.tolist(), values.tolist(), strict=True))
 
 
@@ -183,10 +198,10 @@ class ServedRobot:
         self._steps = 0
         self._before: Floats | None = None  # pose at the step before
         self._reckoned = np.array((*self.start[:2], self.start.yaw_rad))
-        for clock in (*self.eyes, *self.units):
-            clock.index = 0
+        for eye in self.eyes:
+            eye.index = 0
         for unit in self.units:
-            unit.biases = np.zeros(6)
+            unit.begin_again()
 
     def place(self, x_m: float, y_m: float, yaw_rad: float) -> None:
         """Put the robot at a place, at rest; its odometry does not notice."""

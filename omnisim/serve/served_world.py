@@ -324,7 +324,8 @@ class Simulation(Served):
     def _publish_motion(self) -> None:
         """Publish the clock, and the steps and IMU readings that are due."""
         stamp_ns = round(self.now_s * NANOSECONDS)
-        self._publish("/clock", stamp_ns, ros.clock(stamp_ns))
+        if self._wants("/clock"):
+            self._publish("/clock", stamp_ns, ros.clock(stamp_ns))
         for robot in self._robots.values():
             while robot.next_step_s <= self.now_s:
                 time_s = robot.next_step_s
@@ -336,9 +337,10 @@ class Simulation(Served):
                 messages["/tf"] = ros.transforms(step_ns, poses)
                 self._publish_all(messages, step_ns)
             for unit in robot.units:
-                for time_s, values in unit.readings(robot.motion, self.now_s):
+                name = unit.mount.name
+                is_wanted = self._wants(robot.topic(f"/{of_sensors.ros_name(name)}/data_raw"))
+                for time_s, values in unit.readings(robot.motion, self.now_s, is_wanted):
                     read_ns = round(time_s * NANOSECONDS)
-                    name = unit.mount.name
                     reading = of_sensors.imu_messages(name, read_ns, values)
                     self._publish_all(robot.named(reading), read_ns)
 
@@ -421,7 +423,7 @@ class Simulation(Served):
                 name: motion.pose_at(time_s) for name, motion in motions.items()
             }
         poses |= {moving.name: moving.motion.pose_at(time_s) for moving in self._scene.objects}
-        return WorldState(poses, time_s)
+        return WorldState.of_checked(poses, time_s)
 
     def _publish_reading(self, due: _Due, reading: Reading) -> None:
         robot, eye = due.robot, due.eye

@@ -12,6 +12,7 @@ import socket
 import threading
 import time
 import warnings
+from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
@@ -31,6 +32,7 @@ REQUESTS = (
     {"op": "step", "seconds": 0.1, "id": 2},
     {"op": "pause", "is_paused": True, "id": 3},
     {"op": "reset", "id": 4},
+    {"op": "state"},
     {"op": "set_pose", "robot": "", "x_m": 1.0, "y_m": -2.0, "yaw_rad": 0.5, "id": 5},
 )
 STRANGE = (
@@ -48,7 +50,8 @@ def controls():
 def publisher(controls, caplog):
     """An open publisher; nothing may be logged, and no thread may fail."""
     server = PlainPublisher(port=0)
-    server.address = server.open(fake_robot.topics(), controls)
+    server.open(fake_robot.topics(), controls)
+    server.address = server.url.replace("http", "ws")
     with warnings.catch_warnings():
         warnings.simplefilter("error", pytest.PytestUnhandledThreadExceptionWarning)
         yield server
@@ -57,7 +60,7 @@ def publisher(controls, caplog):
 
 
 def port_of(publisher):
-    return int(publisher.address.rpartition(":")[2])
+    return urlsplit(publisher.url).port
 
 
 def wait_for(condition, seconds=20.0):
@@ -127,7 +130,7 @@ def test_a_client_that_reads_nothing_drops_only_its_own_messages(publisher, monk
 
 def test_queues_are_bounded_in_number_and_in_lockstep_too(monkeypatch):
     class Deaf:
-        pass
+        remote_address = None
 
     data = b"x" * 1000
     for keeps_all, most in ((False, module.MAX_QUEUE), (True, 50)):
@@ -273,7 +276,8 @@ def test_other_websites_and_host_names_may_not(publisher, host, origin):
 
 def test_elsewhere_the_token_is_needed(controls):
     server = PlainPublisher("0.0.0.0", 0)
-    address, token = server.open(fake_robot.topics(), controls).split("/?token=")
+    server.open(fake_robot.topics(), controls)
+    address, token = server.url.split("/?token=")
     try:
         with connect(f"{address}/?token={token}") as client:
             client.reset()
@@ -301,9 +305,9 @@ def test_clients_that_come_at_once_are_as_many_as_may(controls, monkeypatch):
     server = PlainPublisher(port=0)
     monkeypatch.setattr(server, "_check", server._access.check)
     monkeypatch.setattr(module, "MAX_CLIENTS", 1)
-    address = server.open(fake_robot.topics(), controls)
-    with connect(address), pytest.raises(ServeConnectionError, match="at most 1 clients"):
-        connect(address)
+    server.open(fake_robot.topics(), controls)
+    with connect(server.url), pytest.raises(ServeConnectionError, match="at most 1 clients"):
+        connect(server.url)
     server.close()
 
 

@@ -6,6 +6,7 @@ Nothing is rendered: an instrument that needs no OpenGL stands for all.
 import dataclasses
 from concurrent.futures import ThreadPoolExecutor
 
+import numpy as np
 import pytest
 
 from omnisim.core.errors import ServeError
@@ -14,10 +15,13 @@ from omnisim.core.rate import SensorRate
 from omnisim.rendering.sensor import Mount
 from omnisim.robots import load_robot
 from omnisim.robots.vehicle import Vehicle
+from omnisim.runs.commanded_motion import CommandedMotion, WheelState
+from omnisim.runs.ground import Ground
 from omnisim.scene import read_scene
+from omnisim.sensors.imu.imu import DEVICES, Imu
 from omnisim.sensors.range_sensor.range_sensor import RangeReading, RangeSensor
 from omnisim.serve import Publisher, ServeSettings, Simulation
-from omnisim.serve.served_robot import Eye
+from omnisim.serve.served_robot import Eye, InertialUnit
 
 
 class Kept(Publisher):
@@ -170,3 +174,31 @@ def test_the_previous_measurement_is_the_last_that_began(simulation):
     assert [moment.number for moment in sonar.moments] == list(range(31))
     previous = [moment.previous_s for moment in sonar.moments][1:]
     assert previous == pytest.approx([0.001 * number for number in range(30)])
+
+
+def test_readings_of_an_imu_do_not_depend_on_who_reads_them_when(world):
+    """Nor on how many become due at once: 6 s are more than one block of errors."""
+    mount = Mount(Imu(DEVICES["adis16448"], 200.0), "imu", rate=SensorRate(200.0, 0.0, 0.0, "imu"))
+    ground, limits = Ground(world[0]), world[1].kinematics
+    driven = CommandedMotion(WheelState(0.0, 0.0, 0.0, 0.0), limits, ground, timeout_s=9.0)
+    driven.command(0.5, 0.8)
+    driven.advance(6.0)
+
+    def readings(times_s, wanted_from_s=0.0):
+        unit = InertialUnit(mount, 10.0, 3)
+        return [
+            reading
+            for time_s in times_s
+            for reading in unit.readings(driven, time_s, time_s >= wanted_from_s)
+        ]
+
+    at_once = readings([5.9])
+    one_by_one = readings(np.arange(0.0, 5.9, 0.0125))
+    later = readings(np.arange(0.0, 5.9, 0.0125), wanted_from_s=5.4)
+    assert len(at_once) > len(one_by_one) > 1170 > 110 > len(later) > 90
+    for some in (one_by_one, later):
+        stamps_s, values = zip(*some, strict=True)
+        offset = [stamp_s for stamp_s, _ in at_once].index(stamps_s[0])
+        expected = at_once[offset : offset + len(some)]
+        assert list(stamps_s) == [stamp_s for stamp_s, _ in expected]
+        np.testing.assert_allclose(values, [value for _, value in expected], atol=1e-12)

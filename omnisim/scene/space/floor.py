@@ -81,6 +81,7 @@ def _areas(first_m: Floats, second_m: Floats) -> Floats:
 # Triangles of a scene in the world, and a bounding volume hierarchy over them.
 
 MORTON_BITS = 16  # per axis
+FEW = 5000  # pairs of a box and a triangle
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,8 +163,13 @@ class TriangleBvh:
         """
         boxes = np.arange(len(low_m))
         nodes = np.zeros(len(low_m), dtype=np.intp)
-        for depth, (low, high) in enumerate(reversed(self._levels)):
-            if depth > 0:
+        is_few = len(boxes) * self._levels[0].shape[1] < FEW
+        levels = self._levels[:1] if is_few else self._levels[::-1]
+        for depth, (low, high) in enumerate(levels):
+            if is_few:  # faster than one level after the other
+                nodes = np.tile(np.arange(len(low)), len(boxes))
+                boxes = np.repeat(boxes, len(low))
+            elif depth > 0:
                 boxes = np.repeat(boxes, 2)
                 nodes = (nodes[:, None] * 2 + (0, 1)).ravel()
             meets = np.all(low[nodes] <= high_m[boxes], axis=1)

@@ -126,13 +126,14 @@ def true_readings(
     begin, end = times_s - 0.5 * period_s, times_s + 0.5 * period_s
     if motion.end_s > motion.start_s:
         begin, end = np.maximum(begin, motion.start_s), np.minimum(end, motion.end_s)
-    before, after = (motion.at(times).at_mount(base_from_imu) for times in (begin, end))
+    states = motion.at(np.concatenate((begin, end))).at_mount(base_from_imu)
     duration_s = (end - begin)[:, None]
     rotation = scipy.spatial.transform.Rotation
-    first, last = (states.world_from_base[:, :3, :3] for states in (before, after))
+    first, last = np.split(states.world_from_base[:, :3, :3], 2)
+    before_mps, after_mps = np.split(states.velocity_mps, 2)
     turns = rotation.from_matrix(np.swapaxes(first, 1, 2) @ last).as_rotvec()
     halfway = first @ rotation.from_rotvec(0.5 * turns).as_matrix()
-    upward = (after.velocity_mps - before.velocity_mps) / duration_s + (0.0, 0.0, gravity_mps2)
+    upward = (after_mps - before_mps) / duration_s + (0.0, 0.0, gravity_mps2)
     forces = np.einsum("nij,ni->nj", halfway, upward)
     return np.concatenate((turns / duration_s, forces), axis=1)
 
@@ -233,22 +234,29 @@ class Imu(SensorSettings):
         biases = self.errors.biases(len(times_s), self.rate_hz, key)
         return self._block(mount, motion, times_s, biases, key, 0)[:, 1:]
 
-    def next_readings(
+    def next_errors(
+        self, mount: Mount[object], seed: int, first: int, count: int, before: Floats
+    ) -> tuple[Floats, Floats]:
+        """Biases and noise (count, 6) of readings from index `first` on, see `readings_at`.
+
+        `before` are the biases (6,) of the reading before them.
+        """
+        key = key_of("imu", seed, mount.name)
+        biases = self.errors.biases(count, self.rate_hz, key, first, before)
+        return biases, self.errors.noise(first + np.arange(count), self.rate_hz, key)
+
+    def readings_at(
         self,
         mount: Mount[object],
         motion: BodyMotion,
-        seed: int,
         times_s: Floats,
-        first: int,
-        before: Floats,
-    ) -> tuple[Floats, Floats]:
-        """Readings (n, 6) at times (n,), and the biases (6,) of the last of them.
-
-        `first` is the index of the first reading; `before` are the biases of the one before it.
-        """
-        key = key_of("imu", seed, mount.name)
-        biases = self.errors.biases(len(times_s), self.rate_hz, key, first, before)
-        return self._block(mount, motion, times_s, biases, key, first)[:, 1:], biases[-1]
+        biases: Floats,
+        noise: Floats,
+    ) -> Floats:
+        """Readings (n, 6) at times (n,), with these errors (n, 6)."""
+        period_s = 1.0 / self.rate_hz
+        ideal = true_readings(motion, mount.base_from_sensor, self.gravity_mps2, times_s, period_s)
+        return ideal + biases + noise
 
     def _block(
         self,
@@ -260,11 +268,8 @@ class Imu(SensorSettings):
         first: int,
     ) -> Floats:
         """Rows (n, 7) of readings at times (n,), times first; `first` is the first's index."""
-        ideal = true_readings(
-            motion, mount.base_from_sensor, self.gravity_mps2, times_s, 1.0 / self.rate_hz
-        )
         noise = self.errors.noise(first + np.arange(len(times_s)), self.rate_hz, key)
-        return np.column_stack((times_s, ideal + biases + noise))
+        return np.column_stack((times_s, self.readings_at(mount, motion, times_s, biases, noise)))
 
 
 def _yaml_number(number: float) -> str:
