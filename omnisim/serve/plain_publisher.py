@@ -23,6 +23,7 @@ from __future__ import annotations
 import asyncio
 import dataclasses
 import json
+import logging
 import math
 import threading
 import time
@@ -43,8 +44,9 @@ from omnisim.serve.page_files import PAGES, PageFiles
 from omnisim.serve.publisher import Client, Controls, Publisher, Topic
 
 PAGE_FILES = PageFiles(PAGES / "robot")
-MAX_QUEUE = 256  # messages that wait for a client
+MAX_QUEUE = 1024  # messages that wait for a client: seconds of a robot with an IMU
 MAX_QUEUE_BYTES = 64 << 20
+MAX_KEPT_BYTES = 1 << 30  # in lockstep, where only a client that reads nothing loses messages
 MAX_CLIENTS = 32
 MAX_MESSAGE_BYTES = 1 << 16  # of a client
 STATE_S = 0.05  # after which many requests for the state have one answer
@@ -83,10 +85,9 @@ class _Reader:
         """Queue a message, and drop the oldest ones beyond the limits."""
         self._queue.append(data)
         self._bytes += len(data)
-        while (
-            not self._keeps_all
-            and len(self._queue) > 1
-            and (len(self._queue) > MAX_QUEUE or self._bytes > MAX_QUEUE_BYTES)
+        most = MAX_KEPT_BYTES if self._keeps_all else MAX_QUEUE_BYTES
+        while len(self._queue) > 1 and (
+            self._bytes > most or (len(self._queue) > MAX_QUEUE and not self._keeps_all)
         ):
             self._bytes -= len(self._queue.popleft())
             self.dropped += 1
@@ -114,7 +115,7 @@ class PlainPublisher(Publisher):
     Args:
         host: address to listen on; others than localhost need the token of the printed address.
         port: port to listen on; 0: any free port.
-        keeps_all: never drop a message, for lockstep.
+        keeps_all: keep all messages of clients that read them, for lockstep.
     """
 
     protocol = "plain"
@@ -125,9 +126,7 @@ class PlainPublisher(Publisher):
         self._readers: list[_Reader] = []
         self._latched: dict[str, bytes] = {}
         self._topics: dict[str, Topic] = {}
-        self._loop = asyncio.new_event_loop()
         self._thread: threading.Thread | None = None
-        self._end = asyncio.Event()
 
     def open(self, topics: Sequence[Topic], controls: Controls) -> str:
         """Begin to serve; returns the address.
@@ -136,6 +135,7 @@ class PlainPublisher(Publisher):
             OutputError: the port is taken, or the address does not belong to this machine.
         """
         self._topics, self._controls = {topic.name: topic for topic in topics}, controls
+        self._loop, self._end = asyncio.new_event_loop(), asyncio.Event()
         started, errors = threading.Event(), list[BaseException]()
         self._thread = threading.Thread(
             target=self._run, args=(started, errors), name="omnisim-plain", daemon=True
@@ -189,7 +189,7 @@ class PlainPublisher(Publisher):
         asyncio.set_event_loop(self._loop)
         try:
             self._loop.run_until_complete(self._serve(started))
-        except (OSError, OverflowError) as reason:
+        except (OSError, OverflowError, ValueError) as reason:
             errors.append(reason)
         finally:
             self._loop.close()
@@ -200,6 +200,7 @@ class PlainPublisher(Publisher):
             self._talk, self._host, self._port, process_request=self._check,
             create_connection=PacedConnection, max_size=MAX_MESSAGE_BYTES, max_queue=4,
             compression=None, close_timeout=0.2, server_header=None,
+            logger=logging.Logger("", logging.CRITICAL),
         ) as server:  # fmt: skip
             self._port = int(next(iter(server.sockets)).getsockname()[1])
             started.set()
@@ -221,6 +222,8 @@ class PlainPublisher(Publisher):
                 reader.put(data)
 
     async def _talk(self, connection: ServerConnection) -> None:
+        if len(self._readers) >= MAX_CLIENTS:  # several came at once
+            return await connection.close(1013, f"expected at most {MAX_CLIENTS} clients")
         reader = _Reader(connection, self._keeps_all)
         topics = [dataclasses.asdict(topic) for topic in self._topics.values()]
         robots = list(self._controls.robots)
@@ -276,11 +279,11 @@ class PlainPublisher(Publisher):
         reader.put(pack({"op": "state", **times_s, **paused, "clients": clients}))
 
     def _subscribe(self, reader: _Reader, names: list[Any]) -> None:
-        unknown = [name for name in names if name != ALL and name not in self._topics]
-        if unknown:
-            raise ServeError(f"topics: {str(unknown[0])[:100]!r}: no such topic")
-        new = frozenset(map(str, names)) - reader.topics
-        reader.topics = frozenset(map(str, names))
+        for name in names:
+            if not isinstance(name, str) or (name != ALL and name not in self._topics):
+                raise ServeError(f"topics: {str(name)[:100]!r}: no such topic")
+        new = frozenset(names) - reader.topics
+        reader.topics = frozenset(names)
         for topic, data in self._latched.items():
             if topic in new or ALL in new:
                 reader.put(data)

@@ -26,10 +26,11 @@ class FakeControls:
         self.is_paused = is_paused
         self.calls.append(("pause", is_paused))
 
-    def step(self, seconds):
-        if not self.is_paused:
+    def step(self, seconds, then=lambda now_s: None):
+        if not (self.is_paused and seconds < 3600.0):
             raise ServeError("step: expected paused time")
         self.calls.append(("step", seconds))
+        then(seconds)
 
     def reset(self):
         self.calls.append(("reset",))
