@@ -51,7 +51,7 @@ def publisher(controls, caplog):
     """An open publisher; nothing may be logged, and no thread may fail."""
     server = PlainPublisher(port=0)
     server.open(fake_robot.topics(), controls)
-    server.address = server.url.replace("http", "ws")
+    server.address = server.url.replace("http", "ws").rstrip("/")
     with warnings.catch_warnings():
         warnings.simplefilter("error", pytest.PytestUnhandledThreadExceptionWarning)
         yield server
