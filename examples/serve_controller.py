@@ -2,8 +2,8 @@
 
     omnisim drive soccer --robot p2at --path lap --also instance -o learned
     omnisim landmarks train learned -o colors.npz
-    omnisim serve p2at --scene soccer --protocols plain --fast
-    python examples/serve_controller.py colors.npz
+    omnisim serve p2at --scene soccer --lockstep --rate 5
+    python examples/serve_controller.py colors.npz --step 0.2
 
 The controller has the stream alone: images, odometry and the camera's calibration, and a map of
 the landmarks. It localizes with the filter of the paper, and follows the waypoints of the lap. With
@@ -171,7 +171,7 @@ def main():
     """Follow the lap once; print where the robot believes to be."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("model", help="colors of the landmarks, from omnisim landmarks train")
-    parser.add_argument("--address", default="ws://localhost:8765")
+    parser.add_argument("--address", default="ws://localhost:8766")
     parser.add_argument(
         "--ros2", metavar="PORT", type=int, nargs="?", const=7447, help="router to join as a node"
     )
