@@ -23,7 +23,7 @@ from omnisim.rendering.opengl.gl.diagnosis import device_number
 from omnisim.report.machine import machine_line
 
 # In the order of `all`; each is a module, imported when it runs.
-SUITES = ("fps", "scaling", "limit", "peers", "drive", "lenses", "live")
+SUITES = ("fps", "scaling", "limit", "peers", "drive", "lenses", "live", "serve")
 ALL = "all"
 DEFAULT_FOLDER = Path("out") / "benchmarks"
 

@@ -1,4 +1,4 @@
-"""Resident memory of this process."""
+"""Resident memory of a process."""
 
 from __future__ import annotations
 
@@ -7,17 +7,18 @@ from pathlib import Path
 
 from benchmarks.errors import BenchmarkError
 
-_STATM = Path("/proc/self/statm")  # in pages: all of it, what is resident, …
+_STATM = "/proc/{}/statm"  # in pages: all of it, what is resident, …
 
 
-def resident_bytes() -> int:
-    """Resident size of this process in bytes, including shared memory.
+def resident_bytes(process: int | str = "self") -> int:
+    """Resident size of a process, by default this one, in bytes, including shared memory.
 
     Raises:
         BenchmarkError: the system does not provide the number.
     """
+    path = Path(_STATM.format(process))
     try:
-        pages = int(_STATM.read_text(encoding="ascii").split()[1])
+        pages = int(path.read_text(encoding="ascii").split()[1])
     except (OSError, ValueError, IndexError) as reason:
-        raise BenchmarkError(f"{_STATM}: cannot be read ({reason}): Linux is needed") from None
+        raise BenchmarkError(f"{path}: cannot be read ({reason}): Linux is needed") from None
     return pages * os.sysconf("SC_PAGE_SIZE")

@@ -32,7 +32,7 @@ def check_figure(
     """Angles over each camera's image, and the other formats' differences by angle."""
     figure = Figure(figsize=(15.0, 4.4 * len(cameras) + 0.4), dpi=DPI, layout="constrained")
     rows = figure.subplots(len(cameras), 2, squeeze=False, width_ratios=(1.0, 1.3))
-    colors: dict[str, str] = {}  # by model: the same for all cameras
+    colors: dict[str, str] = {}  # by the first format: the same for all cameras
     for (field, difference), (name, (camera, _, others)) in zip(rows, cameras.items(), strict=True):
         label_axes(field, f"{name}: angle from the axis", "u (px)", "v (px)")
         _draw_field(field, camera)
@@ -45,9 +45,8 @@ def check_figure(
             if each.residuals is not None:
                 fitted.setdefault(each.residuals, []).append(each)
         for same in fitted.values():
-            model = same[0].model
-            label = _label(model, [name for each in same for name in each.formats])
-            color = colors.setdefault(model, f"C{len(colors)}")
+            label = _label(same[0].model, [name for each in same for name in each.formats])
+            color = colors.setdefault(same[0].formats[0], f"C{len(colors)}")
             difference.plot(*_differences(camera, same[0]), color=color, label=label)
         if difference.dataLim.intervaly[1] > _MIN_PX:  # whole decades: their ticks have labels
             difference.set_yscale("log")

@@ -27,40 +27,60 @@ class Access:
     Attributes:
         token: token in the address, as `?token=…`; None: a page in a browser must be of this
             machine or have one of the origins, so that no other website can steer the robot.
-        origins: origins of pages that may connect without a token, such as "https://example.org".
+        origins: origins of pages that may connect without a token, such as "https://example.org";
+            None: only the server's own page may connect, even with a token.
+        server: name of the server in refusals.
     """
 
     token: str | None
-    origins: tuple[str, ...] = ()
+    origins: tuple[str, ...] | None = ()
+    server: str = "omnisim serve"
 
     @classmethod
     def to(cls, host: str, origins: tuple[str, ...] = ()) -> Access:
         """Access to a server that listens on a host: with a new token, unless it is local."""
-        return cls(None if host in LOCAL else secrets.token_urlsafe(16), origins)
+        return cls(None if host in LOCAL else new_token(), origins)
 
     @property
     def query(self) -> str:
         """End of the server's address: the token, if there is one."""
         return "" if self.token is None else f"/?token={self.token}"
 
+    def check_host(self, connection: ServerConnection, request: Request) -> Response | None:
+        """Refuse a request to another host than this machine, unless there is a token."""
+        # another site's host name may resolve to this machine (DNS rebinding)
+        if self.token is None and _host(f"//{request.headers.get('Host', '')}") not in LOCAL:
+            return self.refuse(connection, 403, "expected the name of this machine as host")
+        return None
+
     def check(self, connection: ServerConnection, request: Request) -> Response | None:
         """Refuse a connection; None accepts it. This is the server's `process_request`."""
-        if self.token is not None:
-            given = parse_qs(urlsplit(request.path).query).get("token", [""])[0].encode()
-            if hmac.compare_digest(given, self.token.encode()):
-                return None
-            text = "omnisim serve: expected the token of the address, as in ?token=…\n"
-            return connection.respond(http.HTTPStatus.UNAUTHORIZED, text)
-        # another site's host name may resolve to this machine (DNS rebinding)
-        if _host(f"//{request.headers.get('Host', '')}") not in LOCAL:
-            text = "omnisim serve: expected the name of this machine as host\n"
-            return connection.respond(http.HTTPStatus.FORBIDDEN, text)
+        if (refusal := self.check_host(connection, request)) is not None:
+            return refusal
         # programs send no origin, or file:// if they show pages of their own
         origin = request.headers.get("Origin", "file://")
-        if origin in ("file://", *self.origins) or _host(origin) in LOCAL:
-            return None
-        text = "omnisim serve: expected a page of this machine as origin, or a token\n"
-        return connection.respond(http.HTTPStatus.FORBIDDEN, text)
+        if self.origins is None:
+            own = request.headers.get("Host", "")
+            if "Origin" in request.headers and origin.partition("://")[2] != own:
+                return self.refuse(connection, 403, "expected this server's own page as origin")
+        if self.token is not None:
+            given = parse_qs(request.path.partition("?")[2]).get("token", [""])[0].encode()
+            if not hmac.compare_digest(given, self.token.encode()):
+                expected = "expected the token of the address, as in ?token=…"
+                return self.refuse(connection, 401, expected)
+        elif origin not in ("file://", *(self.origins or ())) and _host(origin) not in LOCAL:
+            expected = "expected a page of this machine as origin, or a token"
+            return self.refuse(connection, 403, expected)
+        return None
+
+    def refuse(self, connection: ServerConnection, status: int, words: str) -> Response:
+        """Answer in words why not."""
+        return connection.respond(http.HTTPStatus(status), f"{self.server}: {words}\n")
+
+
+def new_token() -> str:
+    """Random token of 128 bits."""
+    return secrets.token_urlsafe(16)
 
 
 def _host(url: str) -> str:

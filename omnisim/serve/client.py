@@ -77,7 +77,6 @@ class ServedRobotClient:
 
     Attributes:
         about: what the server says of itself: robots, topics and the clock.
-        dropped: messages that the server dropped, as they were read too slowly.
     """
 
     def __init__(self, connection: ClientConnection, timeout_s: float):
@@ -88,7 +87,7 @@ class ServedRobotClient:
         self._requests = 0
         self._error: str | None = None
         self._is_open = True
-        self.dropped = 0
+        self._dropped_there = self._dropped_here = 0
         header, _ = _unpack(connection.recv(timeout=timeout_s))
         self.about: dict[str, Any] = header
         self._reader = threading.Thread(target=self._read, daemon=True)
@@ -111,6 +110,11 @@ class ServedRobotClient:
         """Messages, until the connection ends."""
         while (message := self.next(None)) is not None:
             yield message
+
+    @property
+    def dropped(self) -> int:
+        """Number of messages dropped, here or by the server, as they were read too slowly."""
+        return self._dropped_there + self._dropped_here
 
     def subscribe(self, topics: Sequence[str]) -> None:
         """Receive these topics, or all for ["*"]; instead of those before."""
@@ -193,10 +197,11 @@ class ServedRobotClient:
             self._news.notify_all()
 
     def _take(self, header: dict[str, Any], rest: memoryview) -> None:
-        self.dropped = header.get("dropped", self.dropped)
+        self._dropped_there = header.get("dropped", self._dropped_there)
         if header["op"] == "message":
             fields = _with_arrays(header["message"], _arrays(header["arrays"], rest))
             about = header["topic"], header["type"], header["stamp_ns"]
+            self._dropped_here += len(self._messages) == KEPT
             self._messages.append(ServedMessage(*about, fields))
         elif header.get("id") is not None:
             self._answers[header["id"]] = header
@@ -210,7 +215,8 @@ def connect(
     """Connect to a served robot.
 
     Args:
-        address: address that `omnisim serve` prints, with its token if it has one.
+        address: address that `omnisim serve` prints, with its token if it has one; that of the
+            page in a browser will do.
         topics: topics to receive; ["*"]: all.
         timeout_s: time to wait for an answer.
 
@@ -218,7 +224,8 @@ def connect(
         ServeConnectionError: no server there, or it refuses the client.
     """
     try:
-        opened = open_connection(address, max_size=None, open_timeout=timeout_s, proxy=None)
+        url = f"ws{address.removeprefix('http')}" if address.startswith("http") else address
+        opened = open_connection(url, max_size=None, open_timeout=timeout_s, proxy=None)
         client = ServedRobotClient(opened.__enter__(), timeout_s)
     except (OSError, InvalidHandshake, InvalidURI, ConnectionClosed) as reason:
         raise ServeConnectionError(f"{address}: {reason}") from None

@@ -1,4 +1,12 @@
-"""Served robots on a plain WebSocket, for programs in any language; see `plain_messages`.
+"""Served robots on a plain WebSocket, for programs in any language, and a page on the same port.
+
+A message to a client is 4 bytes with the length of a JSON header, little-endian, the header, and
+the bytes of its arrays, one after the other:
+
+    {"op": "message", "topic": "/scan", "type": "sensor_msgs/msg/LaserScan", "stamp_ns": 100000000,
+     "message": {…, "ranges": {"array": 0}}, "arrays": [{"dtype": "<f4", "shape": [361]}]}
+
+The message has the fields of the ROS 2 type; arrays of more than 64 numbers are in the bytes.
 
 Requests are JSON texts; those with an "id" are answered, with "done" or "error":
 
@@ -7,6 +15,7 @@ Requests are JSON texts; those with an "id" are answered, with "done" or "error"
     {"op": "step", "seconds": 0.1, "id": 2}      the answer follows its messages
     {"op": "pause", "is_paused": true}    {"op": "reset"}
     {"op": "set_pose", "robot": "", "x_m": 0, "y_m": 0, "yaw_rad": 0}
+    {"op": "state"}      soon a message "state" comes: the time, and the clients of all protocols
 """
 
 from __future__ import annotations
@@ -14,25 +23,34 @@ from __future__ import annotations
 import asyncio
 import dataclasses
 import json
+import logging
+import math
 import threading
+import time
 from collections import deque
 from collections.abc import Sequence
 from contextlib import suppress
 from typing import Any
 
+import numpy as np
 from websockets.asyncio.server import ServerConnection, serve
 from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
 from omnisim.core.errors import OmnisimError, OutputError, ServeError
+from omnisim.datasets.export.ros2 import ros_messages as ros
 from omnisim.serve.access import Access, PacedConnection
-from omnisim.serve.plain_messages import pack, pack_message
+from omnisim.serve.page_files import PAGES, PageFiles
 from omnisim.serve.publisher import Client, Controls, Publisher, Topic
 
-MAX_QUEUE = 256  # messages that wait for a client
+PAGE_FILES = PageFiles(PAGES / "robot")
+MAX_QUEUE = 1024  # messages that wait for a client: seconds of a robot with an IMU
 MAX_QUEUE_BYTES = 64 << 20
+MAX_KEPT_BYTES = 1 << 30  # in lockstep, where only a client that reads nothing loses messages
 MAX_CLIENTS = 32
 MAX_MESSAGE_BYTES = 1 << 16  # of a client
+STATE_S = 0.05  # after which many requests for the state have one answer
+MAX_LISTED = 64  # longer arrays follow the header as bytes
 ALL = "*"
 # Requests with the names and types of their values, besides op and id.
 _REQUESTS: dict[str, dict[str, type]] = {
@@ -41,6 +59,7 @@ _REQUESTS: dict[str, dict[str, type]] = {
     "step": {"seconds": float},
     "pause": {"is_paused": bool},
     "reset": {},
+    "state": {},
     "set_pose": {"robot": str, "x_m": float, "y_m": float, "yaw_rad": float},
 }
 
@@ -50,8 +69,10 @@ class _Reader:
 
     def __init__(self, connection: ServerConnection, keeps_all: bool):
         self.connection, self._keeps_all = connection, keeps_all
+        self.name = ":".join(map(str, (connection.remote_address or ("?",))[:2]))
         self.topics: frozenset[str] = frozenset()
         self.dropped = 0
+        self.waits_for_state = False
         self._queue: deque[bytes] = deque()
         self._bytes = 0
         self._news = asyncio.Event()
@@ -64,10 +85,9 @@ class _Reader:
         """Queue a message, and drop the oldest ones beyond the limits."""
         self._queue.append(data)
         self._bytes += len(data)
-        while (
-            not self._keeps_all
-            and len(self._queue) > 1
-            and (len(self._queue) > MAX_QUEUE or self._bytes > MAX_QUEUE_BYTES)
+        most = MAX_KEPT_BYTES if self._keeps_all else MAX_QUEUE_BYTES
+        while len(self._queue) > 1 and (
+            self._bytes > most or (len(self._queue) > MAX_QUEUE and not self._keeps_all)
         ):
             self._bytes -= len(self._queue.popleft())
             self.dropped += 1
@@ -95,7 +115,7 @@ class PlainPublisher(Publisher):
     Args:
         host: address to listen on; others than localhost need the token of the printed address.
         port: port to listen on; 0: any free port.
-        keeps_all: never drop a message, for lockstep.
+        keeps_all: keep all messages of clients that read them, for lockstep.
     """
 
     protocol = "plain"
@@ -106,17 +126,16 @@ class PlainPublisher(Publisher):
         self._readers: list[_Reader] = []
         self._latched: dict[str, bytes] = {}
         self._topics: dict[str, Topic] = {}
-        self._loop = asyncio.new_event_loop()
         self._thread: threading.Thread | None = None
-        self._end = asyncio.Event()
 
     def open(self, topics: Sequence[Topic], controls: Controls) -> str:
-        """Begin to serve.
+        """Begin to serve; returns the address.
 
         Raises:
             OutputError: the port is taken, or the address does not belong to this machine.
         """
         self._topics, self._controls = {topic.name: topic for topic in topics}, controls
+        self._loop, self._end = asyncio.new_event_loop(), asyncio.Event()
         started, errors = threading.Event(), list[BaseException]()
         self._thread = threading.Thread(
             target=self._run, args=(started, errors), name="omnisim-plain", daemon=True
@@ -127,8 +146,14 @@ class PlainPublisher(Publisher):
             cause = getattr(errors[0], "strerror", None) or str(errors[0])
             where = f"--port {self._port}: cannot listen on {self._host}: {cause}"
             raise OutputError(where) from None
-        host = f"[{self._host}]" if ":" in self._host else self._host
-        return f"ws://{host}:{self._port}{self._access.query}"
+        return f"page and plain protocol: {self.url}"
+
+    @property
+    def url(self) -> str:
+        """Address of the page, including the token; it is that of the WebSocket, too."""
+        host = "localhost" if self._host in ("", "0.0.0.0", "::") else self._host
+        host = f"[{host}]" if ":" in host else host
+        return f"http://{host}:{self._port}{self._access.query or '/'}"
 
     def wants(self, topic: str) -> bool:
         """True if a client subscribes to the topic; latched ones are kept for later."""
@@ -148,12 +173,7 @@ class PlainPublisher(Publisher):
     def clients(self) -> list[Client]:
         """Connected clients."""
         return [
-            Client(
-                self.protocol,
-                ":".join(map(str, (reader.connection.remote_address or ("?",))[:2])),
-                tuple(sorted(reader.topics)),
-                reader.dropped,
-            )
+            Client(self.protocol, reader.name, tuple(sorted(reader.topics)), reader.dropped)
             for reader in tuple(self._readers)
         ]
 
@@ -169,7 +189,7 @@ class PlainPublisher(Publisher):
         asyncio.set_event_loop(self._loop)
         try:
             self._loop.run_until_complete(self._serve(started))
-        except (OSError, OverflowError) as reason:
+        except (OSError, OverflowError, ValueError) as reason:
             errors.append(reason)
         finally:
             self._loop.close()
@@ -180,14 +200,18 @@ class PlainPublisher(Publisher):
             self._talk, self._host, self._port, process_request=self._check,
             create_connection=PacedConnection, max_size=MAX_MESSAGE_BYTES, max_queue=4,
             compression=None, close_timeout=0.2, server_header=None,
+            logger=logging.Logger("", logging.CRITICAL),
         ) as server:  # fmt: skip
             self._port = int(next(iter(server.sockets)).getsockname()[1])
             started.set()
             await self._end.wait()
 
     def _check(self, connection: ServerConnection, request: Request) -> Response | None:
+        if "Upgrade" not in request.headers:  # no WebSocket
+            answer = self._access.check_host(connection, request) or PAGE_FILES.answer(request)
+            return answer or self._access.refuse(connection, 404, "no such file")
         if len(self._readers) >= MAX_CLIENTS:
-            return connection.respond(503, "omnisim serve: too many clients\n")
+            return self._access.refuse(connection, 503, "too many clients")
         return self._access.check(connection, request)
 
     def _spread(self, topic: str, data: bytes) -> None:
@@ -198,9 +222,12 @@ class PlainPublisher(Publisher):
                 reader.put(data)
 
     async def _talk(self, connection: ServerConnection) -> None:
+        if len(self._readers) >= MAX_CLIENTS:  # several came at once
+            return await connection.close(1013, f"expected at most {MAX_CLIENTS} clients")
         reader = _Reader(connection, self._keeps_all)
         topics = [dataclasses.asdict(topic) for topic in self._topics.values()]
-        reader.put(pack({"op": "hello", "robots": list(self._controls.robots), "topics": topics}))
+        robots = list(self._controls.robots)
+        reader.put(pack({"op": "hello", "robots": robots, "topics": topics, "client": reader.name}))
         self._readers.append(reader)
         sending = asyncio.ensure_future(reader.send_all())
         try:
@@ -223,6 +250,11 @@ class PlainPublisher(Publisher):
             elif op == "step":
                 self._controls.step(request["seconds"], self._answer(reader, number))
                 return
+            elif op == "state":
+                if not reader.waits_for_state:
+                    reader.waits_for_state = True
+                    self._loop.call_later(STATE_S, self._tell_state, reader)
+                return
             else:
                 getattr(self._controls, op)(**request)
         except OmnisimError as reason:
@@ -239,12 +271,19 @@ class PlainPublisher(Publisher):
 
         return done
 
+    def _tell_state(self, reader: _Reader) -> None:
+        controls, reader.waits_for_state = self._controls, False
+        clients = [dataclasses.asdict(client) for client in controls.clients]
+        times_s = {"now_s": controls.now_s, "wall_s": time.monotonic()}
+        paused = {"is_paused": controls.is_paused}
+        reader.put(pack({"op": "state", **times_s, **paused, "clients": clients}))
+
     def _subscribe(self, reader: _Reader, names: list[Any]) -> None:
-        unknown = [name for name in names if name != ALL and name not in self._topics]
-        if unknown:
-            raise ServeError(f"topics: {str(unknown[0])[:100]!r}: no such topic")
-        new = frozenset(map(str, names)) - reader.topics
-        reader.topics = frozenset(map(str, names))
+        for name in names:
+            if not isinstance(name, str) or (name != ALL and name not in self._topics):
+                raise ServeError(f"topics: {str(name)[:100]!r}: no such topic")
+        new = frozenset(names) - reader.topics
+        reader.topics = frozenset(names)
         for topic, data in self._latched.items():
             if topic in new or ALL in new:
                 reader.put(data)
@@ -278,3 +317,40 @@ def _parse(text: str | bytes) -> dict[str, Any]:
     if number is not None and not isinstance(number, int):
         raise ServeError(f"{op}: id: expected an integer")
     return {**values, "id": number}
+
+
+def pack_message(topic: str, stamp_ns: int, message: object) -> bytes:
+    """Bytes of a ROS 2 message of `omnisim.datasets.export.ros2.ros_messages`."""
+    arrays: list[np.ndarray[Any, Any]] = []
+    content = _plain(message, arrays)
+    about = [{"dtype": array.dtype.str, "shape": list(array.shape)} for array in arrays]
+    kind = ros.message_type(message)
+    header = {"op": "message", "topic": topic, "type": kind, "stamp_ns": stamp_ns}
+    parts = [np.ascontiguousarray(array).tobytes() for array in arrays]
+    return pack({**header, "message": content, "arrays": about}, parts)
+
+
+def pack(header: dict[str, Any], parts: list[bytes] | tuple[bytes, ...] = ()) -> bytes:
+    """Bytes of a header and what follows it."""
+    text = json.dumps(header, allow_nan=False).encode()
+    return b"".join((len(text).to_bytes(4, "little"), text, *parts))
+
+
+def _plain(value: Any, arrays: list[np.ndarray[Any, Any]]) -> Any:
+    """Value in JSON types; long arrays are moved to `arrays`."""
+    if dataclasses.is_dataclass(value):
+        return {
+            field.name: _plain(getattr(value, field.name), arrays)
+            for field in dataclasses.fields(value)
+            if not field.name.startswith("__")
+        }
+    if isinstance(value, np.ndarray):
+        if value.size > MAX_LISTED or not np.all(np.isfinite(value)):
+            arrays.append(value)
+            return {"array": len(arrays) - 1}
+        return value.tolist()
+    if isinstance(value, list | tuple):
+        return [_plain(item, arrays) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)  # JSON has no infinity
+    return value.item() if isinstance(value, np.generic) else value

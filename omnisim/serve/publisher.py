@@ -51,6 +51,14 @@ class Controls(Protocol):
     def is_paused(self) -> bool:
         """True while simulated time stands still."""
 
+    @property
+    def now_s(self) -> float:
+        """Simulated time."""
+
+    @property
+    def clients(self) -> Sequence[Client]:
+        """Connected clients of all protocols."""
+
     def command(self, robot: str, speed_mps: float, turn_rate_radps: float) -> None:
         """Drive at a speed (m/s) and turn rate (rad/s) until the next command or the timeout."""
 

@@ -12,6 +12,7 @@ from omnisim.datasets.export.export_format import NANOSECONDS, CloudLayout, Expo
 from omnisim.datasets.export.recording import Recording
 from omnisim.datasets.export.ros2 import ros_messages as ros
 from omnisim.datasets.export.ros2.bag_format import StampedMessage, open_streams, write_messages
+from omnisim.runs.commanded_motion import TICKS_PER_S
 from omnisim.runs.run_folder import MANIFEST
 from omnisim.serve.publisher import Publisher, Topic
 from omnisim.serve.served_robot import is_best_effort
@@ -37,7 +38,7 @@ class RunPlayer(Served):
         self._path, self._settings = path, ExportSettings(cloud_layout=layout)
         self.publishers: list[Publisher] = []
         self.topics: list[Topic] = []
-        self.now_s, self.end_s = 0.0, math.inf
+        self.now_s, self.end_s, self._is_reset = 0.0, math.inf, False
         self._written: deque[StampedMessage] = deque()
         self._latched: dict[str, StampedMessage] = {}
 
@@ -85,16 +86,18 @@ class RunPlayer(Served):
 
     def reset(self) -> None:
         """Play from the start."""
-        self._steps, self.now_s = self._begin(), 0.0
+        self._is_reset = True
 
-    def advance(self, to_s: float) -> None:
-        """Publish what was measured until a time."""
-        self.now_s = to_s
+    def advance(self) -> None:
+        """Publish what was measured until the next tick."""
+        if self._is_reset:
+            self._is_reset, self._steps, self.now_s = False, self._begin(), 0.0
+        self.now_s = (round(self.now_s * TICKS_PER_S) + 1) / TICKS_PER_S
         while True:
             while not self._written:
                 if next(self._steps, None) is None:
                     return
-            if self._written[0].stamp_ns > to_s * NANOSECONDS:
+            if self._written[0].stamp_ns > self.now_s * NANOSECONDS:
                 return
             self._publish(self._written.popleft())
 

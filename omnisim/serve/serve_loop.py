@@ -7,10 +7,12 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import Literal
 
 from omnisim.core.errors import ServeError
 from omnisim.runs.commanded_motion import TICK_S, TICKS_PER_S
+from omnisim.serve.publisher import Client
 from omnisim.serve.served_world import Served
 
 ClockMode = Literal["wall", "fast", "lockstep"]
@@ -38,11 +40,12 @@ class ServeLoop:
         self, simulation: Served, clock: ClockMode = "wall", duration_s: float | None = None
     ):
         self._simulation, self._clock = simulation, clock
-        self._duration_s = duration_s
+        self._duration_s = math.inf if duration_s is None else duration_s
         self._is_paused = clock == "lockstep"
         self._is_ended = False
         self._steps: deque[tuple[float, Callable[[float], None] | None]] = deque()
         self._news = threading.Condition()
+        self._ticking = threading.Lock()  # so that time which is paused stands still
         self.late_s = 0.0
 
     # Controls.
@@ -74,9 +77,9 @@ class ServeLoop:
 
     def step(self, seconds: float, then: Callable[[float], None] | None = None) -> None:
         """Advance paused or lockstepped simulated time; see `Controls`."""
-        if not (math.isfinite(seconds) and TICK_S <= seconds <= MAX_STEP_S):
+        if not TICK_S <= seconds <= MAX_STEP_S:  # nor is NaN
             expected = f"expected {TICK_S:g} to {MAX_STEP_S:g} s"
-            raise ServeError(f"step: seconds = {seconds:g}: {expected}")
+            raise ServeError(f"step: seconds = {str(seconds)[:50]}: {expected}")
         with self._news:
             if not self._is_paused:
                 raise ServeError("step: expected a paused or lockstepped simulation")
@@ -91,9 +94,14 @@ class ServeLoop:
         return self._is_paused
 
     @property
-    def _end_s(self) -> float:
-        end_s = self._simulation.end_s
-        return end_s if self._duration_s is None else min(end_s, self._duration_s)
+    def now_s(self) -> float:
+        """Simulated time."""
+        return self._simulation.now_s
+
+    @property
+    def clients(self) -> Sequence[Client]:
+        """Connected clients of all protocols."""
+        return [each for server in self._simulation.publishers for each in server.clients]
 
     def end(self) -> None:
         """End `run`."""
@@ -109,32 +117,44 @@ class ServeLoop:
         Raises:
             OmnisimError: a sensor cannot measure.
         """
-        ticking = None
-        if self._clock == "wall":
-            ticking = threading.Thread(target=self._follow_wall_clock, daemon=True)
-            ticking.start()
-        try:
-            while not self._is_ended and self._simulation.now_s < self._end_s:
-                if self._steps:
-                    self._make_step(*self._steps.popleft())
-                elif self._is_paused:
-                    self._wait(WAIT_S)
-                elif self._clock == "fast":
-                    self._simulation.advance(self._simulation.now_s + TICK_S)
-                    self._simulation.measure()
-                elif not self._simulation.measure(skips=True):
-                    self._wait(TICK_S)
-            self._simulation.finish()
-        finally:
-            self.end()
-            if ticking is not None:
-                ticking.join()
+        with ThreadPoolExecutor(1, "omnisim-clock") as threads:
+            following = threads.submit(self._follow_wall_clock) if self._clock == "wall" else None
+            try:
+                while not self._is_over:
+                    if self._steps:
+                        self._make_step(*self._steps.popleft())
+                    elif self._is_paused:
+                        self._wait(WAIT_S)
+                    elif self._clock == "fast":
+                        self._tick()
+                        self._simulation.measure()
+                    elif not self._simulation.measure(skips=True):
+                        self._wait(TICK_S)
+                self._simulation.finish()
+            finally:
+                self.end()
+        if following is not None:
+            following.result()  # raises what ended it
+
+    @property
+    def _is_over(self) -> bool:
+        simulation = self._simulation
+        return self._is_ended or simulation.now_s >= min(simulation.end_s, self._duration_s)
+
+    def _tick(self, by_step: bool = False) -> bool:
+        """Advance by a tick; False: not now, as steps advance only paused time."""
+        with self._ticking:
+            if self._is_over or self._is_paused != by_step:
+                return False
+            self._simulation.advance()
+        return True
 
     def _make_step(self, seconds: float, then: Callable[[float], None] | None) -> None:
         """Advance tick by tick, so that it makes no difference how steps divide the time."""
         simulation = self._simulation
         for _ in range(round(seconds * TICKS_PER_S)):
-            simulation.advance(simulation.now_s + TICK_S)
+            if not self._tick(by_step=True):
+                break
             simulation.measure()
         simulation.finish()
         if then is not None:
@@ -142,22 +162,24 @@ class ServeLoop:
 
     def _follow_wall_clock(self) -> None:
         """Advance simulated time with the wall clock, in a thread of its own."""
-        simulation, last_s, due_s = self._simulation, time.monotonic(), 0.0
-        while not self._is_ended and simulation.now_s < self._end_s:
-            time.sleep(max(0.0, TICK_S - due_s))
-            now_s = time.monotonic()
-            due_s, last_s = due_s + now_s - last_s, now_s
-            if self._is_paused:
-                due_s = 0.0
-                continue
-            if due_s > LATE_S:
-                self.late_s += due_s - LATE_S
-                due_s = LATE_S
-            while due_s >= TICK_S and not self._is_ended:
-                simulation.advance(simulation.now_s + TICK_S)
-                due_s -= TICK_S
-            with self._news:
-                self._news.notify_all()
+        last_s, due_s = time.monotonic(), 0.0
+        try:
+            while not self._is_over:
+                time.sleep(max(0.0, TICK_S - due_s))
+                now_s = time.monotonic()
+                due_s, last_s = due_s + now_s - last_s, now_s
+                if self._is_paused:
+                    due_s = 0.0
+                    continue
+                if due_s > LATE_S:
+                    self.late_s += due_s - LATE_S
+                    due_s = LATE_S
+                while due_s >= TICK_S and self._tick():
+                    due_s -= TICK_S
+                with self._news:
+                    self._news.notify_all()
+        finally:
+            self.end()
 
     def _wait(self, seconds: float) -> None:
         with self._news:

@@ -87,7 +87,8 @@ class Eye(SensorClock):
     instrument: AnyInstrument | None = None
     topics: tuple[Topic, ...] = ()
     lens: Any = None  # `true_lens` of a camera
-    last: tuple[int, Pending[Reading]] | None = None  # number and reading of the last measurement
+    # motion, number and reading of the last measurement
+    last: tuple[CommandedMotion, int, Pending[Reading]] | None = None
     turn: int = 0  # number of its last measurement among those of all sensors
     skipped: int = 0  # measurements that were not made, as the simulation was late
 
@@ -177,7 +178,6 @@ class ServedRobot:
         """Begin again at the start, at rest."""
         limits, ground = self._limits, self._ground
         self.motion = CommandedMotion(self.start, limits, ground, self._timeout_s, KEPT_S)
-        self.asked: tuple[float, float] | None = None  # newest command, from the next tick on
         self.lines = [command_line(VelocityCommand(0.0, 0.0, 0.0), self.start)]
         self._wheels = WheelErrors(self.vehicle.odometry, self._seed)
         self._steps = 0
@@ -185,8 +185,6 @@ class ServedRobot:
         self._reckoned = np.array((*self.start[:2], self.start.yaw_rad))
         for clock in (*self.eyes, *self.units):
             clock.index = 0
-        for eye in self.eyes:
-            eye.last = None
         for unit in self.units:
             unit.biases = np.zeros(6)
 
@@ -196,14 +194,11 @@ class ServedRobot:
         self.motion.place(WheelState(x_m, y_m, z_m, yaw_rad))
         self._before = None
 
-    def tick(self, to_s: float, keeps_commands: bool) -> None:
-        """Take the newest command, and move on to a simulated time."""
-        if self.asked is not None:
-            command = self.motion.command(*self.asked)
-            self.asked = None
-            if keeps_commands:
-                self.lines.append(command_line(command, self.motion.state))
-        self.motion.advance(to_s)
+    def command(self, speed_mps: float, turn_rate_radps: float, is_kept: bool) -> None:
+        """Drive at a speed and turn rate from now on; `is_kept` as a line of the commands file."""
+        command = self.motion.command(float(speed_mps), float(turn_rate_radps))
+        if is_kept:
+            self.lines.append(command_line(command, self.motion.state))
 
     # Topics, frames and messages.
 

@@ -17,7 +17,9 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 from omnisim.core.arrays import Floats
 from omnisim.core.errors import ServeError, did_you_mean
@@ -34,7 +36,7 @@ from omnisim.rendering.sensor import Moment, Reading
 from omnisim.rendering.shared_scene import BackendName
 from omnisim.rendering.stage import Sensor, Stage
 from omnisim.robots.vehicle import Vehicle
-from omnisim.runs.commanded_motion import TICKS_PER_S, TIMEOUT_S, lines_of
+from omnisim.runs.commanded_motion import TICKS_PER_S, TIMEOUT_S, CommandedMotion, lines_of
 from omnisim.runs.drive import MAX_BEGUN, with_short_name
 from omnisim.scene import Scene
 from omnisim.serve.publisher import Publisher, Topic
@@ -42,6 +44,15 @@ from omnisim.serve.served_robot import BASE, MAP, Eye, ServedRobot
 from omnisim.serve.world_messages import map_message, robot_description
 
 JPEG_QUALITY = 90
+
+
+class _Due(NamedTuple):
+    """Measurement of a robot's sensor; a reset, which begins another motion, makes it void."""
+
+    robot: ServedRobot
+    eye: Eye
+    motion: CommandedMotion
+    moment: Moment
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,8 +127,8 @@ class Served(ABC):
         """Begin again at time 0."""
 
     @abstractmethod
-    def advance(self, to_s: float) -> None:
-        """Advance simulated time, and publish what needs no rendering."""
+    def advance(self) -> None:
+        """Advance simulated time by a tick, and publish what needs no rendering."""
 
     def measure(self, skips: bool = False) -> bool:
         """Render what is due, see `Simulation.measure`."""
@@ -149,9 +160,13 @@ class Simulation(Served):
 
     Raises:
         RobotFileError: a robot without kinematic limits.
+        ServeError: a start that is not finite, or too far away.
     """
 
     def __init__(self, settings: ServeSettings, publishers: Sequence[Publisher] = ()):
+        for name, start in settings.starts.items():
+            for key, value in zip(("x_m", "y_m", "yaw_rad"), start, strict=True):
+                _check_number(f"robot {name!r}: start: {key}", value)
         self.settings, self.publishers = settings, list(publishers)
         self.now_s = 0.0
         self.topics: list[Topic] = []
@@ -168,7 +183,9 @@ class Simulation(Served):
         self._stack = ExitStack()
         self._writing: deque[Future[None]] = deque()
         self._turns = itertools.count(1)  # of late sensors, so that none waits for the others
-        self._wishes: list[Callable[[], None]] = []  # what clients asked for, until the next tick
+        # what clients asked for, until the next tick, by kind and robot: the newest of each
+        self._wishes: dict[tuple[str, str], Callable[[], None]] = {}
+        self._wishing = threading.Lock()
 
     def open(self) -> None:
         """Load the scene, and open all sensors.
@@ -242,20 +259,25 @@ class Simulation(Served):
         found = self._robot(robot)
         for name, value in (("speed_mps", speed_mps), ("turn_rate_radps", turn_rate_radps)):
             _check_number(name, value)
-        found.asked = float(speed_mps), float(turn_rate_radps)
+        keeps = self.settings.keeps_commands
+        self._wish("command", found.name, lambda: found.command(speed_mps, turn_rate_radps, keeps))
 
     def set_pose(self, robot: str, x_m: float, y_m: float, yaw_rad: float) -> None:
         """Put a robot at a place, at rest."""
         found = self._robot(robot)
         for name, value in (("x_m", x_m), ("y_m", y_m), ("yaw_rad", yaw_rad)):
             _check_number(name, value)
-        with self._lock:
-            self._wishes.append(lambda: found.place(x_m, y_m, yaw_rad))
+        self._wish("set_pose", found.name, lambda: found.place(x_m, y_m, yaw_rad))
 
     def reset(self) -> None:
         """Begin again at time 0, with all robots at their starts."""
-        with self._lock:
-            self._wishes.append(self._reset)
+        with self._wishing:
+            self._wishes = {("reset", ""): self._reset}
+
+    def _wish(self, kind: str, robot: str, wish: Callable[[], None]) -> None:
+        with self._wishing:
+            self._wishes.pop((kind, robot), None)  # the newest comes last
+            self._wishes[kind, robot] = wish
 
     def _reset(self) -> None:
         self.now_s = 0.0
@@ -286,18 +308,18 @@ class Simulation(Served):
 
     # Time, and measurements.
 
-    def advance(self, to_s: float) -> None:
-        """Advance simulated time in ticks, and publish what needs no rendering."""
+    def advance(self) -> None:
+        """Do what clients asked for, advance by a tick, and publish what needs no rendering."""
+        with self._wishing:
+            wishes, self._wishes = self._wishes, {}
         with self._lock:
-            while self.now_s < to_s - 0.5 / TICKS_PER_S:
-                for wish in self._wishes:
-                    wish()
-                self._wishes.clear()
-                next_s = (round(self.now_s * TICKS_PER_S) + 1) / TICKS_PER_S
-                for robot in self._robots.values():
-                    robot.tick(next_s, self.settings.keeps_commands)
-                self.now_s = next_s
-                self._publish_motion()
+            for wish in wishes.values():
+                wish()
+            next_s = (round(self.now_s * TICKS_PER_S) + 1) / TICKS_PER_S
+            for robot in self._robots.values():
+                robot.motion.advance(next_s)
+            self.now_s = next_s
+            self._publish_motion()
 
     def _publish_motion(self) -> None:
         """Publish the clock, and the steps and IMU readings that are due."""
@@ -327,14 +349,13 @@ class Simulation(Served):
             skips: of a sensor's several due measurements make only the last, as the wall clock
                 does not wait; otherwise make all, in the order of their times.
         """
-        begun: deque[tuple[ServedRobot, Eye, Moment, Pending[Reading]]] = deque()
+        begun: deque[tuple[_Due, Pending[Reading]]] = deque()
         found = False
         while (due := self._next_due(skips)) is not None:
-            robot, eye, moment = due
-            assert eye.instrument is not None
-            reading = eye.instrument.begin(moment)
-            eye.last, found = (moment.number, reading), True
-            begun.append((robot, eye, moment, reading))
+            assert due.eye.instrument is not None
+            reading = due.eye.instrument.begin(due.moment)
+            due.eye.last, found = (due.motion, due.moment.number, reading), True
+            begun.append((due, reading))
             if len(begun) > MAX_BEGUN:
                 self._write(*begun.popleft())
             if skips:
@@ -343,15 +364,10 @@ class Simulation(Served):
             self._write(*measurement)
         return found
 
-    def _write(
-        self, robot: ServedRobot, eye: Eye, moment: Moment, pending: Pending[Reading]
-    ) -> None:
+    def _write(self, due: _Due, pending: Pending[Reading]) -> None:
         """Begin to publish a reading, which the thread of the stage must ask for."""
         reading = pending.result()
-        eye.last = moment.number, Pending.done(reading)
-        self._writing.append(
-            self._writer.submit(self._publish_reading, robot, eye, moment.time_s, reading)
-        )
+        self._writing.append(self._writer.submit(self._publish_reading, due, reading))
         while len(self._writing) > MAX_BEGUN:
             self._writing.popleft().result()
 
@@ -360,7 +376,7 @@ class Simulation(Served):
         while self._writing:
             self._writing.popleft().result()
 
-    def _next_due(self, skips: bool) -> tuple[ServedRobot, Eye, Moment] | None:
+    def _next_due(self, skips: bool) -> _Due | None:
         """Measurement with the earliest time that is due and wanted; it counts as made."""
         with self._lock:
             due = []
@@ -379,36 +395,37 @@ class Simulation(Served):
             _, _, robot, eye = min(due)
             index, eye.turn = eye.index, next(self._turns)
             eye.index += 1
-        previous = eye.last if eye.last is not None and eye.last[0] < index else None
+            motions = {each.name: each.motion for each in self._robots.values()}
+        motion = motions[robot.name]
+        previous = eye.last if eye.last is not None and eye.last[0] is motion else None
         moment = Moment(
-            self._state_at,
+            partial(self._state_at, motions),
             index,
             eye.time_s(index),
-            None if previous is None else eye.time_s(previous[0]),
+            None if previous is None else eye.time_s(previous[1]),
             None,
             self.settings.channels if isinstance(eye.mount.sensor, OmniCamera) else (),
             None if previous is None else Path(eye.mount.name),
-            None if previous is None else previous[1],
+            None if previous is None else previous[2],
         )
-        return robot, eye, moment
+        return _Due(robot, eye, motion, moment)
 
     def _is_late(self, eye: Eye) -> bool:
         """True if the measurement after the next one is due, too."""
         return eye.time_s(eye.index + 1) + eye.margin_s <= self.now_s
 
-    def _state_at(self, time_s: float) -> WorldState:
+    def _state_at(self, motions: Mapping[str, CommandedMotion], time_s: float) -> WorldState:
         """State of the world, as of a drive's."""
         with self._lock:
             poses: dict[str, Floats] = {
-                robot.name: robot.motion.pose_at(time_s) for robot in self._robots.values()
+                name: motion.pose_at(time_s) for name, motion in motions.items()
             }
         poses |= {moving.name: moving.motion.pose_at(time_s) for moving in self._scene.objects}
         return WorldState(poses, time_s)
 
-    def _publish_reading(
-        self, robot: ServedRobot, eye: Eye, time_s: float, reading: Reading
-    ) -> None:
-        name, stamp_ns = eye.mount.name, round(time_s * NANOSECONDS)
+    def _publish_reading(self, due: _Due, reading: Reading) -> None:
+        robot, eye = due.robot, due.eye
+        name, stamp_ns = eye.mount.name, round(due.moment.time_s * NANOSECONDS)
         rate = eye.mount.rate
         period_s = 1.0 / (self.settings.rate_hz if rate is None else rate.rate_hz)
         messages = of_sensors.of_reading(
@@ -419,7 +436,9 @@ class Simulation(Served):
             jpeg = image_bytes(Path("a.jpg"), reading.frame.rgb, None, JPEG_QUALITY)
             frame = of_sensors.optical_frame(name)
             messages[compressed] = ros.compressed_image(stamp_ns, frame, jpeg, "jpeg")
-        self._publish_all(robot.named(messages), stamp_ns)
+        with self._lock:  # of resets
+            if due.motion is robot.motion:
+                self._publish_all(robot.named(messages), stamp_ns)
 
     def _wants(self, topic: str) -> bool:
         return any(publisher.wants(topic) for publisher in self.publishers)
@@ -441,5 +460,5 @@ def _all_frames(robots: Sequence[ServedRobot]) -> dict[tuple[str, str], Floats]:
 
 
 def _check_number(name: str, value: float) -> None:
-    if not (isinstance(value, int | float) and math.isfinite(value) and abs(value) < MAX_M):
+    if not (isinstance(value, int | float) and abs(value) < MAX_M):  # nor is NaN
         raise ServeError(f"{name} = {str(value)[:50]}: expected a finite number below {MAX_M:g}")

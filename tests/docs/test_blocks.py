@@ -8,8 +8,10 @@ import ast
 import json
 import os
 import re
+import signal
 import subprocess
 import sys
+from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 
@@ -28,7 +30,7 @@ LONG = {
         "any-optics", "calibrations", "change-scene", "choose", "data-sets", "drives", "evaluate",
         "ground-truth", "light", "live", "measure-camera", "measure-noise", "measure-sharpness",
         "mirror-mesh", "moving-objects", "own-camera-model", "own-scene", "own-world", "python",
-        "rays", "rigs", "robots", "troubleshooting", "unwarp", "use-with",
+        "rays", "rigs", "robots", "serve", "troubleshooting", "unwarp", "use-with",
         "which-model-is-my-camera", "your-simulator",
     )),
     *(f"docs/reference/{name}.md" for name in ("calibration-formats", "channels")),
@@ -38,6 +40,7 @@ LONG = {
 }  # fmt: skip
 # Notices on files are for whoever runs the block.
 WARNINGS = ("-W", "error", "-W", "ignore::omnisim.core.errors.NoticeWarning")
+SESSIONS: list[int] = []  # of a page's blocks, which may leave servers behind
 MAIN = (
     "import sys; sys.argv[0] = 'omnisim'; from omnisim.apps.cli.start import main; sys.exit(main())"
 )
@@ -80,7 +83,11 @@ def folder(tmp_path):
         command = commands / name
         command.write_text(f'#!/bin/sh\nexec {sys.executable} {arguments} "$@"\n')
         command.chmod(0o755)
-    return tmp_path
+    yield tmp_path
+    for session in SESSIONS:
+        with suppress(ProcessLookupError):
+            os.killpg(session, signal.SIGTERM)
+    SESSIONS.clear()
 
 
 def _run(arguments, folder):
@@ -88,11 +95,14 @@ def _run(arguments, folder):
         "PATH": f"{folder / '.bin'}:{os.environ['PATH']}",
         "PYTHONPATH": f"{ROOT}:{os.environ.get('PYTHONPATH', '')}",
     }
-    done = subprocess.run(
-        arguments, cwd=folder, env=environment, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, f"{arguments[-1]}\n{done.stdout}{done.stderr}"
-    return done.stdout + done.stderr
+    with subprocess.Popen(
+        arguments, cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+        text=True, start_new_session=True,
+    ) as started:  # fmt: skip
+        SESSIONS.append(started.pid)
+        output, _ = started.communicate()
+    assert started.returncode == 0, f"{arguments[-1]}\n{output}"
+    return output
 
 
 NAMES = [str(page.relative_to(ROOT)) for page in PAGES if _blocks(page)]

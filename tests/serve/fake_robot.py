@@ -5,7 +5,7 @@ import numpy as np
 from omnisim.cameras import KannalaBrandtCamera
 from omnisim.core.errors import ServeError
 from omnisim.datasets.export.ros2 import ros_messages as ros
-from omnisim.serve.publisher import Topic
+from omnisim.serve.publisher import Client, Topic
 
 POSE = np.array([[0.0, -1.0, 0.0, 1.5], [1.0, 0.0, 0.0, -2.0], [0, 0, 1.0, 0.25], [0, 0, 0, 1.0]])
 STAMP_NS = 12_345_678_901
@@ -17,6 +17,7 @@ class FakeControls:
 
     def __init__(self, *robots):
         self.robots, self.calls, self.is_paused = robots or ("robot",), [], False
+        self.now_s, self.clients = 0.0, list[Client]()
 
     def command(self, robot, speed_mps, turn_rate_radps):
         self.calls.append(("command", robot, speed_mps, turn_rate_radps))
@@ -25,10 +26,11 @@ class FakeControls:
         self.is_paused = is_paused
         self.calls.append(("pause", is_paused))
 
-    def step(self, seconds):
-        if not self.is_paused:
+    def step(self, seconds, then=lambda now_s: None):
+        if not (self.is_paused and seconds < 3600.0):
             raise ServeError("step: expected paused time")
         self.calls.append(("step", seconds))
+        then(seconds)
 
     def reset(self):
         self.calls.append(("reset",))

@@ -28,7 +28,7 @@ def plain(value):
     return value.item() if isinstance(value, np.generic) else value
 
 
-def _write_definitions(folder):
+def write_definitions(folder):
     """Definitions that the SDK otherwise clones from GitHub."""
     from rosbags.typesys import Stores, get_typestore
 
@@ -57,7 +57,7 @@ def main(request, folder):
 
     at = {"router_ip": "127.0.0.1", "router_port": request["port"]}
     session = ZenohSession.get_instance(**at)
-    _write_definitions(folder)
+    write_definitions(folder)
     get_registry().messages_dir = Path(folder)
     received = {}
     for name, (type_name, is_latched) in request["topics"].items():

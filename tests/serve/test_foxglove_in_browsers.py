@@ -1,15 +1,12 @@
 """Foxglove's server in a browser: pages of Foxglove and of this machine, and those of others."""
 
-import importlib.util
-import shutil
-
 import pytest
 
 pytest.importorskip("foxglove", reason="foxglove-sdk is not installed")
 from omnisim.serve.foxglove_publisher import FoxglovePublisher
 from tests.serve import fake_robot
+from tests.serve.browsers import chromium
 
-BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 # Subscribes to all topics; the topics whose messages have come, or "refused".
 READ_ALL = """
 url => new Promise(done => {
@@ -38,20 +35,10 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module")
 def browser():
-    executable = next((path for name in BROWSERS if (path := shutil.which(name))), None)
-    if executable is None:
-        pytest.skip(f"there is no browser: none of {', '.join(BROWSERS)}")
-    if importlib.util.find_spec("playwright") is None:
-        pytest.skip("playwright, which drives the browser, is not installed")
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as playwright:
-        # which ask the user about websites that connect to this machine: here, the server decides
-        checks = "LocalNetworkAccessChecks,LocalNetworkAccessChecksWebSockets"
-        options = ["--no-sandbox", f"--disable-features={checks}"]
-        found = playwright.chromium.launch(executable_path=executable, args=options)
+    # which ask the user about websites that connect to this machine: here, the server decides
+    checks = "LocalNetworkAccessChecks,LocalNetworkAccessChecksWebSockets"
+    with chromium(f"--disable-features={checks}") as found:
         yield found
-        found.close()
 
 
 @pytest.mark.parametrize(

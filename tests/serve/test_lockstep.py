@@ -58,7 +58,8 @@ def served(vehicle, clock="lockstep", **settings):
 
     def run():
         simulation.open()
-        addresses.append(publisher.open(simulation.topics, loop))
+        publisher.open(simulation.topics, loop)
+        addresses.append(publisher.url)
         simulation.announce()
         ready.set()
         loop.run()
@@ -75,10 +76,12 @@ def served(vehicle, clock="lockstep", **settings):
         thread.join()
 
 
-def _lap(address):
-    """Messages of a lap by commands, in steps of 0.2 s."""
+def _lap(address, is_again=False):
+    """Messages of a lap by commands, in steps of 0.2 s; again: after a reset."""
     messages = []
     with connect(address, topics=["*"]) as robot:
+        if is_again:
+            robot.reset()
         for command in COMMANDS:
             robot.command(*command)
             robot.step(0.2)
@@ -106,17 +109,19 @@ def _of(messages, topic):
     return [message for message in messages if message.topic == topic]
 
 
-def test_lockstep_repeats_to_the_byte(vehicle, lap):
-    with served(vehicle) as (address, _):
+def test_lockstep_repeats_to_the_byte_also_after_a_reset(vehicle, lap):
+    with served(vehicle, keeps_commands=True) as (address, simulation):
         again = _lap(address)
+        after_reset = _lap(address, is_again=True)
+        assert simulation.commands("p2at") == lap[1]
     streams = {message.topic for message in again}
     assert {"/omnicam/image_raw", "/lidar/points", "/imu/data_raw", "/odom", "/tf"} <= streams
     for topic in streams:
-        one, other = (
+        one, other, third = (
             [(each.stamp_ns, _flat(each.fields)) for each in _of(messages, topic)]
-            for messages in (lap[0], again)
+            for messages in (lap[0], again, after_reset)
         )
-        assert one == other, topic
+        assert one == other == third, topic
 
 
 def test_stamps_are_the_simulated_clock(lap):

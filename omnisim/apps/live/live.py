@@ -4,11 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import functools
-import gzip
-import hmac
-import http
 import itertools
-import secrets
 import signal
 import socket
 import threading
@@ -18,10 +14,8 @@ from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
-from urllib.parse import parse_qs, urlsplit
 
 from websockets.asyncio.server import Server, ServerConnection, serve
-from websockets.datastructures import Headers
 from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
@@ -36,33 +30,16 @@ from omnisim.core.version import __version__
 from omnisim.ground_truth import CHANNELS
 from omnisim.robots.vehicle import BodyBoxes
 from omnisim.runs.ground import Ground
+from omnisim.serve.access import LOCAL, Access, new_token
+from omnisim.serve.page_files import PageFiles
 
 PAGE = Path(__file__).with_name("page")
+PAGE_FILES = PageFiles(PAGE)
 STREAM = "/stream"
-LOCAL = ("localhost", "127.0.0.1", "::1")
-MEDIA_TYPES = {
-    ".html": "text/html; charset=utf-8",
-    ".css": "text/css; charset=utf-8",
-    ".js": "text/javascript; charset=utf-8",
-    ".svg": "image/svg+xml",
-    ".jpg": "image/jpeg",
-}
-HEADERS = {
-    "Content-Security-Policy": "default-src 'self'; img-src 'self' blob: data:; "
-    "connect-src 'self' ws: wss:; style-src 'self' 'unsafe-inline'; frame-ancestors *",
-    "X-Content-Type-Options": "nosniff",
-    "Referrer-Policy": "no-referrer",
-    "Cache-Control": "no-cache",
-}
 IDLE_S = 3.0  # idle time of the driving page before another page may take control
 MAX_PAGES = 64
 KEPT = ("camera", "map", "frame")  # kinds of messages that a new page receives at once
 STOP_S = 1.0  # maximum time to finish the current image
-
-
-def is_local(host: str) -> bool:
-    """True for host names of the local machine only."""
-    return host in LOCAL
 
 
 class _Page:
@@ -181,33 +158,15 @@ class LiveServer:
 
     def _serve_file(self, connection: ServerConnection, request: Request) -> Response | None:
         """Answer a request for a file of the page; None accepts a stream."""
-        parts = urlsplit(request.path)
-        # another site's host name may resolve to this machine (DNS rebinding)
-        host = urlsplit(f"//{request.headers.get('Host', '')}").hostname or ""
-        if self._token is None and not is_local(host):
-            return _refusal(http.HTTPStatus.FORBIDDEN, "expected the name of this machine as host")
-        if parts.path == STREAM:
-            origin = request.headers.get("Origin")
-            if origin is not None and urlsplit(origin).netloc != request.headers.get("Host"):
-                expected = "expected this server's own page as origin"
-                return _refusal(http.HTTPStatus.FORBIDDEN, expected)
-            given = parse_qs(parts.query).get("token", [""])[0].encode()
-            if self._token is not None and not hmac.compare_digest(given, self._token.encode()):
-                return _refusal(http.HTTPStatus.UNAUTHORIZED, "expected the token of the address")
-            if len(self._pages) >= MAX_PAGES:
-                return _refusal(http.HTTPStatus.SERVICE_UNAVAILABLE, "too many pages are open")
-            return None
-        name = parts.path.removeprefix("/") or "index.html"
-        content = _page_files().get(name)
-        if content is None:
-            return _refusal(http.HTTPStatus.NOT_FOUND, "no such file")
-        headers = Headers(HEADERS)
-        headers["Content-Type"] = MEDIA_TYPES[Path(name).suffix]
-        if "gzip" in request.headers.get("Accept-Encoding", "") and not name.endswith(".jpg"):
-            content = gzip.compress(content, 6, mtime=0)
-            headers["Content-Encoding"] = "gzip"
-        headers["Content-Length"] = str(len(content))
-        return Response(200, "OK", headers, content)
+        access = Access(self._token, None, "omnisim live")
+        if request.path.partition("?")[0] != STREAM:
+            answer = access.check_host(connection, request) or PAGE_FILES.answer(request)
+            return answer or access.refuse(connection, 404, "no such file")
+        if (refusal := access.check(connection, request)) is not None:
+            return refusal
+        if len(self._pages) >= MAX_PAGES:
+            return access.refuse(connection, 503, "too many pages are open")
+        return None
 
     async def _serve_page(self, connection: ServerConnection) -> None:
         page = _Page(connection)
@@ -251,8 +210,10 @@ class LiveServer:
                 self._driver = page
                 self._tell_roles()
             elif isinstance(message, messages.SearchCatalog):
-                loop = asyncio.get_running_loop()  # which goes on: the first search takes a while
-                loop.run_in_executor(None, _answer_search, message.words, reply)
+                words, loop = message.words, asyncio.get_running_loop()
+                loop.run_in_executor(  # a search takes a while
+                    None, lambda: reply(messages.pack("found", found_cameras(words)))
+                )
             elif isinstance(message, messages.Save | messages.RequestStatistics):
                 self._session.look_up(message, reply)
             elif isinstance(message, messages.ProbePoint):
@@ -277,34 +238,9 @@ class LiveServer:
             self._send(page, messages.pack("roles", content))
 
 
-def _answer_search(words: str, reply: Callable[[bytes], None]) -> None:
-    reply(messages.pack("found", found_cameras(words)))
-
-
-def new_token() -> str:
-    """Random token of 128 bits."""
-    return secrets.token_urlsafe(16)
-
-
-@functools.cache
-def _page_files() -> dict[str, bytes]:
-    """Files of the page, by URL path."""
-    return {
-        path.relative_to(PAGE).as_posix(): path.read_bytes()
-        for path in sorted(PAGE.rglob("*"))
-        if path.suffix in MEDIA_TYPES
-    }
-
-
 def page_bytes() -> int:
     """Total size of the page's files, uncompressed."""
-    return sum(map(len, _page_files().values()))
-
-
-def _refusal(status: http.HTTPStatus, words: str) -> Response:
-    body = f"omnisim live: {words}\n".encode()
-    types = {"Content-Type": "text/plain; charset=utf-8", "Content-Length": str(len(body))}
-    return Response(status.value, status.phrase, Headers(types), body)
+    return sum(map(len, PAGE_FILES.contents.values()))
 
 
 class LivePage:
@@ -349,7 +285,7 @@ class LivePage:
             open_source = source
             last_step = 10**9  # the source itself limits the step
         self.session = Session(document, pilot, last_step, time_s)
-        token = None if is_local(host) else new_token()
+        token = None if host in LOCAL else new_token()
         self.server = LiveServer(self.session, about, host, port, token)
         self.engine = Engine(self.session, open_source, self.server.publish)
         self._about = about

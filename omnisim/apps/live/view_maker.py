@@ -384,10 +384,7 @@ def _curve(surface: Surface, hits_m: Floats) -> Floats:
 
 
 def _mapping(model: CentralCamera) -> Json:
-    """Mapping of a lens: radius from the principal point, px, over the angle from the axis.
-
-    It ends at the first degree beyond the image, where the polynomials of many lenses rise steeply.
-    """
+    """Mapping of a lens, to the first degree beyond its image: radius, px, over angle from axis."""
     theta = np.linspace(0.0, math.pi, 181)
     directions = np.stack((np.sin(theta), np.zeros_like(theta), np.cos(theta)), axis=-1)
     pixels = model.pixel_from_ray(directions)

@@ -6,6 +6,7 @@ import dataclasses
 import math
 import re
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,6 +15,14 @@ import numpy as np
 from omnisim.cameras import (
     CameraSensor,
     CentralCamera,
+    EucmCamera,
+    KannalaBrandtCamera,
+    MirroredCamera,
+    OcamcalibCamera,
+    RadialTableCamera,
+    RationalPolynomialCamera,
+    ThinPrismFisheyeCamera,
+    UnifiedCamera,
     summary,
 )
 from omnisim.cameras.calibration import documents
@@ -33,6 +42,7 @@ from omnisim.cameras.calibration.formats.ros import with_poses
 from omnisim.cameras.calibration.metadata import CameraMetadata, camera_from_lens, read_metadata
 from omnisim.cameras.catalog.lens_catalog import PREFIX, find
 from omnisim.cameras.models.field_of_view import field_notes
+from omnisim.cameras.parametric_camera import ParametricCamera
 from omnisim.core.arrays import Floats
 from omnisim.core.errors import CalibrationError, NoticeWarning, OutputError, did_you_mean
 from omnisim.core.files.atomic_file import atomic_write, check_target
@@ -143,7 +153,8 @@ def load_calibration(
 
     Args:
         path: calibration file, a folder with those of a rig (KITTI-360's, EuRoC's, Kimera's, or
-            left.yaml and right.yaml of ROS), or `catalog:` and the name of an entry of
+            left.yaml and right.yaml of ROS), rays per pixel (EXR or CSV, read as the nearest
+            model), or `catalog:` and the name of an entry of
             `omnisim.cameras.catalog`.
         format: name of the format, one of `FORMATS`; by default detected from the content.
         camera: name of the only camera to keep; by default all are kept.
@@ -178,6 +189,8 @@ def load_calibration(
         calibration = Calibration((camera_of_entry,), "catalog", name, tool="Gyroflow")
     elif is_folder:
         calibration = read_folder(path, format, mirrored, limit_rad)
+    elif path.suffix.lower() in (".exr", ".csv") and format is None:
+        calibration = _read_table(path, limit_rad)
     else:
         calibration = read_cameras(path, format, mirrored, limit_rad)
     selected = calibration if camera is None else calibration.only(camera)
@@ -404,11 +417,34 @@ def _check_names(names: list[str], path: Path) -> None:
         raise CalibrationError(f"{path}: expected different names, got two cameras {duplicate!r}")
 
 
-def _nearest_model(lens: base.ForeignLens, source: str) -> tuple[CentralCamera, str]:
+# Models that may be near to rays per pixel.
+_NEAR_TABLES: tuple[tuple[type[CentralCamera], base.Fixed], ...] = (
+    (UnifiedCamera, base.ANY), (UnifiedCamera, base.PINHOLE), (KannalaBrandtCamera, base.ANY),
+    (EucmCamera, base.ANY), (RationalPolynomialCamera, base.ANY),
+    (ThinPrismFisheyeCamera, base.ANY), (OcamcalibCamera, base.ANY), (RadialTableCamera, base.ANY),
+)  # fmt: skip
+
+
+def _read_table(path: Path, theta_max_rad: float | None) -> Calibration:
+    """Read a table of rays as the nearest model."""
+    from omnisim.cameras.calibration.ray_table import read_table_lens  # loads OpenImageIO
+
+    table, mirrored = read_table_lens(path)
+    lens, note = _nearest_model(table, str(path), _NEAR_TABLES)
+    if theta_max_rad is not None and isinstance(lens, ParametricCamera):
+        lens = lens.ending_at(theta_max_rad) or lens
+    camera = MirroredCamera(lens) if mirrored else lens
+    notes = (note, *field_notes(camera))
+    return Calibration((CalibratedCamera("camera", camera, notes=notes),), "ray_table", str(path))
+
+
+def _nearest_model(
+    lens: CentralCamera, source: str, models: Sequence[tuple[type[CentralCamera], base.Fixed]]
+) -> tuple[CentralCamera, str]:
     """Model of omnisim nearest to a lens of another model, and a note about its residuals."""
     place = f"{source}: {lens.model_name}"
     best: Fit[CentralCamera] | None = None
-    for model, fixed in lens.nearest_models:
+    for model, fixed in models:
         try:
             fit = fit_camera(lens, model, fixed=fixed)
         except CalibrationError:
@@ -442,17 +478,13 @@ def _check_camera(camera: CentralCamera, place: str) -> None:
             f"{place}: center: expected in or near the image of {size[0]:g} × {size[1]:g} px, "
             f"got ({u:g}, {v:g}): do both belong to the same image size?"
         )
-    if _has_ray(camera, np.rint(center)):  # unless the numbers are invalid
-        return
     steps = np.linspace(0.0, 1.0, 33)
     grid = np.stack(np.meshgrid(*(steps * (side - 1.0) for side in size)), axis=-1)
-    if not _has_ray(camera, grid):
-        raise CalibrationError(f"{place}: no pixel of this camera has a ray: check its numbers")
-
-
-def _has_ray(camera: CentralCamera, pixels: Floats) -> bool:
-    rays = camera.ray_from_pixel(pixels)
-    return bool((rays.valid & np.isfinite(rays.directions).all(axis=-1)).any())
+    for pixels in (np.rint(center), grid):  # the center has a ray, unless the numbers are invalid
+        rays = camera.ray_from_pixel(pixels)
+        if (rays.valid & np.isfinite(rays.directions).all(axis=-1)).any():
+            return
+    raise CalibrationError(f"{place}: no pixel of this camera has a ray: check its numbers")
 
 
 # Folders with a file for each camera of a rig. A pair of ROS is on its first rectified image.

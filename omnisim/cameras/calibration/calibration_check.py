@@ -84,7 +84,7 @@ def check_camera(calibrated: CalibratedCamera) -> list[Finding]:
     seen = camera.pixel_from_ray(rays.directions)
     errors_px = np.linalg.norm(seen.positions_px - pixels, axis=-1)[rays.valid & seen.valid]
     most_px = float(errors_px.max(initial=0.0))
-    text = f"pixel to ray and back: {number_text(most_px, 2)} px off at most"
+    text = f"pixel to ray and back: at most {number_text(most_px, 2)} px off"
     is_wrong, remedy = (
         most_px > MAX_ROUND_TRIP_PX,
         "two directions of it share a pixel: calibrate again",
@@ -113,8 +113,7 @@ def _view(camera: CentralCamera) -> Iterator[Finding]:
     if seen.theta_limit_rad > math.pi - fields.THETA_TOLERANCE_RAD:
         yield Finding(OK, "limit", "none: all directions up to 180° have a pixel")
         return
-    fold_rad = getattr(getattr(camera, "lens", camera), "fold_rad", math.inf)
-    is_fold = abs(seen.theta_limit_rad - fold_rad) < 1e-6
+    is_fold = fields.is_fold(camera, seen.theta_limit_rad)
     text = f"{'folds' if is_fold else 'ends'} at {math.degrees(seen.theta_limit_rad):.1f}°"
     if 1.0 - seen.covered < fields.MIN_UNSEEN:
         widest = f"the image at {math.degrees(seen.theta_max_rad):.1f}°"

@@ -140,7 +140,9 @@ def tool_of(form: Format[Any], text: str) -> str:
 def _nearest_formats(text: str) -> list[tuple[str, str]]:
     """Formats that share most keys with a text, the nearest first, each with one thing it lacks."""
     kind = {"{": "JSON", "<": "XML"}.get(text.lstrip()[:1], "YAML")
-    pattern = r"<(\w+)" if kind == "XML" else r"""(?:^|[{,])[-\s]*["']?([A-Za-z_][\w.]*)["']?\s*:"""
+    pattern = (
+        r"<(\w+)" if kind == "XML" else r"""(?:^|[{,])[- \t]*["']?([A-Za-z_][\w.]*)["']?\s*:"""
+    )
     present = set(re.findall(pattern, text, re.M))
     ranked = []
     for form in FORMATS.values():
@@ -156,7 +158,7 @@ def _nearest_formats(text: str) -> list[tuple[str, str]]:
         if shared:
             ranked.append((-len(shared), kind != own_kind, len(missing), form, reason))
     own_most = min((count for count, is_other, *_ in ranked if not is_other), default=0)
-    ranked = [entry for entry in ranked if not entry[1] or entry[0] < own_most]
+    ranked = [entry for entry in ranked if not entry[1] or entry[0] < min(2 * own_most, -1)]
     ranked.sort(key=lambda entry: entry[:3])
     nearest = dict.fromkeys((_family(form), reason) for *_, form, reason in ranked)
     return list(nearest)[:SHOWN_FORMATS]

@@ -21,10 +21,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+from scipy import ndimage
 
-from omnisim.cameras import CentralCamera, pixel_grid
-from omnisim.core.arrays import Bools, Floats32
+from omnisim.cameras import CentralCamera, Pixels, Rays, pixel_grid
+from omnisim.cameras.calibration.documents import MAX_SIZE_PX
+from omnisim.cameras.camera import Uniforms, as_pixels
+from omnisim.cameras.parametric_camera import ParametricCamera, PrincipalPoint
+from omnisim.core.arrays import Bools, Floats, Floats32
 from omnisim.core.errors import OutputError
 from omnisim.core.files.image_files import read_channels, write_channels
 from omnisim.core.short_repr import short_repr
@@ -37,6 +41,9 @@ ATTRIBUTES = {
     "omnisim:pixel": "a value is that of the pixel's center; the first row is the top one",
 }
 BAND_PIXELS = 1 << 20  # pixels computed at once, to bound the memory of intermediate results
+RIM = 5  # pixels within which a spline feels that there is no ray
+PAD = 7  # pixels beyond the border, where splines go on smoothly
+MIN_SIDE = 8  # pixels of a table that a lens can be fitted to
 UNIT_TOLERANCE = 1e-5  # a hundred times a float's rounding
 
 
@@ -110,6 +117,116 @@ def read_ray_table(path: str | Path) -> RayTable:
         got = f"an error of {error:.3g}" if math.isfinite(error) else "numbers that are not finite"
         raise OutputError(f"{path}: direction: expected unit vectors where valid is 1, got {got}")
     return RayTable(directions, origins, valid, data.metadata or {})
+
+
+# Tables of other programs, as lenses that are read as the nearest model.
+
+EXR_CHANNELS = (tuple(f"direction.{axis}" for axis in AXES), tuple(AXES), tuple("RGB"))
+CSV_HEADER = "u,v,x,y,z"
+
+
+@dataclass(frozen=True, eq=False)
+class TableLens(ParametricCamera):
+    """Lens by the rays of its pixels' centers, with cubic splines in between.
+
+    Domain: between the centers of valid pixels, at least `RIM` pixels from invalid ones.
+    """
+
+    principal_point_px: PrincipalPoint
+    model_name = "ray_table"
+    __eq__, __hash__ = object.__eq__, object.__hash__  # rays are no fields
+
+    @classmethod
+    def of(cls, directions: Floats, valid: Bools) -> TableLens:
+        """Lens with rays (height, width, 3) where `valid` (height, width)."""
+        nearest = ndimage.distance_transform_edt(
+            ~valid, return_distances=False, return_indices=True
+        )
+        filled = directions[tuple(nearest)]
+        v, u = np.unravel_index(int(np.argmax(filled[..., 2])), valid.shape)
+        lens = cls(valid.shape[1], valid.shape[0], (float(u), float(v)))
+        wide = np.pad(filled, ((PAD, PAD), (PAD, PAD), (0, 0)), "reflect", reflect_type="odd")
+        splines = [ndimage.spline_filter(wide[..., axis], mode="mirror") for axis in range(3)]
+        object.__setattr__(lens, "_splines", splines)
+        inner = ndimage.binary_erosion(valid, iterations=RIM, border_value=1)
+        object.__setattr__(lens, "_valid", inner.astype(np.uint8))
+        return lens
+
+    def ray_from_pixel(self, pixels_px: ArrayLike) -> Rays:
+        """Rays of pixels (..., 2): unit directions in the optical frame; valid in the domain."""
+        u, v = np.moveaxis(as_pixels(pixels_px), -1, 0)
+        splines: list[Floats] = getattr(self, "_splines")  # noqa: B009  no field of the dataclass
+        at = np.stack((v + PAD, u + PAD))
+        directions = np.stack(
+            [ndimage.map_coordinates(s, at, prefilter=False, mode="mirror") for s in splines],
+            axis=-1,
+        )
+        directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
+        inside = (u >= 0.0) & (u <= self.width_px - 1.0) & (v >= 0.0) & (v <= self.height_px - 1.0)
+        seen = ndimage.map_coordinates(getattr(self, "_valid"), (v, u), order=0, mode="nearest")  # noqa: B009
+        return Rays(directions, inside & (seen > 0))
+
+    def pixel_from_ray(self, directions: ArrayLike) -> Pixels:
+        """Not needed: the model that is fitted to the rays has the inverse."""
+        raise NotImplementedError
+
+    def uniforms(self) -> Uniforms:
+        """Not needed: the model that is fitted to the rays is drawn."""
+        raise NotImplementedError
+
+
+def read_table_lens(path: Path) -> tuple[TableLens, bool]:
+    """Read rays per pixel from an EXR with three channels, or a CSV with the columns u, v, x, y, z.
+
+    Rays of any length but 0 are valid, unless the EXR has a channel `valid`.
+
+    Returns:
+        The lens, and True if it looks into a mirror: its z is then that of a lens.
+
+    Raises:
+        OutputError: the file is missing or malformed.
+    """
+    valid: Bools
+    if path.suffix.lower() == ".csv":
+        rays = _csv_rays(path)
+        valid = np.ones(rays.shape[:2], dtype=bool)
+    else:
+        values = read_channels(path).values
+        names = next((names for names in EXR_CHANNELS if set(names) <= values.keys()), None)
+        if names is None:
+            expected = " or ".join(", ".join(names) for names in EXR_CHANNELS)
+            raise OutputError(f"{path}: expected channels {expected}, got {', '.join(values)}")
+        rays = np.stack([values[name] for name in names], axis=-1).astype(np.float64)
+        valid = values["valid"] > 0.5 if "valid" in values else np.ones(rays.shape[:2], dtype=bool)
+    lengths = np.linalg.norm(rays, axis=-1)
+    valid = valid & np.isfinite(lengths) & (lengths > 0.0)
+    if min(valid.shape) < MIN_SIDE or valid.sum() < MIN_SIDE**2:
+        raise OutputError(f"{path}: expected at least {MIN_SIDE} × {MIN_SIDE} pixels with a ray")
+    directions = np.where(valid[..., None], rays, 0.0) / np.where(valid, lengths, 1.0)[..., None]
+    height, width = valid.shape
+    sign = -1.0 if directions[height // 2][width // 2][2] < 0.0 else 1.0
+    return TableLens.of(directions * (1.0, 1.0, sign), valid), sign < 0.0
+
+
+def _csv_rays(path: Path) -> Floats:
+    """Rays (height, width, 3) of a CSV; 0 where a pixel has no row."""
+    try:
+        with path.open(encoding="utf-8") as file:
+            header = file.readline().replace(" ", "").strip().lower()
+            if header != CSV_HEADER:
+                raise OutputError(f"{path}: expected the header {CSV_HEADER}, got {header[:60]}")
+            rows = np.loadtxt(file, delimiter=",", ndmin=2)
+    except (OSError, ValueError) as reason:
+        raise OutputError(f"{path}: expected rows of u, v, x, y, z: {reason}") from None
+    pixels = rows[:, :2].astype(np.int64)
+    if rows.shape[1] != 5 or (pixels != rows[:, :2]).any() or not 0 <= pixels.min() <= MAX_SIZE_PX:
+        raise OutputError(f"{path}: expected whole u and v from 0, and three numbers of a ray")
+    if pixels.max() >= MAX_SIZE_PX:
+        raise OutputError(f"{path}: expected pixels below {MAX_SIZE_PX}, got {pixels.max()}")
+    width, height = pixels.max(axis=0) + 1
+    rays = np.zeros((height, width, 3))
+    rays[pixels[:, 1], pixels[:, 0]] = rows[:, 2:]
+    return rays
 
 
 def _channel(path: Path, values: dict[str, Floats32], name: str) -> Floats32:

@@ -70,13 +70,18 @@ def field_notes(camera: CentralCamera) -> tuple[str, ...]:
     limit_rad = _model_limit_rad(camera, optical_axis(camera))
     if limit_rad > math.pi - THETA_TOLERANCE_RAD:  # the whole sphere
         return ()
-    fold_rad = getattr(getattr(camera, "lens", camera), "fold_rad", math.inf)
-    end = f"{'folds' if abs(limit_rad - fold_rad) < 1e-6 else 'ends'} at {_degrees(limit_rad)}"
+    end = f"{'folds' if is_fold(camera, limit_rad) else 'ends'} at {_degrees(limit_rad)}"
     if stated_rad is not None:
         if stated_rad < limit_rad + THETA_TOLERANCE_RAD:
             return ()
         return (f"θ_max = {_degrees(stated_rad)} is never reached: the lens {end}",)
     return (f"the lens {end}, inside the image: {100.0 * unseen:.0f} % of the image is black",)
+
+
+def is_fold(camera: CentralCamera, limit_rad: float) -> bool:
+    """True if a camera's lens folds at the angle at which the camera ends."""
+    fold_rad: float = getattr(getattr(camera, "lens", camera), "fold_rad", math.inf)
+    return abs(limit_rad - fold_rad) < 1e-6
 
 
 def _degrees(angle_rad: float) -> str:

@@ -18,7 +18,7 @@ from omnisim.cameras.calibration.calibrated_camera import OPTICS, CentralError
 from omnisim.cameras.calibration.calibration_formats import format_named
 from omnisim.cameras.calibration.documents import read_text
 from omnisim.cameras.calibration.metadata import is_catadioptric
-from omnisim.cameras.models.field_of_view import field_of_view
+from omnisim.cameras.models.field_of_view import field_of_view, is_fold
 from omnisim.core.errors import CalibrationError, OmnisimError
 from omnisim.core.files.atomic_file import check_distinct, check_target
 from omnisim.core.files.image_files import EIGHT_BIT_SUFFIXES, FLOAT_SUFFIXES, read_image
@@ -242,6 +242,8 @@ def _own_camera(path: Path) -> CentralCamera | None:
     _, metadata = read_image(path)
     parameters = None if metadata is None else metadata.get("camera")
     if not isinstance(parameters, dict):
+        if suffix == ".exr":  # it may be a table of rays
+            return None
         raise CalibrationError(f"{path}: expected an image by omnisim, got one without its camera")
     try:
         return camera_of_parameters(parameters)
@@ -281,9 +283,8 @@ def _rows(calibrated: calibrations.CalibratedCamera) -> list[tuple[str, str]]:
     rows += [_parameter_row(key, value) for key, value in parameters.items()]
     axis = ", from −z, as it looks into a mirror" if seen.axis[2] < 0.0 else ""
     across, upright = math.degrees(seen.horizontal_rad), math.degrees(seen.vertical_rad)
-    fold_rad = getattr(getattr(camera, "lens", camera), "fold_rad", math.inf)
     limit_rad = seen.theta_limit_rad
-    folds = ", where it folds" if abs(limit_rad - fold_rad) < 1e-6 else ""
+    folds = ", where it folds" if is_fold(camera, limit_rad) else ""
     limit = f"θ = {math.degrees(limit_rad):.2f}°{folds}"
     rows += [
         ("field of view", f"{across:.1f}° × {upright:.1f}°"),

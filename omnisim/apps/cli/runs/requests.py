@@ -62,7 +62,8 @@ class DriveRequest:
                example="lap"),
     ]  # fmt: skip
     """Path of the scene, or a file: .tum .kitti .csv, or EuRoC's. A .csv with only x_m and y_m
-    holds waypoints."""
+    holds waypoints; one with speed_mps and turn_rate_radps, commands as omnisim serve writes them.
+    """
     output: Annotated[Path, Option(metavar="DIR")]
     """Folder of the run; an unfinished run resumes."""
     force: bool = False

@@ -18,6 +18,7 @@ from omnisim.core.extras import require_extra
 from omnisim.core.files.atomic_file import check_suffix, write_text
 from omnisim.robots.vehicle import Vehicle
 from omnisim.scene import Scene, read_scene
+from omnisim.serve.publisher import Publisher
 
 SCENE = "soccer"
 CHANNELS = ("range", "semantic", "instance")
@@ -117,9 +118,10 @@ def _starts(
     return dict(zip(vehicles, starts, strict=False))
 
 
-def _publishers(streams: StreamOptions, keeps_all: bool) -> list:
+def _publishers(streams: StreamOptions, keeps_all: bool) -> list[Publisher]:
     """Servers of the protocols, and the recorder."""
-    found, port = [], streams.port
+    found: list[Publisher] = []
+    port = streams.port
     names = streams.protocols.split(",")
     if streams.router is not None and "ros2" not in names:
         raise OutputError("--router: expected ros2 among --protocols")
@@ -144,5 +146,6 @@ def _publishers(streams: StreamOptions, keeps_all: bool) -> list:
     if streams.record is not None:
         from omnisim.serve.mcap_recorder import McapRecorder
 
-        found.append(McapRecorder(streams.record))
+        check_suffix(streams.record, ".mcap")
+        found.insert(0, McapRecorder(streams.record))  # refuses an existing file, before all else
     return found

@@ -2,7 +2,7 @@
 
 import { Catalog } from "./catalog.js";
 import { Controls } from "./controls.js";
-import { byId, download, make, short, toast } from "./dom.js";
+import { byId, download, listenToHeader, make, short, toast } from "./dom.js";
 import { Drive, isTyping } from "./drive.js";
 import { FloorMap } from "./map.js";
 import { markPreset, showPresets } from "./presets.js";
@@ -18,8 +18,8 @@ const views = new Map();
 const state = { about: {}, camera: {}, frame: {}, drives: false, map: null, mapMessage: null, names: [], isProbing: false, pointed: null, probedChange: -1, probedPoints: "", playing: 0, counted: {} };
 const rates = [];
 
-const stream = new Stream({
-  open: () => stream.send("ask"),
+const stream = new Stream("stream", {
+  open: () => send("ask"),
   closed: () => {
     byId("title").textContent = "connection lost; reconnecting …";
     state.drives = false;
@@ -30,7 +30,7 @@ const stream = new Stream({
   frame: showFrame,
   map: (message) => {
     state.mapMessage = message;
-    state.map?.setImage(message);
+    state.map?.setImage(message.parts[0].blob, message);
   },
   probe: showProbe,
   statistics: (counted) => {
@@ -41,7 +41,7 @@ const stream = new Stream({
   saved: (message) => download(message.name, message.parts[0].blob),
   error: showFault,
 });
-const send = (type, content) => stream.send(type, content);
+const send = (type, content) => stream.send({ type, ...content });
 const controls = new Controls((path, value) => send("set", { path, value }));
 const catalog = new Catalog(
   (words) => send("search", { words }),
@@ -223,7 +223,7 @@ function addView(name) {
   state.map = new FloorMap(view);
   view.reason = state.mapMessage ? "" : "building the map …";
   state.map.update({ outline_m: state.about.outline_m, driven_m: state.about.driven_m });
-  if (state.mapMessage) state.map.setImage(state.mapMessage);
+  if (state.mapMessage) state.map.setImage(state.mapMessage.parts[0].blob, state.mapMessage);
   if (state.frame.viewpoint) state.map.update({ place: state.frame.viewpoint, seen_m: state.frame.seen_m });
 }
 
@@ -331,15 +331,7 @@ function setPlaying(isOn) {
 // Buttons and keys
 
 function listen() {
-  const theme = localStorage.getItem("omnisim-theme");
-  if (theme) document.documentElement.dataset.theme = theme;
-  byId("theme").onclick = () => {
-    const isDark = getComputedStyle(document.documentElement).colorScheme === "dark";
-    const next = isDark ? "light" : "dark";
-    document.documentElement.dataset.theme = next;
-    localStorage.setItem("omnisim-theme", next);
-  };
-  byId("help").onclick = () => byId("help-dialog").showModal();
+  listenToHeader();
   byId("wheel").onclick = () => send("wheel");
   for (const name of ["undo", "redo", "reset"]) byId(name).onclick = () => send(name);
   byId("save-toml").onclick = () => send("save", { what: "toml" });

@@ -262,7 +262,7 @@ class Insta360(Format[UnifiedCamera]):
     suffix = ".txt"
     models = (UnifiedCamera,)
     fits = ((UnifiedCamera, base.NO_SKEW),)
-    signature = re.compile(r"\A\s*[\"']?\d_-?\d+\.\d+(_-?[\d.]+){8,}[\"']?\s*(#.*\s*)*\Z")
+    signature = re.compile(r"\A\s*[\"']?\d(_-?[\d.]+(e[-+]?\d+)?){9,}[\"']?\s*(#|\Z)")
     several = True
     unified_terms = frozenset({"ξ", "k3"})
 

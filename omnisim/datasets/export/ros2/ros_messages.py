@@ -220,7 +220,8 @@ def point_fields(columns: Iterable[tuple[str, NDArray[Any]]]) -> NDArray[np.void
 # Bytes of messages, and the types that ROS itself lacks. Source: livox_ros_driver2/msg.
 
 
-LIVOX_POINT, LIVOX_CLOUD = "livox_ros_driver2/msg/CustomPoint", "livox_ros_driver2/msg/CustomMsg"
+LIVOX = "livox_ros_driver2/msg/"
+LIVOX_POINT, LIVOX_CLOUD = f"{LIVOX}CustomPoint", f"{LIVOX}CustomMsg"
 _LIVOX_FIELDS = {
     LIVOX_POINT: "uint32 offset_time, float32 x, float32 y, float32 z, uint8 reflectivity, "
     "uint8 tag, uint8 line",

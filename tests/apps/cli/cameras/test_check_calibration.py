@@ -5,7 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from omnisim.cameras.calibration import load_calibration
+from omnisim.cameras.calibration import Residuals, load_calibration
+from omnisim.cameras.calibration.calibration_check import OtherFormats
 from omnisim.core.files.image_files import read_image, write_image
 from tests.cameras.calibration.sample_files import FOLDER
 
@@ -78,6 +79,20 @@ def test_plots_show_formats_and_straight_lines(ran, tmp_path):
     right = is_line[:, is_line.shape[1] // 2 :]
     assert (right.mean(axis=0) > 0.6).sum() >= 5
     assert not (is_line[:, : is_line.shape[1] // 2].mean(axis=0) > 0.6).sum() >= 5
+
+
+def test_each_fit_has_its_color():
+    pytest.importorskip("matplotlib")
+    from omnisim.plots.calibration_plot import check_figure
+
+    lens = load_calibration(FOLDER / "opencv_pinhole.yaml").cameras[0].camera.scaled(0.1)
+    fits = [
+        OtherFormats([name], lens.scaled(1.0), "eucm", Residuals(0.1, size_px, 1.0, "unified"))
+        for name, size_px in (("a", 0.2), ("b", 0.3))
+    ]
+    (_, difference) = check_figure({"cam0": (lens, [], fits)}).axes
+    colors = [line.get_color() for line in difference.get_lines()[1:]]
+    assert len(set(colors)) == 2
 
 
 @pytest.mark.parametrize(

@@ -28,13 +28,13 @@ export class View {
   blob = null;
 
   /** @param hooks callbacks `probe`, `drag`, `click`, `wheel` and `close` of this view. */
-  constructor(name, hooks) {
+  constructor(name, hooks, title = titleOf(name)) {
     this.name = name;
-    this.#canvas.setAttribute("aria-label", titleOf(name));
+    this.#canvas.setAttribute("aria-label", title);
     this.#canvas.setAttribute("role", "img");
-    const caption = make("figcaption", {}, make("b", { text: titleOf(name) }), this.#detail, make("span", { class: "spread" }));
+    const caption = make("figcaption", {}, make("b", { text: title }), this.#detail, make("span", { class: "spread" }));
     if (name === "camera") caption.append(this.#state, make("span"));
-    else caption.append(make("button", { class: "close", "aria-label": `Hide ${titleOf(name)}`, text: "×", onclick: () => hooks.close(name) }));
+    else caption.append(make("button", { class: "close", "aria-label": `Hide ${title}`, text: "×", onclick: () => hooks.close(name) }));
     this.box = make("div", { class: "box" }, this.#canvas, this.#mark, this.#reason);
     this.element = make("figure", { class: `view${WIDE.has(name) ? " wide" : ""}`, "data-view": name }, caption, this.box, this.#legend);
     this.#listen(hooks);
@@ -146,8 +146,11 @@ export class View {
   }
 }
 
-/** Divide the window between the camera and the other views: as much image as fits without scrolling. */
-export function arrange(views, stage) {
+/**
+ * Divide the window between the camera and the other views: as much image as fits without scrolling.
+ * @param least minimum width of a column of other views.
+ */
+export function arrange(views, stage, least = 0) {
   const box = byId("views");
   const [width, height] = [box.clientWidth, stage.getBoundingClientRect().bottom - box.getBoundingClientRect().top - stage.scrollTop - 16];
   const shapes = [...views.values()].map(({ element, canvas, name }) => ({
@@ -156,7 +159,7 @@ export function arrange(views, stage) {
   const [camera, ...others] = shapes.sort((one, other) => (other.name === "camera") - (one.name === "camera"));
   let best = null;
   for (let columns = 1; innerWidth > 760 && columns <= Math.min(3, others.length); columns++) {
-    for (let side = 160; side < width - 240; side += 4) {
+    for (let side = Math.max(160, least * columns); side < width - 240; side += 4) {
       const [used, area] = column(others, side, columns);
       const shown = Math.min(width - GAP_PX - side, (height - camera.rest) * camera.aspect);
       const total = area + (shown * shown) / camera.aspect;

@@ -37,6 +37,19 @@ export function toast(text) {
   toastTimer = setTimeout(() => (element.hidden = true), 3200);
 }
 
+/** Buttons of every page: light or dark, and the help. */
+export function listenToHeader() {
+  const theme = localStorage.getItem("omnisim-theme");
+  if (theme) document.documentElement.dataset.theme = theme;
+  byId("theme").onclick = () => {
+    const isDark = getComputedStyle(document.documentElement).colorScheme === "dark";
+    const next = isDark ? "light" : "dark";
+    document.documentElement.dataset.theme = next;
+    localStorage.setItem("omnisim-theme", next);
+  };
+  byId("help").onclick = () => byId("help-dialog").showModal();
+}
+
 export function download(name, blob) {
   const link = make("a", { href: URL.createObjectURL(blob), download: name });
   link.click();

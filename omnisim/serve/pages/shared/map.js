@@ -19,10 +19,11 @@ export class FloorMap {
     view.canvas.height = Math.round(WIDTH * 0.75);
   }
 
-  async setImage(message) {
+  /** @param image source of a bitmap between the world's corners `low_m` and `high_m`. */
+  async setImage(image, { low_m: low, high_m: high }) {
     const isFirst = this.#image === null;
-    this.#image = await createImageBitmap(message.parts[0].blob);
-    [this.#low, this.#high] = [message.low_m, message.high_m];
+    this.#image = await createImageBitmap(image);
+    [this.#low, this.#high] = [low, high];
     if (isFirst) this.fit();
     this.view.reason = "";
     this.draw();
@@ -35,7 +36,7 @@ export class FloorMap {
     this.#pixelsPerM = Math.min(width / size[0], height / size[1]);
   }
 
-  /** @param state changed values among `place`, `seen_m`, `outline_m`, `driven_m`, `goal`, `point`. */
+  /** @param state changed values among `place`, `seen_m`, `outline_m`, `driven_m`, `goal`, `point`, `hits_m`, `others`. */
   update(state) {
     Object.assign(this.#state, state);
     if (state.place) this.#extendTrail(state.place.position_m);
@@ -52,6 +53,11 @@ export class FloorMap {
     const now = this.world(u, v);
     this.#center = [this.#center[0] + at[0] - now[0], this.#center[1] + at[1] - now[1]];
     this.draw();
+  }
+
+  /** Look at a world point (x, y), where there is no image. */
+  follow([x, y]) {
+    if (!this.#image) this.#center = [x, y];
   }
 
   pan(du, dv) {
@@ -102,7 +108,7 @@ export class FloorMap {
       context.imageSmoothingQuality = "high";
       context.drawImage(this.#image, left, top, right - left, bottom - top);
     }
-    const { place, seen_m: seen, driven_m: driven, goal, point } = this.#state;
+    const { place, seen_m: seen, driven_m: driven, goal, point, hits_m: hits, others } = this.#state;
     if (seen?.length) {
       this.#line(context, seen);
       context.closePath();
@@ -114,8 +120,14 @@ export class FloorMap {
     }
     if (driven?.length > 1) this.#stroke(context, driven, "rgb(255 190 60 / .9)", 2.5);
     if (this.#trail.length > 1) this.#stroke(context, this.#trail, "rgb(20 184 166 / .95)", 3);
+    for (const hit of hits ?? []) {
+      const [x, y] = this.#pixel(hit);
+      context.fillStyle = "#ff3d71";
+      context.fillRect(x - 1.5, y - 1.5, 3, 3);
+    }
     if (goal) this.#dot(context, goal, 6, "rgb(20 184 166)", true);
-    if (place) this.#vehicle(context, place);
+    for (const other of others ?? []) this.#vehicle(context, other, null, "#8b5cf6");
+    if (place) this.#vehicle(context, place, this.#state.outline_m);
     if (point) this.#dot(context, point, 7, "#ff3d71", true);
   }
 
@@ -141,12 +153,11 @@ export class FloorMap {
     else context.fill();
   }
 
-  #vehicle(context, place) {
+  #vehicle(context, place, outline, color = "#14b8a6") {
     context.save();
     context.translate(...this.#pixel(place.position_m));
     context.rotate((-place.yaw_deg * Math.PI) / 180);
-    const outline = this.#state.outline_m;
-    context.fillStyle = "#14b8a6";
+    context.fillStyle = color;
     context.strokeStyle = "#ffffff";
     context.lineWidth = 2;
     if (outline) {
@@ -165,7 +176,7 @@ export class FloorMap {
     context.lineTo(-size * 0.35, 0);
     context.lineTo(-size * 0.7, -size * 0.7);
     context.closePath();
-    context.fillStyle = outline ? "#ffffff" : "#14b8a6";
+    context.fillStyle = outline ? "#ffffff" : color;
     context.fill();
     if (!outline) context.stroke();
     context.restore();
