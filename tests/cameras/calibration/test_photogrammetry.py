@@ -162,6 +162,11 @@ def test_a_reconstruction_has_poses_and_a_rig(tmp_path):
     front_from_back = find_pose(poses, "front", "back")
     np.testing.assert_allclose(front_from_back[:3, 3], [0.0, 0.0, -0.03], atol=1e-12)
     np.testing.assert_allclose(np.diag(front_from_back)[:3], [-1.0, 1.0, -1.0], atol=1e-12)
+    # cameras that never took images together are no rig
+    alone = {name: {"rig_camera_ids": {name: rig}} for name, rig in ids.items()}
+    path = save(tmp_path, "reconstruction.json", json.dumps([{**first, "rig_instances": alone}]))
+    targets = [pose.target for one in load_calibration(path).cameras for pose in one.poses]
+    assert targets == ["world", "world"]
 
 
 def test_openmvgs_panoramas():
@@ -355,6 +360,28 @@ def test_arias_time_shift_and_circle_come_back(tmp_path):
     back = load_calibration(tmp_path / "b.json")
     assert [one.camera for one in back.cameras] == [one.camera for one in loaded.cameras]
     assert back.cameras[0].time_shift_s == -0.25
+
+
+def test_arias_sizes_are_those_of_a_known_device_or_a_note_says_so(tmp_path):
+    file = json.loads((FOLDER / "aria.json").read_text())
+    del file["ImageSizes"]
+    file["CameraCalibrations"] = file["CameraCalibrations"][2:]
+    for device, side_px in (("Aria", 2880), ("Oatmeal", 4032), ("Walnut", 2880)):
+        file["DeviceClassInfo"] = {"DeviceClass": device}
+        path = save(tmp_path, "a.json", json.dumps(file))
+        if device == "Walnut":
+            with pytest.warns(NoticeWarning, match="DeviceClass = Walnut: an unknown device, of"):
+                found = load_calibration(path)
+        else:
+            found = load_calibration(path)
+        assert found.cameras[0].camera.width_px == side_px
+    config = {"ImageWidth": 1408, "ImageHeight": 1408, "MaxSolidAngle": 1.0}
+    file["CameraCalibrations"][0]["ConfigData"] = config
+    file["ImageSizes"] = [[704, 704]]
+    with pytest.warns(NoticeWarning, match="704 × 704, and ConfigData 1408 × 1408, which is read"):
+        found = load_calibration(save(tmp_path, "a.json", json.dumps(file)))
+    assert found.cameras[0].camera.width_px == 1408
+    assert "Walnut" not in str(found.cameras[0].notes)
 
 
 def test_arias_online_calibrations_are_refused_and_world_poses_are_no_rig(tmp_path):

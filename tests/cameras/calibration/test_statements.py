@@ -44,7 +44,7 @@ def test_a_fisheye_of_instant_ngp_is_no_pinhole(tmp_path):
             CalibrationError, match=r"camera_model: expected .* as is_fisheye states"
         ):
             read_transforms(tmp_path, is_fisheye=stated, camera_model=model, **FISHEYE)
-    for key in ("equirectangular", "k5"):
+    for key in ("equirectangular", "orthographic", "k5"):
         with pytest.raises(CalibrationError, match=f"{key} = .*is not read: state a camera_model"):
             read_transforms(tmp_path, **{key: 1.5}, **FISHEYE)
 
@@ -62,8 +62,18 @@ def test_other_lenses_of_instant_ngp(tmp_path):
     np.testing.assert_allclose(lens.ray_from_pixel(pixels).directions, theirs, atol=1e-12)
     with pytest.raises(CalibrationError, match=r"ftheta_p0: expected 0, .* got 0.1"):
         read_transforms(tmp_path, **{**keys, "ftheta_p0": 0.1}, w=1280, h=960)
-    with pytest.raises(CalibrationError, match="camera_model: expected none beside latlong"):
-        read_transforms(tmp_path, latlong=True, camera_model="OPENCV", w=200, h=100)
+    for stated, model in ((True, "OPENCV"), (False, "EQUIRECTANGULAR")):
+        with pytest.raises(CalibrationError, match="camera_model: expected none beside latlong"):
+            read_transforms(tmp_path, latlong=stated, camera_model=model, w=200, h=100)
+
+
+def test_keys_of_other_lenses_are_named(tmp_path):
+    whole = {"w": 200, "h": 100, "fl_x": 100.0, "fl_y": 100.0, "cx": 100.0, "cy": 50.0}
+    assert read_transforms(tmp_path, latlong=True, **whole).cameras[0].notes == ()
+    with pytest.warns(NoticeWarning, match=r"fl_x = 90.0, k1 = 0.1: not read in a panorama"):
+        read_transforms(tmp_path, latlong=True, **{**whole, "fl_x": 90.0}, k1=0.1)
+    with pytest.warns(NoticeWarning, match=r"camera_angle_x = 2.0: not read in an f-theta lens"):
+        read_transforms(tmp_path, camera_angle_x=2.0, ftheta_p1=2e-3, cx=99.0, w=200, h=100)
 
 
 @pytest.mark.parametrize(

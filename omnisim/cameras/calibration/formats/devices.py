@@ -154,6 +154,7 @@ class Aria(Format[AriaLens]):
                 matrix = base.pose_from_quaternion(position, (x, y, z, w), where)
                 poses = (NamedPose(DEVICE, part.Label, matrix),)
             notes = () if part.Calibrated else ("Calibrated = false: it was not calibrated",)
+            notes += _size_notes(part, file, index)
             shift_s = -part.TimeOffsetSec_Device_Camera
             cameras.append(ParsedCamera(part.Label, lens, poses, shift_s, notes))
         return cameras
@@ -230,6 +231,20 @@ class Aria(Format[AriaLens]):
                 ray = lens.ray_from_pixel((u + radius, v)).directions
                 widest = min(widest, math.atan2(math.hypot(ray[0], ray[1]), ray[2]))
             return lens.ending_at(min(widest, math.pi)) or lens
+
+
+def _size_notes(part: _Camera, file: _File, index: int) -> tuple[str, ...]:
+    """Notes on sizes that contradict each other or are not known."""
+    config, sizes = part.ConfigData, file.ImageSizes or []
+    device = file.DeviceClassInfo.DeviceClass
+    if config is None:
+        known = f"DeviceClass = {device}: an unknown device, of which size and circle are as Aria's"
+        return () if device in CONFIGS else (known,)
+    size = config.ImageWidth, config.ImageHeight
+    if index >= len(sizes) or sizes[index] == size:
+        return ()
+    ours, theirs = (f"{width} × {height}" for width, height in (size, sizes[index]))
+    return (f"ImageSizes states {theirs}, and ConfigData {ours}, which is read",)
 
 
 LENS = "xi fx fy cx cy yaw pitch roll tx ty tz k1 k2 k3 p1 p2 width height type"

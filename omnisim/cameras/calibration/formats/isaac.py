@@ -45,6 +45,7 @@ from omnisim.core.errors import CalibrationError
 
 IsaacLens = FThetaInverseCamera | KannalaBrandtCamera | UnifiedCamera | RationalPolynomialCamera
 PREFIX = "omni:lensdistortion:"
+CENTIMETER = 0.01  # USD's unit, if a stage states none
 _SENSOR = {"nominalWidth": 1936.0, "nominalHeight": 1216.0, "opticalCenter": (970.9424, 600.3748)}
 _OPENCV = {"imageSize": (2048, 1024), "fx": 900.0, "fy": 800.0, "cx": 1024.0, "cy": 512.0}
 _PINHOLE_KEYS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4")
@@ -169,7 +170,7 @@ class Isaac(Format[IsaacLens]):
     def document(self, text: str, source: str) -> dict[str, Any]:
         """Camera prims of a stage, and its unit."""
         unit = re.search(r"^\s*metersPerUnit\s*=\s*(\S+)", text, re.M)
-        meters = documents.parse_number(unit[1], f"{source}: metersPerUnit") if unit else 0.01
+        meters = documents.parse_number(unit[1], f"{source}: metersPerUnit") if unit else None
         cameras: list[dict[str, Any]] = []
         prims: list[dict[str, Any]] = []  # those that the line is in; empty ones: other braces
         head: dict[str, Any] = {}
@@ -187,13 +188,13 @@ class Isaac(Format[IsaacLens]):
                     cameras.append(prims[-1])
             elif line == "}" and prims:
                 prims.pop()
-        return {"cameras": cameras, "metersPerUnit": meters}
+        return {"cameras": cameras} | ({} if meters is None else {"metersPerUnit": meters})
 
     def read(self, document: Any, source: str) -> list[ParsedCamera[CentralCamera]]:
         """Parse the camera prims with a lens."""
         parsed = []
         for prim in document["cameras"]:
-            name, parent = prim["prim:name"], prim["prim:parent"] or WORLD
+            name, parent = prim.get("prim:name", "camera"), prim.get("prim:parent") or WORLD
             place = f"{source}: {name}"
             model = _model(prim)
             if not model:
@@ -208,7 +209,7 @@ class Isaac(Format[IsaacLens]):
             if "xformOp:transform" in prim:
                 where = f"{place}: xformOp:transform"
                 matrix = documents.pose(_matrix(prim["xformOp:transform"], where), where)
-                matrix[:3, 3] *= document["metersPerUnit"]
+                matrix[:3, 3] *= document.get("metersPerUnit", CENTIMETER)
                 poses = (NamedPose(parent, name, matrix @ _USD_FROM_OPTICAL),)
             parsed.append(ParsedCamera(name, lens, poses))
         return parsed

@@ -228,7 +228,13 @@ def _lens(fields: Any, place: str) -> CentralCamera:
     part = parse(fields, _Calibration, place)
     kind = part.projection or part.type or "frame"
     documents.check_choice(kind, PROJECTIONS, f"{place}: projection")
+    if part.type not in (None, kind):
+        raise unexpected(f"{place}: type", f"{kind}, as projection", part.type)
     stated = part.resolution or part
+    for side in ("width", "height"):
+        if getattr(part, side) not in (None, getattr(stated, side)):
+            expected = f"{getattr(stated, side)}, as resolution"
+            raise unexpected(f"{place}: {side}", expected, getattr(part, side))
     if stated.width is None or stated.height is None:
         raise CalibrationError(f"{place}: width, height: missing")
     size = stated.width, stated.height

@@ -25,7 +25,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -61,7 +61,7 @@ class _Intrinsics(
         "fisheye_crop_radius": Unread("black beyond it: theta_max_deg of a sensor file"),
         "distortion_params": Unread("state k1, k2, k3, k4, p1, p2 in its place", is_fault=True),
         "rolling_shutter transform_matrix_start transform_matrix_end": documents.ROLLING_SHUTTER,
-        "equirectangular k5 k6": OTHER_LENS,
+        "equirectangular orthographic k5 k6": OTHER_LENS,
     },
 ):
     """Intrinsics of all frames or of one."""
@@ -84,7 +84,7 @@ class _Intrinsics(
     camera_angle_y: Number | None = None
     x_fov: Number | None = None
     y_fov: Number | None = None
-    latlong: Any = None
+    latlong: Flag | None = None
     ftheta_p0: Number = 0.0
     ftheta_p1: Number = 0.0
     ftheta_p2: Number = 0.0
@@ -158,7 +158,6 @@ class Nerfstudio(Format[NerfstudioLens]):
             notes: list[str] = []
             size = _size(part, Path(source).parent, image, place, notes)
             lens = _lens(part, size, place, notes)
-            notes += _unread_notes(part, lens)
             if len(groups) > 1 and len(poses) == 1:  # one camera per image: it takes its name
                 name = poses[0].source
             cameras.append(ParsedCamera(name, lens, tuple(poses), notes=tuple(notes)))
@@ -173,23 +172,6 @@ class Nerfstudio(Format[NerfstudioLens]):
             for pose in camera.poses if pose.target == "world"
         ]  # fmt: skip
         return json.dumps({**intrinsics(camera.lens), "frames": frames}, indent=2) + "\n"
-
-
-# Keys of the lenses that have hardly any, or the beginnings of these keys.
-_KEYS_OF = {"equirectangular": ("latlong",), "f_theta_inverse": ("ftheta_", "cx", "cy")}
-
-
-def _unread_notes(part: _Intrinsics, lens: CentralCamera) -> list[str]:
-    """Note on the keys of another lens, which are placeholders in files of panoramas."""
-    own = ("w", "h", "camera_model", *_KEYS_OF.get(lens.model_name, ()))
-    usual = intrinsics(lens) if isinstance(lens, EquirectangularCamera) else {}
-    others = [
-        f"{key} = {value}" for key, value in part
-        if value and value != usual.get(key) and not key.startswith(own)
-    ]  # fmt: skip
-    if lens.model_name not in _KEYS_OF or not others:
-        return []
-    return [f"not read, since the lens is {lens.model_name}: {', '.join(others)}"]
 
 
 def _size(
@@ -239,11 +221,20 @@ def _focal_px(
     return taken
 
 
+def _note_unused(part: _Intrinsics, same: Mapping[str, Any], lens: str, notes: list[str]) -> None:
+    """Add a note on keys of other lenses than `lens`, which has those in `same` by their values."""
+    own = {"camera_model", "latlong", "w", "h"}
+    unused = {key: value for key, value in part if value and key not in own}
+    shown = [f"{key} = {value}" for key, value in unused.items() if same.get(key) != value]
+    if shown:
+        notes.append(f"{', '.join(shown)}: not read in {lens}")
+
+
 def _lens(part: _Intrinsics, size: tuple[int, int], place: str, notes: list[str]) -> CentralCamera:
     f_theta = tuple(getattr(part, f"ftheta_p{power}") for power in range(5))
     stated = "EQUIRECTANGULAR" if part.latlong else "FTHETA" if any(f_theta) else None
     model = part.camera_model or stated or ("OPENCV_FISHEYE" if part.is_fisheye else "OPENCV")
-    if stated not in (None, model):
+    if stated not in (None, model) or (part.latlong is False and model == "EQUIRECTANGULAR"):
         raise unexpected(f"{place}: camera_model", "none beside latlong or ftheta_p0", model)
     models = (*PINHOLES, *FISHEYES, "EQUIRECTANGULAR", *([stated] if stated else ()))
     documents.check_choice(model, models, f"{place}: camera_model")
@@ -252,12 +243,16 @@ def _lens(part: _Intrinsics, size: tuple[int, int], place: str, notes: list[str]
         raise unexpected(f"{place}: camera_model", f"{kind}, as is_fisheye states", model)
     width, height = size
     if model == "EQUIRECTANGULAR":
-        return EquirectangularCamera(width, height)
+        panorama = EquirectangularCamera(width, height)
+        _note_unused(part, intrinsics(panorama), "a panorama", notes)
+        return panorama
     u = 0.5 * width if part.cx is None else part.cx
     v = 0.5 * height if part.cy is None else part.cy
     if model == "FTHETA":
         if f_theta[0]:
             raise unexpected(f"{place}: ftheta_p0", "0, the axis at cx, cy", f_theta[0])
+        used = {key: value for key, value in part if key in ("cx", "cy") or "ftheta" in key}
+        _note_unused(part, used, "an f-theta lens", notes)
         with error_context(place):
             return FThetaInverseCamera(width, height, (u - CENTER_PX, v - CENTER_PX), f_theta[1:])
     focal = _focal_px(part, "x", width, place, notes)
@@ -265,16 +260,16 @@ def _lens(part: _Intrinsics, size: tuple[int, int], place: str, notes: list[str]
     if focal is None and (other is None or part.fl_y is not None):
         raise CalibrationError(f"{place}: fl_x: missing")
     focal, other = (px for px in (focal or other, other or focal) if px is not None)
-    intrinsics = base.Intrinsics(width, height, (focal, other), (u - CENTER_PX, v - CENTER_PX))
+    known = base.Intrinsics(width, height, (focal, other), (u - CENTER_PX, v - CENTER_PX))
     with error_context(place):
         if model in FISHEYES:
             if part.p1 or part.p2:
                 raise unexpected(f"{place}: p1, p2", "0 in a fisheye", [part.p1, part.p2])
-            return KannalaBrandtCamera(*intrinsics, (part.k1, part.k2, part.k3, part.k4))
+            return KannalaBrandtCamera(*known, (part.k1, part.k2, part.k3, part.k4))
         if part.k4:
             raise unexpected(f"{place}: k4", f"0 with camera_model {model}", part.k4)
         four = part.k1, part.k2, part.p1, part.p2
-        return base.pinhole(intrinsics, (*four, part.k3) if part.k3 else four)
+        return base.pinhole(known, (*four, part.k3) if part.k3 else four)
 
 
 def intrinsics(lens: NerfstudioLens) -> dict[str, Any]:

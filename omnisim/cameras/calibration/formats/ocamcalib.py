@@ -228,6 +228,11 @@ class Matlab(Format[OcamcalibCamera | UnifiedCamera]):
         """Parse the camera."""
         fields = document.get("Intrinsics", document)
         part = parse(fields, _Parameters, source)
+        notes = tuple(
+            f"{key} = {documents.short(value)} is not read: Intrinsics has another"
+            for key, value in document.items()
+            if key in _Parameters.model_fields and value != fields.get(key)
+        )
         height, width = documents.counted(part.ImageSize, "rows columns", f"{source}: ImageSize")
         place = f"{source}: ImageSize"
         columns, rows = (documents.parse_size(str(side), place) for side in (width, height))
@@ -238,7 +243,7 @@ class Matlab(Format[OcamcalibCamera | UnifiedCamera]):
             kind = "a fisheye's" if is_fisheye else "a pinhole camera's"
             raise unexpected(source, f"{kind} keys alone", ", ".join(foreign))
         if part.MappingCoefficients is None:
-            return [ParsedCamera("camera", _pinhole(part, (columns, rows), source))]
+            return [ParsedCamera("camera", _pinhole(part, (columns, rows), source), notes=notes)]
         place = f"{source}: MappingCoefficients"
         a0, *others = documents.counted(part.MappingCoefficients, "a0 a2 a3 a4", place)
         center = documents.counted(
@@ -252,7 +257,7 @@ class Matlab(Format[OcamcalibCamera | UnifiedCamera]):
             terms = (-a * c ** (1 - n) for n, a in enumerate((a0, 0.0, *others)))
             u, v = np.subtract(center, FIRST_PX).tolist()
             lens = OcamcalibCamera(columns, rows, (u, v), tuple(terms), (1.0 / c, e / c, d / c))
-        return [ParsedCamera("camera", lens)]
+        return [ParsedCamera("camera", lens, notes=notes)]
 
     def encode(self, cameras: Sequence[ParsedCamera[OcamcalibCamera | UnifiedCamera]]) -> str:
         """Text of a file with the camera."""

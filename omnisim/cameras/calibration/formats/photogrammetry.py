@@ -305,16 +305,21 @@ class _Shot(
     camera: str
 
 
-class _RigInstance(ForeignTable):
+class _RigInstance(ForeignTable, harmless="rotation translation"):
     rig_camera_ids: dict[str, str] = Field(default_factory=dict)
 
 
 class _Reconstruction(
     ForeignTable,
-    inner={"cameras": by_name(_OpensfmCamera), "shots": by_name(_Shot)},
+    inner={
+        "cameras": by_name(_OpensfmCamera),
+        "shots": by_name(_Shot),
+        "rig_cameras": by_name(_OpensfmPose),
+        "rig_instances": by_name(_RigInstance),
+    },
     harmless="points pano_shots reference_lla biases",
 ):
-    cameras: dict[str, dict[str, Any]] = Field(default_factory=dict)
+    cameras: dict[str, dict[str, Any]]
     shots: dict[str, _Shot] = Field(default_factory=dict)
     rig_cameras: dict[str, _OpensfmPose] = Field(default_factory=dict)
     rig_instances: dict[str, _RigInstance] = Field(default_factory=dict)
@@ -322,6 +327,7 @@ class _Reconstruction(
     def views(self, camera: str, place: str) -> Iterator[tuple[str, tuple[NamedPose, ...]]]:
         """Names and poses of the cameras of a model."""
         instances = self.rig_instances.values()
+        is_rig = any(len(one.rig_camera_ids) > 1 for one in instances)
         rig_of = {shot: rig for one in instances for shot, rig in one.rig_camera_ids.items()}
         shots = {name: shot for name, shot in self.shots.items() if shot.camera == camera}
         rigs = list(dict.fromkeys(rig_of.get(name, "") for name in shots)) or [""]
@@ -331,7 +337,7 @@ class _Reconstruction(
                 NamedPose(WORLD, name, inverse(shot.matrix(f"{place}: shots.{name}")))
                 for name, shot in shots.items() if rig_of.get(name, "") == rig
             ]  # fmt: skip
-            if rig in self.rig_cameras and len(self.rig_cameras) > 1:
+            if rig in self.rig_cameras and is_rig:
                 at = self.rig_cameras[rig].matrix(f"{place}: rig_cameras.{rig}")
                 poses.append(NamedPose(view, "rig", at))
             yield view, tuple(poses)
@@ -362,7 +368,7 @@ class Opensfm(SolvedFormat):
 
     def read(self, document: Any, source: str) -> list[ParsedCamera[CentralCamera]]:
         """Parse the cameras; of several reconstructions, those of the first."""
-        first, others = _Reconstruction(), list[_Reconstruction]()
+        first, others = _Reconstruction(cameras={}), list[_Reconstruction]()
         if "reconstructions" in document:
             file = parse(document, _Reconstructions, source)
             first, *others = file.reconstructions or [first]

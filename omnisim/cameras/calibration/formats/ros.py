@@ -110,9 +110,9 @@ class CameraInfo(Format[CameraInfoLens]):
         fields = parse(document, CameraInfoMessage, source)
         size_px = fields.width, fields.height
         lens = self._lens(size_px, fields.distortion_model, fields.K, fields.D, source, ("K", "D"))
-        notes = ()
+        notes = _turn_notes(fields.R, fields.P, "R")
         if fields.distortion_model == "plumb_bob" and "fisheye" in fields.frame_id:
-            notes = (T265,)
+            notes = (*notes, T265)
         name = fields.frame_id or "camera"
         poses = stereo_poses(name, fields.R, fields.P, source)
         return ParsedCamera(name, lens, poses, notes=notes)
@@ -153,6 +153,15 @@ def stereo_poses(
         return ()
     with error_context(place):
         return (NamedPose(RECTIFIED, name, base.rectified_pose(r, projection, place)),)
+
+
+def _turn_notes(
+    rotation: Sequence[float], projection: Sequence[float], key: str
+) -> tuple[str, ...]:
+    """Note on a rotation onto rectified images without the projection that has the baseline."""
+    if any(projection) or not any(rotation) or tuple(rotation) == IDENTITY:
+        return ()
+    return (f"{key} = {documents.short(list(rotation))} is not read without a projection",)
 
 
 def with_poses(cameras: Sequence[CameraT]) -> list[CameraT]:
@@ -290,7 +299,8 @@ class Ros(CameraInfo):
             fields.rectification_matrix, fields.projection_matrix,
         )  # fmt: skip
         r, p = (part.data if part else [] for part in stereo)
-        return ParsedCamera(name, lens, stereo_poses(name, r, p, source))
+        notes = _turn_notes(r, p, "rectification_matrix")
+        return ParsedCamera(name, lens, stereo_poses(name, r, p, source), notes=notes)
 
     def encode(self, cameras: Sequence[ParsedCamera[CameraInfoLens]]) -> str:
         """Text of a file with the camera."""
