@@ -338,7 +338,7 @@ def pack(header: dict[str, Any], parts: list[bytes] | tuple[bytes, ...] = ()) ->
 
 
 @functools.cache
-def _names(kind: Any) -> tuple[str, ...]:
+def _names(kind: type) -> tuple[str, ...]:
     """Names of a message's fields."""
     return tuple(
         field.name for field in dataclasses.fields(kind) if not field.name.startswith("__")
@@ -347,7 +347,7 @@ def _names(kind: Any) -> tuple[str, ...]:
 
 def _plain(value: Any, arrays: list[np.ndarray[Any, Any]]) -> Any:
     """Value in JSON types; long arrays are moved to `arrays`."""
-    if dataclasses.is_dataclass(value):
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return {name: _plain(getattr(value, name), arrays) for name in _names(type(value))}
     if isinstance(value, np.ndarray):
         if value.size > MAX_LISTED or not np.all(np.isfinite(value)):

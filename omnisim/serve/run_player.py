@@ -8,8 +8,9 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from omnisim.core.errors import ServeError
-from omnisim.datasets.export.export_format import NANOSECONDS, CloudLayout, ExportSettings
+from omnisim.datasets.export.export_format import NANOSECONDS, ExportSettings
 from omnisim.datasets.export.recording import Recording
+from omnisim.datasets.export.ros2 import CloudLayout
 from omnisim.datasets.export.ros2 import ros_messages as ros
 from omnisim.datasets.export.ros2.bag_format import StampedMessage, open_streams, write_messages
 from omnisim.runs.commanded_motion import TICKS_PER_S

@@ -27,7 +27,8 @@ from omnisim.core.files.image_files import image_bytes
 from omnisim.core.pending import Pending
 from omnisim.core.poses import MAX_M
 from omnisim.core.world import WorldState
-from omnisim.datasets.export.export_format import NANOSECONDS, CloudLayout
+from omnisim.datasets.export.export_format import NANOSECONDS
+from omnisim.datasets.export.ros2 import CloudLayout
 from omnisim.datasets.export.ros2 import ros_messages as ros
 from omnisim.datasets.export.ros2 import sensor_messages as of_sensors
 from omnisim.rendering.camera.omnicamera import OmniCamera
@@ -381,7 +382,7 @@ class Simulation(Served):
     def _next_due(self, skips: bool) -> _Due | None:
         """Measurement with the earliest time that is due and wanted; it counts as made."""
         with self._lock:
-            due = []
+            due: list[tuple[float, int, ServedRobot, Eye]] = []
             for robot in self._robots.values():
                 for eye in robot.eyes:
                     is_wanted = any(self._wants(robot.topic(topic.name)) for topic in eye.topics)

@@ -395,7 +395,7 @@ def read_cameras(
         own = metadata.get(entry.name, CameraMetadata(camera=entry.name)).model_copy(update=given)
         place, lens, own_notes = f"{source}: {entry.name}", entry.lens, entry.notes
         if isinstance(lens, base.ForeignLens):
-            lens, note = _nearest_model(lens, place)
+            lens, note = _nearest_model(lens, place, lens.nearest_models)
             own_notes = (*own_notes, note)
         with error_context(place):
             camera = camera_from_lens(lens, own)

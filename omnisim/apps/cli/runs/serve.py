@@ -29,13 +29,14 @@ def run(request: ServeRequest) -> None:
     """Serve robots, or a run, until Ctrl-C, SIGTERM or the given duration."""
     require_extra("ros", "omnisim serve")  # its messages
     from omnisim.serve.run_player import RunPlayer, is_run
-    from omnisim.serve.serve_loop import ServeLoop
-    from omnisim.serve.served_world import ServeSettings, Simulation
+    from omnisim.serve.serve_loop import ClockMode, ServeLoop
+    from omnisim.serve.served_world import Served, ServeSettings, Simulation
 
     clock, streams = request.clock, request.streams
     if clock.fast and clock.lockstep:
         raise OutputError("--fast, --lockstep: expected one of them")
-    mode = "fast" if clock.fast else "lockstep" if clock.lockstep else "wall"
+    mode: ClockMode = "fast" if clock.fast else "lockstep" if clock.lockstep else "wall"
+    served: Served
     if len(request.sources) == 1 and is_run(Path(request.sources[0])):
         reason = "expected none with a run, which has its own"
         refuse_given(request, reason, "scene", "also", "seed")
@@ -43,7 +44,7 @@ def run(request: ServeRequest) -> None:
         refuse_given(streams, reason, "commands")
         for options in (request.image, request.light, request.files):
             refuse_given(options, reason)
-        simulation = RunPlayer(Path(request.sources[0]), streams.cloud_layout)
+        served = RunPlayer(Path(request.sources[0]), streams.cloud_layout)
     else:
         if streams.commands is not None:
             check_suffix(streams.commands, ".csv")
@@ -53,7 +54,7 @@ def run(request: ServeRequest) -> None:
                 raise OutputError(f"--also {channel}: {did_you_mean(channel, CHANNELS)}")
         _, vehicles = load_robots(request.sources, request.files.resources or ())
         scene = _scene(request)
-        simulation = Simulation(
+        served = Simulation(
             ServeSettings(
                 scene,
                 {name: as_requested(vehicle, request.image) for name, vehicle in vehicles.items()},
@@ -69,25 +70,25 @@ def run(request: ServeRequest) -> None:
                 keeps_commands=streams.commands is not None,
             )
         )
-    loop = ServeLoop(simulation, mode, clock.duration_s)
-    simulation.publishers += _publishers(streams, mode == "lockstep")
+    loop = ServeLoop(served, mode, clock.duration_s)
+    served.publishers += _publishers(streams, mode == "lockstep")
     with ExitStack() as stack:
-        stack.callback(simulation.close)
-        simulation.open()
-        for publisher in simulation.publishers:
+        stack.callback(served.close)
+        served.open()
+        for publisher in served.publishers:
             stack.callback(publisher.close)
-            out.print(publisher.open(simulation.topics, loop))
-        simulation.announce()
-        out.print(f"{len(simulation.topics)} topics of {', '.join(loop.robots)}; Ctrl-C ends it.")
+            out.print(publisher.open(served.topics, loop))
+        served.announce()
+        out.print(f"{len(served.topics)} topics of {', '.join(loop.robots)}; Ctrl-C ends it.")
         sys.stdout.flush()
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda *_: loop.end())
         loop.run()
-        if streams.commands is not None:
-            write_text(streams.commands, simulation.commands(""))
+        if streams.commands is not None and isinstance(served, Simulation):
+            write_text(streams.commands, served.commands(""))
             out.print(f"{streams.commands}: commands of {loop.robots[0]}")
     late = f"; {loop.late_s:.1f} s of the wall clock left out" if loop.late_s else ""
-    out.print(f"stopped at {simulation.now_s:.2f} s{late}{simulation.summary()}")
+    out.print(f"stopped at {served.now_s:.2f} s{late}{served.summary()}")
 
 
 def _scene(request: ServeRequest) -> Scene:

@@ -153,8 +153,9 @@ class Aria(Format[AriaLens]):
                 position = documents.counted(at.Translation, "x y z", where)
                 matrix = base.pose_from_quaternion(position, (x, y, z, w), where)
                 poses = (NamedPose(DEVICE, part.Label, matrix),)
-            notes = () if part.Calibrated else ("Calibrated = false: it was not calibrated",)
-            notes += _size_notes(part, file, index)
+            notes = _size_notes(part, file, index)
+            if not part.Calibrated:
+                notes = ("Calibrated = false: it was not calibrated", *notes)
             shift_s = -part.TimeOffsetSec_Device_Camera
             cameras.append(ParsedCamera(part.Label, lens, poses, shift_s, notes))
         return cameras
