@@ -79,12 +79,12 @@ def drive(request: DriveRequest) -> None:
 
 
 def load_robots(
-    sources: Sequence[str], resources: Sequence[Path]
+    sources: Sequence[str], resources: Sequence[Path], option: str = "--robot"
 ) -> tuple[dict[str, Robot], dict[str, Vehicle]]:
     """Robot files, and the robots with body and sensors made of them, by the name of their folder.
 
     Each source is NAME=SOURCE, or a source, which has a name itself. `resources` are the search
-    folders of models.
+    folders of models; messages call a source `option`.
     """
     robots: dict[str, Robot] = {}
     vehicles: dict[str, Vehicle] = {}
@@ -102,9 +102,9 @@ def load_robots(
             vehicle = Vehicle.from_robot(robot)
         name = given if equals else folder_name(robot.name)
         if not FOLDER_NAME.fullmatch(name):
-            raise RunError(f"robot {text!r}: expected a name of letters, digits and _ before =")
+            raise RunError(f"{option} {text!r}: expected a name of letters, digits and _ before =")
         if name in robots:
-            raise RunError(f"robot {text!r}: a second {name}: expected NAME={source}")
+            raise RunError(f"{option} {text!r}: a second {name}: expected NAME={source}")
         robots[name], vehicles[name] = robot, vehicle
     return robots, vehicles
 

@@ -52,7 +52,7 @@ def run(request: ServeRequest) -> None:
         for channel in channels:
             if channel not in CHANNELS:
                 raise OutputError(f"--also {channel}: {did_you_mean(channel, CHANNELS)}")
-        _, vehicles = load_robots(request.sources, request.files.resources or ())
+        _, vehicles = load_robots(request.sources, request.files.resources or (), "robot")
         scene = _scene(request)
         served = Simulation(
             ServeSettings(
