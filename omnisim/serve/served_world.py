@@ -381,7 +381,7 @@ class Simulation(Served):
     def _next_due(self, skips: bool) -> _Due | None:
         """Measurement with the earliest time that is due and wanted; it counts as made."""
         with self._lock:
-            due = []
+            due: list[tuple[float, int, ServedRobot, Eye]] = []
             for robot in self._robots.values():
                 for eye in robot.eyes:
                     is_wanted = any(self._wants(robot.topic(topic.name)) for topic in eye.topics)
