@@ -70,13 +70,17 @@ class _Reader:
 
     def __init__(self, connection: ServerConnection, keeps_all: bool):
         self.connection, self._keeps_all = connection, keeps_all
-        self.name = ":".join(map(str, (connection.remote_address or ("?",))[:2]))
         self.topics: frozenset[str] = frozenset()
         self.dropped = 0
         self.waits_for_state = False
         self._queue: deque[bytes] = deque()
         self._bytes = 0
         self._news = asyncio.Event()
+
+    @property
+    def name(self) -> str:
+        """Address of the client."""
+        return ":".join(map(str, (self.connection.remote_address or ("?",))[:2]))
 
     def wants(self, topic: str) -> bool:
         """True if it subscribes to a topic."""
