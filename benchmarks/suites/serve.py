@@ -49,7 +49,7 @@ from omnisim.serve import (
     Topic,
     connect,
 )
-from omnisim.serve.plain_messages import pack_message
+from omnisim.serve.plain_publisher import pack_message
 
 SCENE, SIZE_PX, CAMERAS = "soccer", 360, 4
 CAMERA_HZ, LIDAR_HZ, IMU_HZ = 6.0, 10.0, 200.0
@@ -168,7 +168,7 @@ def _served(scene: str, robot: Path, options: Options, *more: str) -> Iterator[t
     ) as process:
         try:
             assert process.stdout is not None
-            address = process.stdout.readline().strip()
+            address = process.stdout.readline().rpartition(" ")[2].strip().replace("http", "ws", 1)
             if not address.startswith("ws://"):
                 raise BenchmarkError(f"omnisim serve: expected an address, got {address!r}")
             process.stdout.readline()  # it is ready

@@ -110,7 +110,7 @@ class _Reader:
 
 
 class PlainPublisher(Publisher):
-    """WebSocket server of its own thread.
+    """WebSocket server of its own thread, with a page for browsers.
 
     Args:
         host: address to listen on; others than localhost need the token of the printed address.
@@ -146,7 +146,7 @@ class PlainPublisher(Publisher):
             cause = getattr(errors[0], "strerror", None) or str(errors[0])
             where = f"--port {self._port}: cannot listen on {self._host}: {cause}"
             raise OutputError(where) from None
-        return f"page and plain protocol: {self.url}"
+        return f"Page and plain protocol: {self.url}"
 
     @property
     def url(self) -> str:

@@ -48,7 +48,8 @@ def controls():
 def publisher(controls, caplog):
     """An open publisher; nothing may be logged, and no thread may fail."""
     server = PlainPublisher(port=0)
-    server.address = server.open(fake_robot.topics(), controls)
+    server.open(fake_robot.topics(), controls)
+    server.address = server.url.replace("http", "ws").rstrip("/")
     with warnings.catch_warnings():
         warnings.simplefilter("error", pytest.PytestUnhandledThreadExceptionWarning)
         yield server
@@ -273,7 +274,8 @@ def test_other_websites_and_host_names_may_not(publisher, host, origin):
 
 def test_elsewhere_the_token_is_needed(controls):
     server = PlainPublisher("0.0.0.0", 0)
-    address, token = server.open(fake_robot.topics(), controls).split("/?token=")
+    server.open(fake_robot.topics(), controls)
+    address, token = server.url.split("/?token=")
     try:
         with connect(f"{address}/?token={token}") as client:
             client.reset()
@@ -301,9 +303,9 @@ def test_clients_that_come_at_once_are_as_many_as_may(controls, monkeypatch):
     server = PlainPublisher(port=0)
     monkeypatch.setattr(server, "_check", server._access.check)
     monkeypatch.setattr(module, "MAX_CLIENTS", 1)
-    address = server.open(fake_robot.topics(), controls)
-    with connect(address), pytest.raises(ServeConnectionError, match="at most 1 clients"):
-        connect(address)
+    server.open(fake_robot.topics(), controls)
+    with connect(server.url), pytest.raises(ServeConnectionError, match="at most 1 clients"):
+        connect(server.url)
     server.close()
 
 

@@ -109,8 +109,8 @@ class StreamOptions:
     protocols: Annotated[
         str, Option(metavar="PROTOCOLS", names=lambda: ("foxglove", "plain", "ros2"))
     ] = "foxglove,plain"
-    """Protocols, comma-separated: {names}. foxglove is Foxglove's and Lichtblick's, plain a
-    WebSocket for any program, ros2 is for ROS 2 nodes with rmw_zenoh_cpp."""
+    """Protocols, comma-separated: {names}. foxglove is Foxglove's and Lichtblick's, plain a page
+    for your browser and a WebSocket for any program, ros2 is for ROS 2 nodes with rmw_zenoh_cpp."""
     host: Annotated[str, Option(metavar="ADDRESS")] = "localhost"
     """Address to listen on; clients need a token unless it is localhost."""
     port: Annotated[int, Option(ge=0, le=65534)] = 8765
