@@ -36,7 +36,16 @@ MAX_LINES = 700  # of a file
 # Formats that share parts of a file's anatomy, checks and commands that share what they are of.
 SHARED_STEMS = {"formats", "checks", "cli"}
 # Folders whose modules are named by a table or a list: one file for each entry.
-REGISTRIES = {"formats", "importers", "checks", "cli", "estimators", "experiments", "oracles"}
+REGISTRIES = {
+    "formats",
+    "protocols",
+    "importers",
+    "checks",
+    "cli",
+    "estimators",
+    "experiments",
+    "oracles",
+}
 OPENGL_LAYERS = (
     {"cube_backend"},
     {"parallax_camera"},
