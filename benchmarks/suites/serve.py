@@ -49,7 +49,7 @@ from omnisim.serve import (
     Topic,
     connect,
 )
-from omnisim.serve.plain_publisher import pack_message
+from omnisim.serve.protocols.plain_publisher import pack_message
 
 SCENE, SIZE_PX, CAMERAS = "soccer", 360, 4
 CAMERA_HZ, LIDAR_HZ, IMU_HZ = 6.0, 10.0, 200.0

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
         ServedRobotClient,
         connect,
     )
-    from omnisim.serve.plain_publisher import PlainPublisher
+    from omnisim.serve.protocols.plain_publisher import PlainPublisher
     from omnisim.serve.publisher import Client, Controls, Publisher, Topic
     from omnisim.serve.serve_loop import ServeLoop
     from omnisim.serve.served_world import ServeSettings, Simulation
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 _MODULES = {
     "Client": "publisher",
     "Controls": "publisher",
-    "PlainPublisher": "plain_publisher",
+    "PlainPublisher": "protocols.plain_publisher",
     "Publisher": "publisher",
     "ServeConnectionError": "client",
     "ServeLoop": "serve_loop",

@@ -11,7 +11,7 @@ pytest.importorskip("foxglove", reason="foxglove-sdk is not installed")
 from omnisim.core.errors import ServeError
 from omnisim.serve import access
 from omnisim.serve import foxglove_publisher as module
-from omnisim.serve.foxglove_publisher import MAX_QUEUE, FoxglovePublisher
+from omnisim.serve.protocols.foxglove_publisher import MAX_QUEUE, FoxglovePublisher
 from tests.serve import fake_robot
 from tests.serve.foxglove_client import FoxgloveClient
 

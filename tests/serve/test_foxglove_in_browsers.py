@@ -3,7 +3,7 @@
 import pytest
 
 pytest.importorskip("foxglove", reason="foxglove-sdk is not installed")
-from omnisim.serve.foxglove_publisher import FoxglovePublisher
+from omnisim.serve.protocols.foxglove_publisher import FoxglovePublisher
 from tests.serve import fake_robot
 from tests.serve.browsers import chromium
 

@@ -21,7 +21,7 @@ from mcap.stream_reader import StreamReader
 from omnisim.core.errors import NoticeWarning, OutputError
 from omnisim.datasets.export.ros2 import ros_messages
 from omnisim.serve import mcap_recorder
-from omnisim.serve.mcap_recorder import McapRecorder
+from omnisim.serve.protocols.mcap_recorder import McapRecorder
 from tests.serve import fake_robot
 from tests.serve.foxglove_client import decoder
 
@@ -161,7 +161,7 @@ def test_a_full_disk_ends_the_recording_alone(tmp_path, monkeypatch):
 
 def test_a_server_and_a_recording_share_nothing(tmp_path):
     """What only the recording wants reaches no client, and the other way round."""
-    from omnisim.serve.foxglove_publisher import FoxglovePublisher
+    from omnisim.serve.protocols.foxglove_publisher import FoxglovePublisher
 
     server, recorder = FoxglovePublisher(port=0), opened(tmp_path / "drive.mcap")
     server.open(fake_robot.topics(), fake_robot.FakeControls())

@@ -13,7 +13,7 @@ from omnisim import serve
 from omnisim.apps.live.live import PAGE_FILES as LIVE_FILES
 from omnisim.serve import PlainPublisher
 from omnisim.serve.page_files import HEADERS
-from omnisim.serve.plain_publisher import PAGE_FILES
+from omnisim.serve.protocols.plain_publisher import PAGE_FILES
 from omnisim.serve.publisher import Client
 from tests.serve import fake_robot
 

@@ -8,7 +8,7 @@ import trimesh
 
 from omnisim.robots.vehicle import BodyBoxes, Vehicle
 from omnisim.scene import Scene, read_scene
-from omnisim.serve.world_messages import map_message, robot_description
+from omnisim.serve.served_world import map_message, robot_description
 
 
 @pytest.fixture(scope="module")

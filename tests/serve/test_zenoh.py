@@ -21,7 +21,7 @@ zenoh = pytest.importorskip("zenoh", reason="needs the extra zenoh")
 xxhash = pytest.importorskip("xxhash", reason="needs the extra zenoh")
 pytest.importorskip("rosbags", reason="needs the extra zenoh")
 from omnisim.datasets.export.ros2 import ros_messages as messages  # noqa: E402
-from omnisim.serve.zenoh_publisher import RosTypes, ZenohPublisher  # noqa: E402
+from omnisim.serve.protocols.zenoh_publisher import RosTypes, ZenohPublisher  # noqa: E402
 
 WITHIN_S = 20
 
@@ -449,9 +449,9 @@ def test_the_domain_is_that_of_the_environment(monkeypatch):
 
 def test_a_missing_extra_is_named(monkeypatch):
     monkeypatch.setattr("omnisim.core.extras.is_installed", lambda module: module != "zenoh")
-    monkeypatch.delitem(sys.modules, "omnisim.serve.zenoh_publisher")
+    monkeypatch.delitem(sys.modules, "omnisim.serve.protocols.zenoh_publisher")
     with pytest.raises(ServeError, match=r"needs eclipse-zenoh: pip install '.*\[zenoh\]'"):
-        importlib.import_module("omnisim.serve.zenoh_publisher")
+        importlib.import_module("omnisim.serve.protocols.zenoh_publisher")
 
 
 def test_the_oldest_messages_are_dropped_and_counted():

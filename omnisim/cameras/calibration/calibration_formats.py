@@ -14,7 +14,6 @@ from omnisim.cameras.calibration.formats.camodocal import Camodocal
 from omnisim.cameras.calibration.formats.colmap import Colmap
 from omnisim.cameras.calibration.formats.devices import Aria, Insta360
 from omnisim.cameras.calibration.formats.format import Format
-from omnisim.cameras.calibration.formats.foxglove import Foxglove
 from omnisim.cameras.calibration.formats.gazebo import Gazebo
 from omnisim.cameras.calibration.formats.gyroflow import Gyroflow
 from omnisim.cameras.calibration.formats.isaac import Isaac
@@ -27,7 +26,7 @@ from omnisim.cameras.calibration.formats.omnisim_json import OmnisimJson
 from omnisim.cameras.calibration.formats.opencv import OpencvFisheye, OpencvOmnidir, OpencvPinhole
 from omnisim.cameras.calibration.formats.orbslam3 import OrbSlam3
 from omnisim.cameras.calibration.formats.photogrammetry import Openmvg, Opensfm
-from omnisim.cameras.calibration.formats.ros import Ros
+from omnisim.cameras.calibration.formats.ros import Foxglove, Ros
 from omnisim.cameras.calibration.formats.woodscape import Woodscape
 from omnisim.core.errors import CalibrationError, did_you_mean
 

@@ -128,15 +128,15 @@ def _publishers(streams: StreamOptions, keeps_all: bool) -> list[Publisher]:
         raise OutputError("--router: expected ros2 among --protocols")
     for name in names:
         if name == "foxglove":
-            from omnisim.serve.foxglove_publisher import FoxglovePublisher
+            from omnisim.serve.protocols.foxglove_publisher import FoxglovePublisher
 
             found.append(FoxglovePublisher(streams.host, port))
         elif name == "plain":
-            from omnisim.serve.plain_publisher import PlainPublisher
+            from omnisim.serve.protocols.plain_publisher import PlainPublisher
 
             found.append(PlainPublisher(streams.host, port, keeps_all))
         elif name == "ros2":
-            from omnisim.serve.zenoh_publisher import ROUTER, ZenohPublisher
+            from omnisim.serve.protocols.zenoh_publisher import ROUTER, ZenohPublisher
 
             found.append(ZenohPublisher(streams.router or ROUTER))
             continue
@@ -145,7 +145,7 @@ def _publishers(streams: StreamOptions, keeps_all: bool) -> list[Publisher]:
             raise OutputError(f"--protocols {name}: {expected}")
         port += port > 0
     if streams.record is not None:
-        from omnisim.serve.mcap_recorder import McapRecorder
+        from omnisim.serve.protocols.mcap_recorder import McapRecorder
 
         check_suffix(streams.record, ".mcap")
         found.insert(0, McapRecorder(streams.record))  # refuses an existing file, before all else

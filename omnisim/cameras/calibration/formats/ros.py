@@ -346,3 +346,42 @@ def _ost_camera(text: str, source: str) -> dict[str, Any]:
     camera |= {ours: {"data": values[key]} for key, ours in _OST_KEYS.items() if key in values}
     model = _OST_MODELS.get(len(values.get("distortion", ())), "")
     return {**camera, "camera_name": name[1] if name else "", "distortion_model": model}
+
+
+# Foxglove's CameraCalibration as JSON: the message with other names. `kannala_brandt` is ROS's
+# `equidistant`; `fisheye62`, with k0 … k5, p0, p1, is thin_prism_fisheye without a prism.
+#
+# Source: Foxglove's schemas, foxglove.CameraCalibration.
+
+
+class Foxglove(CameraInfo):
+    """Format of Foxglove's CameraCalibration."""
+
+    name = "foxglove"
+    title = "Foxglove: CameraCalibration json"
+    suffix = ".json"
+    signature = re.compile(r'\A\s*\{.*"distortion_model"\s*:', re.S)
+    metadata_place = base.MetadataPlace.KEY
+    distortion_models = ("plumb_bob", "rational_polynomial")
+    fisheye_models = ("kannala_brandt", FISHEYE62)
+    models = (*CameraInfo.models, ThinPrismFisheyeCamera)
+    tables = (CameraInfoMessage,)
+
+    def unsupported(self, lens: CameraInfoLens) -> str | None:
+        """Reason why the format cannot represent a lens of one of its models, or None."""
+        if isinstance(lens, ThinPrismFisheyeCamera) and any(lens.prism):
+            return "it has no thin prism"
+        return super().unsupported(lens)
+
+    def encode(self, cameras: Sequence[ParsedCamera[CameraInfoLens]]) -> str:
+        """Text of a file with the camera."""
+        (camera,) = cameras
+        pose = find_pose(camera.poses, RECTIFIED, camera.name)
+        model, d, k, r, p = camera_info(camera.lens, pose)
+        data = {
+            "timestamp": {"sec": 0, "nsec": 0}, "frame_id": camera.name,
+            "width": camera.lens.width_px, "height": camera.lens.height_px,
+            "distortion_model": "kannala_brandt" if model == "equidistant" else model, "D": d,
+            "K": k, "R": r, "P": p,
+        }  # fmt: skip
+        return json.dumps(data, indent=2) + "\n"

@@ -34,7 +34,7 @@ from omnisim.core.errors import OmnisimError, ServeError
 from omnisim.core.extras import require_extra
 from omnisim.core.files.parameters import Flag, Number, Positive, Table, parse_table
 from omnisim.serve.access import Access, PacedConnection
-from omnisim.serve.foxglove_messages import Channels
+from omnisim.serve.protocols.foxglove_messages import Channels
 from omnisim.serve.publisher import Client, Controls, Publisher, Topic
 
 require_extra("serve", "omnisim serve for Foxglove", ServeError)

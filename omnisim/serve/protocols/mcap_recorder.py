@@ -12,7 +12,7 @@ from typing import Any
 from omnisim.core.errors import NoticeWarning, OutputError, ServeError
 from omnisim.core.extras import require_extra
 from omnisim.core.files.atomic_file import check_suffix, check_target, make_folder
-from omnisim.serve.foxglove_messages import Channels
+from omnisim.serve.protocols.foxglove_messages import Channels
 from omnisim.serve.publisher import Controls, Publisher, Topic
 
 require_extra("serve", "a recording of served robots", ServeError)

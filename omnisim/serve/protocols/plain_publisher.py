@@ -70,13 +70,17 @@ class _Reader:
 
     def __init__(self, connection: ServerConnection, keeps_all: bool):
         self.connection, self._keeps_all = connection, keeps_all
-        self.name = ":".join(map(str, (connection.remote_address or ("?",))[:2]))
         self.topics: frozenset[str] = frozenset()
         self.dropped = 0
         self.waits_for_state = False
         self._queue: deque[bytes] = deque()
         self._bytes = 0
         self._news = asyncio.Event()
+
+    @property
+    def name(self) -> str:
+        """Address of the client."""
+        return ":".join(map(str, (self.connection.remote_address or ("?",))[:2]))
 
     def wants(self, topic: str) -> bool:
         """True if it subscribes to a topic."""
@@ -338,17 +342,16 @@ def pack(header: dict[str, Any], parts: list[bytes] | tuple[bytes, ...] = ()) ->
 
 
 @functools.cache
-def _names(kind: type) -> tuple[str, ...]:
-    """Names of a message's fields."""
-    return tuple(
-        field.name for field in dataclasses.fields(kind) if not field.name.startswith("__")
-    )
+def _names(kind: Any) -> tuple[str, ...]:
+    """Names of a message's fields; none of another value."""
+    fields = dataclasses.fields(kind) if dataclasses.is_dataclass(kind) else ()
+    return tuple(field.name for field in fields if not field.name.startswith("__"))
 
 
 def _plain(value: Any, arrays: list[np.ndarray[Any, Any]]) -> Any:
     """Value in JSON types; long arrays are moved to `arrays`."""
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {name: _plain(getattr(value, name), arrays) for name in _names(type(value))}
+    if names := _names(type(value)):
+        return {name: _plain(getattr(value, name), arrays) for name in names}
     if isinstance(value, np.ndarray):
         if value.size > MAX_LISTED or not np.all(np.isfinite(value)):
             arrays.append(value)
