@@ -19,26 +19,36 @@ _WIDTH_PX, _LINE_PX = 270, 18
 
 def exchange_figure() -> str:
     """The figure as SVG."""
+    upper, lower = (
+        _LINE_PX * max(len(_lines(names)) for names in row) + 40
+        for row in ((WORLDS, tuple(EXPORTS)), (tuple(CALIBRATIONS), tuple(LAYOUTS)))
+    )
+    top = 22 + upper
+    end = top + lower // 2
     parts = [
-        _formats(10, 10, 94, "Worlds and robots", WORLDS),
-        _formats(10, 116, 132, "Calibrations", tuple(CALIBRATIONS)),
+        _formats(10, 10, upper, "Worlds and robots", WORLDS),
+        _formats(10, top, lower, "Calibrations", tuple(CALIBRATIONS)),
         box(316, 92, 108, 60),
         text(370, 127, "omnisim", "code", "middle"),
-        _formats(460, 10, 94, "Runs", tuple(EXPORTS)),
-        _formats(460, 116, 132, "Data sets", tuple(LAYOUTS)),
+        _formats(460, 10, upper, "Runs", tuple(EXPORTS)),
+        _formats(460, top, lower, "Data sets", tuple(LAYOUTS)),
         path("M280 63H298V112H314"),
-        path("M314 140H298V181H282"),
-        path("M298 181V140H314"),
+        path(f"M314 140H298V{end}H282"),
+        path(f"M298 {end}V140H314"),
         path("M424 112H442V63H458"),
-        path("M424 140H442V181H458"),
+        path(f"M424 140H442V{end}H458"),
     ]
-    return svg("Formats that omnisim reads and writes", 258, parts)
+    return svg("Formats that omnisim reads and writes", top + lower + 10, parts)
+
+
+def _lines(names: tuple[str, ...]) -> list[str]:
+    return textwrap.wrap("  ".join(names), 38, break_on_hyphens=False)
 
 
 def _formats(left: int, top: int, height: int, title: str, names: tuple[str, ...]) -> str:
-    lines = textwrap.wrap("  ".join(names), 38, break_on_hyphens=False)
     labels = [
-        text(left + 12, top + 44 + _LINE_PX * row, words, "call") for row, words in enumerate(lines)
+        text(left + 12, top + 44 + _LINE_PX * row, words, "call")
+        for row, words in enumerate(_lines(names))
     ]
     return "\n".join(
         (box(left, top, _WIDTH_PX, height), text(left + 12, top + 23, title, "name"), *labels)
