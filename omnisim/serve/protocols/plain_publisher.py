@@ -342,7 +342,7 @@ def pack(header: dict[str, Any], parts: list[bytes] | tuple[bytes, ...] = ()) ->
 
 
 @functools.cache
-def _names(kind: Any) -> tuple[str, ...]:
+def _names(kind: type) -> tuple[str, ...]:
     """Names of a message's fields; none of another value."""
     fields = dataclasses.fields(kind) if dataclasses.is_dataclass(kind) else ()
     return tuple(field.name for field in fields if not field.name.startswith("__"))
@@ -350,7 +350,8 @@ def _names(kind: Any) -> tuple[str, ...]:
 
 def _plain(value: Any, arrays: list[np.ndarray[Any, Any]]) -> Any:
     """Value in JSON types; long arrays are moved to `arrays`."""
-    if names := _names(type(value)):
+    kind: type = type(value)
+    if names := _names(kind):
         return {name: _plain(getattr(value, name), arrays) for name in names}
     if isinstance(value, np.ndarray):
         if value.size > MAX_LISTED or not np.all(np.isfinite(value)):
