@@ -10,7 +10,7 @@ from websockets.exceptions import InvalidStatus
 pytest.importorskip("foxglove", reason="foxglove-sdk is not installed")
 from omnisim.core.errors import ServeError
 from omnisim.serve import access
-from omnisim.serve import foxglove_publisher as module
+from omnisim.serve.protocols import foxglove_publisher as module
 from omnisim.serve.protocols.foxglove_publisher import MAX_QUEUE, FoxglovePublisher
 from tests.serve import fake_robot
 from tests.serve.foxglove_client import FoxgloveClient

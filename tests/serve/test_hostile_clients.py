@@ -21,7 +21,7 @@ from websockets.sync.client import connect as open_connection
 
 from omnisim.core.errors import OutputError
 from omnisim.serve import PlainPublisher, access, connect
-from omnisim.serve import plain_publisher as module
+from omnisim.serve.protocols import plain_publisher as module
 from omnisim.serve.client import ServeConnectionError
 from tests.serve import fake_robot
 

@@ -20,7 +20,7 @@ from mcap.stream_reader import StreamReader
 
 from omnisim.core.errors import NoticeWarning, OutputError
 from omnisim.datasets.export.ros2 import ros_messages
-from omnisim.serve import mcap_recorder
+from omnisim.serve.protocols import mcap_recorder
 from omnisim.serve.protocols.mcap_recorder import McapRecorder
 from tests.serve import fake_robot
 from tests.serve.foxglove_client import decoder
@@ -106,7 +106,7 @@ def test_wrong_names_are_one_line(tmp_path):
 KILLED = """
 import sys, time
 from pathlib import Path
-from omnisim.serve import mcap_recorder
+from omnisim.serve.protocols import mcap_recorder
 from tests.serve.test_mcap_recorder import opened, record
 mcap_recorder.FLUSH_S = 0.05
 recorder = opened(Path(sys.argv[1]))

@@ -65,7 +65,7 @@ _EXAMPLES = {  # by the placeholder of a value
     "MODEL": "kannala_brandt", "N|auto|exact": "auto", "NAME": "front", "POLYGONS": "3600",
     "NAME=SHARE,…": "train=0.8,val=0.2", "NAME|all": "all", "R|G|B": "G", "SCENE": "soccer",
     "W H": "640 480", "WIDTH HEIGHT": "640 480", "WORD": "gopro", "X Y Z": "0 0 1",
-    "body|camera": "body", "body|camera|NAME": "body", "srgb|GAMMA": "srgb",
+    "X Y": "1 2", "body|camera": "body", "body|camera|NAME": "body", "srgb|GAMMA": "srgb",
 }  # fmt: skip
 
 # Suffixes of examples, where the help does not state one, by the first words of the help.

@@ -24,6 +24,8 @@ scan rings -o N/s.csv --plot N/s.png
 unwarp first.png --to cylinder -o N/p.png
 mirror -o N/m.glb -n 64
 calibration convert first.png --to omnisim -o N/c.json
+calibration check first.png -o N/check
+serve superscout --scene rings --protocols plain --port 0 --fast --duration 0.05 --commands N/c.csv
 optics plot ball.toml -o N/o.png
 optics rays ball.toml -o N/o.exr
 optics design -o N/d.csv --distance 0.1 --half-angle 20 --equi-angular 105

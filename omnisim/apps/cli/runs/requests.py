@@ -115,7 +115,7 @@ class StreamOptions:
     """Address to listen on; clients need a token unless it is localhost."""
     port: Annotated[int, Option(ge=0, le=65534)] = 8765
     """Port of the first protocol; the next has the next port. 0: any free ports."""
-    router: Annotated[str | None, Option(metavar="ENDPOINT")] = None
+    router: Annotated[str | None, Option(metavar="ENDPOINT", example="tcp/127.0.0.1:7447")] = None
     """Zenoh's router for ros2, which listens there if none does. Default: tcp/127.0.0.1:7447."""
     cloud_layout: Literal["generic", "velodyne", "ouster", "ouster-u8", "livox", "livox-custom"] = (
         "generic"

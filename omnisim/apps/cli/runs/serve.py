@@ -82,7 +82,7 @@ def run(request: ServeRequest) -> None:
         out.print(f"{len(served.topics)} topics of {', '.join(loop.robots)}; Ctrl-C ends it.")
         sys.stdout.flush()
         for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, lambda *_: loop.end())
+            stack.callback(signal.signal, number, signal.signal(number, lambda *_: loop.end()))
         loop.run()
         if streams.commands is not None and isinstance(served, Simulation):
             write_text(streams.commands, served.commands(""))
