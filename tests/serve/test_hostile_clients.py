@@ -21,8 +21,8 @@ from websockets.sync.client import connect as open_connection
 
 from omnisim.core.errors import OutputError
 from omnisim.serve import PlainPublisher, access, connect
-from omnisim.serve.protocols import plain_publisher as module
 from omnisim.serve.client import ServeConnectionError
+from omnisim.serve.protocols import plain_publisher as module
 from tests.serve import fake_robot
 
 TOPIC = "/imu/data_raw"
