@@ -12,7 +12,7 @@ A motion that ran along commands is the same, to the last bit, as one that is ma
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -123,6 +123,8 @@ class CommandedMotion(BodyMotion):
         ground: floor, and what stops the robot.
         timeout_s: duration of a command.
         kept_s: duration of the past that is kept; infinite: all of it.
+        heard: called with each command and the state at its time, also with the rest that follows
+            a command whose time has run out.
     """
 
     def __init__(
@@ -132,7 +134,9 @@ class CommandedMotion(BodyMotion):
         ground: Ground,
         timeout_s: float = TIMEOUT_S,
         kept_s: float = math.inf,
+        heard: Callable[[VelocityCommand, WheelState], None] | None = None,
     ):
+        self._heard = heard
         self.start_s = self.end_s = 0.0
         self.blocked_by = ""  # instance that stops the robot; empty: none
         self._limits, self._ground, self._timeout_s = limits, ground, timeout_s
@@ -149,6 +153,8 @@ class CommandedMotion(BodyMotion):
     def command(self, speed_mps: float, turn_rate_radps: float) -> VelocityCommand:
         """Ask for a speed and a turn rate from the end of the motion on."""
         self._command = VelocityCommand(self.end_s, speed_mps, turn_rate_radps)
+        if self._heard is not None:
+            self._heard(self._command, self.state)
         return self._command
 
     def place(self, state: WheelState) -> None:
@@ -160,9 +166,10 @@ class CommandedMotion(BodyMotion):
         """Advance in ticks until the motion reaches a time."""
         while self.end_s < to_s:
             is_old = self.end_s - self._command.time_s >= self._timeout_s - 0.5 * TICK_S
-            asked = (0.0, 0.0) if is_old else self._command[1:]
+            if is_old and any(self._command[1:]):
+                self.command(0.0, 0.0)
             state, self.blocked_by = next_state(
-                self.state, asked, self._limits, self._ground, TICK_S
+                self.state, self._command[1:], self._limits, self._ground, TICK_S
             )
             self._states_at.append(state)
             self.end_s = (self._first + len(self._states_at) - 1) / TICKS_PER_S
@@ -240,10 +247,10 @@ class CommandsFile:
         return cls((x_m, y_m, yaw_rad), tuple(commands), round(float(ticks[-1])) / TICKS_PER_S)
 
     def motion(self, limits: Kinematics, ground: Ground, start_height_m: float) -> CommandedMotion:
-        """Motion along the commands, to the end."""
+        """Motion along the commands, each until the next, to the end."""
         x, y, yaw = self.start
         start = WheelState(x, y, ground.height_m((x, y), start_height_m), yaw)
-        motion = CommandedMotion(start, limits, ground)
+        motion = CommandedMotion(start, limits, ground, timeout_s=math.inf)
         for command in self.commands:
             motion.advance(round(command.time_s * TICKS_PER_S) / TICKS_PER_S)
             motion.command(*command[1:])

@@ -35,6 +35,7 @@ from omnisim.sensors.imu.imu import Imu
 from omnisim.serve.publisher import Topic
 
 MAP, ODOM, BASE = "map", "odom", "base_link"
+PLACED = "put at another place"
 KEPT_S = 10.0  # past motion at hand; revolutions and exposures are far shorter
 BLOCK = 1024  # stamps that are made at once
 BEST_EFFORT = frozenset(  # as drivers publish the data of sensors (rmw_qos_profile_sensor_data)
@@ -154,7 +155,7 @@ class ServedRobot:
         scene: scene in which it drives.
         start: x and y in meters, and heading in radians, at time 0.
         prefix: name and slash of topics and frames; empty for an only robot.
-        step_hz, seed, timeout_s: see `ServeSettings`.
+        step_hz, seed, timeout_s, keeps_commands: see `ServeSettings`.
 
     Raises:
         RobotFileError: the robot has no kinematic limits.
@@ -170,6 +171,7 @@ class ServedRobot:
         step_hz: float,
         seed: int,
         timeout_s: float,
+        keeps_commands: bool = False,
     ):
         if vehicle.kinematics is None:
             expected = "expected [kinematics], to be driven by commands"
@@ -181,6 +183,7 @@ class ServedRobot:
         x, y, yaw = start
         self.start = WheelState(x, y, self._ground.height_m((x, y), 0.0), yaw)
         self._step_hz, self._seed, self._timeout_s = step_hz, seed, timeout_s
+        self._keeps_commands = keeps_commands
         self.eyes: list[Eye] = []
         self.units = [
             InertialUnit(mount, step_hz, seed, 0.5 / mount.sensor.rate_hz)
@@ -192,7 +195,8 @@ class ServedRobot:
     def reset(self) -> None:
         """Begin again at the start, at rest."""
         limits, ground = self._limits, self._ground
-        self.motion = CommandedMotion(self.start, limits, ground, self._timeout_s, KEPT_S)
+        heard = self._keep if self._keeps_commands else None
+        self.motion = CommandedMotion(self.start, limits, ground, self._timeout_s, KEPT_S, heard)
         self.lines = [command_line(VelocityCommand(0.0, 0.0, 0.0), self.start)]
         self._wheels = WheelErrors(self.vehicle.odometry, self._seed)
         self._steps = 0
@@ -208,12 +212,13 @@ class ServedRobot:
         z_m = self._ground.height_m((x_m, y_m), self.motion.state.z_m)
         self.motion.place(WheelState(x_m, y_m, z_m, yaw_rad))
         self._before = None
+        if self._keeps_commands:
+            at = f"{self.motion.end_s:g} s"
+            self.lines.append(f"# {PLACED} at {at}: a drive does not repeat what follows")
 
-    def command(self, speed_mps: float, turn_rate_radps: float, is_kept: bool) -> None:
-        """Drive at a speed and turn rate from now on; `is_kept` as a line of the commands file."""
-        command = self.motion.command(float(speed_mps), float(turn_rate_radps))
-        if is_kept:
-            self.lines.append(command_line(command, self.motion.state))
+    def _keep(self, command: VelocityCommand, state: WheelState) -> None:
+        """Keep a command as a line of the commands file."""
+        self.lines.append(command_line(command, state))
 
     # Topics, frames and messages.
 

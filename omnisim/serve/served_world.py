@@ -181,7 +181,7 @@ class Simulation(Served):
         self._robots = {
             name: ServedRobot(
                 name, vehicle, self._scene, settings.starts[name], f"{name}/" if several else "",
-                settings.rate_hz, settings.seed, settings.timeout_s,
+                settings.rate_hz, settings.seed, settings.timeout_s, settings.keeps_commands,
             )
             for name, vehicle in settings.vehicles.items()
         }  # fmt: skip
@@ -189,7 +189,7 @@ class Simulation(Served):
         self._writing: deque[Future[None]] = deque()
         self._turns = itertools.count(1)  # of late sensors, so that none waits for the others
         # what clients asked for, until the next tick, by kind and robot: the newest of each
-        self._wishes: dict[tuple[str, str], Callable[[], None]] = {}
+        self._wishes: dict[tuple[str, str], Callable[[], object]] = {}
         self._wishing = threading.Lock()
 
     def open(self) -> None:
@@ -264,8 +264,8 @@ class Simulation(Served):
         found = self._robot(robot)
         for name, value in (("speed_mps", speed_mps), ("turn_rate_radps", turn_rate_radps)):
             _check_number(name, value)
-        keeps = self.settings.keeps_commands
-        self._wish("command", found.name, lambda: found.command(speed_mps, turn_rate_radps, keeps))
+        rates = float(speed_mps), float(turn_rate_radps)
+        self._wish("command", found.name, lambda: found.motion.command(*rates))
 
     def set_pose(self, robot: str, x_m: float, y_m: float, yaw_rad: float) -> None:
         """Put a robot at a place, at rest."""
@@ -279,7 +279,7 @@ class Simulation(Served):
         with self._wishing:
             self._wishes = {("reset", ""): self._reset}
 
-    def _wish(self, kind: str, robot: str, wish: Callable[[], None]) -> None:
+    def _wish(self, kind: str, robot: str, wish: Callable[[], object]) -> None:
         with self._wishing:
             self._wishes.pop((kind, robot), None)  # the newest comes last
             self._wishes[kind, robot] = wish

@@ -93,13 +93,17 @@ def test_forgetting_the_past_changes_nothing_else(ground):
     assert len(short._states_at) < 205
 
 
-def test_a_motion_repeats_from_its_file_to_the_bit(tmp_path, ground):
+@pytest.mark.parametrize("timeout_s", [0.05, 0.5, 3.0])
+def test_a_motion_repeats_from_its_file_to_the_bit(tmp_path, ground, timeout_s):
+    """Commands that ran out are in the file, whatever their timeout was."""
     file = tmp_path / "commands.csv"
-    motion = CommandedMotion(WheelState(0.3, -0.1, 0.0, 0.7), LIMITS, ground)
-    lines = []
+    start, lines = WheelState(0.3, -0.1, 0.0, 0.7), []
+    motion = CommandedMotion(
+        start, LIMITS, ground, timeout_s, heard=lambda *heard: lines.append(command_line(*heard))
+    )
     for k in range(7):
         motion.advance(0.13 * k)
-        lines.append(command_line(motion.command(0.3 + 0.1 * k, math.sin(k)), motion.state))
+        motion.command(0.3 + 0.1 * k, math.sin(k))
     motion.advance(2.0)
     file.write_text("\n".join(lines_of(motion, lines)))
     repeated = CommandsFile.read(file).motion(LIMITS, ground, 0.0)

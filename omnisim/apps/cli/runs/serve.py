@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import signal
 import sys
 from contextlib import ExitStack
@@ -85,7 +86,10 @@ def run(request: ServeRequest) -> None:
             stack.callback(signal.signal, number, signal.signal(number, lambda *_: loop.end()))
         loop.run()
         if streams.commands is not None and isinstance(served, Simulation):
-            write_text(streams.commands, served.commands(""))
+            text = served.commands("")
+            write_text(streams.commands, text)
+            for line in re.findall(r"^# (.*)$", text, re.MULTILINE):
+                print_note(f"{streams.commands}: {line}")
             out.print(f"{streams.commands}: commands of {loop.robots[0]}")
     late = f"; {loop.late_s:.1f} s of the wall clock left out" if loop.late_s else ""
     out.print(f"stopped at {served.now_s:.2f} s{late}{served.summary()}")
