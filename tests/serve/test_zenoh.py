@@ -108,7 +108,8 @@ def _examples():
     """Topics of a served robot, with a message each."""
     stamp, frame, count = 1_500_000_001, "camera", (4, 6)
     cloud = messages.point_fields([(axis, np.arange(5, dtype=np.float32)) for axis in "xyz"])
-    livox = np.ones(3, "u4, f4, f4, f4, u1, u1, u1")
+    names = ["offset_time", "x", "y", "z", "reflectivity", "tag", "line"]
+    livox = np.ones(3, [*zip(names, ("u4", "f4", "f4", "f4", "u1", "u1", "u1"), strict=True)])
     pose, values = np.eye(4), np.linspace(-1.0, 1.0, 3)
     header = messages.header(stamp, frame)
     from rosbags.typesys import Stores, get_typestore

@@ -36,7 +36,12 @@ from rosbags.interfaces import Nodetype  # noqa: E402
 from rosbags.serde import SerdeError  # noqa: E402
 from rosbags.typesys import Stores, get_typestore  # noqa: E402
 
-from omnisim.datasets.export.ros2.ros_messages import LIVOX, STORE  # noqa: E402
+from omnisim.datasets.export.ros2.ros_messages import (  # noqa: E402
+    LIVOX,
+    LIVOX_CLOUD,
+    STORE,
+    serialized,
+)
 
 ROUTER = "tcp/127.0.0.1:7447"  # where nodes expect their router
 NODE = "omnisim"
@@ -382,6 +387,8 @@ class RosTypes:
             message = self._store.types[type_name](*message)
         elif type_name == _RANGE and not self._is_humble:  # Humble's has no variance
             message = self._store.types[type_name](**{"variance": 0.0, **vars(message)})
+        elif type_name == LIVOX_CLOUD:  # with an array of records for its points
+            return serialized(message)
         return bytes(self._store.serialize_cdr(message, type_name))
 
     def decode(self, type_name: str, payload: bytes) -> Any:
