@@ -26,8 +26,10 @@ BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 INCLUDE = re.compile(r"^```\{include\} (\S+)$", re.MULTILINE)
 # They take more than 6 s each. That their commands have such options is tested in test_commands.
 LONG = {
+    "docs/explanation/rendering.md",
     *(f"docs/how-to/{name}.md" for name in (
-        "any-optics", "calibrations", "change-scene", "choose", "data-sets", "drives", "evaluate",
+        "any-optics", "batches", "calibrations", "change-scene", "choose", "data-sets", "drives",
+        "evaluate",
         "ground-truth", "light", "live", "measure-camera", "measure-noise", "measure-sharpness",
         "mirror-mesh", "moving-objects", "own-camera-model", "own-scene", "own-world", "python",
         "rays", "rigs", "robots", "serve", "troubleshooting", "unwarp", "use-with",
@@ -35,7 +37,8 @@ LONG = {
     )),
     *(f"docs/reference/{name}.md" for name in ("calibration-formats", "channels")),
     *(f"docs/tutorials/{name}.md" for name in (
-        "ball-bearing", "camera-twin", "labeled-drive", "own-lens", "self-localization",
+        "ball-bearing", "camera-twin", "first-image", "labeled-drive", "own-lens",
+        "self-localization",
     )),
 }  # fmt: skip
 # Notices on files are for whoever runs the block.

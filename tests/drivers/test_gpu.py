@@ -26,6 +26,7 @@ IMMUTABLE_STORAGE, USAGE = 0x821F, 0x8765
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("needs_opengl")
+@pytest.mark.long
 def test_it_runs_to_its_end(tmp_path):
     out = tmp_path / "gpu.tar"
     command = [sys.executable, "-m", "tests.drivers", "gpu", "--out", str(out), "--only", *STEPS]

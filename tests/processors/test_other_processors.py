@@ -151,6 +151,7 @@ print(len(stored))
 """
 
 
+@pytest.mark.long
 def test_a_bake_resumes(tmp_path):
     whole = run_emulated(BAKE, "soccer", tmp_path / "whole", -1)
     run_emulated(BAKE, "soccer", tmp_path / "crossed", 2)

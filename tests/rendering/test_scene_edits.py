@@ -204,6 +204,7 @@ def test_a_scene_may_be_empty_for_a_while():
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_memory_is_bounded():
     with open_sensor(yard(), LENS) as renderer:
         draw(renderer)

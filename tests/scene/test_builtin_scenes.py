@@ -30,7 +30,7 @@ def test_committed_file_is_what_a_changed_builder_builds(name, tmp_path, monkeyp
         test_committed_file_is_what_the_builder_builds(name, tmp_path, monkeypatch)
 
 
-@pytest.mark.parametrize("name", slow_but(builtin_scenes(), long=["mapping"]))
+@pytest.mark.parametrize("name", slow_but(builtin_scenes(), long=["arcade", "mapping"]))
 def test_committed_file_is_what_the_builder_builds(name, tmp_path, monkeypatch):
     pytest.importorskip("scenes", reason="the scripts are not installed")
     script = importlib.import_module(f"scenes.{name}.build")

@@ -23,6 +23,8 @@ def plain(value):
     if is_dataclass(value):
         named = (field for field in fields(value) if not field.name.startswith("__"))
         return {field.name: plain(getattr(value, field.name)) for field in named}
+    if isinstance(value, np.void):  # a record
+        return {name: plain(value[name]) for name in value.dtype.names}
     if isinstance(value, (list, np.ndarray)):
         return [plain(each) for each in value]
     return value.item() if isinstance(value, np.generic) else value

@@ -108,8 +108,9 @@ def _examples():
     """Topics of a served robot, with a message each."""
     stamp, frame, count = 1_500_000_001, "camera", (4, 6)
     cloud = messages.point_fields([(axis, np.arange(5, dtype=np.float32)) for axis in "xyz"])
-    names = ["offset_time", "x", "y", "z", "reflectivity", "tag", "line"]
-    livox = np.ones(3, [*zip(names, ("u4", "f4", "f4", "f4", "u1", "u1", "u1"), strict=True)])
+    fields = {"offset_time": "u4", **dict.fromkeys("xyz", "f4"), "reflectivity": "u1"}
+    fields |= {"tag": "u1", "line": "u1"}
+    livox = np.ones(3, np.dtype([*fields.items()], align=True))
     pose, values = np.eye(4), np.linspace(-1.0, 1.0, 3)
     header = messages.header(stamp, frame)
     from rosbags.typesys import Stores, get_typestore

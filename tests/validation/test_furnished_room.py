@@ -9,6 +9,7 @@ from omnisim.rendering.stage import open_sensor
 from omnisim.validation.image_differences import psnr_db
 from omnisim.validation.oracles import mitsuba_light
 from tests.rendering import furnished
+from tests.slow import slow_but
 
 WIDTH_PX, SAMPLES = 320, 36
 MIN_PX = 90  # blocks of an object that is compared
@@ -38,9 +39,8 @@ MIN_DB = {
 }
 
 
-@pytest.mark.slow
 @pytest.mark.usefixtures("needs_opengl")
-@pytest.mark.parametrize("view", furnished.VIEWS)
+@pytest.mark.parametrize("view", slow_but(furnished.VIEWS, long=("east", "north", "south")))
 def test_reflections_within_reflections_are_near_the_path_tracer_s(view, monkeypatch):
     monkeypatch.setattr(mitsuba_light, "DEPTH", 40)  # between facing mirrors
     scene, at = furnished.furnished_room(), furnished.VIEWS[view]

@@ -73,6 +73,7 @@ def test_light_of_a_panel():
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("needs_opengl")
+@pytest.mark.long
 def test_light_by_window_mirror_and_frosted_glass_is_a_path_tracers(monkeypatch):
     """Measured: 40.2 dB by rays and 39.6 dB by cube, at 400 paths per pixel."""
     scene, sensor = window_room(), small_mirror(32)

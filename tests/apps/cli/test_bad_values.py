@@ -10,6 +10,7 @@ from omnisim.apps.cli.options import ENTRIES
 from omnisim.core.errors import OmnisimError
 from tests.apps.cli import test_usage_errors  # noqa: F401 - imports the requests of all commands
 from tests.apps.cli.test_messages import LIBRARIES
+from tests.slow import slow_but
 
 BAD = (
     "nan", "inf", "-1", "1e300", "x", "none.file", "/proc/x", "é😀", ".", "..", "/", "", "a\nb",
@@ -40,8 +41,7 @@ def _words(entry, field, bad):
 COMMANDS = [path for path, entry in ENTRIES.items() if entry.fields and path not in LEFT_OUT]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("path", COMMANDS)
+@pytest.mark.parametrize("path", slow_but(COMMANDS, long=("bake", "calibration search")))
 def test_bad_values_end_in_one_line(omnisim, tmp_path, monkeypatch, path):
     from omnisim.rendering import stage
 

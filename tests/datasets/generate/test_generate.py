@@ -266,6 +266,7 @@ def test_a_killed_worker_loses_nothing(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_ray_makes_the_same_bytes(made, tmp_path):
     pytest.importorskip("ray", reason="the extra ray is not installed")
     plan, out = made

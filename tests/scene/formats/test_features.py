@@ -323,7 +323,7 @@ SAME = {
     ("reader", "name"),
     [
         pytest.param("sdf", "a.world", marks=pytest.mark.long),
-        ("sdf", "cup/cup.sdf"),
+        pytest.param("sdf", "cup/cup.sdf", marks=pytest.mark.long),
         ("urdf", "a.urdf"),
         ("dae", "a.dae"),
     ],
