@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 import tomllib
 from collections.abc import Iterator
@@ -98,7 +99,8 @@ def detect_format(text: str, source: str, name: str | None = None) -> Format[Any
     Raises:
         CalibrationError: the name is unknown, no signature matches, or another format's does.
     """
-    candidates = [form for form in FORMATS.values() if form.looks_like(text)]
+    alike = (form for form in FORMATS.values() if form.looks_like(text))
+    candidates = [*alike] if name is not None else [*itertools.islice(alike, 1)]
     if name is None and not candidates:
         for tool, signature, remedy in FOREIGN_FILES:
             if re.search(signature, text, re.M):
