@@ -1,4 +1,4 @@
-"""Simulated robots as live streams: for Foxglove, ROS 2 nodes, and programs of any kind.
+"""Live streams: simulated robots for Foxglove, ROS 2 nodes, and programs of any kind.
 
     omnisim serve soccer --robot p2at
 

@@ -36,7 +36,7 @@ class Client:
 
 
 class Controls(Protocol):
-    """What clients may ask of the simulation, from any thread; nothing here blocks.
+    """Requests of clients to the simulation, from any thread; no method blocks.
 
     Raises:
         ServeError: an unknown robot, a value that is not finite, or a request that this simulation

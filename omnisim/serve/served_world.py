@@ -92,7 +92,7 @@ class ServeSettings:
 
 
 class Served(ABC):
-    """What a loop serves: a simulation, or a recorded run.
+    """Source of a loop's messages: a simulation, or a recorded run.
 
     Attributes:
         publishers: protocols that receive the messages.
@@ -143,7 +143,7 @@ class Served(ABC):
         """Wait until all measurements are published."""
 
     def summary(self) -> str:
-        """What happened, for the last line."""
+        """Skipped measurements as text, for the last line; empty: none."""
         return ""
 
     def close(self) -> None:  # noqa: B027

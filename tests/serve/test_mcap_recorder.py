@@ -160,7 +160,7 @@ def test_a_full_disk_ends_the_recording_alone(tmp_path, monkeypatch):
 
 
 def test_a_server_and_a_recording_share_nothing(tmp_path):
-    """What only the recording wants reaches no client, and the other way round."""
+    """Topics that only the recording wants reach no client, and vice versa."""
     from omnisim.serve.protocols.foxglove_publisher import FoxglovePublisher
 
     server, recorder = FoxglovePublisher(port=0), opened(tmp_path / "drive.mcap")

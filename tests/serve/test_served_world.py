@@ -119,7 +119,7 @@ def test_a_place_ends_the_command_before_it_and_not_the_one_after(simulation):
 
 
 def test_what_is_asked_of_paused_time_takes_no_more_memory(simulation):
-    """The newest of each kind is done, when time goes on."""
+    """Once time advances, only the newest request of each kind is carried out."""
     for number in range(1000):
         simulation.set_pose("", 0.001 * number, 0.0, 0.0)
         simulation.command("", 0.1, 0.0)
@@ -166,7 +166,7 @@ def test_a_measurement_that_a_reset_overtakes_is_not_published(simulation):
 
 
 def test_the_previous_measurement_is_the_last_that_began(simulation):
-    """Of a sensor faster than the ticks, several are in progress at once."""
+    """A sensor faster than the ticks has several measurements in progress at once."""
     sonar = with_sonar(simulation, lambda: None, rate_hz=1000.0)
     for _ in range(3):
         simulation.advance()

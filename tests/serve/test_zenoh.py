@@ -431,7 +431,10 @@ def test_a_port_of_another_program_is_refused():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"endpoint": "localhost:7447"}, "endpoint: expected one such as tcp/127.0.0.1:7447, got"),
+        (
+            {"endpoint": "localhost:7447"},
+            "router: expected an endpoint such as tcp/127.0.0.1:7447, got",
+        ),
         ({"domain": 233}, "ROS domain: expected 0 to 232, got '233'"),
         ({"domain": -1}, "ROS domain: expected 0 to 232, got '-1'"),
     ],

@@ -44,7 +44,7 @@ ATTRIBUTES = {
 }
 BAND_PIXELS = 1 << 20  # pixels computed at once, to bound the memory of intermediate results
 RIM = 5  # pixels within which a spline feels that there is no ray
-PAD = 7  # pixels beyond the border, where splines go on smoothly
+PAD = 7  # pixels beyond the border, into which the splines are extrapolated
 NEWTON_STEPS = 8  # from the nearest pixel
 MIN_SIDE = 8  # pixels of a table that a lens can be fitted to
 UNIT_TOLERANCE = 1e-5  # a hundred times a float's rounding

@@ -168,7 +168,7 @@ def with_errors(true: Odometry, errors: OdometryErrors, seed: int) -> Odometry:
 
 
 class WheelErrors:
-    """Errors of wheels, whose noise and counters go on from one call to the next.
+    """Errors of wheels; noise and counters continue from one call to the next.
 
     Raises:
         TrajectoryError: the seed is negative.

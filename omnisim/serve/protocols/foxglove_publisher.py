@@ -271,7 +271,7 @@ class _Relay:
 
 
 class _Listener(websocket.ServerListener):
-    """What clients ask of the simulation; called from the SDK's threads."""
+    """Passes clients' requests to the simulation; called from the SDK's threads."""
 
     def __init__(self, publisher: FoxglovePublisher, controls: Controls):
         self._publisher, self._controls = publisher, controls

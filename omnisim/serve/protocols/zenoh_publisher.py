@@ -137,7 +137,7 @@ class ZenohPublisher(Publisher):
         distribution: Distribution = "jazzy",
     ):
         if not re.fullmatch(r"(tcp|tls|quic|ws)/\S+:\d+", endpoint):
-            raise ServeError(f"endpoint: expected one such as {ROUTER}, got {endpoint!r}")
+            raise ServeError(f"router: expected an endpoint such as {ROUTER}, got {endpoint!r}")
         named = os.environ.get("ROS_DOMAIN_ID") or "0" if domain is None else str(domain)
         if not re.fullmatch(r"\d{1,3}", named) or int(named) > 232:
             raise ServeError(f"ROS domain: expected 0 to 232, got {named!r}")

@@ -16,7 +16,7 @@ from omnisim.apps.cli.runs.drive import as_requested, load_robots
 from omnisim.apps.cli.runs.requests import ClockOptions, ServeRequest, StreamOptions
 from omnisim.core.errors import OutputError, did_you_mean
 from omnisim.core.extras import require_extra
-from omnisim.core.files.atomic_file import check_suffix, write_text
+from omnisim.core.files.atomic_file import check_suffix, check_target, write_text
 from omnisim.robots.vehicle import Vehicle
 from omnisim.scene import Scene, read_scene
 from omnisim.serve.publisher import Publisher
@@ -49,6 +49,7 @@ def run(request: ServeRequest) -> None:
     else:
         if streams.commands is not None:
             check_suffix(streams.commands, ".csv")
+            check_target(streams.commands)  # not after an hour of driving
         channels = tuple(filter(None, (request.also or "").split(",")))
         for channel in channels:
             if channel not in CHANNELS:

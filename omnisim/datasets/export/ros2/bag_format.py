@@ -277,7 +277,7 @@ def _since(steps_s: Floats, step: int, times_s: Floats) -> range:
 
 
 class MessageWriter(Protocol):
-    """What takes the messages of a run."""
+    """Receiver of the messages of a run, such as a bag."""
 
     def write(self, topic: str, stamp_ns: int, message: object, is_latched: bool = False) -> None:
         """Take a message, see `Bag.write`."""

@@ -47,6 +47,7 @@ def robots(tmp_path):
         ("robot.toml --protocols plain --record a.bag", "a.bag: expected a name that ends in "
          ".mcap"),
         ("robot.toml --commands a.txt", "a.txt: expected a name that ends in .csv"),
+        ("robot.toml --commands /proc/a.csv", "/proc/a.csv: the folder /proc cannot be written to"),
         ("robot.toml --at 1e300 0",
          "robot 'blind': start: x_m = 1e+300: expected a finite number below 1e+15"),
         ("robot.toml --at nan 0",
